@@ -1,0 +1,35 @@
+# `make demo` and `make test` do all their own set-up: only Python 3.11+ is needed
+# (with a C compiler the detector runs on its compiled kernel, without one on NumPy).
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.PHONY: setup demo test check bench clean
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml setup.py $(wildcard dsd_cli/detect/_kernel.c)
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[dev]"
+	touch $(STAMP)
+
+demo: setup
+	@mkdir -p out
+	@PATH="$(CURDIR)/$(BIN):$$PATH" sh sample_logs/demo.sh
+
+test: setup
+	$(BIN)/python -m pytest -n 2
+
+check: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest tests/architecture tests/docs
+
+bench: setup
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[bench]"
+	$(BIN)/python -m bench
+
+clean:
+	rm -rf $(VENV) build dist out *.egg-info dsd_cli/detect/_kernel*.so

@@ -1,0 +1,22 @@
+"""A force that is always there: the weight of a vertical axis, an offset of the amplifier."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from dsd_cli.effects.base import Channels, Effect, Parameter, Role
+
+
+def _columns(channels: Channels, _: Mapping[str, float]) -> tuple[Any, ...]:
+    return (0.0 * channels.u + 1.0,)
+
+
+EFFECT = Effect(
+    id="constant_load",
+    role=Role.APPLIED,
+    law="F0",
+    summary="A constant force: weight of a vertical axis, offset or drift of the amplifier.",
+    pattern="the residual has a mean that does not depend on motion",
+    parameters=(Parameter("force", "{u}", "F0, positive accelerates"),),
+    needs=(),
+    columns=_columns,
+)

@@ -1,0 +1,22 @@
+"""Dry friction of constant level that opposes motion and holds at rest."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from dsd_cli.effects.base import Channels, Effect, Parameter, Role
+
+
+def _columns(channels: Channels, _: Mapping[str, float]) -> tuple[Any, ...]:
+    return (0.0 * channels.velocity + 1.0,)
+
+
+EFFECT = Effect(
+    id="coulomb_friction",
+    role=Role.FRICTION,
+    law="-Fc sgn v, sticking at rest",
+    summary="Dry friction: a constant force against the motion; at rest it holds against any force up to its level.",
+    pattern="the residual is a step over velocity: one level forward, the opposite one backward",
+    parameters=(Parameter("level", "{u}", "Fc, the friction force while moving", lower=0.0),),
+    needs=("velocity",),
+    columns=_columns,
+)

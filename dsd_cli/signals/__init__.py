@@ -1,0 +1,1 @@
+"""What was measured: channels in memory and the cleaning of raw rows. No I/O."""
