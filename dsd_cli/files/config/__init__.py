@@ -1,0 +1,39 @@
+"""`dsd.toml`: `load_config(path)` reads and checks it, the sections are frozen dataclasses."""
+
+from dsd_cli.files.config.config import Config, load_config, parse_config, read_config
+from dsd_cli.files.config.sections import Detector, Initial, Model, Observer, Signals, States, Stay, TransitionFile
+from dsd_cli.files.config.simulation import (
+    Column,
+    Controller,
+    Event,
+    Multisine,
+    Reference,
+    Simulate,
+    Sine,
+    Step,
+    Trapezoid,
+)
+
+__all__ = [
+    "Column",
+    "Config",
+    "Controller",
+    "Detector",
+    "Event",
+    "Initial",
+    "Model",
+    "Multisine",
+    "Observer",
+    "Reference",
+    "Signals",
+    "Simulate",
+    "Sine",
+    "States",
+    "Stay",
+    "Step",
+    "TransitionFile",
+    "Trapezoid",
+    "load_config",
+    "parse_config",
+    "read_config",
+]

@@ -1,0 +1,171 @@
+"""The whole of `dsd.toml`, read and checked once; every command takes from it what it needs."""
+
+# ruff: noqa: RUF009 - `key(...)` returns a dataclasses.field
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from dsd_cli.errors import UsageError
+from dsd_cli.files.config.effect_values import check_complete
+from dsd_cli.files.config.overrides import with_effects, with_values
+from dsd_cli.files.config.rules import Place, Section, declared, key, required, shown, table
+from dsd_cli.files.config.sections import Detector, Model, Observer, Signals, States
+from dsd_cli.files.config.simulation import Simulate
+
+S = TypeVar("S", bound=Section)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Config(Section):
+    """A rig: its log, observer, model, states, detector and simulation.
+
+    Sections without defaults are None when the file lacks them; `require` hands them out or says what is missing.
+    `name` is the file for messages, `folder` what relative paths start from, `written` what the file (and the
+    command line) said, without the defaults.
+    """
+
+    signals: Signals = key(table(Signals), "column names in the log", default=Signals())
+    observer: Observer | None = key(table(Observer), "the disturbance observer", default=None)
+    model: Model = key(table(Model), "what the plant is believed to be", default=Model())
+    states: States | None = key(table(States), "the grid of candidate states", default=None)
+    detector: Detector = key(table(Detector), "how the state is chosen", default=Detector())
+    simulate: Simulate | None = key(table(Simulate), "what `dsd simulate` runs", default=None)
+    name: str = field(default="dsd.toml", compare=False)
+    folder: Path = field(default=Path(), compare=False)
+    written: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+
+    def check(self, at: Place) -> None:
+        believed = self.model.effects
+        if self.states is not None:
+            check_complete(self.states.effects, at.child("states.effects"), believed)
+            self._check_initial(self.states, at.child("detector.initial"))
+        for i, event in enumerate(self.simulate.events if self.simulate else ()):
+            check_complete(event.effects, at.child("simulate.events").item(i).child("effects"), believed)
+
+    def _check_initial(self, states: States, at: Place) -> None:
+        initial = self.detector.initial
+        if initial is None:
+            return
+        for name, value, grid in (("delay", initial.delay, "delays"), ("inertia", initial.inertia, "inertias")):
+            candidates = getattr(states, grid)
+            if not any(math.isclose(value, candidate, rel_tol=1e-9) for candidate in candidates):
+                raise at.child(name).wrong(value, f"one of states.{grid} = {shown(candidates)}")
+
+    def require(self, kind: type[S]) -> S:
+        """The section of that class, e.g. `config.require(Observer)`.
+
+        Raises
+        ------
+        UsageError : the file does not have it.
+        """
+        for name, (_, spec) in declared(type(self)).items():
+            if kind in spec.rule.sections:
+                found = getattr(self, name)
+                if found is None:
+                    needed = ", ".join(k for k, (f, _) in declared(kind).items() if required(f))
+                    raise UsageError(f"{self.name}: [{name}] is missing", f"{spec.meaning}; it needs {needed}")
+                return found
+        raise TypeError(f"{kind.__name__} is no section of the config")
+
+    def require_inertia(self) -> float:
+        """`[model] inertia`.
+
+        Raises
+        ------
+        UsageError : the file does not have it.
+        """
+        if self.model.inertia is None:
+            raise Place(self.name, "model").missing("inertia", "inertia J of the plant, a number above 0")
+        return self.model.inertia
+
+    def says(self, dotted: str) -> bool:
+        """Whether the file or the command line gives this key, e.g. `signals.d_hat`; False if it is a default."""
+        here: Any = self.written
+        for part in dotted.split("."):
+            if not isinstance(here, Mapping) or part not in here:
+                return False
+            here = here[part]
+        return True
+
+    def resolve(self, file: str) -> Path:
+        """A file named in the config: relative to the config's folder."""
+        return self.folder / file
+
+    def override(self, values: Iterable[str] = (), effects: Iterable[str] = ()) -> Config:
+        """With `--set` values (`model.inertia=0.7`) and `--effect` texts (`coulomb_friction:level=0.5`) in place.
+
+        Raises
+        ------
+        UsageError : a text that cannot be read, or a config that is wrong with it.
+        """
+        values, effects = tuple(values), tuple(effects)
+        if not values and not effects:
+            return self
+        name = self.name if " with --" in self.name else f"{self.name} with --{'set' if values else 'effect'}"
+        return read_config(with_effects(with_values(self.written, values), effects), name, self.folder)
+
+    def to_toml(self) -> str:
+        """What the file and the command line said, as TOML; reading it gives the same config."""
+        import tomlkit  # late: only where a config is written
+
+        return tomlkit.dumps(self.written)
+
+
+def read_config(written: Mapping[str, Any], name: str = "dsd.toml", folder: Path = Path()) -> Config:
+    """Nested tables, as TOML gives them, to a config; `name` is used in messages.
+
+    Raises
+    ------
+    UsageError : names file, key, what was found and what is allowed.
+    """
+    at = Place(name)
+    known = declared(Config)
+    for unread, value in written.items():
+        if unread not in known:
+            raise at.unknown(unread, known, what="section" if isinstance(value, Mapping) else "key")
+    sections = {s: known[s][1].rule.read(value, at.child(s)) for s, value in written.items()}
+    config = Config(**sections, name=name, folder=folder, written=written)
+    config.check(at)
+    return config
+
+
+def parse_config(text: str, name: str = "dsd.toml", folder: Path = Path()) -> Config:
+    """TOML text to a config.
+
+    Raises
+    ------
+    UsageError : not TOML (with line and column), or not a valid config.
+    """
+    try:
+        written = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        place = re.fullmatch(r"(.*) \(at (line \d+, column \d+|end of document)\)", str(error), re.DOTALL)
+        reason, where = place.groups() if place else (str(error), "somewhere")
+        raise UsageError(f"{name}: {where}: not valid TOML", " ".join(reason.split())) from error
+    return read_config(written, name, folder)
+
+
+def load_config(path: str | Path, values: Iterable[str] = (), effects: Iterable[str] = ()) -> Config:
+    """A config file, with `--set` values and `--effect` texts in place if there are any.
+
+    Raises
+    ------
+    UsageError : no such file, not TOML, or not a valid config.
+    """
+    path = Path(path)
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError as error:
+        raise UsageError(f"{path}: no such config file", "`dsd init` writes one, -c FILE names another") from error
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read", error.strerror or str(error)) from error
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{path}: byte {error.start} is not UTF-8", "save the file as UTF-8") from error
+    return parse_config(text, str(path), path.parent).override(values, effects)

@@ -1,0 +1,65 @@
+"""Values of effects in `dsd.toml`, checked against the catalogue: `[model.effects.<id>]`, `[states.effects.<id>]`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from dsd_cli.files.config.rules import Place, Rule, axis, number
+
+#: Effect id -> parameter -> value (a tuple of values on an axis of the grid).
+EffectValues = Mapping[str, Mapping[str, Any]]
+
+NONE: EffectValues = MappingProxyType({})
+
+
+def effect_values(axes: bool = False) -> Rule:
+    """A table of effects, each a table of parameters; with `axes` every parameter is a list of candidates."""
+
+    def read(value: Any, at: Place) -> EffectValues:
+        if not isinstance(value, Mapping):
+            raise at.wrong(value, f"a table, written [{at.path}.<effect>]")
+        found = {name: _read_effect(name, parameters, at, axes) for name, parameters in value.items()}
+        return MappingProxyType(found)
+
+    return Rule("tables of effects" + (" with lists of values" if axes else ""), read)
+
+
+def _read_effect(name: str, parameters: Any, at: Place, axes: bool) -> Mapping[str, Any]:
+    from dsd_cli.effects import catalogue  # late: brings numpy, and most commands have it by then
+
+    known = catalogue()
+    if name not in known:
+        raise at.unknown(name, known, what="effect")
+    here = at.child(name)
+    if not isinstance(parameters, Mapping):
+        raise here.wrong(parameters, f"a table, written [{here.path}]")
+    specs = {p.name: p for p in known[name].parameters}
+    values = {}
+    for parameter, value in parameters.items():
+        if parameter not in specs:
+            raise here.unknown(parameter, specs, what="parameter")
+        spec = specs[parameter]
+        rule = number(lower=float(spec.lower), upper=float(spec.upper))
+        values[parameter] = (axis(rule) if axes else rule).read(value, here.child(parameter))
+    return MappingProxyType(values)
+
+
+def check_complete(values: EffectValues, at: Place, believed: EffectValues = NONE) -> None:
+    """Every effect has all its parameters, here or in `believed`.
+
+    Raises
+    ------
+    UsageError : names the first parameter that is missing.
+    """
+    if not values:
+        return
+    from dsd_cli.effects import catalogue
+
+    for name, given in values.items():
+        for p in catalogue()[name].parameters:
+            if p.name not in given and p.name not in believed.get(name, {}):
+                bounds = f", at least {p.lower:g}" if p.lower > -math.inf else ""
+                raise at.child(name).missing(p.name, f"{p.meaning}{bounds}")

@@ -1,0 +1,237 @@
+"""What a value in `dsd.toml` may be: small rules that read one value or say in one line why not.
+
+Plain frozen dataclasses read by these rules, not pydantic: importing pydantic and building its models takes 60-110 ms,
+which is most of what a small `dsd detect` may add to the bare imports of numpy, pyarrow, typer and rich.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields
+from typing import Any, NamedTuple, TypeVar
+
+from dsd_cli.errors import UsageError
+
+
+class Place(NamedTuple):
+    """Where in which file a value stands; builds the errors that name it."""
+
+    file: str
+    path: str = ""
+
+    def child(self, key: str) -> Place:
+        return Place(self.file, f"{self.path}.{key}" if self.path else key)
+
+    def item(self, index: int) -> Place:
+        return Place(self.file, f"{self.path}[{index}]")
+
+    def wrong(self, value: object, allowed: str) -> UsageError:
+        return UsageError(f"{self.file}: {self.path} = {shown(value)}", f"must be {allowed}")
+
+    def missing(self, key: str, meaning: str) -> UsageError:
+        return UsageError(f"{self.file}: [{self.path}] {key} is missing", meaning)
+
+    def unknown(self, key: str, known: Iterable[str], what: str = "key") -> UsageError:
+        return UsageError(f"{self.file}: unknown {what} {self.child(key).path}", suggestion(key, known))
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """`did you mean X?`, or what is allowed when nothing is near."""
+    from difflib import get_close_matches
+
+    known = list(known)
+    near = get_close_matches(word, known, n=1)
+    return f"did you mean {near[0]}?" if near else "known here are " + ", ".join(known)
+
+
+def shown(value: object) -> str:
+    """A value as the user would write it, on one line and not too long."""
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case str():
+            text = '"' + value.replace("\n", "\\n") + '"'
+        case Mapping():
+            text = "{ " + ", ".join(f"{k} = {shown(v)}" for k, v in value.items()) + " }"
+        case list() | tuple():
+            text = "[" + ", ".join(map(shown, value)) + "]"
+        case _:
+            text = str(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+class Rule(NamedTuple):
+    """How one value is read: `allowed` in words, and the sections it may contain (for the documentation)."""
+
+    allowed: str
+    read: Callable[[Any, Place], Any]
+    sections: tuple[type[Section], ...] = ()
+
+
+class Key(NamedTuple):
+    """What a key of the config means; kept in the dataclass field's metadata."""
+
+    rule: Rule
+    meaning: str
+    unit: str = ""
+
+
+def key(rule: Rule, meaning: str, unit: str = "", default: Any = MISSING) -> Any:
+    """A dataclass field that is one key of the config; without a default it must be there."""
+    metadata = {"key": Key(rule, meaning, unit)}
+    if isinstance(default, Mapping):
+        return field(default_factory=lambda: default, metadata=metadata)
+    return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """A table of the config. Subclasses are frozen dataclasses that declare their keys with `key(...)`."""
+
+    def check(self, at: Place) -> None:
+        """Raise UsageError if the values contradict each other."""
+
+
+S = TypeVar("S", bound=Section)
+
+
+def declared(kind: type[Section]) -> dict[str, tuple[Field[Any], Key]]:
+    """Field and key by name."""
+    return {f.name: (f, f.metadata["key"]) for f in fields(kind) if "key" in f.metadata}
+
+
+def required(entry: Field[Any]) -> bool:
+    """Whether the key has no default."""
+    return entry.default is MISSING and entry.default_factory is MISSING
+
+
+def read_section(kind: type[S], table: Any, at: Place) -> S:
+    """A table of the file as a section, every key checked.
+
+    Raises
+    ------
+    UsageError : an unknown or missing key, a wrong value, or values that contradict each other.
+    """
+    if not isinstance(table, Mapping):
+        raise at.wrong(table, f"a table, written [{at.path}]")
+    known = declared(kind)
+    for name in table:
+        if name not in known:
+            raise at.unknown(name, known)
+    for name, (entry, spec) in known.items():
+        if name not in table and required(entry):
+            raise at.missing(name, f"{spec.meaning}{f' ({spec.unit})' if spec.unit else ''}, {spec.rule.allowed}")
+    section = kind(**{name: known[name][1].rule.read(value, at.child(name)) for name, value in table.items()})
+    section.check(at)
+    return section
+
+
+def number(lower: float = -math.inf, above: float = -math.inf, upper: float = math.inf) -> Rule:
+    """A finite number, `lower <= x <= upper` and `x > above`; integers are taken as numbers, texts and flags not."""
+    limits = [f"of at least {lower:g}"] if lower > -math.inf else []
+    limits += [f"above {above:g}"] if above > -math.inf else []
+    limits += [f"of at most {upper:g}"] if upper < math.inf else []
+    allowed = " ".join(["a number", " and ".join(limits)]).strip()
+
+    def read(value: Any, at: Place) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise at.wrong(value, allowed)
+        if not (abs(value) < math.inf and lower <= value <= upper and value > above):
+            raise at.wrong(value, allowed if limits else "a finite number")
+        return float(value)
+
+    return Rule(allowed, read)
+
+
+def integer(lower: int) -> Rule:
+    """An integer of at least `lower`."""
+    allowed = f"an integer of at least {lower}"
+
+    def read(value: Any, at: Place) -> int:
+        if isinstance(value, bool) or not isinstance(value, int) or value < lower:
+            raise at.wrong(value, allowed)
+        return value
+
+    return Rule(allowed, read)
+
+
+def flag() -> Rule:
+    """true or false."""
+
+    def read(value: Any, at: Place) -> bool:
+        if not isinstance(value, bool):
+            raise at.wrong(value, "true or false")
+        return value
+
+    return Rule("true or false", read)
+
+
+def text() -> Rule:
+    """A text that is not empty."""
+
+    def read(value: Any, at: Place) -> str:
+        if not isinstance(value, str) or not value:
+            raise at.wrong(value, 'a text in quotes, such as "u"')
+        return value
+
+    return Rule("a text", read)
+
+
+def choice(*options: str | int) -> Rule:
+    """One of a few words (or integers)."""
+    allowed = "one of " + ", ".join(map(shown, options))
+
+    def read(value: Any, at: Place) -> Any:
+        if isinstance(value, bool) or value not in options:
+            raise at.wrong(value, allowed)
+        return value
+
+    return Rule(allowed, read)
+
+
+def axis(item: Rule) -> Rule:
+    """A list of numbers: not empty, none twice."""
+    allowed = f"a list, not empty and none twice, of {item.allowed.removeprefix('a ').replace('number', 'numbers', 1)}"
+
+    def read(value: Any, at: Place) -> tuple[float, ...]:
+        if not isinstance(value, list | tuple) or not value:
+            raise at.wrong(value, allowed)
+        values = tuple(item.read(v, at.item(i)) for i, v in enumerate(value))
+        for i, v in enumerate(values):
+            if v in values[:i]:
+                raise UsageError(f"{at.file}: {at.path} = {shown(value)}", f"{v:g} is in it twice")
+        return values
+
+    return Rule(allowed, read)
+
+
+def table(kind: type[Section]) -> Rule:
+    """A table with the keys of one section."""
+    return Rule("a table", lambda value, at: read_section(kind, value, at), (kind,))
+
+
+def tables(kind: type[Section]) -> Rule:
+    """An array of tables."""
+
+    def read(value: Any, at: Place) -> tuple[Section, ...]:
+        if not isinstance(value, list | tuple):
+            raise at.wrong(value, f"an array of tables, written [[{at.path}]]")
+        return tuple(read_section(kind, item, at.item(i)) for i, item in enumerate(value))
+
+    return Rule("an array of tables", read, (kind,))
+
+
+def kinds(**options: type[Section]) -> Rule:
+    """A table whose `kind` decides which keys it has."""
+    choose = choice(*options)
+
+    def read(value: Any, at: Place) -> Section:
+        if not isinstance(value, Mapping):
+            raise at.wrong(value, f"a table, written [{at.path}]")
+        if "kind" not in value:
+            raise at.missing("kind", choose.allowed)
+        kind = options[choose.read(value["kind"], at.child("kind"))]
+        return read_section(kind, {k: v for k, v in value.items() if k != "kind"}, at)
+
+    return Rule(choose.allowed, read, tuple(options.values()))

@@ -1,0 +1,163 @@
+"""The sections of `dsd.toml` that describe a log, its observer and what `detect` shall tell apart."""
+
+# ruff: noqa: RUF009 - `key(...)` returns a dataclasses.field
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Literal
+
+from dsd_cli.errors import UsageError
+from dsd_cli.files.config.effect_values import NONE, EffectValues, check_complete, effect_values
+from dsd_cli.files.config.rules import (
+    Place,
+    Rule,
+    Section,
+    axis,
+    choice,
+    flag,
+    integer,
+    key,
+    number,
+    read_section,
+    shown,
+    table,
+    text,
+)
+
+
+def _column(default: str, meaning: str) -> Any:
+    rule = Rule('a column name in quotes, "" for none', _read_column)
+    return key(rule, f"column with {meaning}", default=default)
+
+
+def _read_column(value: Any, at: Place) -> str | None:
+    if not isinstance(value, str):
+        raise at.wrong(value, 'a column name in quotes, "" for none')
+    return value or None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signals(Section):
+    """[signals]: which column of the log is what. `None` is a channel that shall not be looked for."""
+
+    time: str | None = _column("t", "the time of the sample")
+    sample_time: float | None = key(number(above=0), "time between samples, for logs without a time column", "s", None)
+    time_unit: Literal["s", "ms", "us", "ns"] = key(choice("s", "ms", "us", "ns"), "unit of the time column", "", "s")
+    u: str = key(text(), "column with the control input", default="u")
+    d_hat: str | None = _column("d_hat", "the observed disturbance, in the unit of u")
+    velocity: str | None = _column("velocity", "the velocity")
+    position: str | None = _column("position", "the position")
+    reference: str | None = _column("reference", "the reference")
+    true_delay: str | None = _column("true_delay", "the true delay of a simulated log")
+    true_inertia: str | None = _column("true_inertia", "the true inertia of a simulated log")
+
+    def check(self, at: Place) -> None:
+        if self.time is None and self.sample_time is None:
+            raise at.missing("sample_time", 'time = "" says there is no time column, then sample_time (s) is needed')
+        columns = self.columns()
+        for channel, column in columns.items():
+            twin = next(c for c in columns if columns[c] == column)
+            if twin != channel:
+                raise at.child(channel).wrong(column, f"another column: {at.child(twin).path} has it already")
+
+    def columns(self) -> dict[str, str]:
+        """Column of the file by channel (`time` and the rest), without those that shall not be looked for."""
+        names = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("sample_time", "time_unit")}
+        return {channel: column for channel, column in names.items() if column is not None}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observer(Section):
+    """[observer]: the disturbance observer d_hat = sign Q { Jn a - u }, Q = 1/(tau s + 1)."""
+
+    nominal_inertia: float = key(number(above=0), "nominal inertia Jn", "kg m2 or kg, per unit of u")
+    time_constant: float = key(number(lower=0), "time constant tau of Q; 0 is no filter", "s")
+    sign: Literal[1, -1] = key(choice(1, -1), "-1 for logs whose d_hat is Q { u - Jn a }", default=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model(Section):
+    """[model]: what the plant is believed to be."""
+
+    inertia: float | None = key(number(above=0), "inertia J", "as nominal_inertia", None)
+    delay: float = key(number(lower=0), "input delay L, any real number", "s", 0.0)
+    rest_speed: float = key(number(lower=0), "speed up to which friction may hold the plant", "rad/s or m/s", 0.0)
+    effects: EffectValues = key(effect_values(), "physical effects with their values", default=NONE)
+
+    def check(self, at: Place) -> None:
+        check_complete(self.effects, at.child("effects"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class States(Section):
+    """[states]: the grid; each state is [model] with these values in place of its own."""
+
+    delays: tuple[float, ...] = key(axis(number(lower=0)), "candidate delays", "s")
+    inertias: tuple[float, ...] = key(axis(number(above=0)), "candidate inertias", "as nominal_inertia")
+    effects: EffectValues = key(effect_values(axes=True), "further axes: candidate values of effects", default=NONE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Initial(Section):
+    """detector.initial: the state before the first sample, one of the grid."""
+
+    delay: float = key(number(lower=0), "delay of the initial state", "s")
+    inertia: float = key(number(above=0), "inertia of the initial state", "as nominal_inertia")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stay(Section):
+    """detector.transition: stays with this probability, changes to each of the other states alike."""
+
+    stay: float = key(number(lower=0, upper=1), "probability of staying in a state from one sample to the next")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransitionFile(Section):
+    """detector.transition: a matrix A from a CSV file, row i = probabilities of leaving state i."""
+
+    file: str = key(text(), "CSV file with the matrix A, relative to the config file")
+
+
+Transition = Literal["uniform"] | Stay | TransitionFile
+
+
+def _read_transition(value: Any, at: Place) -> Transition:
+    if value == "uniform":
+        return "uniform"
+    if isinstance(value, Mapping) and len(value) == 1:
+        if "stay" in value:
+            return read_section(Stay, value, at)
+        if "file" in value:
+            return read_section(TransitionFile, value, at)
+    raise at.wrong(value, _TRANSITIONS)
+
+
+_TRANSITIONS = '"uniform", { stay = 0.99 } or { file = "A.csv" }'
+_METHODS = ("dsd", "average", "imm", "viterbi", "smooth")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detector(Section):
+    """[detector]: how the state is chosen, sample by sample."""
+
+    method: Literal["dsd", "average", "imm", "viterbi", "smooth"] = key(choice(*_METHODS), "method", default="dsd")
+    window: int = key(integer(1), "window M of eq. 16", "samples", 100)
+    rho: float = key(number(above=0), "standard deviation rho of d_hat around its prediction", "unit of u", 0.3)
+    average: int = key(integer(1), 'N of eq. 8; above 1 it needs method = "average"', "samples", 1)
+    transition: Transition = key(
+        Rule(_TRANSITIONS, _read_transition, (Stay, TransitionFile)), "transition probabilities A", default="uniform"
+    )
+    initial: Initial | None = key(table(Initial), "state before the first sample", default=None)
+    observer_filter: bool = key(flag(), "predictions pass Q like the measurement; false is eq. 14", default=True)
+    hold: float = key(number(lower=0), "lead that a new state needs over the last label; 0 is eq. 19", "nats", 0.0)
+    confidence: float = key(
+        number(lower=0), "lead over the best state of another delay (inertia) for `confident`", "nats", 3.0
+    )
+
+    def check(self, at: Place) -> None:
+        if self.average > 1 and self.method != "average":
+            message = f"{at.file}: {at.path}.average = {self.average} contradicts {at.path}.method = "
+            raise UsageError(message + shown(self.method), 'above 1 it needs method = "average"')
