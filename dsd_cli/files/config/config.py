@@ -1,28 +1,24 @@
 """The whole of `dsd.toml`, read and checked once; every command takes from it what it needs."""
 
-# ruff: noqa: RUF009 - `key(...)` returns a dataclasses.field
-
 from __future__ import annotations
 
 import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
 from dsd_cli.errors import UsageError
 from dsd_cli.files.config.effect_values import check_complete
 from dsd_cli.files.config.overrides import with_effects, with_values
-from dsd_cli.files.config.rules import Place, Section, declared, key, required, shown, table
+from dsd_cli.files.config.rules import Place, Section, key, shown, table
 from dsd_cli.files.config.sections import Detector, Model, Observer, Signals, States
 from dsd_cli.files.config.simulation import Simulate
 
 S = TypeVar("S", bound=Section)
 
 
-@dataclass(frozen=True, kw_only=True)
 class Config(Section):
     """A rig: its log, observer, model, states, detector and simulation.
 
@@ -31,15 +27,26 @@ class Config(Section):
     command line) said, without the defaults.
     """
 
+    name: str
+    folder: Path
+    written: Mapping[str, Any]
     signals: Signals = key(table(Signals), "column names in the log", default=Signals())
     observer: Observer | None = key(table(Observer), "the disturbance observer", default=None)
     model: Model = key(table(Model), "what the plant is believed to be", default=Model())
     states: States | None = key(table(States), "the grid of candidate states", default=None)
     detector: Detector = key(table(Detector), "how the state is chosen", default=Detector())
     simulate: Simulate | None = key(table(Simulate), "what `dsd simulate` runs", default=None)
-    name: str = field(default="dsd.toml", compare=False)
-    folder: Path = field(default=Path(), compare=False)
-    written: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+
+    def __init__(
+        self,
+        *,
+        name: str = "dsd.toml",
+        folder: Path = Path(),
+        written: Mapping[str, Any] | None = None,
+        **sections: Any,
+    ) -> None:
+        super().__init__(**sections)
+        self.__dict__.update(name=name, folder=folder, written=written or {})
 
     def check(self, at: Place) -> None:
         believed = self.model.effects
@@ -65,11 +72,11 @@ class Config(Section):
         ------
         UsageError : the file does not have it.
         """
-        for name, (_, spec) in declared(type(self)).items():
+        for name, spec in self.keys.items():
             if kind in spec.rule.sections:
                 found = getattr(self, name)
                 if found is None:
-                    needed = ", ".join(k for k, (f, _) in declared(kind).items() if required(f))
+                    needed = ", ".join(k for k, s in kind.keys.items() if s.required)
                     raise UsageError(f"{self.name}: [{name}] is missing", f"{spec.meaning}; it needs {needed}")
                 return found
         raise TypeError(f"{kind.__name__} is no section of the config")
@@ -126,11 +133,10 @@ def read_config(written: Mapping[str, Any], name: str = "dsd.toml", folder: Path
     UsageError : names file, key, what was found and what is allowed.
     """
     at = Place(name)
-    known = declared(Config)
     for unread, value in written.items():
-        if unread not in known:
-            raise at.unknown(unread, known, what="section" if isinstance(value, Mapping) else "key")
-    sections = {s: known[s][1].rule.read(value, at.child(s)) for s, value in written.items()}
+        if unread not in Config.keys:
+            raise at.unknown(unread, Config.keys, what="section" if isinstance(value, Mapping) else "key")
+    sections = {s: Config.keys[s].rule.read(value, at.child(s)) for s, value in written.items()}
     config = Config(**sections, name=name, folder=folder, written=written)
     config.check(at)
     return config

@@ -1,6 +1,6 @@
 """What a value in `dsd.toml` may be: small rules that read one value or say in one line why not.
 
-Plain frozen dataclasses read by these rules, not pydantic: importing pydantic and building its models takes 60-110 ms,
+Plain read-only objects read by these rules, not pydantic: importing pydantic and building its models takes 60-110 ms,
 which is most of what a small `dsd detect` may add to the bare imports of numpy, pyarrow, typer and rich.
 """
 
@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar, dataclass_transform
 
 from dsd_cli.errors import UsageError
 
@@ -69,41 +68,61 @@ class Rule(NamedTuple):
     sections: tuple[type[Section], ...] = ()
 
 
+_NO_DEFAULT: Any = object()
+
+
 class Key(NamedTuple):
-    """What a key of the config means; kept in the dataclass field's metadata."""
+    """What a key of the config means."""
 
     rule: Rule
     meaning: str
     unit: str = ""
+    default: Any = _NO_DEFAULT
+
+    @property
+    def required(self) -> bool:
+        return self.default is _NO_DEFAULT
 
 
-def key(rule: Rule, meaning: str, unit: str = "", default: Any = MISSING) -> Any:
-    """A dataclass field that is one key of the config; without a default it must be there."""
-    metadata = {"key": Key(rule, meaning, unit)}
-    if isinstance(default, Mapping):
-        return field(default_factory=lambda: default, metadata=metadata)
-    return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
+def key(rule: Rule, meaning: str, unit: str = "", *, default: Any = _NO_DEFAULT) -> Any:
+    """Declares an attribute of a section as a key of the file; without a default it must be there."""
+    return Key(rule, meaning, unit, default)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(key,))
 class Section:
-    """A table of the config. Subclasses are frozen dataclasses that declare their keys with `key(...)`."""
+    """A table of the config: subclasses declare their keys with `key(...)`, instances are read-only.
+
+    To a type checker a frozen, keyword-only dataclass; sixteen real ones would take 20 ms of every start.
+    """
+
+    keys: ClassVar[Mapping[str, Key]] = {}
+
+    def __init_subclass__(cls) -> None:
+        cls.keys = {name: value for name, value in vars(cls).items() if isinstance(value, Key)}
+
+    def __init__(self, **values: Any) -> None:
+        missing = [name for name, spec in self.keys.items() if spec.required and name not in values]
+        if missing or values.keys() - self.keys.keys():
+            raise TypeError(f"{type(self).__name__} has the keys {', '.join(self.keys)}, given are {', '.join(values)}")
+        self.__dict__.update({name: values.get(name, spec.default) for name, spec in self.keys.items()})
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{type(self).__name__} is read-only")
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and all(getattr(self, k) == getattr(other, k) for k in self.keys)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(f'{k}={getattr(self, k)!r}' for k in self.keys)})"
 
     def check(self, at: Place) -> None:
         """Raise UsageError if the values contradict each other."""
 
 
 S = TypeVar("S", bound=Section)
-
-
-def declared(kind: type[Section]) -> dict[str, tuple[Field[Any], Key]]:
-    """Field and key by name."""
-    return {f.name: (f, f.metadata["key"]) for f in fields(kind) if "key" in f.metadata}
-
-
-def required(entry: Field[Any]) -> bool:
-    """Whether the key has no default."""
-    return entry.default is MISSING and entry.default_factory is MISSING
 
 
 def read_section(kind: type[S], table: Any, at: Place) -> S:
@@ -115,14 +134,13 @@ def read_section(kind: type[S], table: Any, at: Place) -> S:
     """
     if not isinstance(table, Mapping):
         raise at.wrong(table, f"a table, written [{at.path}]")
-    known = declared(kind)
     for name in table:
-        if name not in known:
-            raise at.unknown(name, known)
-    for name, (entry, spec) in known.items():
-        if name not in table and required(entry):
+        if name not in kind.keys:
+            raise at.unknown(name, kind.keys)
+    for name, spec in kind.keys.items():
+        if spec.required and name not in table:
             raise at.missing(name, f"{spec.meaning}{f' ({spec.unit})' if spec.unit else ''}, {spec.rule.allowed}")
-    section = kind(**{name: known[name][1].rule.read(value, at.child(name)) for name, value in table.items()})
+    section = kind(**{name: kind.keys[name].rule.read(value, at.child(name)) for name, value in table.items()})
     section.check(at)
     return section
 

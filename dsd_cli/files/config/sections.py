@@ -1,11 +1,8 @@
 """The sections of `dsd.toml` that describe a log, its observer and what `detect` shall tell apart."""
 
-# ruff: noqa: RUF009 - `key(...)` returns a dataclasses.field
-
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 from dsd_cli.errors import UsageError
@@ -38,13 +35,16 @@ def _read_column(value: Any, at: Place) -> str | None:
     return value or None
 
 
-@dataclass(frozen=True, kw_only=True)
 class Signals(Section):
     """[signals]: which column of the log is what. `None` is a channel that shall not be looked for."""
 
     time: str | None = _column("t", "the time of the sample")
-    sample_time: float | None = key(number(above=0), "time between samples, for logs without a time column", "s", None)
-    time_unit: Literal["s", "ms", "us", "ns"] = key(choice("s", "ms", "us", "ns"), "unit of the time column", "", "s")
+    sample_time: float | None = key(
+        number(above=0), "time between samples, for logs without a time column", "s", default=None
+    )
+    time_unit: Literal["s", "ms", "us", "ns"] = key(
+        choice("s", "ms", "us", "ns"), "unit of the time column", default="s"
+    )
     u: str = key(text(), "column with the control input", default="u")
     d_hat: str | None = _column("d_hat", "the observed disturbance, in the unit of u")
     velocity: str | None = _column("velocity", "the velocity")
@@ -53,7 +53,16 @@ class Signals(Section):
     true_delay: str | None = _column("true_delay", "the true delay of a simulated log")
     true_inertia: str | None = _column("true_inertia", "the true inertia of a simulated log")
 
+    def __init__(self, **values: Any) -> None:
+        if values.get("sample_time") is not None:
+            values.setdefault("time", None)
+        super().__init__(**values)
+
     def check(self, at: Place) -> None:
+        if self.time is not None and self.sample_time is not None:
+            raise at.child("sample_time").wrong(
+                self.sample_time, f"left out, or {at.child('time').path} is: one of them"
+            )
         if self.time is None and self.sample_time is None:
             raise at.missing("sample_time", 'time = "" says there is no time column, then sample_time (s) is needed')
         columns = self.columns()
@@ -64,11 +73,10 @@ class Signals(Section):
 
     def columns(self) -> dict[str, str]:
         """Column of the file by channel (`time` and the rest), without those that shall not be looked for."""
-        names = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("sample_time", "time_unit")}
+        names = {name: getattr(self, name) for name in self.keys if name not in ("sample_time", "time_unit")}
         return {channel: column for channel, column in names.items() if column is not None}
 
 
-@dataclass(frozen=True, kw_only=True)
 class Observer(Section):
     """[observer]: the disturbance observer d_hat = sign Q { Jn a - u }, Q = 1/(tau s + 1)."""
 
@@ -77,20 +85,20 @@ class Observer(Section):
     sign: Literal[1, -1] = key(choice(1, -1), "-1 for logs whose d_hat is Q { u - Jn a }", default=1)
 
 
-@dataclass(frozen=True, kw_only=True)
 class Model(Section):
     """[model]: what the plant is believed to be."""
 
-    inertia: float | None = key(number(above=0), "inertia J", "as nominal_inertia", None)
-    delay: float = key(number(lower=0), "input delay L, any real number", "s", 0.0)
-    rest_speed: float = key(number(lower=0), "speed up to which friction may hold the plant", "rad/s or m/s", 0.0)
+    inertia: float | None = key(number(above=0), "inertia J", "as nominal_inertia", default=None)
+    delay: float = key(number(lower=0), "input delay L, any real number", "s", default=0.0)
+    rest_speed: float = key(
+        number(lower=0), "speed up to which friction may hold the plant", "rad/s or m/s", default=0.0
+    )
     effects: EffectValues = key(effect_values(), "physical effects with their values", default=NONE)
 
     def check(self, at: Place) -> None:
         check_complete(self.effects, at.child("effects"))
 
 
-@dataclass(frozen=True, kw_only=True)
 class States(Section):
     """[states]: the grid; each state is [model] with these values in place of its own."""
 
@@ -99,7 +107,6 @@ class States(Section):
     effects: EffectValues = key(effect_values(axes=True), "further axes: candidate values of effects", default=NONE)
 
 
-@dataclass(frozen=True, kw_only=True)
 class Initial(Section):
     """detector.initial: the state before the first sample, one of the grid."""
 
@@ -107,14 +114,12 @@ class Initial(Section):
     inertia: float = key(number(above=0), "inertia of the initial state", "as nominal_inertia")
 
 
-@dataclass(frozen=True, kw_only=True)
 class Stay(Section):
     """detector.transition: stays with this probability, changes to each of the other states alike."""
 
     stay: float = key(number(lower=0, upper=1), "probability of staying in a state from one sample to the next")
 
 
-@dataclass(frozen=True, kw_only=True)
 class TransitionFile(Section):
     """detector.transition: a matrix A from a CSV file, row i = probabilities of leaving state i."""
 
@@ -139,22 +144,23 @@ _TRANSITIONS = '"uniform", { stay = 0.99 } or { file = "A.csv" }'
 _METHODS = ("dsd", "average", "imm", "viterbi", "smooth")
 
 
-@dataclass(frozen=True, kw_only=True)
 class Detector(Section):
     """[detector]: how the state is chosen, sample by sample."""
 
     method: Literal["dsd", "average", "imm", "viterbi", "smooth"] = key(choice(*_METHODS), "method", default="dsd")
-    window: int = key(integer(1), "window M of eq. 16", "samples", 100)
-    rho: float = key(number(above=0), "standard deviation rho of d_hat around its prediction", "unit of u", 0.3)
-    average: int = key(integer(1), 'N of eq. 8; above 1 it needs method = "average"', "samples", 1)
+    window: int = key(integer(1), "window M of eq. 16", "samples", default=100)
+    rho: float = key(number(above=0), "standard deviation rho of d_hat around its prediction", "unit of u", default=0.3)
+    average: int = key(integer(1), 'N of eq. 8; above 1 it needs method = "average"', "samples", default=1)
     transition: Transition = key(
         Rule(_TRANSITIONS, _read_transition, (Stay, TransitionFile)), "transition probabilities A", default="uniform"
     )
     initial: Initial | None = key(table(Initial), "state before the first sample", default=None)
     observer_filter: bool = key(flag(), "predictions pass Q like the measurement; false is eq. 14", default=True)
-    hold: float = key(number(lower=0), "lead that a new state needs over the last label; 0 is eq. 19", "nats", 0.0)
+    hold: float = key(
+        number(lower=0), "lead that a new state needs over the last label; 0 is eq. 19", "nats", default=0.0
+    )
     confidence: float = key(
-        number(lower=0), "lead over the best state of another delay (inertia) for `confident`", "nats", 3.0
+        number(lower=0), "lead over the best state of another delay (inertia) for `confident`", "nats", default=3.0
     )
 
     def check(self, at: Place) -> None:

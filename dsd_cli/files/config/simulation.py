@@ -1,10 +1,7 @@
 """The section [simulate] of `dsd.toml`: reference, controller, horizon, noise, events."""
 
-# ruff: noqa: RUF009 - `key(...)` returns a dataclasses.field
-
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 from dsd_cli.errors import UsageError
@@ -24,44 +21,39 @@ from dsd_cli.files.config.rules import (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
 class Step(Section):
     """A step from 0 to `amplitude`."""
 
-    time: float = key(number(lower=0), "time of the step", "s", 0.0)
-    amplitude: float = key(number(), "height of the step", "rad or m", 1.0)
+    time: float = key(number(lower=0), "time of the step", "s", default=0.0)
+    amplitude: float = key(number(), "height of the step", "rad or m", default=1.0)
 
 
-@dataclass(frozen=True, kw_only=True)
 class Sine(Section):
     """amplitude sin(frequency (t - start))."""
 
     frequency: float = key(number(above=0), "angular frequency", "rad/s")
-    amplitude: float = key(number(), "amplitude", "rad or m", 1.0)
-    start: float = key(number(lower=0), "0 before this time", "s", 0.0)
+    amplitude: float = key(number(), "amplitude", "rad or m", default=1.0)
+    start: float = key(number(lower=0), "0 before this time", "s", default=0.0)
 
 
-@dataclass(frozen=True, kw_only=True)
 class Multisine(Section):
     """Sines of equal amplitude and random phase."""
 
     frequencies: tuple[float, ...] = key(axis(number(above=0)), "angular frequencies", "rad/s")
-    amplitude: float = key(number(), "amplitude of each sine", "rad or m", 1.0)
+    amplitude: float = key(number(), "amplitude of each sine", "rad or m", default=1.0)
     seed: int = key(integer(0), "seed of the phases", default=0)
 
 
-@dataclass(frozen=True, kw_only=True)
 class Trapezoid(Section):
     """To and fro with trapezoidal speed, at rest for `dwell` at both ends."""
 
     distance: float = key(number(above=0), "distance of one move", "rad or m")
     speed: float = key(number(above=0), "greatest speed", "rad/s or m/s")
     acceleration: float = key(number(above=0), "acceleration", "rad/s2 or m/s2")
-    dwell: float = key(number(lower=0), "rest between moves", "s", 0.0)
-    start: float = key(number(lower=0), "at rest before this time", "s", 0.0)
+    dwell: float = key(number(lower=0), "rest between moves", "s", default=0.0)
+    start: float = key(number(lower=0), "at rest before this time", "s", default=0.0)
 
 
-@dataclass(frozen=True, kw_only=True)
 class Column(Section):
     """A column of a CSV or Parquet file, one row per sample; its last value is held."""
 
@@ -72,7 +64,6 @@ class Column(Section):
 Reference = Step | Sine | Multisine | Trapezoid | Column
 
 
-@dataclass(frozen=True, kw_only=True)
 class Controller(Section):
     """PD with a disturbance observer, with the network disturbance observer, alone, or u = reference."""
 
@@ -80,16 +71,20 @@ class Controller(Section):
         choice("network_observer", "observer", "pd", "open_loop"),
         "Fig. 5 (stable for any delay), Fig. 1, PD alone, or u = reference",
     )
-    kp: float | None = key(number(lower=0), "proportional gain; with kd", "u per rad or m", None)
-    kd: float | None = key(number(lower=0), "derivative gain; with kp", "u per rad/s or m/s", None)
+    kp: float | None = key(number(lower=0), "proportional gain; with kd", "u per rad or m", default=None)
+    kd: float | None = key(number(lower=0), "derivative gain; with kp", "u per rad/s or m/s", default=None)
     time_constant: float | None = key(
-        number(above=0), "instead of kp and kd: time constant of the coefficient diagram method", "s", None
+        number(above=0), "instead of kp and kd: time constant of the coefficient diagram method", "s", default=None
     )
-    gamma: float = key(number(above=0), "stability index gamma_1 of that method", "", 2.5)
+    gamma: float = key(number(above=0), "stability index gamma_1 of that method", default=2.5)
     derivative: Literal["output", "error"] = key(
-        choice("output", "error"), "what is differentiated: a step of the reference kicks only with error", "", "output"
+        choice("output", "error"),
+        "what is differentiated: a step of the reference kicks only with error",
+        default="output",
     )
-    limit: float | None = key(number(above=0), "saturation: |u| stays within it; none without", "unit of u", None)
+    limit: float | None = key(
+        number(above=0), "saturation: |u| stays within it; none without", "unit of u", default=None
+    )
 
     def check(self, at: Place) -> None:
         gains = self.kp is not None and self.kd is not None
@@ -105,13 +100,12 @@ class Controller(Section):
             raise at.missing("time_constant", "the gains need it (s), or give kp and kd")
 
 
-@dataclass(frozen=True, kw_only=True)
 class Event(Section):
     """From `time` on the true plant has these values."""
 
     time: float = key(number(lower=0), "when the plant changes", "s")
-    delay: float | None = key(number(lower=0), "new delay", "s", None)
-    inertia: float | None = key(number(above=0), "new inertia", "as nominal_inertia", None)
+    delay: float | None = key(number(lower=0), "new delay", "s", default=None)
+    inertia: float | None = key(number(above=0), "new inertia", "as nominal_inertia", default=None)
     effects: EffectValues = key(effect_values(), "new values of effects", default=NONE)
 
     def check(self, at: Place) -> None:
@@ -119,17 +113,20 @@ class Event(Section):
             raise UsageError(f"{at.file}: {at.path} changes nothing", "give delay, inertia or effects.<id>.<parameter>")
 
 
-@dataclass(frozen=True, kw_only=True)
 class Simulate(Section):
     """[simulate]: what `dsd simulate` runs."""
 
     duration: float = key(number(above=0), "length of the log", "s")
     sample_time: float = key(number(above=0), "sample time", "s")
     seed: int = key(integer(0), "seed of the noise", default=0)
-    noise: float = key(number(lower=0), "standard deviation of the noise on d_hat", "unit of u", 0.0)
-    position_noise: float = key(number(lower=0), "standard deviation of the noise on position", "rad or m", 0.0)
-    velocity_noise: float = key(number(lower=0), "standard deviation of the noise on velocity", "rad/s or m/s", 0.0)
-    encoder_step: float = key(number(lower=0), "position is rounded to multiples of it; 0 is exact", "rad or m", 0.0)
+    noise: float = key(number(lower=0), "standard deviation of the noise on d_hat", "unit of u", default=0.0)
+    position_noise: float = key(number(lower=0), "standard deviation of the noise on position", "rad or m", default=0.0)
+    velocity_noise: float = key(
+        number(lower=0), "standard deviation of the noise on velocity", "rad/s or m/s", default=0.0
+    )
+    encoder_step: float = key(
+        number(lower=0), "position is rounded to multiples of it; 0 is exact", "rad or m", default=0.0
+    )
     reference: Reference = key(
         kinds(step=Step, sine=Sine, multisine=Multisine, trapezoid=Trapezoid, column=Column), "what the plant follows"
     )
