@@ -1,0 +1,340 @@
+"""Raw rows of a log to the evenly spaced samples a detector wants, row by row accounted for.
+
+Streaming: the result depends on the rows, never on how they were cut into batches.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsd_cli.errors import DataError
+from dsd_cli.signals.clock import JITTER, Clock, clock_window, settle_clock, stamp_rounding, suspicious
+from dsd_cli.signals.log import Array
+
+#: Holes of up to this many samples are bridged by a straight line; longer ones are gaps.
+BRIDGE = 10
+#: In a log with irregular stamps, a step of more than this many median steps is a gap.
+IRREGULAR_GAP = 10.0
+
+_LAST_REASONS = ("duplicate stamp", "bridged", "gap", "restart", "jittered stamp")
+
+
+class Piece(NamedTuple):
+    """Consecutive input rows, and the samples made of them.
+
+    Attributes
+    ----------
+    start, rows : the input rows covered, [start, start + rows); pieces cover every row once, in order.
+    keep : None: sample i is row start + i. Else shape (samples,): the row (counted from `start`) a sample was measured
+        in, -1 for a sample that bridges a hole; rows that are not named were dropped.
+    t : s, shape (samples,).
+    row_t : s, shape (rows,); as found in the log, so possibly not finite in a dropped row.
+    values : name -> contiguous float64, shape (samples,), finite.
+    restart : the samples do not continue those before: reset what remembers.
+    stamps : None in a regular log; else `t`, to be used as it is.
+    """
+
+    start: int
+    rows: int
+    keep: NDArray[np.int64] | None
+    t: Array
+    row_t: Array
+    values: dict[str, Array]
+    restart: bool
+    stamps: Array | None
+
+
+class Cleaner:
+    """Feed rows in batches of any size, get pieces back; `finish` gives what was held.
+
+    Parameters
+    ----------
+    sample_time : s, or None to find it from the time column; given, it is the clock and the log is regular.
+    time_scale : s per unit of the time column.
+
+    Raises
+    ------
+    DataError : (from `feed` or `finish`) no sample time given and the time column does not advance.
+    """
+
+    def __init__(self, sample_time: float | None, time_scale: float = 1.0) -> None:
+        self._clock = None if sample_time is None else Clock(sample_time, sample_time, True)
+        self._clock_is_given = sample_time is not None
+        self._time_scale = time_scale
+        self._held: list[tuple[Array, dict[str, Array]]] = []
+        self._rows = 0
+        self._samples = 0
+        self._count: Counter[str] = Counter()
+        self._last: tuple[float, dict[str, float]] | None = None
+        self._restart_asked = False
+        self._first_u: float | None = None
+        self._u_varies = False
+
+    @property
+    def sample_time(self) -> float | None:
+        """s; None until the clock is settled."""
+        return None if self._clock is None else self._clock.sample_time
+
+    @property
+    def regular(self) -> bool | None:
+        """None until the clock is settled."""
+        return None if self._clock is None else self._clock.regular
+
+    @property
+    def held(self) -> int:
+        """Rows waiting for the clock to be settled; they come out, in order, with a later `feed` or `finish`."""
+        return sum(t.size for t, _ in self._held)
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """Reason -> count, in a fixed order; "bridged" counts samples put in, "jittered stamp" is information only."""
+        first = [name for name in self._count if name not in _LAST_REASONS]
+        return {name: self._count[name] for name in (*first, *_LAST_REASONS) if self._count[name]}
+
+    @property
+    def warnings(self) -> list[str]:
+        """One sentence each, about the rows so far."""
+        found = []
+        if self._clock is not None and (doubt := suspicious(self._clock.sample_time)):
+            found.append(doubt)
+        if self._clock_is_given and self._samples:
+            steps, given = self._samples - 1, f"sample_time = {self.sample_time:g} s is set, but most stamps are"
+            if self._count["gap"] * 2 > steps > 0:
+                found.append(f"{given} much farther apart: is signals.time_unit right?")
+            if self._count["duplicate stamp"] > self._samples:
+                found.append(f"{given} much closer together: is signals.time_unit right?")
+        if self._samples > 1 and self._first_u is not None and not self._u_varies:
+            found.append(
+                f"u is constant ({self._first_u:g}): nothing excites the plant, so states cannot be told apart"
+            )
+        return found
+
+    def feed(self, t: Array | None, values: Mapping[str, Array]) -> list[Piece]:
+        """Rows as they are in the log, shape (n,) each; t None: there is no time column."""
+        columns = {name: np.ascontiguousarray(column, dtype=np.float64) for name, column in values.items()}
+        if not self._count:
+            self._count.update({f"not finite: {name}": 0 for name in ("t", *columns)})
+        if t is None:
+            if self._clock is None:
+                raise ValueError("without a time column the sample time must be given")
+            rows = next(iter(columns.values())).size
+            stamps: Array = np.arange(self._rows, self._rows + rows, dtype=np.float64) * self._clock.sample_time
+        else:
+            stamps = np.ascontiguousarray(t, dtype=np.float64)
+            if self._time_scale != 1.0:
+                stamps = stamps * self._time_scale
+        if self._clock is not None:
+            return self._clean(stamps, columns)
+        self._held.append((stamps, columns))
+        stamps = np.concatenate([held for held, _ in self._held])
+        window = clock_window(stamps)
+        return [] if window is None else self._release(stamps, window)
+
+    def finish(self) -> list[Piece]:
+        """The end of the log: what was held, on the clock that its rows give."""
+        if not self.held:
+            return []
+        stamps = np.concatenate([held for held, _ in self._held])
+        return self._release(stamps, stamps.size)
+
+    def restart(self) -> list[Piece]:
+        """The next row begins another recording, whatever its stamp says; gives what was held.
+
+        Rows held that give no clock stay held, and the stamps alone decide about them.
+        """
+        try:
+            pieces = self.finish()
+        except DataError:
+            return []
+        self._restart_asked = self._last is not None
+        return pieces
+
+    def _release(self, stamps: Array, window: int) -> list[Piece]:
+        self._clock = settle_clock(stamps[:window])
+        columns = {name: np.concatenate([held[name] for _, held in self._held]) for name in self._held[0][1]}
+        self._held = []
+        return self._clean(stamps, columns)
+
+    def _clean(self, t: Array, values: dict[str, Array]) -> list[Piece]:
+        if t.size == 0:
+            return []
+        start, self._rows = self._rows, self._rows + t.size
+        self._watch_u(values)
+        if self._is_clean(t, values):
+            pieces = [self._piece(start, t, None, t, values, False)]
+        else:
+            pieces = self._mend(start, t, values)
+        self._samples += sum(piece.t.size for piece in pieces)
+        last = next((piece for piece in reversed(pieces) if piece.t.size), None)
+        if last is not None:
+            self._last = float(last.t[-1]), {name: float(column[-1]) for name, column in last.values.items()}
+        return pieces
+
+    def _is_clean(self, t: Array, values: dict[str, Array]) -> bool:
+        """Every row is one sample that continues the one before; counts jitter when it is so."""
+        if self._restart_asked or not np.isfinite(t).all():
+            return False
+        if not all(np.isfinite(column).all() for column in values.values()):
+            return False
+        with np.errstate(over="ignore"):
+            steps = np.diff(t) if self._last is None else np.diff(t, prepend=self._last[0])
+        if steps.size == 0:
+            return True
+        low, high = float(steps.min()), float(steps.max())
+        T, median, regular = self._clock_now
+        if not regular:
+            return low > 0 and high <= IRREGULAR_GAP * median
+        if not (low > 0.5 * T and high < 1.5 * T):
+            return False
+        if max(T - low, high - T) > JITTER * T:
+            self._count_jitter(steps, t[t.size - steps.size :])
+        return True
+
+    @property
+    def _clock_now(self) -> Clock:
+        assert self._clock is not None
+        return self._clock
+
+    def _mend(self, start: int, t: Array, values: dict[str, Array]) -> list[Piece]:
+        T, median, regular = self._clock_now
+        rows = self._finite_rows(t, values)
+        rows = rows[~self._duplicates(t[rows])]
+        stamps = t[rows]
+        with np.errstate(over="ignore"):
+            steps = np.diff(stamps, prepend=stamps[:1] - T if self._last is None else self._last[0])
+        if self._restart_asked and rows.size:
+            steps[0] = -np.inf
+            self._restart_asked = False
+        backwards = steps < 0
+        if regular:
+            missing = np.where(steps >= 1.5 * T, np.rint(steps / T) - 1, 0)
+            gap = missing > BRIDGE
+            in_place = (steps > 0) & (missing == 0)
+            self._count_jitter(steps[in_place], stamps[in_place])
+        else:
+            missing = np.zeros(steps.size)
+            gap = steps > IRREGULAR_GAP * median
+        inserted = np.where(gap | backwards, 0, missing).astype(np.int64)
+        self._count.update({"gap": int(gap.sum()), "restart": int(backwards.sum()), "bridged": int(inserted.sum())})
+
+        cuts = np.flatnonzero(gap | backwards)
+        edges = sorted({0, *cuts.tolist(), rows.size})
+        pieces, row = [], 0
+        restarts = set(cuts.tolist())
+        if 0 in restarts and rows[0] > 0:  # dropped rows before the restart belong to what was before
+            pieces.append(self._piece(start, t[: rows[0]], rows[:0], t[:0], _rows_of(values, rows[:0]), False))
+            row = int(rows[0])
+        for first, end in zip(edges, [*edges[1:], rows.size], strict=True):
+            if first == end and not (rows.size == 0 and first == 0):
+                continue
+            stop = int(rows[end]) if end < rows.size else t.size
+            kept = rows[first:end]
+            previous = self._last if first == 0 else None
+            keep, times, samples = _bridge(t, values, kept, inserted[first:end], previous)
+            keep = np.where(keep < 0, -1, keep - row)
+            whole = keep.size == stop - row and not inserted[first:end].any()
+            pieces.append(
+                self._piece(start + row, t[row:stop], None if whole else keep, times, samples, first in restarts)
+            )
+            row = stop
+        return pieces
+
+    def _piece(
+        self,
+        start: int,
+        row_t: Array,
+        keep: NDArray[np.int64] | None,
+        t: Array,
+        values: dict[str, Array],
+        restart: bool,
+    ) -> Piece:
+        return Piece(start, row_t.size, keep, t, row_t, values, restart, None if self._clock_now.regular else t)
+
+    def _finite_rows(self, t: Array, values: dict[str, Array]) -> NDArray[np.int64]:
+        """Rows finite in every column; a row that is not is counted under its first such column."""
+        finite = np.ones(t.size, dtype=bool)
+        for name, column in {"t": t, **values}.items():
+            bad = finite & ~np.isfinite(column)
+            self._count[f"not finite: {name}"] += int(bad.sum())
+            finite &= ~bad
+        return np.flatnonzero(finite)
+
+    def _duplicates(self, stamps: Array) -> NDArray[np.bool_]:
+        """Stamps less than half a sample (irregular logs: not at all) after the last one that is kept."""
+        T, _, regular = self._clock_now
+        limit = 0.5 * T if regular else 0.0
+        drop = np.zeros(stamps.size, dtype=bool)
+        if self._restart_asked or self._last is None:
+            chain = stamps
+        else:
+            chain = np.concatenate(([self._last[0]], stamps))
+        shift = chain.size - stamps.size
+        with np.errstate(over="ignore"):
+            steps = np.diff(chain)
+        walked = 0
+        for at in (np.flatnonzero((steps >= 0) & (steps <= limit)) + 1).tolist():
+            if at < walked:
+                continue
+            anchor = chain[at - 1]
+            while at < chain.size and 0 <= chain[at] - anchor <= limit:
+                drop[at - shift] = True
+                at += 1
+            walked = at + 1  # row `at` is kept, and steps after it are counted from it
+        self._count["duplicate stamp"] += int(drop.sum())
+        return drop
+
+    def _count_jitter(self, steps: Array, stamps: Array) -> None:
+        T = self._clock_now.sample_time
+        late = np.abs(steps - T) > JITTER * T + stamp_rounding(np.abs(stamps))
+        self._count["jittered stamp"] += int(late.sum())
+
+    def _watch_u(self, values: dict[str, Array]) -> None:
+        if self._u_varies or "u" not in values:
+            return
+        u = values["u"][np.isfinite(values["u"])]
+        if u.size:
+            self._first_u = float(u[0]) if self._first_u is None else self._first_u
+            self._u_varies = bool((u != self._first_u).any())
+
+
+def _rows_of(values: dict[str, Array], rows: NDArray[np.int64]) -> dict[str, Array]:
+    return {name: column[rows] for name, column in values.items()}
+
+
+def _bridge(
+    t: Array,
+    values: dict[str, Array],
+    rows: NDArray[np.int64],
+    inserted: NDArray[np.int64],
+    previous: tuple[float, dict[str, float]] | None,
+) -> tuple[NDArray[np.int64], Array, dict[str, Array]]:
+    """The rows as samples, with `inserted[i]` samples on a straight line before row i.
+
+    Returns the row of each sample (-1: inserted), their times and their values.
+    """
+    if not inserted.any():
+        return rows, t[rows], _rows_of(values, rows)
+    place = np.arange(rows.size) + np.cumsum(inserted)
+    total = int(place[-1]) + 1
+    keep = np.full(total, -1, dtype=np.int64)
+    keep[place] = rows
+    after = np.repeat(np.arange(rows.size), inserted)
+    holes = np.flatnonzero(keep < 0)
+    weight = (holes - (place[after] - inserted[after]) + 1) / (inserted[after] + 1)
+
+    def line(column: Array, before: float) -> Array:
+        samples = np.empty(total)
+        ends = column[rows]
+        samples[place] = ends
+        starts = np.concatenate(([before], ends[:-1]))
+        samples[holes] = (1 - weight) * starts[after] + weight * ends[after]
+        return samples
+
+    # without a previous sample nothing is inserted before the first row, so what stands in for it is not used
+    time, last = previous if previous is not None else (0.0, dict.fromkeys(values, 0.0))
+    return keep, line(t, time), {name: line(column, last[name]) for name, column in values.items()}

@@ -1,0 +1,82 @@
+"""The clock of a log: its sample time, and whether the stamps keep to it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dsd_cli.errors import DataError
+from dsd_cli.signals.log import Array
+
+#: The clock is settled from this many rows with a finite stamp ...
+CLOCK_ROWS = 16
+#: ... or from the finite ones among this many rows.
+CLOCK_PATIENCE = 256
+#: Stamps farther than this share of T from their place are jitter.
+JITTER = 0.01
+
+SLOWEST, FASTEST = 0.2, 5e-6  # s; sample times outside are worth a word
+UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+class Clock(NamedTuple):
+    """`sample_time` and `median` in s; `regular`: every step of the clock rows is within 1 % of the sample time."""
+
+    sample_time: float
+    median: float
+    regular: bool
+
+
+def clock_window(stamps: Array) -> int | None:
+    """How many rows settle the clock; None: more are needed. Depends on the rows only, not on how they came in."""
+    finite = np.flatnonzero(np.isfinite(stamps[:CLOCK_PATIENCE]))
+    if finite.size >= CLOCK_ROWS:
+        return int(finite[CLOCK_ROWS - 1]) + 1
+    return CLOCK_PATIENCE if stamps.size >= CLOCK_PATIENCE else None
+
+
+def settle_clock(stamps: Array) -> Clock:
+    """Sample time from the first stamps (s): the mean of the steps within 50 % of the median positive step.
+
+    Raises
+    ------
+    DataError : the stamps do not advance, so there is no sample time to be had from them.
+    """
+    finite = stamps[np.isfinite(stamps)]
+    with np.errstate(over="ignore"):
+        steps = np.diff(finite)
+    steps = steps[(steps > 0) & np.isfinite(steps)]
+    if steps.size == 0:
+        found = "no finite time stamp" if finite.size == 0 else f"time stays at {finite[-1]:g} s"
+        raise DataError(
+            f"no sample time can be found: {found} in the first {stamps.size} row(s)",
+            "set signals.time to the right column, or signals.sample_time",
+        )
+    median = float(np.sort(steps)[(steps.size - 1) // 2])  # one of the steps, never the middle of two
+    usual = steps[np.abs(steps - median) <= 0.5 * median]
+    rounding = float(stamp_rounding(float(np.abs(finite).max())))
+    mean = float(usual.mean())
+    regular = bool(np.all(np.abs(usual - mean) <= JITTER * mean + rounding))
+    return Clock(_plain(mean, rounding), median, regular)
+
+
+def stamp_rounding(magnitude: Array | float) -> Array | float:
+    """By how much the difference of two float64 stamps of this size may be off."""
+    return 4 * np.finfo(float).eps * magnitude
+
+
+def _plain(value: float, rounding: float) -> float:
+    """0.001 instead of 0.00099999999999988: the shorter number where the stamps cannot tell the two apart."""
+    short = float(f"{value:.6g}")
+    return short if abs(short - value) <= rounding + 1e-12 * value else value
+
+
+def suspicious(sample_time: float) -> str | None:
+    """A sentence when hardly any servo log has this sample time (s)."""
+    if FASTEST <= sample_time <= SLOWEST:
+        return None
+    for unit, scale in UNITS.items():
+        if FASTEST <= sample_time * scale <= SLOWEST:
+            return f'sample time {sample_time:g} s: is the time column in {unit}? set signals.time_unit = "{unit}"'
+    return f"sample time {sample_time:g} s: is signals.time_unit right?"
