@@ -1,0 +1,146 @@
+"""`dsd effects`: the catalogue of physical effects."""
+
+from __future__ import annotations
+
+import math
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from dsd_cli.effects import Effect, Parameter
+
+
+class CatalogueFormat(StrEnum):
+    """How the catalogue is written."""
+
+    TABLE = "table"
+    JSON = "json"
+    MARKDOWN = "markdown"
+
+
+#: The placeholders of `Parameter.unit`, in words.
+_UNITS = {"({v})": "v", "({q})": "q", "{u}": "u", "{v}": "v", "{q}": "q"}
+_LEGEND = "Units: u is the unit of the control input; v is rad/s or m/s; q is rad or m."
+
+
+def effects(
+    effect: Annotated[str | None, typer.Argument(metavar="ID", help="Show only this effect, in full.")] = None,
+    form: Annotated[CatalogueFormat, typer.Option("--format", help="Form of the catalogue.")] = CatalogueFormat.TABLE,
+) -> None:
+    """Show each effect's law, parameters with units, channels needed and the residual pattern that betrays it."""
+    from dsd_cli.effects import catalogue, get_effect
+
+    chosen = [get_effect(effect)] if effect else list(catalogue().values())
+    if form is CatalogueFormat.JSON:
+        _print_json(chosen)
+    elif form is CatalogueFormat.MARKDOWN:
+        typer.echo(markdown(chosen), nl=False)
+    elif effect:
+        typer.echo("\n".join(_in_full(chosen[0])))
+    else:
+        _print_table(chosen)
+
+
+def _unit(parameter: Parameter) -> str:
+    unit = parameter.unit
+    for placeholder, word in _UNITS.items():
+        unit = unit.replace(placeholder, word)
+    return unit
+
+
+def _range(parameter: Parameter) -> str:
+    match (math.isfinite(parameter.lower), math.isfinite(parameter.upper)):
+        case (True, True):
+            return f"{parameter.lower:g} to {parameter.upper:g}"
+        case (True, False):
+            return f"{parameter.lower:g} or more"
+        case (False, True):
+            return f"{parameter.upper:g} or less"
+    return "any"
+
+
+def _channels(effect: Effect) -> str:
+    return ", ".join(effect.needs) or "none"
+
+
+def _print_table(chosen: list[Effect]) -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD)
+    table.add_column("effect", no_wrap=True)
+    for heading in ("law", "parameters [unit]", "needs", "pattern in the residual"):
+        table.add_column(heading)
+    for effect in chosen:
+        parameters = "\n".join(f"{p.name} [{_unit(p)}]" for p in effect.parameters)
+        cells = (effect.id, effect.law, parameters, _channels(effect), effect.pattern)
+        table.add_row(*map(Text, cells))
+    console = Console()
+    console.print(table)
+    console.print(Text(f"{_LEGEND}\n`dsd effects ID` shows one in full."))
+
+
+def _in_full(effect: Effect) -> list[str]:
+    lines = [effect.id, f"  {effect.summary}", f"  law       {effect.law}  ({effect.role.value})"]
+    lines += [
+        f"  parameter {p.name} [{_unit(p)}], {_range(p)}: {p.meaning}{'' if p.linear else ' (shape)'}"
+        for p in effect.parameters
+    ]
+    lines += [f"  needs     {_channels(effect)}", f"  pattern   {effect.pattern}", "", "  in dsd.toml:"]
+    lines += [f"  [model.effects.{effect.id}]"]
+    lines += [f"  {p.name} = ..." for p in effect.parameters]
+    return [*lines, "", _LEGEND]
+
+
+def _print_json(chosen: list[Effect]) -> None:
+    import json
+
+    result = {
+        "schema_version": 1,
+        "command": "effects",
+        "log": None,
+        "effects": [_as_json(effect) for effect in chosen],
+    }
+    typer.echo(json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def _as_json(effect: Effect) -> dict[str, Any]:
+    def parameter(p: Parameter) -> dict[str, Any]:
+        bounds = {k: v if math.isfinite(v) else None for k, v in (("lower", p.lower), ("upper", p.upper))}
+        return {"name": p.name, "unit": _unit(p), "meaning": p.meaning, **bounds, "linear": p.linear}
+
+    return {
+        "id": effect.id,
+        "law": effect.law,
+        "role": effect.role.value,
+        "summary": effect.summary,
+        "parameters": [parameter(p) for p in effect.parameters],
+        "needs": list(effect.needs),
+        "pattern": effect.pattern,
+    }
+
+
+def markdown(chosen: list[Effect]) -> str:
+    """The catalogue as the page `docs/effects.md`."""
+    lines = [
+        "# Effects",
+        "",
+        "What `dsd effects --format markdown` prints; a test keeps this page current. An effect is used by naming it",
+        "in the config, `[model.effects.<id>]` with a value for each parameter, or with `--effect id:parameter=value`.",
+        "",
+        f"{_LEGEND} Friction is a budget: at rest it holds against any force",
+        "up to its level. A *shape* parameter is not a factor of the force.",
+    ]
+    for effect in chosen:
+        lines += ["", f"## {effect.id}", "", effect.summary, ""]
+        lines += [f"- Law: `{effect.law}` ({effect.role.value})", f"- Needs: {_channels(effect)}"]
+        lines += [f"- Pattern: {effect.pattern}", "", "| parameter | unit | range | meaning |", "|---|---|---|---|"]
+        lines += [
+            f"| `{p.name}` | {_unit(p)} | {_range(p)} | {p.meaning}{'' if p.linear else ' (shape)'} |"
+            for p in effect.parameters
+        ]
+    return "\n".join(lines) + "\n"

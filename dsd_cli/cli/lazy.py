@@ -1,0 +1,44 @@
+"""A group of commands that imports a command's module only when that command runs."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command
+
+#: Command -> (module in `dsd_cli.cli`, function, one line for `dsd --help`). A new command is a file and a line here.
+COMMANDS = {
+    "init": ("init_", "init", "Write a commented dsd.toml to start from."),
+    "simulate": ("simulate", "simulate", "Simulate a plant with delay and effects; write its log."),
+    "observe": ("observe", "observe", "Add the observed disturbance d_hat to a log."),
+    "detect": ("detect", "detect", "Label every sample with the most likely delay and inertia."),
+    "effects": ("effects", "effects", "Show the catalogue of physical effects."),
+}
+
+
+def load_command(name: str) -> Any:
+    """The command of that name, built from the signature and docstring of its function."""
+    module, function, short_help = COMMANDS[name]
+    app = typer.Typer(add_completion=False, rich_markup_mode=None)
+    settings = {"help_option_names": ["-h", "--help"]}
+    app.command(name, short_help=short_help, context_settings=settings)(
+        getattr(import_module(f"dsd_cli.cli.{module}"), function)
+    )
+    return get_command(app)
+
+
+class LazyGroup(TyperGroup):
+    """Lists commands from the table; only the one that is run is imported."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands = {
+            name: TyperCommand(name, help=line, rich_markup_mode=None) for name, (*_, line) in COMMANDS.items()
+        }
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, load_command(name) if name in COMMANDS else command, rest

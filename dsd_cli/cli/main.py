@@ -1,0 +1,130 @@
+"""`dsd`: the commands, and the one place where failures become one line and an exit code."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Annotated
+
+import typer
+from typer.main import get_command
+
+from dsd_cli import __version__
+from dsd_cli.cli.lazy import LazyGroup
+from dsd_cli.errors import DsdError
+
+#: What a shell reports for a command ended by SIGINT, and by a closed pipe (SIGPIPE).
+INTERRUPTED, CLOSED_PIPE = 130, 141
+
+_USAGE_ERROR: type[Exception] = typer.BadParameter.__mro__[
+    2
+]  # every failure of the command line parser derives from it
+
+app = typer.Typer(
+    cls=LazyGroup,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"dsd {__version__} (detector kernel: {_kernel()})")
+        raise typer.Exit
+
+
+def _kernel() -> str:
+    try:
+        from dsd_cli.detect.kernel import active_backend
+    except ImportError:
+        return "none"
+    return str(active_backend())
+
+
+@app.callback()
+def dsd(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show version and kernel, and exit."),
+    ] = False,
+) -> None:
+    """Disturbance State Distinction: which delay, which inertia explains a servo axis' log."""
+
+
+def main() -> None:
+    """Run `dsd` with the arguments of the process and exit."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: list[str]) -> int:
+    """Run `dsd` with these arguments; the exit code. Prints one line on stderr for whatever goes wrong."""
+    try:
+        try:
+            code = _invoke(arguments)
+            sys.stdout.flush()
+            return code
+        except DsdError as error:
+            return _fail(str(error), error.exit_code)
+        except _USAGE_ERROR as error:
+            return _fail(_usage(error), 2)
+        except typer.Abort:
+            return INTERRUPTED
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            return _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error), 1)
+        except Exception as error:
+            return _fail_unexpectedly(error)
+    except BrokenPipeError:
+        return _leave_pipe()
+    except KeyboardInterrupt:
+        return INTERRUPTED
+
+
+def _invoke(arguments: list[str]) -> int:
+    group = get_command(app)
+    if not arguments:
+        with group.make_context("dsd", ["x"], resilient_parsing=True) as context:
+            typer.echo(group.get_help(context), err=True)
+        return 2
+    try:
+        with group.make_context("dsd", list(arguments)) as context:
+            group.invoke(context)
+    except typer.Exit as leave:
+        return int(leave.exit_code)
+    return 0
+
+
+def _usage(error: Exception) -> str:
+    """What the parser complains about, as one line with the way to the help."""
+    text = " ".join(error.format_message().split()).rstrip(".").replace("Value error, ", "")  # type: ignore[attr-defined]
+    context = getattr(error, "ctx", None)
+    return f"{text}: see '{context.command_path if context else 'dsd'} --help'"
+
+
+def _fail(line: str, code: int) -> int:
+    sys.stdout.flush()
+    print("dsd: error:", " ".join(line.split("\n")), file=sys.stderr)
+    return code
+
+
+def _fail_unexpectedly(error: Exception) -> int:
+    if os.environ.get("DSD_DEBUG") == "1":
+        import traceback
+
+        traceback.print_exception(error)
+    what = f"unexpected {type(error).__name__}: {error}"
+    return _fail(f"{what}: please report this, with the output of the same command under DSD_DEBUG=1", 1)
+
+
+def _leave_pipe() -> int:
+    """Nobody reads stdout any more: give what is still buffered to the null device, so that the exit is quiet."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(null, stream.fileno())
+    return CLOSED_PIPE
