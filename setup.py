@@ -12,7 +12,7 @@ setup(
             sources=["dsd_cli/detect/_kernel.c"],
             define_macros=[("Py_LIMITED_API", "0x030B0000")],
             # -ffp-contract=off: no fused multiply-add, so that labels equal those of the NumPy twin
-            extra_compile_args=["-O3", "-ffp-contract=off"],
+            extra_compile_args=["-O3", "-ffp-contract=off", "-Wno-psabi"],
             py_limited_api=True,
             optional=True,
         )

@@ -1,0 +1,575 @@
+/* The detector's inner loop, eq. 14-19 of the paper, one sample at a time.
+ *
+ * `advance` takes one sample through three stages and serves both Kernel.step and Kernel.run, so that a stream, an
+ * array and any chunking give the same bits:
+ *   1. predict   per delay and effect values ("group"): z = Q{ u(t-L) + forces }, and y = Q u + d_hat
+ *   2. window    per state: squared residual (y - (Jn/J) z)^2, summed over the last M samples
+ *   3. decide    argmax of log a + log b, ties and `hold` keep the last label; lead, probability
+ * numpy_kernel.py is the readable twin: same numbers, label by label.
+ *
+ * The window is a two-block sum anchored at multiples of M: prefix of the current block + suffix of the one before.
+ * Nothing is ever subtracted, so a spike of 1e9 leaves no trace, and M costs nothing.
+ *
+ * CPython limited API and buffers only: no NumPy headers. The inertias of a group are padded to a multiple of LANES.
+ */
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define LANES 4
+typedef double v4 __attribute__((vector_size(32), aligned(32), may_alias));
+typedef int64_t i4 __attribute__((vector_size(32), aligned(32), may_alias));
+
+#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__)
+#define DISPATCH __attribute__((target_clones("avx2", "default")))
+#else
+#define DISPATCH
+#endif
+#define INLINE static inline __attribute__((always_inline))
+
+enum { UNIFORM = 0, STICKY = 1, MATRIX = 2 };
+/* what a row of `matrix` rests on */
+enum { WARMUP = 0, PARTIAL = 1, FULL = 2 };
+
+typedef struct {
+    /* fixed */
+    Py_ssize_t delays, combos, groups, inertias, states, padded, axes, window, warmup_rows;
+    int timed, filtered, aperture, transition;
+    double T, tau, pole, sign, c, ll_const, hold, confidence, log_stay, log_move, max_delay;
+    double *delay, *frac;
+    int64_t *whole;
+    int32_t *state_of;              /* per lane */
+    v4 *alpha_lanes, *pad, *log_a;  /* Jn/J and 0 (infinity in padding) per lane of a group; log A, a row per state */
+    v4 *axis;                       /* axes x padded: which value of the axis a state has */
+    /* carried */
+    int64_t k, count;               /* samples seen, samples that entered the window */
+    int warm;
+    double start;                   /* first stamp (timed) */
+    Py_ssize_t label, slot;         /* last label (a lane), place in the block of the window */
+    double *u, *t;                  /* history rings, size cap (power of two) */
+    int64_t cap, *pointer;          /* per delay: the piece of u where the next interval starts (timed) */
+    double w, u_mean, interval;     /* Q u; last interval's mean u and length (aperture 2) */
+    double *z, *raw;                /* per group: Q z, last raw z */
+    v4 *prefix, *ring, *dist, *cost;
+    void *block;                    /* the one aligned allocation behind the v4 arrays */
+} Core;
+
+typedef struct { double ll, probability; int32_t state; uint8_t confident, status; } Result;
+
+/* States are numbered group by group, inertia innermost; a group's inertias are padded to whole vectors. */
+INLINE Py_ssize_t lane(const Core *q, Py_ssize_t state) {
+    return state / q->inertias * (q->padded / q->groups) + state % q->inertias;
+}
+
+/* ---- stage 1: prediction ------------------------------------------------------------------------------------ */
+
+INLINE double history(const double *ring, int64_t cap, int64_t k) { return ring[(k < 0 ? 0 : k) & (cap - 1)]; }
+
+/* mean of u(t-L) over one interval: exact under the zero-order hold for any real L */
+INLINE double regular_mean(const Core *q, int64_t last, Py_ssize_t g) {
+    const int64_t n = last - q->whole[g];
+    return (1.0 - q->frac[g]) * history(q->u, q->cap, n) + q->frac[g] * history(q->u, q->cap, n - 1);
+}
+
+static double timed_mean(Core *q, double from, double to, int64_t last, Py_ssize_t g) {
+    double a = from - q->delay[g], b = to - q->delay[g], sum = 0.0, position = a;
+    int64_t j = q->pointer[g];
+    while (j < last && q->t[(j + 1) & (q->cap - 1)] <= b) {
+        const double next = q->t[(j + 1) & (q->cap - 1)];
+        if (next > position) {
+            sum += q->u[j & (q->cap - 1)] * (next - position);
+            position = next;
+        }
+        j++;
+    }
+    sum += q->u[j & (q->cap - 1)] * (b - position);
+    q->pointer[g] = j;
+    return sum / (b - a);
+}
+
+/* the force that accelerates: friction has a budget b, opposes motion (s = mean sign of v) and balances at rest */
+INLINE double combine(double drive, double force, double budget, double s) {
+    const double applied = drive + force;
+    if (s == s) return applied - budget * s;
+    if (applied > budget) return applied - budget;
+    if (applied < -budget) return applied + budget;
+    return 0.0;
+}
+
+static int grow(Core *q) {
+    int64_t oldest = q->k, size = q->cap, i;
+    Py_ssize_t g;
+    double *u, *t;
+    for (g = 0; g < q->delays; g++) if (q->pointer[g] < oldest) oldest = q->pointer[g];
+    if (q->k - oldest + 2 < q->cap) return 0;
+    size *= 2;
+    u = malloc(sizeof(double) * size);
+    t = malloc(sizeof(double) * size);
+    if (!u || !t) { free(u); free(t); return -1; }
+    for (i = oldest; i < q->k; i++) {
+        u[i & (size - 1)] = q->u[i & (q->cap - 1)];
+        t[i & (size - 1)] = q->t[i & (q->cap - 1)];
+    }
+    free(q->u); free(q->t);
+    q->u = u; q->t = t; q->cap = size;
+    return 0;
+}
+
+/* z per group and y's part w for sample k; history already holds u_k (and t_k) */
+INLINE void predict(Core *q, const double *force, const double *budget, double s) {
+    const int64_t k = q->k, last = q->filtered ? k - 1 : k, mask = q->cap - 1;
+    double p = q->pole, mean_u, length = q->T, share = 0.5, from = 0.0, to = 0.0;
+    Py_ssize_t g, e;
+    if (q->timed && k > 0) {
+        length = q->t[k & mask] - q->t[(k - 1) & mask];
+        if (q->tau > 0.0) p = exp(-length / q->tau);
+        from = q->filtered ? q->t[(k - 1) & mask] : q->t[k & mask];
+        to = from + length;
+    }
+    mean_u = history(q->u, q->cap, last);
+    if (q->aperture == 2 && k > 1) {
+        share = length / (length + q->interval);
+        const double both = share * mean_u + (1.0 - share) * q->u_mean;
+        q->u_mean = mean_u;
+        mean_u = both;
+    } else {
+        q->u_mean = mean_u;
+    }
+    q->interval = length;
+    if (!q->filtered || k == 0) p = 0.0;
+    q->w = (1.0 - p) * mean_u + p * q->w;
+    for (g = 0; g < q->delays; g++) {
+        double m;
+        if (!q->timed) m = regular_mean(q, last, g);
+        else m = k > 0 ? timed_mean(q, from, to, q->filtered ? k - 1 : k, g) : mean_u;
+        for (e = 0; e < q->combos; e++) {
+            const Py_ssize_t i = g * q->combos + e;
+            double raw = force ? combine(m, force[e], budget[e], s) : m;
+            const double previous = q->raw[i];
+            q->raw[i] = raw;
+            if (q->aperture == 2 && k > 1) raw = share * raw + (1.0 - share) * previous;
+            q->z[i] = (1.0 - p) * raw + p * q->z[i];
+        }
+    }
+}
+
+/* ---- stage 2: windowed distances, eq. 15-17 ------------------------------------------------------------------ */
+
+INLINE v4 splat(double x) { return (v4){x, x, x, x}; }
+INLINE v4 pick(i4 mask, v4 a, v4 b) { return (v4)((mask & (i4)a) | (~mask & (i4)b)); }
+INLINE v4 smaller(v4 a, v4 b) { return pick(a < b, a, b); }
+INLINE double lowest(v4 m) {
+    const double a = m[0] < m[1] ? m[0] : m[1], b = m[2] < m[3] ? m[2] : m[3];
+    return a < b ? a : b;
+}
+
+/* The block of M squares is complete: turn it into suffix sums, and start a new prefix. */
+static void turn_block(Core *q) {
+    const Py_ssize_t nv = q->padded / LANES;
+    Py_ssize_t j, v;
+    for (j = q->window - 2; j >= 0; j--) {
+        v4 *a = q->ring + j * nv;
+        for (v = 0; v < nv; v++) a[v] += a[v + nv];
+    }
+    memset(q->prefix, 0, sizeof(v4) * nv);
+}
+
+/* Fills q->dist, and returns the smallest distance. Padding lanes stay at infinity: alpha is infinite there. */
+INLINE double window(Core *q, double y, int missing) {
+    const Py_ssize_t nv = q->padded / LANES, nh = nv / q->groups, i = q->slot;
+    v4 *restrict slot = q->ring + i * nv, *restrict prefix = q->prefix, *restrict dist = q->dist;
+    const v4 *restrict alpha = q->alpha_lanes, *restrict pad = q->pad;
+    v4 low = splat(INFINITY);
+    Py_ssize_t g, h, v = 0;
+    if (missing) y = 0.0;
+    for (g = 0; g < q->groups; g++) {
+        const v4 z = splat(missing ? 0.0 : q->z[g]), yy = splat(y);
+        for (h = 0; h < nh; h++, v++) {
+            const v4 r = yy - alpha[h] * z;
+            const v4 square = r * r;
+            prefix[v] += square;
+            dist[v] = prefix[v] + (slot + nv)[v] + pad[h];
+            slot[v] = square;
+            low = smaller(dist[v], low);
+        }
+    }
+    q->count++;
+    if (++q->slot == q->window) {
+        q->slot = 0;
+        turn_block(q);
+    }
+    return lowest(low);
+}
+
+/* ---- stage 3: decision, eq. 18-19 ---------------------------------------------------------------------------- */
+
+/* exp on four lanes for -700 < x <= 0, relative error below 2e-7: enough for a probability */
+INLINE v4 exp4(v4 x) {
+    const v4 magic = splat(6755399441055744.0);
+    const v4 shifted = x * splat(1.4426950408889634) + magic;
+    const v4 n = shifted - magic;
+    const v4 r = (x - n * splat(6.93147180369123816490e-01)) - n * splat(1.90821492927058770002e-10);
+    v4 p = splat(1.0 / 720.0);
+    p = p * r + splat(1.0 / 120.0);
+    p = p * r + splat(1.0 / 24.0);
+    p = p * r + splat(1.0 / 6.0);
+    p = p * r + splat(0.5);
+    p = p * r + splat(1.0);
+    p = p * r + splat(1.0);
+    return (v4)((i4)p + ((i4)shifted << 52));
+}
+
+/* The cost -log p of eq. 18 up to a constant, so that the smallest wins. Returns the smallest. */
+INLINE double costs(Core *q, double nearest) {
+    const Py_ssize_t nv = q->padded / LANES;
+    const v4 c = splat(q->c);
+    const v4 *restrict dist = q->dist;
+    v4 *restrict cost = q->cost;
+    v4 low = splat(INFINITY);
+    Py_ssize_t v;
+    if (q->transition == MATRIX) {
+        const v4 *restrict row = q->log_a + q->label * nv;
+        for (v = 0; v < nv; v++) {
+            cost[v] = dist[v] * c - row[v];
+            low = smaller(cost[v], low);
+        }
+        return lowest(low);
+    }
+    for (v = 0; v < nv; v++) cost[v] = dist[v] * c - splat(q->log_move);
+    if (q->transition == UNIFORM) return nearest * q->c - q->log_move;
+    ((double *)q->cost)[q->label] = ((const double *)q->dist)[q->label] * q->c - q->log_stay;
+    for (v = 0; v < nv; v++) low = smaller(cost[v], low);
+    return lowest(low);
+}
+
+INLINE void choose(Core *q, double best) {
+    const double *cost = (const double *)q->cost, tie = 1e-9 * (1.0 + fabs(best));
+    Py_ssize_t s, found = -1;
+    if (!(cost[q->label] - best > (q->hold > tie ? q->hold : tie))) return;
+    for (s = 0; s < q->padded; s++)
+        if (cost[s] - best <= tie) {
+            if (found >= 0) return;     /* a tie among others: the last label stays */
+            found = s;
+        }
+    if (found >= 0) q->label = found;
+}
+
+/* Is the label's lead over the best state with another value, on every axis, at least `confidence` nats? */
+INLINE int leads(const Core *q) {
+    const Py_ssize_t nv = q->padded / LANES;
+    const double mine = ((const double *)q->dist)[q->label];
+    const v4 *restrict dist = q->dist;
+    Py_ssize_t a, v;
+    for (a = 0; a < q->axes; a++) {
+        const v4 *restrict id = q->axis + a * nv;
+        const v4 own = splat(((const double *)id)[q->label]);
+        v4 other = splat(INFINITY);
+        for (v = 0; v < nv; v++) other = smaller(pick(id[v] == own, splat(INFINITY), dist[v]), other);
+        if (!((lowest(other) - mine) * q->c >= q->confidence)) return 0;
+    }
+    return 1;
+}
+
+INLINE void decide(Core *q, double nearest, Result *out) {
+    const Py_ssize_t nv = q->padded / LANES;
+    const double best = costs(q, nearest);
+    const v4 *restrict cost = q->cost;
+    v4 total = splat(0.0);
+    double mine;
+    Py_ssize_t v;
+    choose(q, best);
+    for (v = 0; v < nv; v++) {
+        const v4 x = splat(best) - cost[v];
+        const i4 near = x > splat(-20.0);       /* the rest adds less than 3e-9 each */
+        total += pick(near, exp4(pick(near, x, splat(0.0))), splat(0.0));
+    }
+    mine = best - ((const double *)cost)[q->label];
+    out->ll = q->ll_const - q->c * ((const double *)q->dist)[q->label];
+    out->probability = (mine == 0.0 ? 1.0 : exp(mine)) / ((total[0] + total[1]) + (total[2] + total[3]));
+    if (!(out->probability >= 0.0)) out->probability = 0.0;
+    out->confident = q->count >= q->window && leads(q);
+}
+
+/* one sample; `matrix` (states) takes all log-likelihoods instead of a decision */
+INLINE int advance(Core *q, double t, double u, double d, const double *force, const double *budget, double s,
+                   double *matrix, Result *out) {
+    const int missing = !(isfinite(u) && isfinite(d));
+    if (q->timed) {
+        if (grow(q)) return -1;
+        q->t[q->k & (q->cap - 1)] = t;
+        if (q->k == 0) q->start = t;
+    }
+    if (!isfinite(u)) u = q->k > 0 ? q->u[(q->k - 1) & (q->cap - 1)] : 0.0;
+    q->u[q->k & (q->cap - 1)] = u;
+    predict(q, force, budget, s);
+    out->ll = NAN; out->probability = NAN; out->confident = 0; out->status = WARMUP;
+    /* before the delay lines are full of measured u, every prediction rests on a guess: no label yet */
+    if (!q->warm && q->k >= q->warmup_rows)
+        q->warm = !q->timed || q->t[(q->k - q->aperture) & (q->cap - 1)] - q->start >= q->max_delay;
+    q->k++;
+    if (q->warm) {
+        const double nearest = window(q, q->w + q->sign * d, missing);
+        if (!missing) {
+            out->status = q->count >= q->window ? FULL : PARTIAL;
+            if (matrix) {
+                Py_ssize_t i;
+                for (i = 0; i < q->states; i++) matrix[i] = q->ll_const - q->c * ((double *)q->dist)[lane(q, i)];
+            } else {
+                decide(q, nearest, out);
+            }
+        }
+    }
+    out->state = q->state_of[q->label];
+    return 0;
+}
+
+DISPATCH static int run_block(Core *q, Py_ssize_t n, const double *t, const double *u, const double *d,
+                              const double *force, const double *budget, const double *sgn, double *matrix,
+                              int32_t *state, double *ll, double *probability, uint8_t *confident) {
+    Result out;
+    Py_ssize_t i;
+    for (i = 0; i < n; i++) {
+        if (advance(q, t ? t[i] : 0.0, u[i], d[i], force ? force + i * q->combos : NULL,
+                    budget ? budget + i * q->combos : NULL, sgn ? sgn[i] : 0.0, matrix ? matrix + i * q->states : NULL,
+                    &out))
+            return -1;
+        state[i] = out.state;
+        ll[i] = out.ll;
+        probability[i] = out.probability;
+        confident[i] = matrix ? out.status : out.confident;
+    }
+    return 0;
+}
+
+/* ---- the Python type ----------------------------------------------------------------------------------------- */
+
+typedef struct { PyObject_HEAD Core core; } Kernel;
+
+static double *doubles(PyObject *source, Py_ssize_t expected) {
+    Py_buffer view;
+    double *copy;
+    if (PyObject_GetBuffer(source, &view, PyBUF_C_CONTIGUOUS)) return NULL;
+    if (view.len != expected * (Py_ssize_t)sizeof(double)) {
+        PyBuffer_Release(&view);
+        PyErr_SetString(PyExc_ValueError, "kernel: an array has the wrong length");
+        return NULL;
+    }
+    copy = malloc(view.len ? view.len : 1);
+    if (copy) memcpy(copy, view.buf, view.len);
+    else PyErr_NoMemory();
+    PyBuffer_Release(&view);
+    return copy;
+}
+
+static void restart(Core *q) {
+    const Py_ssize_t nv = q->padded / LANES;
+    q->k = q->count = q->slot = 0;
+    q->warm = 0;
+    q->w = q->u_mean = q->start = 0.0;
+    q->interval = q->T;
+    memset(q->pointer, 0, sizeof(int64_t) * q->delays);
+    memset(q->z, 0, sizeof(double) * q->groups);
+    memset(q->raw, 0, sizeof(double) * q->groups);
+    memset(q->prefix, 0, sizeof(v4) * nv);
+    memset(q->ring, 0, sizeof(v4) * nv * (q->window + 1));
+}
+
+/* The v4 arrays in one 32-byte aligned block. */
+static int allocate(Core *q, const double *alpha, const double *axis, const double *log_a) {
+    const Py_ssize_t nv = q->padded / LANES, S = q->states, nh = nv / q->groups;
+    const Py_ssize_t rows = 3 + q->axes + (q->window + 1) + (log_a ? q->padded : 0);
+    Py_ssize_t a, s;
+    v4 *next;
+    q->state_of = calloc(q->padded, sizeof(int32_t));
+    q->block = calloc(rows * nv + 2 * nh + 1, sizeof(v4));
+    if (!q->state_of || !q->block) return -1;
+    next = (v4 *)(((uintptr_t)q->block + 31) & ~(uintptr_t)31);
+    q->alpha_lanes = next; next += nh;
+    q->pad = next; next += nh;
+    q->prefix = next; next += nv;
+    q->dist = next; next += nv;
+    q->cost = next; next += nv;
+    q->axis = next; next += nv * q->axes;
+    q->ring = next; next += nv * (q->window + 1);
+    q->log_a = next;
+    for (s = 0; s < nh * LANES; s++) {
+        ((double *)q->alpha_lanes)[s] = s < q->inertias ? alpha[s] : 0.0;
+        ((double *)q->pad)[s] = s < q->inertias ? 0.0 : INFINITY;
+    }
+    for (s = 0; s < S; s++) {
+        q->state_of[lane(q, s)] = (int32_t)s;
+        for (a = 0; a < q->axes; a++) ((double *)(q->axis + a * nv))[lane(q, s)] = axis[a * S + s];
+        for (a = 0; log_a && a < S; a++) ((double *)(q->log_a + lane(q, a) * nv))[lane(q, s)] = log_a[a * S + s];
+    }
+    return 0;
+}
+
+static int fill(Core *q, PyObject *delays, PyObject *alphas, PyObject *axes, PyObject *log_a) {
+    double *alpha = NULL, *axis = NULL, *matrix = NULL;
+    Py_ssize_t g, most = 0;
+    int bad = -1;
+    q->groups = q->delays * q->combos;
+    q->states = q->groups * q->inertias;
+    q->padded = q->groups * ((q->inertias + LANES - 1) / LANES * LANES);
+    q->label = lane(q, q->label);
+    q->delay = doubles(delays, q->delays);
+    alpha = q->delay ? doubles(alphas, q->inertias) : NULL;
+    axis = alpha ? doubles(axes, q->axes * q->states) : NULL;
+    if (axis && log_a != Py_None && !(matrix = doubles(log_a, q->states * q->states))) goto done;
+    if (!axis) goto done;
+    q->frac = calloc(q->delays, sizeof(double));
+    q->whole = calloc(q->delays, sizeof(int64_t));
+    q->pointer = calloc(q->delays, sizeof(int64_t));
+    q->z = calloc(q->groups, sizeof(double));
+    q->raw = calloc(q->groups, sizeof(double));
+    if (!q->frac || !q->whole || !q->pointer || !q->z || !q->raw) { PyErr_NoMemory(); goto done; }
+    for (g = 0; g < q->delays; g++) {
+        const double ratio = q->delay[g] / q->T, nearest = floor(ratio + 0.5);
+        /* 0.3 / 0.001 is 299.99999999999994: a whole number of samples is meant */
+        const double exact = fabs(ratio - nearest) < 1e-9 * (1.0 + nearest) ? nearest : ratio;
+        q->whole[g] = (int64_t)floor(exact);
+        q->frac[g] = exact - floor(exact);
+        if (q->whole[g] > most) most = q->whole[g];
+        if (q->delay[g] > q->max_delay) q->max_delay = q->delay[g];
+    }
+    for (q->cap = 64; q->cap < (q->timed ? 64 : most + 4); q->cap *= 2) {}
+    q->u = calloc(q->cap, sizeof(double));
+    q->t = calloc(q->cap, sizeof(double));
+    if (!q->u || !q->t || allocate(q, alpha, axis, matrix)) { PyErr_NoMemory(); goto done; }
+    q->c = 0.5 / (q->c * q->c);
+    q->pole = q->filtered && q->tau > 0.0 ? exp(-q->T / q->tau) : 0.0;
+    restart(q);
+    bad = 0;
+done:
+    free(alpha);
+    free(axis);
+    free(matrix);
+    return bad;
+}
+
+static PyObject *kernel_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) {
+    PyObject *delays, *alphas, *axes, *log_a;
+    allocfunc alloc = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
+    Kernel *self = (Kernel *)alloc(type, 0);
+    Core *q;
+    (void)kwargs;
+    if (!self) return NULL;
+    q = &self->core;
+    if (!PyArg_ParseTuple(args, "OOOOnnnnnniiiidddddddddn", &delays, &alphas, &axes, &log_a, &q->delays, &q->combos,
+                          &q->inertias, &q->axes, &q->window, &q->warmup_rows, &q->timed, &q->filtered, &q->aperture,
+                          &q->transition, &q->T, &q->tau, &q->sign, &q->c, &q->ll_const, &q->hold, &q->confidence,
+                          &q->log_stay, &q->log_move, &q->label)
+        || fill(q, delays, alphas, axes, log_a)) {
+        Py_DECREF(self);
+        return NULL;
+    }
+    return (PyObject *)self;
+}
+
+static void kernel_dealloc(PyObject *object) {
+    Core *q = &((Kernel *)object)->core;
+    PyTypeObject *type = Py_TYPE(object);
+    freefunc release = (freefunc)PyType_GetSlot(type, Py_tp_free);
+    free(q->delay); free(q->frac); free(q->state_of); free(q->whole); free(q->pointer);
+    free(q->z); free(q->raw); free(q->u); free(q->t); free(q->block);
+    release(object);
+    Py_DECREF(type);
+}
+
+static PyObject *kernel_restart(PyObject *object, PyObject *unused) {
+    (void)unused;
+    restart(&((Kernel *)object)->core);
+    Py_RETURN_NONE;
+}
+
+DISPATCH static int step_once(Core *q, double u, double d, Result *out) {
+    return advance(q, 0.0, u, d, NULL, NULL, 0.0, NULL, out);
+}
+
+static PyObject *kernel_step(PyObject *object, PyObject *const *args, Py_ssize_t n) {
+    Core *q = &((Kernel *)object)->core;
+    Result out;
+    double u, d;
+    if (n != 2 || q->timed) {
+        PyErr_SetString(PyExc_TypeError, "kernel.step takes u and d_hat on a regular clock");
+        return NULL;
+    }
+    u = PyFloat_AsDouble(args[0]);
+    d = PyFloat_AsDouble(args[1]);
+    if (PyErr_Occurred()) return NULL;
+    if (step_once(q, u, d, &out)) return PyErr_NoMemory();
+    return Py_BuildValue("iddO", (int)out.state, out.ll, out.probability, out.confident ? Py_True : Py_False);
+}
+
+/* run(u, d, t, force, budget, sign, matrix, state, ll, probability, confident): buffers or None, all C-contiguous */
+static PyObject *kernel_run(PyObject *object, PyObject *const *args, Py_ssize_t n) {
+    enum { U, D, T, FORCE, BUDGET, SGN, MATRIX_OUT, STATE, LL, PROBABILITY, CONFIDENT, ALL };
+    Core *q = &((Kernel *)object)->core;
+    Py_buffer view[ALL];
+    Py_ssize_t i, rows = 0, opened = 0;
+    int bad = 0;
+    if (n != ALL) {
+        PyErr_SetString(PyExc_TypeError, "kernel.run takes 11 arguments");
+        return NULL;
+    }
+    for (; opened < ALL; opened++) {
+        memset(&view[opened], 0, sizeof(Py_buffer));
+        if (args[opened] == Py_None) continue;
+        if (PyObject_GetBuffer(args[opened], &view[opened],
+                               opened >= MATRIX_OUT ? PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE : PyBUF_C_CONTIGUOUS)) break;
+    }
+    if (opened < ALL) goto done;
+    rows = view[U].len / (Py_ssize_t)sizeof(double);
+    {
+        const Py_ssize_t want[ALL] = {8 * rows, 8 * rows, q->timed ? 8 * rows : 0, 8 * rows * q->combos,
+                                      8 * rows * q->combos, 8 * rows, 8 * rows * q->states, 4 * rows, 8 * rows,
+                                      8 * rows, rows};
+        for (i = 0; i < ALL; i++)
+            if (view[i].buf ? view[i].len != want[i] : (i == U || i == D || i >= STATE || (i == T && q->timed))) {
+                PyErr_Format(PyExc_ValueError, "kernel.run: argument %zd has the wrong length", i);
+                goto done;
+            }
+    }
+    Py_BEGIN_ALLOW_THREADS
+    bad = run_block(q, rows, view[T].buf, view[U].buf, view[D].buf, view[FORCE].buf, view[BUDGET].buf, view[SGN].buf,
+                    view[MATRIX_OUT].buf, view[STATE].buf, view[LL].buf, view[PROBABILITY].buf, view[CONFIDENT].buf);
+    Py_END_ALLOW_THREADS
+    if (bad) PyErr_NoMemory();
+done:
+    for (i = 0; i < opened; i++) if (args[i] != Py_None) PyBuffer_Release(&view[i]);
+    if (PyErr_Occurred()) return NULL;
+    Py_RETURN_NONE;
+}
+
+static PyMethodDef kernel_methods[] = {
+    {"step", (PyCFunction)(void (*)(void))kernel_step, METH_FASTCALL, "step(u, d_hat) -> (state, ll, probability, confident)"},
+    {"run", (PyCFunction)(void (*)(void))kernel_run, METH_FASTCALL, "run(u, d, t, force, budget, sign, matrix, *out)"},
+    {"restart", kernel_restart, METH_NOARGS, "forget history and window, keep the label"},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyType_Slot kernel_slots[] = {
+    {Py_tp_new, kernel_new},
+    {Py_tp_dealloc, kernel_dealloc},
+    {Py_tp_methods, kernel_methods},
+    {0, NULL},
+};
+
+static PyType_Spec kernel_spec = {"dsd_cli.detect._kernel.Kernel", sizeof(Kernel), 0, Py_TPFLAGS_DEFAULT, kernel_slots};
+
+static int module_exec(PyObject *module) {
+    PyObject *type = PyType_FromSpec(&kernel_spec);
+    int bad = !type || PyModule_AddObjectRef(module, "Kernel", type);
+    Py_XDECREF(type);
+    return bad ? -1 : 0;
+}
+
+static PyModuleDef_Slot module_slots[] = {{Py_mod_exec, module_exec}, {0, NULL}};
+
+static struct PyModuleDef module_def = {PyModuleDef_HEAD_INIT, "_kernel", "The compiled detection kernel.", 0, NULL,
+                                        module_slots, NULL, NULL, NULL};
+
+PyMODINIT_FUNC PyInit__kernel(void) { return PyModuleDef_Init(&module_def); }

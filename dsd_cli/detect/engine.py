@@ -1,0 +1,188 @@
+"""The online detector: one sample, an array, or chunks of any size, with the same bits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from dsd_cli.detect.grid import Grid
+from dsd_cli.detect.kernel import Backend, KernelSpec, make_kernel
+from dsd_cli.detect.settings import OFFLINE, DetectorSettings
+from dsd_cli.errors import UsageError
+from dsd_cli.signals.log import Array
+
+if TYPE_CHECKING:
+    from dsd_cli.detect.recursions import Decisions, Recursion
+
+
+class Label(NamedTuple):
+    """The state chosen at one sample."""
+
+    state: int
+    delay: float
+    inertia: float
+    log_likelihood: float
+    probability: float
+    confident: bool
+
+
+class Forces(NamedTuple):
+    """Forces of the model's effects in the interval that ends at each sample.
+
+    applied, budget : shape (n, combinations of effect values), unit of u.
+    sign : mean sign of the velocity, shape (n,); NaN at rest.
+    """
+
+    applied: Array
+    budget: Array
+    sign: Array
+
+
+@dataclass(frozen=True)
+class Labels:
+    """The states chosen for n samples; every array has shape (n,).
+
+    `log_likelihood` (of the chosen state, eq. 15) and `probability` are NaN where nothing could be judged (warm-up,
+    missing sample); `confident` is False there.
+    """
+
+    grid: Grid
+    state: Array
+    log_likelihood: Array
+    probability: Array
+    confident: Array
+
+    @property
+    def delay(self) -> Array:
+        """Delay of the chosen state, s."""
+        return self.grid.axes["delay"][self.state]
+
+    @property
+    def inertia(self) -> Array:
+        """Inertia of the chosen state."""
+        return self.grid.axes["inertia"][self.state]
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """How d_hat was measured.
+
+    Attributes
+    ----------
+    nominal_inertia : Jn of the observer.
+    time_constant : tau of Q, s.
+    sign : -1 where the log's d_hat has the opposite sign.
+    aperture : 1, or 2 where d_hat was computed from position alone (it then averages two intervals).
+    timed : every sample comes with a stamp, the clock is irregular.
+    """
+
+    sample_time: float
+    nominal_inertia: float = 1.0
+    time_constant: float = 0.01
+    sign: int = 1
+    aperture: int = 1
+    timed: bool = False
+
+
+class Engine:
+    """Disturbance State Distinction, eq. 4-9 and 14-19.
+
+    Parameters
+    ----------
+    grid : the candidate states.
+    settings : tuning.
+    measurement : sample time and observer behind d_hat.
+    backend : "compiled" or "numpy"; None takes the fastest there is.
+
+    Raises
+    ------
+    UsageError : a transition matrix that does not fit the grid; a window that does not fit into memory.
+    """
+
+    def __init__(
+        self, grid: Grid, settings: DetectorSettings, measurement: Measurement, backend: Backend | None = None
+    ) -> None:
+        settings.transition.log_matrix(len(grid))  # refuse a wrong matrix before any data is read
+        # imm, viterbi and smooth remember by their recursion: a window would count every sample M times
+        per_sample = settings.method in ("imm", *OFFLINE)
+        self.grid, self.settings, self.measurement = grid, settings, measurement
+        window = 1 if per_sample else settings.window
+        if window * len(grid) > 1e8:
+            raise UsageError(f"a window of {window} over {len(grid)} states needs too much memory", "reduce either")
+        spec = KernelSpec(
+            grid=grid,
+            settings=replace(settings, window=window),
+            alphas=measurement.nominal_inertia / np.array(grid.inertias),
+            sample_time=measurement.sample_time,
+            time_constant=measurement.time_constant,
+            sign=float(measurement.sign),
+            aperture=measurement.aperture,
+            timed=measurement.timed,
+        )
+        self._kernel = make_kernel(spec, backend)
+        self._delays, self._inertias = (grid.axes[name].tolist() for name in ("delay", "inertia"))
+        self._recursion = self._make_recursion()
+        self._step = self._kernel.step
+
+    def _make_recursion(self) -> Recursion | None:
+        if self.settings.method not in ("average", "imm"):
+            return None
+        from dsd_cli.detect import recursions
+
+        method = recursions.Averaged if self.settings.method == "average" else recursions.Mixed
+        return method(self.settings, self.grid.axis_indices(), len(self.grid))
+
+    def restart(self) -> None:
+        """Forget the history (a gap, a new recording); the last label stands until there is new evidence."""
+        self._kernel.restart()
+        if self._recursion is not None:
+            self._recursion.restart()
+
+    def step(self, u: float, d_hat: float) -> Label:
+        """Take one sample of a regular clock, for a model without effects.
+
+        Raises
+        ------
+        UsageError : a method that needs the whole log.
+        """
+        if self.settings.method in OFFLINE:
+            raise UsageError(f"method '{self.settings.method}' needs the whole log", "use dsd, average or imm online")
+        if self.settings.method != "dsd":
+            labels = self.run(np.array([u]), np.array([d_hat]))
+            state, ll = int(labels.state[0]), float(labels.log_likelihood[0])
+            probability, confident = float(labels.probability[0]), bool(labels.confident[0])
+        else:
+            state, ll, probability, confident = self._step(u, d_hat)
+        return Label(state, self._delays[state], self._inertias[state], ll, probability, confident)
+
+    def run(
+        self, u: Array, d_hat: Array | None = None, *, t: Array | None = None, forces: Forces | None = None
+    ) -> Labels:
+        """Take many samples: u and d_hat of shape (n,), or one array of shape (n, 2).
+
+        `t` is needed on an irregular clock, `forces` where the model has effects. With the methods viterbi and
+        smooth one call takes the whole log.
+        """
+        u = np.asarray(u, dtype=np.float64)
+        if d_hat is None:
+            u, d_hat = u[:, 0], u[:, 1]
+        u, d_hat = np.ascontiguousarray(u), np.ascontiguousarray(d_hat, dtype=np.float64)
+        stamps = np.ascontiguousarray(t, dtype=np.float64) if self.measurement.timed else None
+        n = len(u)
+        matrix = None if self.settings.method == "dsd" else np.empty((n, len(self.grid)))
+        state, confident = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.uint8)
+        ll, probability = np.empty(n), np.empty(n)
+        force = (None, None, None) if forces is None else tuple(np.ascontiguousarray(a) for a in forces)
+        self._kernel.run(u, d_hat, stamps, *force, matrix, state, ll, probability, confident)
+        if matrix is not None:
+            return Labels(self.grid, *self._from_likelihoods(matrix, confident))
+        return Labels(self.grid, state, ll, probability, confident.view(np.bool_))
+
+    def _from_likelihoods(self, matrix: Array, status: Array) -> Decisions:
+        if self._recursion is not None:
+            return self._recursion.feed(matrix, status)
+        from dsd_cli.detect.recursions import whole_log
+
+        return whole_log(self.settings, self.grid.axis_indices(), matrix, status)

@@ -1,0 +1,141 @@
+"""Which kernel runs: the compiled one where the build had a compiler, else its NumPy twin."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+import numpy as np
+
+from dsd_cli.detect.grid import Grid
+from dsd_cli.detect.settings import DetectorSettings
+from dsd_cli.signals.log import Array
+
+Backend = Literal["compiled", "numpy"]
+
+#: No label is formed from fewer samples than this, whatever the delays.
+LEAST_WARMUP = 16
+
+# what a row of log-likelihoods rests on (`Kernel.run` with `matrix`)
+WARMUP, PARTIAL, FULL = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class KernelSpec:
+    """All that a kernel needs to know.
+
+    Attributes
+    ----------
+    alphas : Jn / J per inertia, shape (H,).
+    combos : number of combinations of effect values, E.
+    aperture : intervals that one value of d_hat averages: 1, or 2 for an observer on position.
+    timed : the clock is irregular, every sample comes with its stamp.
+    """
+
+    grid: Grid
+    settings: DetectorSettings
+    alphas: Array
+    sample_time: float
+    time_constant: float
+    sign: float = 1.0
+    aperture: int = 1
+    timed: bool = False
+
+    @property
+    def warmup_rows(self) -> int:
+        """Samples before the delay lines are full of measured u."""
+        longest = 0 if self.timed else int(np.ceil(max(self.grid.delays) / self.sample_time - 1e-9))
+        return max(LEAST_WARMUP, longest + self.aperture)
+
+    @property
+    def pole(self) -> float:
+        """p = exp(-T / tau) of Q; 0 without Q."""
+        if not self.settings.observer_filter or self.time_constant == 0.0:
+            return 0.0
+        return float(np.exp(-self.sample_time / self.time_constant))
+
+    def taps(self) -> list[tuple[int, float]]:
+        """Per delay: whole samples and the fraction of one."""
+        out = []
+        for delay in self.grid.delays:
+            ratio = delay / self.sample_time
+            nearest = np.floor(ratio + 0.5)
+            # 0.3 / 0.001 is 299.99999999999994: a whole number of samples is meant
+            exact = nearest if abs(ratio - nearest) < 1e-9 * (1.0 + nearest) else ratio
+            out.append((int(np.floor(exact)), float(exact - np.floor(exact))))
+        return out
+
+    @property
+    def log_likelihood_constant(self) -> float:
+        """log of the factor 1 / (sqrt(2 pi) rho) of eq. 15."""
+        return float(-0.5 * np.log(2.0 * np.pi) - np.log(self.settings.rho))
+
+
+class Kernel(Protocol):
+    """One detector: `step` takes one sample, `run` many; both give the same bits in any mixture."""
+
+    def step(self, u: float, d_hat: float, /) -> tuple[int, float, float, bool]: ...
+
+    def run(self, *buffers: Any) -> None: ...
+
+    def restart(self) -> None: ...
+
+
+def _compiled_class() -> Any | None:
+    if os.environ.get("DSD_KERNEL") == "numpy":
+        return None
+    try:
+        from dsd_cli.detect._kernel import Kernel as Compiled  # type: ignore[import-not-found, unused-ignore]
+    except ImportError:
+        return None
+    return Compiled
+
+
+def active_backend() -> Backend:
+    """`compiled`, or `numpy` where there was no compiler (or DSD_KERNEL=numpy)."""
+    return "numpy" if _compiled_class() is None else "compiled"
+
+
+def make_kernel(spec: KernelSpec, backend: Backend | None = None) -> Kernel:
+    """The kernel for these states; `backend=None` takes the fastest there is."""
+    compiled = None if backend == "numpy" else _compiled_class()
+    if compiled is None:
+        from dsd_cli.detect.numpy_kernel import NumpyKernel
+
+        return NumpyKernel(spec)
+    return _make_compiled(compiled, spec)
+
+
+def _make_compiled(compiled: Any, spec: KernelSpec) -> Kernel:
+    grid, settings, transition = spec.grid, spec.settings, spec.settings.transition
+    axes = grid.axis_indices()
+    log_a = None if transition.matrix is None else np.ascontiguousarray(transition.log_matrix(len(grid)))
+    mode = 2 if log_a is not None else 0 if transition.stay is None else 1
+    stay, move = (0.0, 0.0) if log_a is not None else transition.log_stay_move(len(grid))
+    return compiled(
+        np.array(grid.delays),
+        np.ascontiguousarray(spec.alphas),
+        np.ascontiguousarray(axes),
+        log_a,
+        len(grid.delays),
+        len(grid.combinations),
+        len(grid.inertias),
+        len(axes),
+        settings.window,
+        spec.warmup_rows,
+        int(spec.timed),
+        int(settings.observer_filter),
+        spec.aperture,
+        mode,
+        spec.sample_time,
+        spec.time_constant,
+        spec.sign,
+        settings.rho,
+        spec.log_likelihood_constant,
+        settings.hold,
+        settings.confidence,
+        stay,
+        move,
+        settings.initial,
+    )

@@ -1,0 +1,167 @@
+"""The kernel in NumPy: the readable twin of `_kernel.c`, and what runs where there is no compiler.
+
+`run` works on whole blocks, `step` on one sample; the same operations in the same order, so the same bits.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dsd_cli.detect.kernel import FULL, PARTIAL, WARMUP, KernelSpec
+from dsd_cli.detect.numpy_prediction import make_prediction
+from dsd_cli.signals.log import Array
+
+#: Rows decided at once: a change of label makes the rest of its block be looked at again.
+BLOCK = 2048
+
+
+class NumpyKernel:
+    """See `kernel.Kernel`; the window is a two-block sum: prefix of this block of M, suffix of the one before."""
+
+    def __init__(self, spec: KernelSpec) -> None:
+        grid, settings = spec.grid, spec.settings
+        self._spec = spec
+        self._states = len(grid)
+        self._alphas = np.asarray(spec.alphas)
+        self._c = 0.5 / (settings.rho * settings.rho)
+        self._constant = spec.log_likelihood_constant
+        self._log_a = settings.transition.log_matrix(self._states)
+        axes = grid.axis_indices()
+        # per state: for every axis the states that have another value there
+        self._others = [[np.flatnonzero(axis != axis[state]) for axis in axes] for state in range(self._states)]
+        self._label = settings.initial
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget history and window, keep the label."""
+        self._prediction = make_prediction(self._spec)
+        self._seen = 0  # samples in windows
+        self._prefix = np.zeros(self._states)
+        self._ring = np.zeros((self._spec.settings.window + 1, self._states))
+
+    # -- one sample ------------------------------------------------------------------------------------------------
+
+    def step(self, u: float, d_hat: float, /) -> tuple[int, float, float, bool]:
+        """(state, log likelihood, probability, confident) of the next sample of a regular clock."""
+        missing = not (np.isfinite(u) and np.isfinite(d_hat))
+        y, z, warm = self._prediction.step(u, d_hat)
+        if not warm:
+            return self._label, np.nan, np.nan, False
+        slot, ring = self._seen % self._spec.settings.window, self._ring
+        square = np.zeros(self._states) if missing else np.square(y - np.multiply.outer(z, self._alphas).ravel())
+        self._prefix = self._prefix + square
+        dist = self._prefix + ring[slot + 1]
+        ring[slot] = square
+        self._turn(slot)
+        if missing:
+            return self._label, np.nan, np.nan, False
+        cost = dist * self._c - self._log_a[self._label]
+        best = cost.min()
+        self._choose(cost, best)
+        total = np.exp(best - cost).sum() if np.isfinite(best) else np.nan
+        mine = best - cost[self._label]
+        probability = float(np.exp(mine) / total) if total > 0 else 0.0
+        confident = self._seen >= self._spec.settings.window and self._leads(dist, self._label)
+        return self._label, self._constant - self._c * float(dist[self._label]), probability, bool(confident)
+
+    def _turn(self, slot: int) -> None:
+        """Count the sample; when the block of M is complete, turn it into suffix sums."""
+        self._seen += 1
+        window = self._spec.settings.window
+        if slot == window - 1:
+            self._ring[:window] = np.add.accumulate(self._ring[:window][::-1])[::-1]
+            self._prefix = np.zeros(self._states)
+
+    def _choose(self, cost: Array, best: float) -> None:
+        """Eq. 19; the last label stays unless one other state leads by more than `hold`."""
+        tie = 1e-9 * (1.0 + abs(best))
+        if not cost[self._label] - best > max(self._spec.settings.hold, tie):
+            return
+        nearest = np.flatnonzero(cost - best <= tie)
+        if nearest.size == 1:
+            self._label = int(nearest[0])
+
+    def _leads(self, dist: Array, label: int) -> Any:
+        """Whether `label` leads by `confidence` on every axis; dist of shape (..., states)."""
+        result: Any = True
+        for others in self._others[label]:
+            lead = (dist[..., others].min(axis=-1) - dist[..., label]) * self._c
+            result = np.logical_and(result, lead >= self._spec.settings.confidence)
+        return result
+
+    # -- many samples ----------------------------------------------------------------------------------------------
+
+    def run(self, *buffers: Any) -> None:
+        """run(u, d, t, force, budget, sign, matrix, state, ll, probability, confident): arrays or None."""
+        u, d, t, force, budget, sign, matrix, *out = buffers
+        begin = 0
+        while begin < len(u):
+            slot = self._seen % self._spec.settings.window
+            end = min(begin + BLOCK, len(u), begin + self._spec.settings.window - slot)
+            part = slice(begin, end)
+            cut = [None if a is None else a[part] for a in (u, d, t, force, budget, sign)]
+            self._run_block(cut, None if matrix is None else matrix[part], [a[part] for a in out])
+            begin = end
+
+    def _run_block(self, inputs: list[Any], matrix: Array | None, out: list[Array]) -> None:
+        """At most one block of the window: rows of warm-up, then rows that enter the window."""
+        y, z, warm = self._prediction.run(*inputs)
+        state, ll, probability, confident = out
+        cold = len(y) - warm
+        state[:cold], ll[:cold], probability[:cold], confident[:cold] = self._label, np.nan, np.nan, WARMUP
+        if warm == 0:
+            return
+        missing = ~(np.isfinite(inputs[0]) & np.isfinite(inputs[1]))[cold:]
+        dist, full = self._window(y[cold:], z[cold:], missing)
+        if matrix is not None:
+            matrix[cold:] = self._constant - self._c * dist
+            state[cold:], ll[cold:], probability[cold:] = self._label, np.nan, np.nan
+            confident[cold:] = np.where(missing, WARMUP, np.where(full, FULL, PARTIAL))
+            return
+        part = slice(cold, None)
+        self._decide(dist, missing, full, [state[part], ll[part], probability[part], confident[part]])
+
+    def _window(self, y: Array, z: Array, missing: Array) -> tuple[Array, Array]:
+        """Windowed squared distances of eq. 15, shape (n, states), and whether the window was full."""
+        n, window = len(y), self._spec.settings.window
+        square = np.square(y[:, None] - (z[:, :, None] * self._alphas).reshape(n, -1))
+        square[missing] = 0.0
+        slot = self._seen % window
+        prefix = np.add.accumulate(np.vstack([self._prefix, square]))[1:]
+        dist = prefix + self._ring[slot + 1 : slot + n + 1]
+        self._ring[slot : slot + n] = square
+        self._prefix = prefix[-1]
+        full = self._seen + np.arange(1, n + 1) >= window
+        self._seen += n - 1
+        self._turn(slot + n - 1)
+        return dist, full
+
+    def _decide(self, dist: Array, missing: Array, full: Array, out: list[Array]) -> None:
+        state, ll, probability, confident = out
+        begin, rows = 0, len(dist)
+        while begin < rows:  # one pass per change of label
+            cost = dist[begin:] * self._c - self._log_a[self._label]
+            best = cost.min(axis=1)
+            with np.errstate(invalid="ignore"):
+                lead = cost[:, self._label] - best
+            tie = 1e-9 * (1.0 + np.abs(best))
+            moves = np.flatnonzero((lead > np.maximum(self._spec.settings.hold, tie)) & ~missing[begin:])
+            end = begin + int(moves[0]) + 1 if moves.size else rows
+            count = end - begin
+            state[begin:end] = self._label
+            if moves.size:
+                self._choose(cost[count - 1], best[count - 1])
+                state[end - 1] = self._label
+            with np.errstate(invalid="ignore", divide="ignore"):
+                total = np.exp(best[:count, None] - cost[:count]).sum(axis=1)
+                mine = np.exp(best[:count] - cost[np.arange(count), state[begin:end]])
+                probability[begin:end] = np.nan_to_num(mine / total, nan=0.0)
+            begin = end
+        ll[:] = self._constant - self._c * dist[np.arange(rows), state]
+        confident[:] = 0
+        for label in np.unique(state):
+            here = state == label
+            confident[here] = self._leads(dist[here], int(label)) & full[here]
+        ll[missing], probability[missing], confident[missing] = np.nan, np.nan, 0

@@ -1,0 +1,41 @@
+"""The tuning of the detector."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from dsd_cli.detect.transition import Transition
+
+Method = Literal["dsd", "average", "imm", "viterbi", "smooth"]
+
+#: Methods that need the whole log before the first label.
+OFFLINE = ("viterbi", "smooth")
+
+
+@dataclass(frozen=True)
+class DetectorSettings:
+    """Tuning of the detector; the defaults are the paper's.
+
+    Attributes
+    ----------
+    method : dsd (eq. 18-19), average (eq. 7-9), imm (eq. 10), viterbi, smooth (forward-backward).
+    window : M of eq. 16-17, samples; imm, viterbi and smooth use one sample (their recursion is the memory).
+    rho : standard deviation of eq. 5, unit of u.
+    average : N of eq. 8, samples.
+    transition : A of eq. 2.
+    initial : index of the state before the first label.
+    observer_filter : predictions pass Q like the measurement; False is eq. 14 to the letter.
+    hold : nats by which another state must lead before the label changes; 0 is the paper's rule.
+    confidence : nats of lead, on every axis of the grid, for `confident`.
+    """
+
+    method: Method = "dsd"
+    window: int = 100
+    rho: float = 0.3
+    average: int = 1
+    transition: Transition = field(default_factory=Transition)
+    initial: int = 0
+    observer_filter: bool = True
+    hold: float = 0.0
+    confidence: float = 3.0
