@@ -245,16 +245,24 @@ INLINE double costs(Core *q, double nearest) {
     return lowest(low);
 }
 
-INLINE void choose(Core *q, double best) {
+/* Eq. 19. The last label stays unless another leads by more than `hold`. Where several states tie for the best, the one
+ * that changes fewest axes is taken (u constant: the delays tie, and only the inertia is known); a tie again: none. */
+static void choose(Core *q, double best) {
     const double *cost = (const double *)q->cost, tie = 1e-9 * (1.0 + fabs(best));
-    Py_ssize_t s, found = -1;
-    if (!(cost[q->label] - best > (q->hold > tie ? q->hold : tie))) return;
-    for (s = 0; s < q->padded; s++)
-        if (cost[s] - best <= tie) {
-            if (found >= 0) return;     /* a tie among others: the last label stays */
-            found = s;
+    const Py_ssize_t last = q->label;
+    Py_ssize_t s, a, found = last, most = -1;
+    if (!(cost[last] - best > (q->hold > tie ? q->hold : tie))) return;
+    for (s = 0; s < q->padded; s++) {
+        Py_ssize_t same = 0;
+        if (!(cost[s] - best <= tie)) continue;
+        for (a = 0; a < q->axes; a++) {
+            const double *id = (const double *)q->axis + a * q->padded;
+            same += id[s] == id[last];
         }
-    if (found >= 0) q->label = found;
+        if (same == most) found = last;
+        if (same > most) { found = s; most = same; }
+    }
+    q->label = found;
 }
 
 /* Is the label's lead over the best state with another value, on every axis, at least `confidence` nats? */

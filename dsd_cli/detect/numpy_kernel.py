@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dsd_cli.detect.choice import choose
 from dsd_cli.detect.kernel import FULL, PARTIAL, WARMUP, KernelSpec
 from dsd_cli.detect.numpy_prediction import make_prediction
 from dsd_cli.signals.log import Array
@@ -28,7 +29,7 @@ class NumpyKernel:
         self._c = 0.5 / (settings.rho * settings.rho)
         self._constant = spec.log_likelihood_constant
         self._log_a = settings.transition.log_matrix(self._states)
-        axes = grid.axis_indices()
+        self._axes = axes = grid.axis_indices()
         # per state: for every axis the states that have another value there
         self._others = [[np.flatnonzero(axis != axis[state]) for axis in axes] for state in range(self._states)]
         self._label = settings.initial
@@ -75,13 +76,7 @@ class NumpyKernel:
             self._prefix = np.zeros(self._states)
 
     def _choose(self, cost: Array, best: float) -> None:
-        """Eq. 19; the last label stays unless one other state leads by more than `hold`."""
-        tie = 1e-9 * (1.0 + abs(best))
-        if not cost[self._label] - best > max(self._spec.settings.hold, tie):
-            return
-        nearest = np.flatnonzero(cost - best <= tie)
-        if nearest.size == 1:
-            self._label = int(nearest[0])
+        self._label = choose(cost, best, self._label, self._axes, self._spec.settings.hold)
 
     def _leads(self, dist: Array, label: int) -> Any:
         """Whether `label` leads by `confidence` on every axis; dist of shape (..., states)."""

@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from dsd_cli.detect.choice import choose
 from dsd_cli.detect.kernel import FULL, WARMUP
 from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.signals.log import Array
@@ -43,12 +44,8 @@ class _Choice:
         self.label = settings.initial
 
     def choose(self, score: Array) -> int:
-        best = score.max()
-        tie = 1e-9 * (1.0 + abs(best)) if np.isfinite(best) else 0.0
-        if best - score[self.label] > max(self._settings.hold, tie):
-            nearest = np.flatnonzero(best - score <= tie)
-            if nearest.size == 1:
-                self.label = int(nearest[0])
+        with np.errstate(invalid="ignore"):
+            self.label = choose(-score, -score.max(), self.label, self._axes, self._settings.hold)
         return self.label
 
     def leads(self, evidence: Array, label: int) -> bool:

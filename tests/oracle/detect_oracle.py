@@ -74,7 +74,9 @@ def log(x):
 
 
 def pick(scores, last, hold=0.0):
-    """argmax; the last label stays on a tie and unless the best leads by more than `hold`."""
+    """argmax; the last label stays on a tie and unless the best leads by more than `hold`.
+
+    Noisy logs only: a tie among states other than the last does not arise there."""
     best = max(scores)
     if best == -math.inf:
         return last
