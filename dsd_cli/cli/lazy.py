@@ -9,6 +9,8 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
+from dsd_cli.cli.coercion import use_plain_coercion
+
 #: Command -> (module in `dsd_cli.cli`, function, one line for `dsd --help`). A new command is a file and a line here.
 COMMANDS = {
     "init": ("init_", "init", "Write a commented dsd.toml to start from."),
@@ -27,7 +29,9 @@ def load_command(name: str) -> Any:
     app.command(name, short_help=short_help, context_settings=settings)(
         getattr(import_module(f"dsd_cli.cli.{module}"), function)
     )
-    return get_command(app)
+    command = get_command(app)
+    use_plain_coercion(command)
+    return command
 
 
 class LazyGroup(TyperGroup):

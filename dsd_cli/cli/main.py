@@ -10,6 +10,7 @@ import typer
 from typer.main import get_command
 
 from dsd_cli import __version__
+from dsd_cli.cli.coercion import use_plain_coercion
 from dsd_cli.cli.lazy import LazyGroup
 from dsd_cli.errors import DsdError
 
@@ -79,12 +80,17 @@ def run(arguments: list[str]) -> int:
             return _fail_unexpectedly(error)
     except BrokenPipeError:
         return _leave_pipe()
+    except SystemExit as leave:  # rich's answer to a closed pipe
+        if isinstance(leave.__context__, BrokenPipeError):
+            return _leave_pipe()
+        raise
     except KeyboardInterrupt:
         return INTERRUPTED
 
 
 def _invoke(arguments: list[str]) -> int:
     group = get_command(app)
+    use_plain_coercion(group)
     if not arguments:
         with group.make_context("dsd", ["x"], resilient_parsing=True) as context:
             typer.echo(group.get_help(context), err=True)

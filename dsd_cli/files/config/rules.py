@@ -7,6 +7,7 @@ which is most of what a small `dsd detect` may add to the bare imports of numpy,
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, NamedTuple, TypeVar, dataclass_transform
 
@@ -155,7 +156,7 @@ def number(lower: float = -math.inf, above: float = -math.inf, upper: float = ma
     def read(value: Any, at: Place) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise at.wrong(value, allowed)
-        if not (abs(value) < math.inf and lower <= value <= upper and value > above):
+        if not (abs(value) <= sys.float_info.max and lower <= value <= upper and value > above):
             raise at.wrong(value, allowed if limits else "a finite number")
         return float(value)
 

@@ -1,0 +1,149 @@
+"""From a config and the columns of a log to what the detector shall do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from dsd_cli.detect.grid import Grid
+from dsd_cli.detect.session import Plan
+from dsd_cli.detect.settings import DetectorSettings
+from dsd_cli.detect.transition import Transition
+from dsd_cli.errors import DataError, UsageError
+from dsd_cli.files.config import Config, Detector, Observer, Signals, States
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import DHatSource
+
+#: s per unit of the time column.
+TIME_SCALE = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+#: Channels that d_hat can be had from, best first.
+DISTURBANCE = ("d_hat", "velocity", "position")
+TRUTH = ("true_delay", "true_inertia")
+
+
+def log_columns(signals: Signals) -> dict[str, str]:
+    """Canonical channel -> column, for all that a config names."""
+    columns = dict(signals.columns())
+    if "time" in columns:
+        columns = {"t": columns.pop("time"), **columns}
+    return columns
+
+
+def optional_columns(config: Config) -> set[str]:
+    """Channels that a log may lack: all that the config does not name itself, but u and the time."""
+    columns = log_columns(config.signals)
+    return {name for name in columns if name not in ("t", "u") and not config.says(f"signals.{name}")}
+
+
+def observer_settings(config: Config) -> ObserverSettings:
+    """[observer]."""
+    section = config.require(Observer)
+    return ObserverSettings(section.nominal_inertia, section.time_constant, section.sign)
+
+
+def plant_model(config: Config, inertia: float) -> PlantModel:
+    """[model]; where its inertia does not matter, `inertia` stands in."""
+    model = config.model
+    return PlantModel(model.inertia or inertia, model.delay, model.effects, model.rest_speed)
+
+
+def detection_plan(config: Config, found: Mapping[str, str], metadata: Mapping[str, str], name: str) -> Plan:
+    """The plan for a log with the columns `found` (canonical -> column).
+
+    Raises
+    ------
+    DataError : neither d_hat nor velocity nor position; or a channel that an effect needs is missing.
+    UsageError : something that contradicts itself in the config.
+    """
+    states = config.require(States)
+    axes = {
+        f"{effect}.{parameter}": tuple(values)
+        for effect, parameters in states.effects.items()
+        for parameter, values in parameters.items()
+    }
+    grid = Grid(tuple(states.delays), tuple(states.inertias), axes)
+    model = plant_model(config, states.inertias[0])
+    source = next((channel for channel in DISTURBANCE if channel in found), None)
+    if source is None:
+        raise DataError(
+            f"{name}: neither d_hat nor velocity nor position", "set one of them in [signals] to the log's column"
+        )
+    first = {key.split(".")[0]: values for key, values in axes.items()}
+    template = model.changed(
+        effects={
+            effect: {p: v[0] for p, v in states.effects[effect].items()} for effect in first
+        }
+    )
+    return Plan(
+        grid=grid,
+        settings=detector_settings(config, grid),
+        model=template,
+        observer=observer_settings(config),
+        d_hat_source=_source(source),
+        logged_aperture=2 if metadata.get("d_hat_source") == "position" else 1,
+        channels=_effect_channels(template, found, name),
+    )
+
+
+def _source(channel: str) -> DHatSource:
+    if channel == "d_hat":
+        return "logged"
+    return "velocity" if channel == "velocity" else "position"
+
+
+def _effect_channels(model: PlantModel, found: Mapping[str, str], name: str) -> tuple[str, ...]:
+    """Motion channels to read for the effects; the speed can be had from the position."""
+    needed = []
+    for channel, effect in model.needs().items():
+        if channel == "velocity" and "velocity" not in found and "position" in found:
+            needed.append("position")
+        elif channel in ("velocity", "position"):
+            if channel not in found:
+                raise DataError(f"{name}: no {channel}, and effect {effect} needs it", f"set [signals] {channel}")
+            needed.append(channel)
+    return tuple(dict.fromkeys(needed))
+
+
+def detector_settings(config: Config, grid: Grid) -> DetectorSettings:
+    """[detector] for this grid."""
+    section = config.require(Detector)
+    initial = 0
+    if section.initial is not None:
+        initial = grid.index(section.initial.delay, section.initial.inertia)
+    return DetectorSettings(
+        method=section.method,
+        window=section.window,
+        rho=section.rho,
+        average=section.average,
+        transition=_transition(config, section, len(grid)),
+        initial=initial,
+        observer_filter=section.observer_filter,
+        hold=section.hold,
+        confidence=section.confidence,
+    )
+
+
+def _transition(config: Config, section: Detector, states: int) -> Transition:
+    if section.transition == "uniform":
+        return Transition()
+    stay = getattr(section.transition, "stay", None)
+    if stay is not None:
+        return Transition(stay=stay)
+    path = config.resolve(getattr(section.transition, "file", ""))
+    transition = Transition(matrix=_read_matrix(path))
+    try:
+        transition.log_matrix(states)
+    except UsageError as error:
+        raise UsageError(f"{path}: {error.message}", error.hint) from None
+    return transition
+
+
+def _read_matrix(path: Path) -> np.ndarray:
+    try:
+        return np.loadtxt(path, delimiter=",", ndmin=2, encoding="utf-8-sig")
+    except OSError as error:
+        raise UsageError(f"{path}: the transition matrix cannot be read ({error.strerror})") from None
+    except ValueError as error:
+        raise UsageError(f"{path}: not a matrix of numbers ({error})", "one row per state, commas between") from None

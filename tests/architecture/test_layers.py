@@ -1,0 +1,87 @@
+"""Imports run one way, computing packages stay light, files and functions stay small. Read from the source, not run."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "dsd_cli"
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+#: Layer -> what it may import of this project; `identify` is a sibling of nothing below it.
+ALLOWED = {
+    "errors": set(),
+    "signals": {"errors"},
+    "effects": {"signals", "errors"},
+    "plant": {"effects", "signals", "errors"},
+    "detect": {"plant", "effects", "signals", "errors"},
+    "identify": {"plant", "effects", "signals", "errors"},
+    "files": {"detect", "identify", "plant", "effects", "signals", "errors"},
+    "report": {"detect", "identify", "plant", "effects", "signals", "errors"},
+    "cli": {"report", "files", "detect", "identify", "plant", "effects", "signals", "errors"},
+    "__main__": {"cli"},
+    "__init__": set(),
+}
+COMPUTING = {"errors", "signals", "effects", "plant", "detect", "identify"}
+HEAVY = {"typer", "click", "rich", "pyarrow", "pydantic", "tomlkit", "matplotlib"}
+
+
+def _layer(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def _imports(tree: ast.AST) -> Iterator[str]:
+    """Every imported name, dotted, inside functions and under TYPE_CHECKING too."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "relative imports hide the layer"
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def _id(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+@pytest.mark.parametrize("path", FILES, ids=_id)
+def test_imports_run_one_way(path: Path) -> None:
+    layer = _layer(path)
+    assert layer in ALLOWED, f"new layer {layer}: say in ALLOWED what it may import"
+    own = [name.split(".") for name in _imports(ast.parse(path.read_text("utf-8"))) if name.startswith("dsd_cli.")]
+    upward = {".".join(parts) for parts in own if parts[1] in ALLOWED and parts[1] not in ALLOWED[layer] | {layer}}
+    assert not upward
+
+
+@pytest.mark.parametrize("path", [p for p in FILES if _layer(p) in COMPUTING], ids=_id)
+def test_computing_packages_know_no_files_and_no_terminals(path: Path) -> None:
+    assert not {name.split(".")[0] for name in _imports(ast.parse(path.read_text("utf-8")))} & HEAVY
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "tests/oracle").rglob("*.py")), ids=_id)
+def test_the_oracle_imports_nothing_of_the_project(path: Path) -> None:
+    assert not [name for name in _imports(ast.parse(path.read_text("utf-8"))) if name.split(".")[0] == "dsd_cli"]
+
+
+@pytest.mark.parametrize("path", FILES, ids=_id)
+def test_files_and_functions_stay_small(path: Path) -> None:
+    source = path.read_text("utf-8")
+    assert len(source.splitlines()) <= 300
+    functions = (n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef))
+    long = {f.name: f.end_lineno - f.lineno + 1 for f in functions if f.end_lineno - f.lineno >= 60}
+    assert not long
+
+
+@pytest.mark.parametrize("path", FILES, ids=_id)
+def test_no_global_that_functions_rebind(path: Path) -> None:
+    assert not [n for n in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(n, ast.Global)]
+
+
+@pytest.mark.parametrize("path", [p for p in FILES if _layer(p) == "cli"], ids=_id)
+def test_commands_import_what_is_slow_only_when_they_run(path: Path) -> None:
+    slow = HEAVY - {"typer", "click"} | {"numpy", "scipy"}
+    top = [n for n in ast.parse(path.read_text("utf-8")).body if isinstance(n, ast.Import | ast.ImportFrom)]
+    names = {name.split(".")[0] for node in top for name in _imports(node)}
+    assert not names & slow

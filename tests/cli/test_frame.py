@@ -1,0 +1,131 @@
+"""The frame of `dsd`: help, version, exit codes, one line per failure, pipes, and what start-up imports."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from dsd_cli import __version__
+from dsd_cli.cli import main as frame
+from dsd_cli.cli.lazy import COMMANDS
+from dsd_cli.errors import CheckFailed, DataError, UsageError
+
+DSD = [sys.executable, "-m", "dsd_cli"]
+
+
+def dsd(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*DSD, *arguments], capture_output=True, text=True, check=False, env={**os.environ, **environment}
+    )
+
+
+def test_help_lists_the_commands_of_this_release() -> None:
+    done = dsd("--help")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert all(f"\n  {name} " in done.stdout for name in COMMANDS)
+    assert "\x1b" not in done.stdout
+
+
+def test_no_command_shows_the_help_as_an_error() -> None:
+    done = dsd()
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "Commands:" in done.stderr
+
+
+def test_version_names_the_kernel() -> None:
+    done = dsd("--version")
+    assert done.returncode == 0
+    assert done.stdout.startswith(f"dsd {__version__} (detector kernel: ")
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["init", "-o", "-"], ["init", "--help"]])
+def test_start_up_imports_nothing_heavy(arguments: list[str]) -> None:
+    code = f"import sys; from dsd_cli.cli.main import run; assert run({arguments}) == 0; "
+    code += "sys.stderr.write(repr(set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    heavy = {"numpy", "pyarrow", "pydantic", "tomlkit", "scipy", "matplotlib", "rich.console", "asyncio"}
+    assert not heavy & eval(done.stderr)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["detec"], "No such command 'detec'. Did you mean 'detect'?: see 'dsd --help'"),
+        (["--foo"], "No such option: --foo: see 'dsd --help'"),
+        (["effects", "--format", "xml"], "'xml' is not one of"),
+        (["effects", "--frmat", "json"], "see 'dsd effects --help'"),
+        (["effects", "rust"], "no effect 'rust': known effects are"),
+    ],
+)
+def test_a_bad_command_line_is_one_line_and_2(arguments: list[str], line: str) -> None:
+    done = dsd(*arguments)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert len(done.stderr.splitlines()) == 1
+    assert done.stderr.startswith("dsd: error: ")
+    assert line in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("failure", "code", "line"),
+    [
+        (DataError("log.csv: row 3", "mend it"), 1, "dsd: error: log.csv: row 3: mend it\n"),
+        (UsageError("dsd.toml: x"), 2, "dsd: error: dsd.toml: x\n"),
+        (CheckFailed("share 0.5"), 3, "dsd: error: share 0.5\n"),
+        (
+            FileNotFoundError(2, "No such file or directory", "x.csv"),
+            1,
+            "dsd: error: x.csv: No such file or directory\n",
+        ),
+        (KeyboardInterrupt(), 130, ""),
+        (ValueError("a\nb"), 1, "dsd: error: unexpected ValueError: a b: please report this"),
+    ],
+)
+def test_every_failure_ends_in_one_place(
+    failure: BaseException, code: int, line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(_: str) -> None:
+        raise failure
+
+    monkeypatch.delenv("DSD_DEBUG", raising=False)
+    monkeypatch.setattr("dsd_cli.files.template.template_text", fail)
+    assert frame.run(["init", "-o", "-"]) == code
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith(line)
+    assert len(said.err.splitlines()) == (1 if line else 0)
+
+
+def test_the_traceback_is_there_for_debugging(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("DSD_DEBUG", "1")
+    monkeypatch.setattr("dsd_cli.files.template.template_text", lambda _: 1 / 0)
+    assert frame.run(["init"]) == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_a_closed_pipe_ends_quietly() -> None:
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run([*DSD, "effects"], stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_effects_as_json() -> None:
+    result = json.loads(dsd("effects", "viscous_friction", "--format", "json").stdout)
+    assert (result["schema_version"], result["command"], result["log"]) == (1, "effects", None)
+    (effect,) = result["effects"]
+    assert (effect["id"], effect["law"], effect["needs"]) == ("viscous_friction", "-B v", ["velocity"])
+    assert effect["parameters"][0]["unit"] == "u/v"
+    assert (effect["parameters"][0]["lower"], effect["parameters"][0]["upper"]) == (0.0, None)
+
+
+@pytest.mark.parametrize("arguments", [["effects"], ["effects", "coulomb_friction"]])
+def test_effects_for_the_eye(arguments: list[str]) -> None:
+    done = dsd(*arguments, NO_COLOR="1", COLUMNS="120")
+    assert done.returncode == 0
+    assert "coulomb_friction" in done.stdout
+    assert "\x1b" not in done.stdout

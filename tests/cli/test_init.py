@@ -1,0 +1,57 @@
+"""`dsd init`, the real command."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dsd_cli.files.config import load_config
+from dsd_cli.files.template import template_names, template_text
+
+
+def dsd(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "dsd_cli", *arguments], cwd=cwd, capture_output=True, text=True, check=False
+    )
+
+
+def test_writes_the_commented_lab_config(tmp_path: Path) -> None:
+    done = dsd("init", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (0, "")
+    assert "dsd detect LOG -c dsd.toml" in done.stderr
+    assert [p.name for p in tmp_path.iterdir()] == ["dsd.toml"]
+    assert (tmp_path / "dsd.toml").read_text(encoding="utf-8") == template_text("lab")
+
+
+@pytest.mark.parametrize("name", template_names())
+def test_every_template_is_a_valid_config_and_named_in_the_help(name: str, tmp_path: Path) -> None:
+    assert dsd("init", "--template", name, "-o", "rig.toml", cwd=tmp_path).returncode == 0
+    load_config(tmp_path / "rig.toml")
+    assert name in " ".join(dsd("init", "--help", cwd=tmp_path).stdout.split()).replace("- ", "-")
+
+
+def test_never_overwrites_unless_forced(tmp_path: Path) -> None:
+    target = tmp_path / "dsd.toml"
+    target.write_text("mine")
+    refused = dsd("init", cwd=tmp_path)
+    assert (refused.returncode, target.read_text()) == (2, "mine")
+    assert refused.stderr.splitlines() == [
+        "dsd: error: dsd.toml exists: name another file with -o, or overwrite it with --force"
+    ]
+    assert dsd("init", "--force", "--quiet", cwd=tmp_path).stderr == ""
+    assert target.read_text(encoding="utf-8") == template_text("lab")
+
+
+def test_to_stdout(tmp_path: Path) -> None:
+    done = dsd("init", "--template", "servo", "-o", "-", cwd=tmp_path)
+    assert (done.stdout, done.stderr, list(tmp_path.iterdir())) == (template_text("servo"), "", [])
+
+
+def test_unknown_template_and_missing_folder(tmp_path: Path) -> None:
+    unknown = dsd("init", "--template", "paper", cwd=tmp_path)
+    assert unknown.returncode == 2
+    assert "templates are lab, paper-delay-change, paper-sine, paper-step, servo" in unknown.stderr
+    nowhere = dsd("init", "-o", "no/such/dsd.toml", cwd=tmp_path)
+    assert nowhere.returncode == 1
+    assert nowhere.stderr.splitlines() == ["dsd: error: no/such/dsd.toml: cannot be written: No such file or directory"]
