@@ -46,8 +46,9 @@ class PlainCoercion(NamedTuple):
 
 
 def use_plain_coercion(command: Any) -> None:
-    """Give every parameter of a plain type the coercion of this module."""
-    for param in command.params:
+    """Give every parameter of a plain type, --help included, the coercion of this module."""
+    context = typer.Context(command, **command.context_settings)
+    for param in command.get_params(context):
         descriptor = getattr(param, "type_descriptor", None)
         if descriptor is not None and getattr(param, "_runtime_param", ...) is None:
             param._runtime_param = _plain(descriptor)

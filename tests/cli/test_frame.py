@@ -4,11 +4,15 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
+from typing import Annotated
 
 import pytest
+import typer
 
 from dsd_cli import __version__
 from dsd_cli.cli import main as frame
+from dsd_cli.cli.coercion import use_plain_coercion
 from dsd_cli.cli.lazy import COMMANDS
 from dsd_cli.errors import CheckFailed, DataError, UsageError
 
@@ -129,3 +133,32 @@ def test_effects_for_the_eye(arguments: list[str]) -> None:
     assert done.returncode == 0
     assert "coulomb_friction" in done.stdout
     assert "\x1b" not in done.stdout
+
+
+def test_plain_values_are_coerced_without_typers_own_machinery() -> None:
+    app = typer.Typer()
+    got: list[object] = []
+
+    @app.command()
+    def command(
+        count: int,
+        rate: Annotated[float, typer.Option()] = 1.0,
+        names: Annotated[list[str] | None, typer.Option("--name")] = None,
+        where: Path = Path("here"),
+        flag: bool = False,
+    ) -> None:
+        got.append((count, rate, names, where, flag))
+
+    built = typer.main.get_command(app)
+    use_plain_coercion(built)
+    with built.make_context(
+        "x", ["3", "--rate", "1e-3", "--name", "a", "--name", "b", "--where", "w", "--flag"]
+    ) as ctx:
+        built.invoke(ctx)
+    with built.make_context("x", ["3"]) as ctx:
+        built.invoke(ctx)
+    assert got[0] == (3, 1e-3, ["a", "b"], Path("w"), True)
+    assert got[1][:2] == (3, 1.0)
+    assert not got[1][2]
+    with pytest.raises(typer.BadParameter, match="'3.5' is not an integer"):
+        built.make_context("x", ["3.5"])
