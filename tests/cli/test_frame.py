@@ -160,5 +160,5 @@ def test_plain_values_are_coerced_without_typers_own_machinery() -> None:
     assert got[0] == (3, 1e-3, ["a", "b"], Path("w"), True)
     assert got[1][:2] == (3, 1.0)
     assert not got[1][2]
-    with pytest.raises(typer.BadParameter, match="'3.5' is not an integer"):
+    with pytest.raises(typer.BadParameter, match=r"'3\.5' is not a(n| valid) integer"):
         built.make_context("x", ["3.5"])

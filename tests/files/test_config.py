@@ -183,8 +183,10 @@ class TestOverride:
 
     def test_the_original_stays(self) -> None:
         config = load_template("paper-step")
+        before = config.to_toml()
         config.override(["model.inertia=0.7", "detector.initial.delay=0.2"])
         assert config == load_template("paper-step")
+        assert config.to_toml() == before
         assert config.model.inertia == 1.0
 
     @pytest.mark.parametrize(
