@@ -71,19 +71,16 @@ def detection_plan(config: Config, found: Mapping[str, str], metadata: Mapping[s
             f"{name}: neither d_hat nor velocity nor position", "set one of them in [signals] to the log's column"
         )
     first = {key.split(".")[0]: values for key, values in axes.items()}
-    template = model.changed(
-        effects={
-            effect: {p: v[0] for p, v in states.effects[effect].items()} for effect in first
-        }
-    )
+    template = model.changed(effects={effect: {p: v[0] for p, v in states.effects[effect].items()} for effect in first})
+    aperture = 2 if metadata.get("d_hat_source") == "position" else 1
     return Plan(
         grid=grid,
         settings=detector_settings(config, grid),
         model=template,
         observer=observer_settings(config),
         d_hat_source=_source(source),
-        logged_aperture=2 if metadata.get("d_hat_source") == "position" else 1,
-        channels=_effect_channels(template, found, name),
+        logged_aperture=aperture,
+        channels=_effect_channels(template, found, name, from_position=aperture == 2 or source == "position"),
     )
 
 
@@ -93,11 +90,13 @@ def _source(channel: str) -> DHatSource:
     return "velocity" if channel == "velocity" else "position"
 
 
-def _effect_channels(model: PlantModel, found: Mapping[str, str], name: str) -> tuple[str, ...]:
-    """Motion channels to read for the effects; the speed can be had from the position."""
+def _effect_channels(
+    model: PlantModel, found: Mapping[str, str], name: str, from_position: bool
+) -> tuple[str, ...]:
+    """Motion channels to read for the effects; the speed can be had from the position, as d_hat was."""
     needed = []
     for channel, effect in model.needs().items():
-        if channel == "velocity" and "velocity" not in found and "position" in found:
+        if channel == "velocity" and "position" in found and (from_position or "velocity" not in found):
             needed.append("position")
         elif channel in ("velocity", "position"):
             if channel not in found:

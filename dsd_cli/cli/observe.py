@@ -1,0 +1,75 @@
+"""`dsd observe`: d_hat for a log that has none."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dsd_cli.cli.options import CONFIG_FILE, ConfigOption, LogArgument, QuietOption, SetOption
+
+if TYPE_CHECKING:
+    from dsd_cli.files.logs import LoadedLog
+    from dsd_cli.plant.model import ObserverSettings
+    from dsd_cli.signals.log import Log
+
+OutputNeeded = Annotated[
+    str, typer.Option("-o", "--output", metavar="FILE", help="Log to write (.csv or .parquet); - is stdout.")
+]
+
+
+def observe(
+    log: LogArgument,
+    output: OutputNeeded,
+    config: ConfigOption = CONFIG_FILE,
+    override: SetOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Add the observed disturbance d_hat, computed from velocity (or from position alone), to LOG.
+
+    Writes the channels that the config names, under the tool's own names. Rows that cannot be used are left out.
+    """
+    from dsd_cli.cli.plan import TIME_SCALE, log_columns, observer_settings, optional_columns
+    from dsd_cli.files.config import load_config
+    from dsd_cli.files.logs import load_log, write_log
+    from dsd_cli.files.tables_out import check_output
+
+    settings = load_config(config, override or ())
+    observer = observer_settings(settings)
+    if output != "-":
+        check_output(output, (log, config))
+    columns = log_columns(settings.signals)
+    columns.pop("d_hat", None)
+    loaded = load_log(
+        log,
+        columns,
+        optional_columns(settings),
+        sample_time=settings.signals.sample_time,
+        time_scale=TIME_SCALE[settings.signals.time_unit],
+    )
+    observed = _observed(loaded, observer)
+    write_log(output, observed, (log, config))
+    if quiet:
+        return
+    for warning in loaded.warnings:
+        typer.echo(f"dsd: warning: {log}: {warning}", err=True)
+    counts = "".join(f"; {reason} {count:,}" for reason, count in loaded.dropped.items() if count)
+    typer.echo(f"{output}: {len(observed):,} samples, d_hat computed from {observed.d_hat_source}{counts}", err=True)
+
+
+def _observed(loaded: LoadedLog, settings: ObserverSettings) -> Log:
+    """The observer starts anew wherever the samples do not continue (a gap, another recording)."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from dsd_cli.plant.observer import observe_log
+
+    log = loaded.log
+    edges = [0, *(at for at in loaded.restarts if 0 < at < len(log)), len(log)]
+    parts = [
+        observe_log(replace(log, channels={name: x[a:b] for name, x in log.channels.items()}), settings)
+        for a, b in zip(edges, edges[1:], strict=False)
+    ]
+    d_hat = np.concatenate([part["d_hat"] for part in parts])
+    return replace(log, channels={**log.channels, "d_hat": d_hat}, d_hat_source=parts[0].d_hat_source)

@@ -1,0 +1,155 @@
+"""`dsd simulate`: what would the log look like?"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dsd_cli.cli.options import CONFIG_FILE, EffectOption, QuietOption, SetOption
+
+if TYPE_CHECKING:
+    from dsd_cli.files.config import Config
+    from dsd_cli.plant.controllers import ControllerSettings
+    from dsd_cli.plant.references import Reference
+    from dsd_cli.plant.simulation import SimulationSettings
+    from dsd_cli.signals.log import Log
+
+ConfigOrNone = Annotated[
+    Path | None, typer.Option("-c", "--config", metavar="FILE", help=f"Config file of the rig; default {CONFIG_FILE}.")
+]
+OutputNeeded = Annotated[
+    str, typer.Option("-o", "--output", metavar="FILE", help="Log to write (.csv or .parquet); - is stdout.")
+]
+TemplateOption = Annotated[
+    str | None, typer.Option("--template", metavar="NAME", help="Run this template (see `dsd init`), not a config file.")
+]
+SeedOption = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the noise.")]
+NoiseOption = Annotated[
+    float | None, typer.Option("--noise", min=0.0, help="Standard deviation of the noise on d_hat, unit of u.")
+]
+DurationOption = Annotated[float | None, typer.Option("--duration", min=0.0, metavar="S", help="Length of the log, s.")]
+
+
+def simulate(
+    output: OutputNeeded,
+    config: ConfigOrNone = None,
+    template: TemplateOption = None,
+    override: SetOption = None,
+    effect: EffectOption = None,
+    seed: SeedOption = None,
+    noise: NoiseOption = None,
+    duration: DurationOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Run the delayed plant of the config (or of a template) in closed loop and write its log.
+
+    Columns: t, u, d_hat, position, velocity, reference, and the truth (true_delay, true_inertia). Config and seed go
+    into the Parquet metadata, or beside a CSV file into FILE.meta.json.
+    """
+    from dsd_cli.files.logs import write_log
+    from dsd_cli.files.tables_out import check_output
+    from dsd_cli.plant.simulation import simulate as run
+
+    settings = _config(config, template)
+    values = {"seed": seed, "noise": noise, "duration": duration}
+    given = [f"simulate.{name}={value!r}" for name, value in values.items() if value is not None]
+    settings = settings.override([*(override or ()), *given], effect or ())
+    if output != "-":
+        check_output(output, () if config is None else (config,))
+    log = run(simulation_settings(settings))
+    write_log(output, _with_provenance(log, settings))
+    if not quiet:
+        typer.echo(f"{output}: {len(log):,} samples, {log.sample_time * 1e3:g} ms apart", err=True)
+
+
+def _config(config: Path | None, template: str | None) -> Config:
+    from dsd_cli.errors import UsageError
+    from dsd_cli.files.config import load_config
+    from dsd_cli.files.template import load_template
+
+    if template is not None and config is not None:
+        raise UsageError("--config and --template", "give one of them")
+    return load_template(template) if template is not None else load_config(config or CONFIG_FILE)
+
+
+def _with_provenance(log: Log, settings: Config) -> Log:
+    from dataclasses import replace
+
+    from dsd_cli import __version__
+    from dsd_cli.files.config import Simulate
+
+    seed = settings.require(Simulate).seed
+    return replace(log, metadata={"dsd_version": __version__, "seed": str(seed), "config": settings.to_toml()})
+
+
+def simulation_settings(settings: Config) -> SimulationSettings:
+    """[observer], [model] and [simulate] as the plant package takes them.
+
+    Raises
+    ------
+    UsageError : a section is missing.
+    """
+    from dsd_cli.cli.plan import observer_settings, plant_model
+    from dsd_cli.files.config import Simulate
+    from dsd_cli.plant.simulation import Event, Measurement, SimulationSettings
+
+    section = settings.require(Simulate)
+    return SimulationSettings(
+        model=plant_model(settings, settings.require_inertia()),
+        duration=section.duration,
+        sample_time=section.sample_time,
+        observer=observer_settings(settings),
+        controller=_controller(settings),
+        reference=_reference(settings),
+        events=tuple(Event(e.time, e.delay, e.inertia, e.effects) for e in section.events),
+        measurement=Measurement(
+            section.noise, section.position_noise, section.velocity_noise, section.encoder_step, section.seed
+        ),
+    )
+
+
+def _controller(settings: Config) -> ControllerSettings:
+    """[simulate.controller]; gains by the coefficient diagram method unless kp and kd are given."""
+    import math
+
+    from dsd_cli.files.config import Observer, Simulate
+    from dsd_cli.plant.controllers import ControllerSettings, Gains, cdm_gains
+
+    section = settings.require(Simulate).controller
+    nominal = settings.require(Observer).nominal_inertia
+    if section.kp is not None and section.kd is not None:
+        gains = Gains(section.kp, section.kd)
+    elif section.time_constant is not None:
+        gains = cdm_gains(section.time_constant, nominal, section.gamma)
+    else:
+        gains = Gains(0.0, 0.0)
+    limit = math.inf if section.limit is None else section.limit
+    return ControllerSettings(section.kind, gains, section.derivative, limit)
+
+
+def _reference(settings: Config) -> Reference:
+    """[simulate.reference]."""
+    from dsd_cli.files import config as sections
+    from dsd_cli.plant import references
+
+    section = settings.require(sections.Simulate)
+    match section.reference:
+        case sections.Step() as step:
+            return references.Step(step.time, step.amplitude)
+        case sections.Sine() as sine:
+            return references.Sine(sine.frequency, sine.amplitude, sine.start)
+        case sections.Multisine() as sines:
+            return references.Multisine(sines.frequencies, sines.amplitude, sines.seed)
+        case sections.Trapezoid() as moves:
+            return references.Trapezoids(moves.distance, moves.speed, moves.acceleration, moves.dwell, moves.start)
+        case sections.Column() as column:
+            return references.Samples(_read_column(settings.resolve(column.file), column.column))
+
+
+def _read_column(path: Path, column: str) -> tuple[float, ...]:
+    from dsd_cli.files.tables_in import open_table
+
+    table = open_table(path, {"reference": column})
+    return tuple(value for batch in table.batches() for value in batch.columns["reference"].tolist())

@@ -1,0 +1,282 @@
+"""From cleaned pieces of a log to one label per row of the log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from dsd_cli.detect.engine import Engine, Forces, Labels, Measurement
+from dsd_cli.detect.grid import Grid
+from dsd_cli.detect.kernel import Backend
+from dsd_cli.detect.settings import OFFLINE, DetectorSettings
+from dsd_cli.effects import Channels
+from dsd_cli.plant.forces import Sample, interval_channels, interval_forces
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.plant.observer import APERTURE, DisturbanceObserver
+from dsd_cli.signals.cleaning import Cleaner, Piece
+from dsd_cli.signals.log import Array, DHatSource
+
+
+class Rows(NamedTuple):
+    """Labels of consecutive rows of the log, each array of shape (n,).
+
+    Dropped rows (and rows of warm-up) carry the last label, NaN likelihood and probability, and confident = False.
+    """
+
+    t: Array
+    state: Array
+    log_likelihood: Array
+    probability: Array
+    confident: Array
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to detect, and how the log measures it.
+
+    Attributes
+    ----------
+    model : what all states share; its effects apply to every state.
+    d_hat_source : "logged", or what the observer computes d_hat from.
+    aperture : intervals one logged value of d_hat averages (2 for a d_hat that was computed from position).
+    channels : channels to read beside u and d_hat, needed by effects.
+    """
+
+    grid: Grid
+    settings: DetectorSettings
+    model: PlantModel
+    observer: ObserverSettings
+    d_hat_source: DHatSource = "logged"
+    logged_aperture: int = 1
+    channels: tuple[str, ...] = ()
+    backend: Backend | None = None
+    effects: list[PlantModel] = field(init=False)
+
+    def __post_init__(self) -> None:
+        models = []
+        for combination in self.grid.combinations:
+            values: dict[str, dict[str, float]] = {}
+            for name, value in combination.items():
+                effect, parameter = name.split(".", 1)
+                values.setdefault(effect, {})[parameter] = value
+            models.append(self.model.changed(effects=values))
+        object.__setattr__(self, "effects", models)
+
+    @property
+    def measured(self) -> str:
+        """The column that carries the disturbance."""
+        return "d_hat" if self.d_hat_source == "logged" else self.d_hat_source
+
+    @property
+    def columns(self) -> list[str]:
+        """Channels needed in every row."""
+        return list(dict.fromkeys(["u", self.measured, *self.channels]))
+
+    @property
+    def aperture(self) -> int:
+        """Intervals that one value of d_hat averages."""
+        return self.logged_aperture if self.d_hat_source == "logged" else APERTURE[self.d_hat_source]
+
+
+class Session:
+    """Feed raw rows, get labels: cleaning, observer, effect forces and engine in a row.
+
+    Online methods give the labels of every row as soon as its clock is known; viterbi and smooth give all at
+    `finish`.
+    """
+
+    def __init__(self, plan: Plan, cleaner: Cleaner) -> None:
+        self.plan, self.cleaner = plan, cleaner
+        self.engine: Engine | None = None
+        self._observer: DisturbanceObserver | None = None
+        self._last_t: float | None = None
+        self._before: Sample | None = None
+        self._label = plan.settings.initial
+        self._waiting: list[Piece] = []
+        self._early = 0
+
+    @property
+    def label(self) -> int:
+        """The state chosen last."""
+        return self._label
+
+    def feed(self, t: Array | None, values: Mapping[str, Array], restart: bool = False) -> Iterator[Rows]:
+        """Rows as they are in the log, shape (n,) each; `restart`: they begin another recording."""
+        if restart:
+            yield from self._label_pieces(self.cleaner.restart())
+        yield from self._label_pieces(self.cleaner.feed(t, {name: values[name] for name in self.plan.columns}))
+
+    def held(self, t: Array) -> Rows | None:
+        """Labels of the rows that a live stream just fed, if they wait for the clock: they are rows of the warm-up.
+
+        `feed` then leaves them out when they come.
+        """
+        new = self.cleaner.held - self._early
+        if new <= 0:
+            return None
+        self._early += new
+        nothing = np.full(new, np.nan)
+        state = np.full(new, self._label, dtype=np.int32)
+        return Rows(t[-new:], state, nothing, nothing, np.zeros(new, dtype=np.bool_))
+
+    def _after_early(self, rows: Rows) -> Rows:
+        skip = min(self._early, rows.state.size)
+        self._early -= skip
+        return Rows(*(column[skip:] for column in rows)) if skip else rows
+
+    def finish(self) -> Iterator[Rows]:
+        """The end of the log."""
+        yield from self._label_pieces(self.cleaner.finish())
+        if self._waiting:
+            yield from self._offline()
+
+    # -- pieces ----------------------------------------------------------------------------------------------------
+
+    def _label_pieces(self, pieces: list[Piece]) -> Iterator[Rows]:
+        if self.plan.settings.method in OFFLINE:
+            self._waiting += pieces
+            return
+        for piece in pieces:
+            if piece.restart:
+                self._restart()
+            yield self._after_early(self._to_rows(piece, self._run(piece) if piece.t.size else None))
+
+    def _offline(self) -> Iterator[Rows]:
+        """Every recording of the log as a whole: one engine run from restart to restart."""
+        runs: list[list[Piece]] = []
+        for piece in self._waiting:
+            if piece.restart or not runs:
+                runs.append([])
+            runs[-1].append(piece)
+        self._waiting = []
+        for run in runs:
+            self._restart()
+            inputs = [self._inputs(piece) for piece in run if piece.t.size]
+            labels = self._run_inputs(_joined(inputs)) if inputs else None
+            begin = 0
+            for piece in run:
+                end = begin + piece.t.size
+                yield self._to_rows(piece, _cut(labels, begin, end) if labels is not None and end > begin else None)
+                begin = end
+
+    def _restart(self) -> None:
+        if self.engine is not None:
+            self.engine.restart()
+        self._observer, self._last_t, self._before = None, None, None
+
+    def _run(self, piece: Piece) -> Labels:
+        return self._run_inputs(self._inputs(piece))
+
+    def _run_inputs(self, inputs: _Inputs) -> Labels:
+        return self._engine_now().run(inputs.u, inputs.d_hat, t=inputs.t, forces=inputs.forces)
+
+    def _engine_now(self) -> Engine:
+        if self.engine is None:
+            plan, regular = self.plan, self.cleaner.regular
+            measurement = Measurement(
+                sample_time=self._sample_time(),
+                nominal_inertia=plan.observer.nominal_inertia,
+                time_constant=plan.observer.time_constant,
+                sign=plan.observer.sign,
+                aperture=plan.aperture,
+                timed=not regular,
+            )
+            self.engine = Engine(plan.grid, replace(plan.settings), measurement, plan.backend)
+        return self.engine
+
+    def _sample_time(self) -> float:
+        sample_time = self.cleaner.sample_time
+        assert sample_time is not None, "pieces come only after the clock is settled"
+        return sample_time
+
+    def _inputs(self, piece: Piece) -> _Inputs:
+        u = piece.values["u"]
+        d_hat = piece.values[self.plan.measured]
+        if self.plan.d_hat_source != "logged":
+            if self._observer is None:
+                self._observer = DisturbanceObserver(
+                    self.plan.observer, self._sample_time(), self.plan.d_hat_source
+                )
+            d_hat = self._observer.run(u, d_hat, piece.stamps)
+        forces = self._forces(piece) if any(model.effects for model in self.plan.effects) else None
+        self._last_t = float(piece.t[-1])
+        return _Inputs(u, d_hat, piece.t, forces)
+
+    def _forces(self, piece: Piece) -> Forces:
+        """Forces of every combination of effect values, per interval that ends at a sample."""
+        velocity, position = piece.values.get("velocity"), piece.values.get("position")
+        if self.plan.aperture == 2 and position is not None:
+            velocity = None  # the speed then is the same difference of positions that d_hat was made from
+        interval: float | Array = self._sample_time()
+        if piece.stamps is not None:
+            start = piece.t[0] - interval if self._last_t is None else self._last_t
+            interval = np.diff(piece.t, prepend=start)
+        u, n = piece.values["u"], piece.t.size
+        missing = np.full(n, np.nan)
+        if velocity is None and position is None:
+            channels, sign = Channels(piece.t, u, missing, missing), np.zeros(n)
+        else:
+            means = interval_channels(velocity, position, interval, self.plan.model.rest_speed, self._before)
+            channels, sign = Channels(piece.t, u, means.velocity, means.position), means.sign
+            self._before = Sample(
+                None if velocity is None else float(velocity[-1]), None if position is None else float(position[-1])
+            )
+        pairs = [interval_forces(model.effects, channels) for model in self.plan.effects]
+        applied, budget = (np.column_stack([np.broadcast_to(pair[i], n) for pair in pairs]) for i in (0, 1))
+        return Forces(applied, budget, sign)
+
+    # -- rows ------------------------------------------------------------------------------------------------------
+
+    def _to_rows(self, piece: Piece, labels: Labels | None) -> Rows:
+        """Samples back to the rows they came from; every row gets a label."""
+        if labels is not None and piece.keep is None:
+            self._label = int(labels.state[-1])
+            return Rows(piece.row_t, labels.state, labels.log_likelihood, labels.probability, labels.confident)
+        n = piece.rows
+        out = Rows(
+            piece.row_t,
+            np.full(n, self._label, dtype=np.int32),
+            np.full(n, np.nan),
+            np.full(n, np.nan),
+            np.zeros(n, dtype=np.bool_),
+        )
+        if labels is None or piece.keep is None:
+            return out
+        at = np.flatnonzero(piece.keep >= 0)
+        rows = piece.keep[at]
+        for target, source in zip(out[1:], labels_arrays(labels), strict=True):
+            target[rows] = source[at]
+        kept = np.zeros(n, dtype=np.int64)
+        kept[rows] = rows + 1
+        last = np.maximum.accumulate(kept) - 1
+        out.state[last >= 0] = out.state[last[last >= 0]]
+        self._label = int(out.state[-1]) if n else self._label
+        return out
+
+
+class _Inputs(NamedTuple):
+    u: Array
+    d_hat: Array
+    t: Array
+    forces: Forces | None
+
+
+def labels_arrays(labels: Labels) -> tuple[Array, Array, Array, Array]:
+    """state, log_likelihood, probability, confident."""
+    return labels.state, labels.log_likelihood, labels.probability, labels.confident
+
+
+def _joined(inputs: list[_Inputs]) -> _Inputs:
+    forces = None
+    if inputs[0].forces is not None:
+        parts = [part.forces for part in inputs if part.forces is not None]
+        forces = Forces(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    u, d_hat, t = (np.concatenate([part[i] for part in inputs]) for i in range(3))
+    return _Inputs(u, d_hat, t, forces)
+
+
+def _cut(labels: Labels, begin: int, end: int) -> Labels:
+    return Labels(labels.grid, *(column[begin:end] for column in labels_arrays(labels)))

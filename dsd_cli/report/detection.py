@@ -1,0 +1,163 @@
+"""The result of `dsd detect` as JSON and as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from dsd_cli.detect.summary import Segment, StateShare, Summary
+
+#: Rows of a table on the screen; the JSON has all.
+MOST_STATES, MOST_SEGMENTS = 12, 15
+
+
+@dataclass(frozen=True)
+class Detection:
+    """A summary and where it came from."""
+
+    log: str
+    summary: Summary
+    method: str
+    kernel: str
+    sample_time: float | None
+    regular: bool | None
+    d_hat_source: str
+    rho: float
+    dropped: Mapping[str, int]
+    warnings: tuple[str, ...]
+
+    @property
+    def explains(self) -> bool:
+        """Whether the chosen states leave no more than twice rho: else no candidate explains the data."""
+        rms = self.summary.residual_rms
+        return rms is None or rms <= 2.0 * self.rho
+
+
+def to_json(result: Detection) -> dict[str, Any]:
+    """The object of the contract; keys of further axes stand beside delay and inertia."""
+    summary = result.summary
+    out: dict[str, Any] = {
+        "schema_version": 1,
+        "command": "detect",
+        "log": result.log,
+        "method": result.method,
+        "kernel": result.kernel,
+        "sample_time": result.sample_time,
+        "clock": {True: "regular", False: "irregular", None: None}[result.regular],
+        "d_hat": result.d_hat_source,
+        "samples": summary.samples,
+        "judged": summary.judged,
+        "confident_share": summary.confident_share,
+        "residual_rms": summary.residual_rms,
+        "rho": result.rho,
+        "states": [_state(state) for state in summary.states],
+        "segments": [_segment(segment) for segment in summary.segments],
+        "segments_total": summary.segments_total,
+        "final": {**summary.final, "confident": summary.final_confident},
+        "dropped": [{"reason": reason, "count": count} for reason, count in result.dropped.items()],
+        "warnings": list(result.warnings),
+    }
+    if summary.truth is not None:
+        out["truth"] = asdict(summary.truth)
+    if summary.checks:
+        out["checks"] = [asdict(check) for check in summary.checks]
+    return out
+
+
+def _state(state: StateShare) -> dict[str, Any]:
+    return {"index": state.index, **state.values, "share": state.share, "confident_share": state.confident_share}
+
+
+def _segment(segment: Segment) -> dict[str, Any]:
+    return {
+        "start": segment.start,
+        "end": segment.end,
+        "state": segment.state,
+        **segment.values,
+        "confident_share": segment.confident_share,
+    }
+
+
+def print_table(result: Detection, file: Any) -> None:
+    """The summary for a person."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(file=file, highlight=False, soft_wrap=True)
+    summary = result.summary
+    console.print(f"[bold]{_escaped(result.log)}[/bold]: {_first_line(result)}")
+    axes = list(summary.final)
+    table = Table(box=box.SIMPLE_HEAD, title="states chosen", title_justify="left", title_style="")
+    for name in ("state", *(_heading(axis) for axis in axes), "of all samples", "of confident ones"):
+        table.add_column(name, justify="right")
+    chosen = sorted((s for s in summary.states if s.share > 0), key=lambda s: -s.share)
+    for state in chosen[:MOST_STATES]:
+        values = [f"{value:g}" for value in state.values.values()]
+        table.add_row(str(state.index), *values, _percent(state.share), _percent(state.confident_share))
+    console.print(table)
+    _more(console, len(chosen), MOST_STATES, "states")
+    table = Table(box=box.SIMPLE_HEAD, title="segments of one label", title_justify="left", title_style="")
+    for name in ("from s", "to s", *(_heading(axis) for axis in axes), "confident"):
+        table.add_column(name, justify="right")
+    for segment in summary.segments[:MOST_SEGMENTS]:
+        values = [f"{value:g}" for value in segment.values.values()]
+        table.add_row(f"{segment.start:g}", f"{segment.end:g}", *values, _percent(segment.confident_share))
+    console.print(table)
+    _more(console, summary.segments_total, MOST_SEGMENTS, "segments")
+    for line in _closing_lines(result):
+        console.print(line)
+
+
+def _first_line(result: Detection) -> str:
+    summary = result.summary
+    clock = "" if result.sample_time is None else f", {result.sample_time * 1e3:.6g} ms apart"
+    clock += "" if result.regular in (True, None) else " (irregular stamps)"
+    source = "" if result.d_hat_source == "logged" else f"; d_hat computed from {result.d_hat_source}"
+    sure = _percent(summary.confident_share)
+    return f"{summary.samples:,} samples{clock}{source}; {summary.judged:,} judged, {sure} confident"
+
+
+def _closing_lines(result: Detection) -> list[str]:
+    summary = result.summary
+    final = ", ".join(f"{name} {value:g}" for name, value in summary.final.items())
+    lines = [f"final: {final} ({'confident' if summary.final_confident else 'not confident'})"]
+    if summary.residual_rms is not None:
+        line = f"left unexplained by the labels: {summary.residual_rms:.3g} (rms of d_hat, rho is {result.rho:g})"
+        if not result.explains:
+            line += "\n[bold]no candidate explains this log[/bold]: widen the grid, or the model lacks an effect"
+        lines.append(line)
+    truth = summary.truth
+    if truth is not None:
+        parts = [f"truth in the log: {_percent(truth.share_correct)} of {truth.samples:,} judged labels are right"]
+        if truth.share_correct_confident is not None:
+            parts.append(f"{_percent(truth.share_correct_confident)} of the confident ones")
+        lines.append(", ".join(parts))
+    for check in summary.checks:
+        verdict = "holds" if check.holds else "does not hold"
+        of = f"{_percent(check.share)} of {check.samples:,} samples, {_percent(check.min_share)} asked"
+        lines.append(f"expected {check.axis} {check.value:g}: {verdict} ({of})")
+    if result.dropped:
+        counts = ", ".join(f"{reason} {count:,}" for reason, count in result.dropped.items())
+        lines.append(f"rows not taken as they are: {_escaped(counts)}")
+    return lines
+
+
+def _heading(axis: str) -> str:
+    return {"delay": "delay s", "inertia": "inertia"}.get(axis, axis)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %"
+
+
+def _more(console: Any, total: int, shown: int, what: str) -> None:
+    if total > shown:
+        console.print(f"  and {total - shown:,} more {what} (--format json lists them)")
+
+
+def _escaped(text: str) -> str:
+    from rich.markup import escape
+
+    return escape(text)
