@@ -6,7 +6,7 @@ Signs are those of this project: d_hat = Q { Jn a - u }.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 from dsd_cli.errors import UsageError
@@ -45,7 +45,7 @@ class ControllerSettings:
     """
 
     kind: Kind = "network_observer"
-    gains: Gains = cdm_gains()
+    gains: Gains = field(default_factory=cdm_gains)
     derivative: Derivative = "output"
     limit: float = math.inf
 

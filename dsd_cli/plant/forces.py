@@ -5,10 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.effects import Channels, Role, get_effect
 from dsd_cli.plant.model import EffectValues
 from dsd_cli.signals.log import Array
+
+Mask = NDArray[np.bool_]
 
 
 class Sample(NamedTuple):
@@ -45,8 +48,8 @@ def interval_channels(
     Without velocity the mean speed is diff(q)/T, and friction goes by that. The first sample of a log (no `previous`)
     has no interval: it stands for itself.
     """
-    shape = np.shape(velocity if velocity is not None else position)
-    missing = np.full(shape, np.nan)
+    given = velocity if velocity is not None else position
+    missing = np.full(0 if given is None else len(given), np.nan)
     before = previous or Sample(None, None)
     ends = None if position is None else _with_previous(position, before.position)
     mean_position = missing if ends is None else 0.5 * (ends[:-1] + ends[1:])
@@ -68,7 +71,7 @@ def _with_previous(x: Array, previous: float | None) -> Array:
     return np.concatenate([x[:1] if previous is None else [previous], x])
 
 
-def _rest(a: Array, b: Array, rest_speed: float) -> tuple[Array, Array]:
+def _rest(a: Array, b: Array, rest_speed: float) -> tuple[Mask, Mask]:
     """Intervals at rest, and those that start, stop or turn."""
     slow_a, slow_b = np.abs(a) <= rest_speed, np.abs(b) <= rest_speed
     return slow_a & slow_b, (slow_a ^ slow_b) | ((a * b < 0.0) & ~(slow_a & slow_b))

@@ -38,9 +38,7 @@ __all__ = [
 ]
 
 
-def predict_d_hat(
-    model: PlantModel, log: Log, observer: ObserverSettings, observer_filter: bool = True
-) -> Array:
+def predict_d_hat(model: PlantModel, log: Log, observer: ObserverSettings, observer_filter: bool = True) -> Array:
     """d_hat as the model predicts it from u and the motion in the log, with the sign of the log's d_hat.
 
     Parameters
@@ -85,7 +83,7 @@ def _mean_u(log: Log, stamps: Array | None, delay: float, lag: int) -> Array:
 def _net_force(model: PlantModel, log: Log, drive: Array, intervals: Array) -> Array:
     if not model.effects:
         return drive
-    velocity, position = (log[name] if name in log else None for name in ("velocity", "position"))
+    velocity, position = (log.channels.get(name) for name in ("velocity", "position"))
     _check_needs(model, log)
     if velocity is None and position is None:
         unknown = np.full(len(log), np.nan)

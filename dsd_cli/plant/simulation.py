@@ -123,9 +123,7 @@ class _Loop:
         source: Source = "position" if encoder else settings.observe_from
         settled = settings.observer.nominal_inertia * self.plant.acceleration(0.0, 0.0)
         self.observer = DisturbanceObserver(settings.observer, settings.sample_time, source, settled)
-        self.controller = Controller(
-            settings.controller, settings.observer.nominal_inertia, settings.sample_time
-        )
+        self.controller = Controller(settings.controller, settings.observer.nominal_inertia, settings.sample_time)
         self.u: list[float] = []  # the whole past: an event may lengthen the delay
         self._encoder: float | None = None  # last encoder position
 
@@ -198,5 +196,5 @@ def _stamps(samples: int, sample_time: float) -> Array:
     """k T, as k / rate where the rate is whole: 0.003 instead of 0.0030000000000000001."""
     rate = round(1.0 / sample_time)
     if rate > 0 and abs(rate * sample_time - 1.0) < 1e-12:
-        return np.arange(samples) / rate
-    return sample_time * np.arange(samples)
+        return np.arange(samples, dtype=np.float64) / rate
+    return np.arange(samples, dtype=np.float64) * sample_time
