@@ -104,3 +104,12 @@ def test_observe_log_prefers_velocity_and_honours_the_sign():
 def test_observe_log_says_what_is_missing(channels, word):
     with pytest.raises(DataError, match=word):
         observe_log(Log(channels, T), ObserverSettings())
+
+
+@pytest.mark.parametrize("tau", [0.0, 0.003])
+def test_irregular_stamps_see_a_constant_acceleration(tau):
+    """Jn = 1, u = 0, a = 3 and jittering stamps: d_hat is 3, whatever the intervals."""
+    t = np.cumsum(np.random.default_rng(5).uniform(0.3, 1.7, 60)) * T
+    for source, measured in (("velocity", 3 * t), ("position", 1.5 * t**2)):
+        d_hat = DisturbanceObserver(ObserverSettings(time_constant=tau), T, source, initial=3.0).run(0 * t, measured, t)
+        np.testing.assert_allclose(d_hat, 3.0, rtol=1e-6)
