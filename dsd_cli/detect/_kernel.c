@@ -20,8 +20,6 @@
 #include <string.h>
 
 #define LANES 4
-typedef double v4 __attribute__((vector_size(32), aligned(32), may_alias));
-typedef int64_t i4 __attribute__((vector_size(32), aligned(32), may_alias));
 
 #if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__)
 #define DISPATCH __attribute__((target_clones("avx2", "default")))
@@ -42,8 +40,9 @@ typedef struct {
     double *delay, *frac;
     int64_t *whole;
     int32_t *state_of;              /* per lane */
-    v4 *alpha_lanes, *pad, *log_a;  /* Jn/J and 0 (infinity in padding) per lane of a group; log A, a row per state */
-    v4 *axis;                       /* axes x padded: which value of the axis a state has */
+    double *alpha, *log_a;          /* Jn/J per lane of a group; log A, a row per lane */
+    uint8_t *axis_is_inertia;
+    double *axis;                   /* axes x padded: which value of the axis a state has */
     /* carried */
     int64_t k, count;               /* samples seen, samples that entered the window */
     int warm;
@@ -53,8 +52,8 @@ typedef struct {
     int64_t cap, *pointer;          /* per delay: the piece of u where the next interval starts (timed) */
     double w, u_mean, interval;     /* Q u; last interval's mean u and length (aperture 2) */
     double *z, *raw;                /* per group: Q z, last raw z */
-    v4 *prefix, *ring, *dist, *cost;
-    void *block;                    /* the one aligned allocation behind the v4 arrays */
+    double *prefix, *ring, *dist, *cost, *column, *row;
+    void *block;                    /* the one aligned allocation behind these arrays */
 } Core;
 
 typedef struct { double ll, probability; int32_t state; uint8_t confident, status; } Result;
@@ -158,6 +157,10 @@ INLINE void predict(Core *q, const double *force, const double *budget, double s
 
 /* ---- stage 2: windowed distances, eq. 15-17 ------------------------------------------------------------------ */
 
+/* GCC's vector extensions: the loops below do not vectorise by themselves, because of the running minima. */
+typedef double v4 __attribute__((vector_size(32), aligned(32), may_alias));
+typedef int64_t i4 __attribute__((vector_size(32), aligned(32), may_alias));
+
 INLINE v4 splat(double x) { return (v4){x, x, x, x}; }
 INLINE v4 pick(i4 mask, v4 a, v4 b) { return (v4)((mask & (i4)a) | (~mask & (i4)b)); }
 INLINE v4 smaller(v4 a, v4 b) { return pick(a < b, a, b); }
@@ -166,48 +169,61 @@ INLINE double lowest(v4 m) {
     return a < b ? a : b;
 }
 
-/* The block of M squares is complete: turn it into suffix sums, and start a new prefix. */
-static void turn_block(Core *q) {
-    const Py_ssize_t nv = q->padded / LANES;
-    Py_ssize_t j, v;
-    for (j = q->window - 2; j >= 0; j--) {
-        v4 *a = q->ring + j * nv;
-        for (v = 0; v < nv; v++) a[v] += a[v + nv];
-    }
-    memset(q->prefix, 0, sizeof(v4) * nv);
+/* Padding lanes are at infinity, in the prefix and so in every distance. */
+static void clear_prefix(Core *q) {
+    const Py_ssize_t width = q->padded / q->groups;
+    Py_ssize_t s;
+    for (s = 0; s < q->padded; s++) q->prefix[s] = s % width < q->inertias ? 0.0 : INFINITY;
 }
 
-/* Fills q->dist, and returns the smallest distance. Padding lanes stay at infinity: alpha is infinite there. */
+/* The block of M squares is complete: turn it into suffix sums, and start a new prefix. */
+static void turn_block(Core *q) {
+    const Py_ssize_t n = q->padded;
+    Py_ssize_t j, s;
+    for (j = q->window - 2; j >= 0; j--) {
+        double *restrict a = q->ring + j * n;
+        const double *restrict next = a + n;
+        for (s = 0; s < n; s++) a[s] += next[s];
+    }
+    clear_prefix(q);
+}
+
+/* Fills dist, and the smallest distance per group (`row`) and per inertia (`column`). Returns the smallest of all. */
 INLINE double window(Core *q, double y, int missing) {
-    const Py_ssize_t nv = q->padded / LANES, nh = nv / q->groups, i = q->slot;
-    v4 *restrict slot = q->ring + i * nv, *restrict prefix = q->prefix, *restrict dist = q->dist;
-    const v4 *restrict alpha = q->alpha_lanes, *restrict pad = q->pad;
-    v4 low = splat(INFINITY);
+    const Py_ssize_t nv = q->padded / LANES, nh = nv / q->groups;
+    v4 *restrict slot = (v4 *)q->ring + q->slot * nv, *restrict prefix = (v4 *)q->prefix;
+    v4 *restrict dist = (v4 *)q->dist, *restrict column = (v4 *)q->column;
+    const v4 *restrict suffix = (v4 *)q->ring + (q->slot + 1) * nv, *restrict alpha = (v4 *)q->alpha;
+    const v4 yy = splat(missing ? 0.0 : y);
+    double best = INFINITY, lowest_of_group;
     Py_ssize_t g, h, v = 0;
-    if (missing) y = 0.0;
+    for (h = 0; h < nh; h++) column[h] = splat(INFINITY);
     for (g = 0; g < q->groups; g++) {
-        const v4 z = splat(missing ? 0.0 : q->z[g]), yy = splat(y);
+        const v4 z = splat(missing ? 0.0 : q->z[g]);
+        v4 low = splat(INFINITY);
         for (h = 0; h < nh; h++, v++) {
-            const v4 r = yy - alpha[h] * z;
-            const v4 square = r * r;
-            prefix[v] += square;
-            dist[v] = prefix[v] + (slot + nv)[v] + pad[h];
+            const v4 r = yy - alpha[h] * z, square = r * r, sum = prefix[v] + square, d = sum + suffix[v];
+            prefix[v] = sum;
             slot[v] = square;
-            low = smaller(dist[v], low);
+            dist[v] = d;
+            low = smaller(d, low);
+            column[h] = smaller(d, column[h]);
         }
+        q->row[g] = lowest_of_group = lowest(low);
+        best = lowest_of_group < best ? lowest_of_group : best;
     }
     q->count++;
     if (++q->slot == q->window) {
         q->slot = 0;
         turn_block(q);
     }
-    return lowest(low);
+    return best;
 }
 
 /* ---- stage 3: decision, eq. 18-19 ---------------------------------------------------------------------------- */
 
-/* exp on four lanes for -700 < x <= 0, relative error below 2e-7: enough for a probability */
-INLINE v4 exp4(v4 x) {
+/* exp for -700 < x <= 0, relative error below 2e-7: enough for a probability */
+INLINE v4 quick_exp(v4 x) {
     const v4 magic = splat(6755399441055744.0);
     const v4 shifted = x * splat(1.4426950408889634) + magic;
     const v4 n = shifted - magic;
@@ -222,80 +238,85 @@ INLINE v4 exp4(v4 x) {
     return (v4)((i4)p + ((i4)shifted << 52));
 }
 
-/* The cost -log p of eq. 18 up to a constant, so that the smallest wins. Returns the smallest. */
-INLINE double costs(Core *q, double nearest) {
-    const Py_ssize_t nv = q->padded / LANES;
-    const v4 c = splat(q->c);
-    const v4 *restrict dist = q->dist;
-    v4 *restrict cost = q->cost;
-    v4 low = splat(INFINITY);
-    Py_ssize_t v;
-    if (q->transition == MATRIX) {
-        const v4 *restrict row = q->log_a + q->label * nv;
-        for (v = 0; v < nv; v++) {
-            cost[v] = dist[v] * c - row[v];
-            low = smaller(cost[v], low);
-        }
-        return lowest(low);
+/* The cost -log p of eq. 18 up to a constant, so that the smallest wins: with a uniform A the distance itself, in
+ * units of `unit` nats. Returns the smallest. */
+INLINE double costs(Core *q, double nearest, const double **cost, double *unit) {
+    const double *restrict dist = q->dist;
+    double *restrict own = q->cost, best = INFINITY;
+    const double *restrict row = q->transition == MATRIX ? q->log_a + q->label * q->padded : NULL;
+    Py_ssize_t s;
+    if (q->transition == UNIFORM) {
+        *cost = q->dist;
+        *unit = q->c;
+        return nearest;
     }
-    for (v = 0; v < nv; v++) cost[v] = dist[v] * c - splat(q->log_move);
-    if (q->transition == UNIFORM) return nearest * q->c - q->log_move;
-    ((double *)q->cost)[q->label] = ((const double *)q->dist)[q->label] * q->c - q->log_stay;
-    for (v = 0; v < nv; v++) low = smaller(cost[v], low);
-    return lowest(low);
+    for (s = 0; s < q->padded; s++) own[s] = dist[s] * q->c - (row ? row[s] : q->log_move);
+    if (!row) own[q->label] = dist[q->label] * q->c - q->log_stay;
+    for (s = 0; s < q->padded; s++) best = own[s] < best ? own[s] : best;
+    *cost = q->cost;
+    *unit = 1.0;
+    return best;
 }
 
 /* Eq. 19. The last label stays unless another leads by more than `hold`. Where several states tie for the best, the one
  * that changes fewest axes is taken (u constant: the delays tie, and only the inertia is known); a tie again: none. */
-static void choose(Core *q, double best) {
-    const double *cost = (const double *)q->cost, tie = 1e-9 * (1.0 + fabs(best));
+INLINE void choose(Core *q, const double *cost, double unit, double best) {
+    const double tie = 1e-9 * (1.0 + fabs(best) * unit);
     const Py_ssize_t last = q->label;
-    Py_ssize_t s, a, found = last, most = -1;
-    if (!(cost[last] - best > (q->hold > tie ? q->hold : tie))) return;
-    for (s = 0; s < q->padded; s++) {
-        Py_ssize_t same = 0;
-        if (!(cost[s] - best <= tie)) continue;
-        for (a = 0; a < q->axes; a++) {
-            const double *id = (const double *)q->axis + a * q->padded;
-            same += id[s] == id[last];
+    const Py_ssize_t width = q->padded / q->groups;
+    Py_ssize_t g, s, a, found = last, most = -1;
+    if (!((cost[last] - best) * unit > (q->hold > tie ? q->hold : tie))) return;
+    for (g = 0; g < q->groups; g++) {
+        if (q->transition == UNIFORM && !((q->row[g] - best) * unit <= tie)) continue;
+        for (s = g * width; s < (g + 1) * width; s++) {
+            Py_ssize_t same = 0;
+            if (!((cost[s] - best) * unit <= tie)) continue;
+            for (a = 0; a < q->axes; a++) same += q->axis[a * q->padded + s] == q->axis[a * q->padded + last];
+            if (same == most) found = last;
+            if (same > most) { found = s; most = same; }
         }
-        if (same == most) found = last;
-        if (same > most) { found = s; most = same; }
     }
     q->label = found;
 }
 
-/* Is the label's lead over the best state with another value, on every axis, at least `confidence` nats? */
+/* Is the label's lead over the best state with another value, on every axis, at least `confidence` nats? The axes of a
+ * group (delay, effects) see its smallest distance; the inertias are the columns. */
 INLINE int leads(const Core *q) {
-    const Py_ssize_t nv = q->padded / LANES;
-    const double mine = ((const double *)q->dist)[q->label];
-    const v4 *restrict dist = q->dist;
-    Py_ssize_t a, v;
+    const Py_ssize_t width = q->padded / q->groups, g0 = q->label / width, h0 = q->label % width;
+    const double limit = q->dist[q->label] + q->confidence / q->c;
+    Py_ssize_t a, g, h;
     for (a = 0; a < q->axes; a++) {
-        const v4 *restrict id = q->axis + a * nv;
-        const v4 own = splat(((const double *)id)[q->label]);
-        v4 other = splat(INFINITY);
-        for (v = 0; v < nv; v++) other = smaller(pick(id[v] == own, splat(INFINITY), dist[v]), other);
-        if (!((lowest(other) - mine) * q->c >= q->confidence)) return 0;
+        const double *id = q->axis + a * q->padded;
+        if (q->axis_is_inertia[a]) {
+            for (h = 0; h < q->inertias; h++)
+                if (h != h0 && q->column[h] < limit) return 0;
+        } else {
+            for (g = 0; g < q->groups; g++)
+                if (q->row[g] < limit && id[g * width] != id[g0 * width]) return 0;
+        }
     }
     return 1;
 }
 
 INLINE void decide(Core *q, double nearest, Result *out) {
-    const Py_ssize_t nv = q->padded / LANES;
-    const double best = costs(q, nearest);
-    const v4 *restrict cost = q->cost;
+    const Py_ssize_t nh = q->padded / LANES / q->groups;
+    const double *cost;
+    double unit, mine;
+    const double best = costs(q, nearest, &cost, &unit);
+    const int skips = q->transition == UNIFORM && best < INFINITY;
     v4 total = splat(0.0);
-    double mine;
-    Py_ssize_t v;
-    choose(q, best);
-    for (v = 0; v < nv; v++) {
-        const v4 x = splat(best) - cost[v];
-        const i4 near = x > splat(-20.0);       /* the rest adds less than 3e-9 each */
-        total += pick(near, exp4(pick(near, x, splat(0.0))), splat(0.0));
+    Py_ssize_t g, v;
+    choose(q, cost, unit, best);
+    for (g = 0; g < q->groups; g++) {
+        if (skips && (q->row[g] - best) * unit > 20.0) continue;      /* it adds less than 3e-9 each */
+        for (v = g * nh; v < (g + 1) * nh; v++) {
+            const v4 x = (splat(best) - ((const v4 *)cost)[v]) * splat(unit);
+            const i4 near = x > splat(-20.0);
+            total += pick(near, quick_exp(pick(near, x, splat(0.0))), splat(0.0));
+        }
     }
-    mine = best - ((const double *)cost)[q->label];
-    out->ll = q->ll_const - q->c * ((const double *)q->dist)[q->label];
+    mine = (best - cost[q->label]) * unit;
+    out->ll = q->ll_const - q->c * q->dist[q->label];
     out->probability = (mine == 0.0 ? 1.0 : exp(mine)) / ((total[0] + total[1]) + (total[2] + total[3]));
     if (!(out->probability >= 0.0)) out->probability = 0.0;
     out->confident = q->count >= q->window && leads(q);
@@ -324,7 +345,7 @@ INLINE int advance(Core *q, double t, double u, double d, const double *force, c
             out->status = q->count >= q->window ? FULL : PARTIAL;
             if (matrix) {
                 Py_ssize_t i;
-                for (i = 0; i < q->states; i++) matrix[i] = q->ll_const - q->c * ((double *)q->dist)[lane(q, i)];
+                for (i = 0; i < q->states; i++) matrix[i] = q->ll_const - q->c * q->dist[lane(q, i)];
             } else {
                 decide(q, nearest, out);
             }
@@ -373,7 +394,6 @@ static double *doubles(PyObject *source, Py_ssize_t expected) {
 }
 
 static void restart(Core *q) {
-    const Py_ssize_t nv = q->padded / LANES;
     q->k = q->count = q->slot = 0;
     q->warm = 0;
     q->w = q->u_mean = q->start = 0.0;
@@ -381,36 +401,38 @@ static void restart(Core *q) {
     memset(q->pointer, 0, sizeof(int64_t) * q->delays);
     memset(q->z, 0, sizeof(double) * q->groups);
     memset(q->raw, 0, sizeof(double) * q->groups);
-    memset(q->prefix, 0, sizeof(v4) * nv);
-    memset(q->ring, 0, sizeof(v4) * nv * (q->window + 1));
+    clear_prefix(q);
+    memset(q->ring, 0, sizeof(double) * q->padded * (q->window + 1));
 }
 
-/* The v4 arrays in one 32-byte aligned block. */
+/* The arrays of the inner loops, in one 32-byte aligned block. */
 static int allocate(Core *q, const double *alpha, const double *axis, const double *log_a) {
-    const Py_ssize_t nv = q->padded / LANES, S = q->states, nh = nv / q->groups;
-    const Py_ssize_t rows = 3 + q->axes + (q->window + 1) + (log_a ? q->padded : 0);
+    const Py_ssize_t n = q->padded, S = q->states, width = n / q->groups;
+    const Py_ssize_t rows = 3 + q->axes + (q->window + 1) + (log_a ? n : 0);
     Py_ssize_t a, s;
-    v4 *next;
-    q->state_of = calloc(q->padded, sizeof(int32_t));
-    q->block = calloc(rows * nv + 2 * nh + 1, sizeof(v4));
-    if (!q->state_of || !q->block) return -1;
-    next = (v4 *)(((uintptr_t)q->block + 31) & ~(uintptr_t)31);
-    q->alpha_lanes = next; next += nh;
-    q->pad = next; next += nh;
-    q->prefix = next; next += nv;
-    q->dist = next; next += nv;
-    q->cost = next; next += nv;
-    q->axis = next; next += nv * q->axes;
-    q->ring = next; next += nv * (q->window + 1);
-    q->log_a = next;
-    for (s = 0; s < nh * LANES; s++) {
-        ((double *)q->alpha_lanes)[s] = s < q->inertias ? alpha[s] : 0.0;
-        ((double *)q->pad)[s] = s < q->inertias ? 0.0 : INFINITY;
-    }
+    double *next;
+    q->state_of = calloc(n, sizeof(int32_t));
+    q->axis_is_inertia = calloc(q->axes + 1, 1);
+    q->block = calloc(rows * n + 2 * width + q->groups + LANES, sizeof(double));
+    if (!q->state_of || !q->axis_is_inertia || !q->block) return -1;
+    next = (double *)(((uintptr_t)q->block + 31) & ~(uintptr_t)31);
+    q->alpha = next; next += width;
+    q->column = next; next += width;
+    q->prefix = next; next += n;
+    q->dist = next; next += n;
+    q->cost = next; next += n;
+    q->axis = next; next += n * q->axes;
+    q->ring = next; next += n * (q->window + 1);
+    q->log_a = next; next += log_a ? n * n : 0;
+    q->row = next;
+    for (s = 0; s < q->inertias; s++) q->alpha[s] = alpha[s];
     for (s = 0; s < S; s++) {
         q->state_of[lane(q, s)] = (int32_t)s;
-        for (a = 0; a < q->axes; a++) ((double *)(q->axis + a * nv))[lane(q, s)] = axis[a * S + s];
-        for (a = 0; log_a && a < S; a++) ((double *)(q->log_a + lane(q, a) * nv))[lane(q, s)] = log_a[a * S + s];
+        for (a = 0; a < q->axes; a++) {
+            q->axis[a * n + lane(q, s)] = axis[a * S + s];
+            if (s < q->inertias && axis[a * S + s] != axis[a * S]) q->axis_is_inertia[a] = 1;
+        }
+        for (a = 0; log_a && a < S; a++) q->log_a[lane(q, a) * n + lane(q, s)] = log_a[a * S + s];
     }
     return 0;
 }
@@ -481,7 +503,7 @@ static void kernel_dealloc(PyObject *object) {
     Core *q = &((Kernel *)object)->core;
     PyTypeObject *type = Py_TYPE(object);
     freefunc release = (freefunc)PyType_GetSlot(type, Py_tp_free);
-    free(q->delay); free(q->frac); free(q->state_of); free(q->whole); free(q->pointer);
+    free(q->delay); free(q->frac); free(q->state_of); free(q->axis_is_inertia); free(q->whole); free(q->pointer);
     free(q->z); free(q->raw); free(q->u); free(q->t); free(q->block);
     release(object);
     Py_DECREF(type);
