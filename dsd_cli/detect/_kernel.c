@@ -36,7 +36,7 @@ typedef struct {
     /* fixed */
     Py_ssize_t delays, combos, groups, inertias, states, padded, axes, window, warmup_rows;
     int timed, filtered, aperture, transition;
-    double T, tau, pole, sign, c, ll_const, hold, confidence, log_stay, log_move, max_delay;
+    double T, tau, pole, sign, c, ll_const, ll_floor, hold, confidence, log_stay, log_move, max_delay;
     double *delay, *frac;
     int64_t *whole;
     int32_t *state_of;              /* per lane */
@@ -319,7 +319,8 @@ INLINE void decide(Core *q, double nearest, Result *out) {
     out->ll = q->ll_const - q->c * q->dist[q->label];
     out->probability = (mine == 0.0 ? 1.0 : exp(mine)) / ((total[0] + total[1]) + (total[2] + total[3]));
     if (!(out->probability >= 0.0)) out->probability = 0.0;
-    out->confident = q->count >= q->window && leads(q);
+    /* a state that leaves more than about 2 rho does not explain the data, however far it leads */
+    out->confident = q->count >= q->window && out->ll >= q->ll_floor && leads(q);
 }
 
 /* one sample; `matrix` (states) takes all log-likelihoods instead of a decision */
@@ -488,9 +489,9 @@ static PyObject *kernel_new(PyTypeObject *type, PyObject *args, PyObject *kwargs
     (void)kwargs;
     if (!self) return NULL;
     q = &self->core;
-    if (!PyArg_ParseTuple(args, "OOOOnnnnnniiiidddddddddn", &delays, &alphas, &axes, &log_a, &q->delays, &q->combos,
+    if (!PyArg_ParseTuple(args, "OOOOnnnnnniiiiddddddddddn", &delays, &alphas, &axes, &log_a, &q->delays, &q->combos,
                           &q->inertias, &q->axes, &q->window, &q->warmup_rows, &q->timed, &q->filtered, &q->aperture,
-                          &q->transition, &q->T, &q->tau, &q->sign, &q->c, &q->ll_const, &q->hold, &q->confidence,
+                          &q->transition, &q->T, &q->tau, &q->sign, &q->c, &q->ll_const, &q->ll_floor, &q->hold, &q->confidence,
                           &q->log_stay, &q->log_move, &q->label)
         || fill(q, delays, alphas, axes, log_a)) {
         Py_DECREF(self);

@@ -121,6 +121,7 @@ class Engine:
             aperture=measurement.aperture,
             timed=measurement.timed,
         )
+        self._floor = spec.log_likelihood_floor
         self._kernel = make_kernel(spec, backend)
         self._delays, self._inertias = (grid.axes[name].tolist() for name in ("delay", "inertia"))
         self._recursion = self._make_recursion()
@@ -132,7 +133,7 @@ class Engine:
         from dsd_cli.detect import recursions
 
         method = recursions.Averaged if self.settings.method == "average" else recursions.Mixed
-        return method(self.settings, self.grid.axis_indices(), len(self.grid))
+        return method(self.settings, self.grid.axis_indices(), len(self.grid), self._floor)
 
     def restart(self) -> None:
         """Forget the history (a gap, a new recording); the last label stands until there is new evidence."""
@@ -185,4 +186,4 @@ class Engine:
             return self._recursion.feed(matrix, status)
         from dsd_cli.detect.recursions import whole_log
 
-        return whole_log(self.settings, self.grid.axis_indices(), matrix, status)
+        return whole_log(self.settings, self.grid.axis_indices(), self._floor, matrix, status)

@@ -71,6 +71,14 @@ class KernelSpec:
         """log of the factor 1 / (sqrt(2 pi) rho) of eq. 15."""
         return float(-0.5 * np.log(2.0 * np.pi) - np.log(self.settings.rho))
 
+    @property
+    def log_likelihood_floor(self) -> float:
+        """Below it a state does not explain the data and no label is confident: a window's residual of about 2 rho.
+
+        Of the right state, sum r^2 / rho^2 is chi-squared with M degrees of freedom; 4 M + 4 is far in its tail.
+        """
+        return self.log_likelihood_constant - (2.0 * self.settings.window + 2.0)
+
 
 class Kernel(Protocol):
     """One detector: `step` takes one sample, `run` many; both give the same bits in any mixture."""
@@ -133,6 +141,7 @@ def _make_compiled(compiled: Any, spec: KernelSpec) -> Kernel:
         spec.sign,
         settings.rho,
         spec.log_likelihood_constant,
+        spec.log_likelihood_floor,
         settings.hold,
         settings.confidence,
         stay,

@@ -27,7 +27,7 @@ class NumpyKernel:
         self._states = len(grid)
         self._alphas = np.asarray(spec.alphas)
         self._c = 0.5 / (settings.rho * settings.rho)
-        self._constant = spec.log_likelihood_constant
+        self._constant, self._floor = spec.log_likelihood_constant, spec.log_likelihood_floor
         self._log_a = settings.transition.log_matrix(self._states)
         self._axes = axes = grid.axis_indices()
         # per state: for every axis the states that have another value there
@@ -64,8 +64,9 @@ class NumpyKernel:
         total = np.exp(best - cost).sum() if np.isfinite(best) else np.nan
         mine = best - cost[self._label]
         probability = float(np.exp(mine) / total) if total > 0 else 0.0
-        confident = self._seen >= self._spec.settings.window and self._leads(dist, self._label)
-        return self._label, self._constant - self._c * float(dist[self._label]), probability, bool(confident)
+        ll = self._constant - self._c * float(dist[self._label])
+        full = self._seen >= self._spec.settings.window
+        return self._label, ll, probability, bool(full and ll >= self._floor and self._leads(dist, self._label))
 
     def _turn(self, slot: int) -> None:
         """Count the sample; when the block of M is complete, turn it into suffix sums."""
@@ -158,5 +159,5 @@ class NumpyKernel:
         confident[:] = 0
         for label in np.unique(state):
             here = state == label
-            confident[here] = self._leads(dist[here], int(label)) & full[here]
+            confident[here] = self._leads(dist[here], int(label)) & full[here] & (ll[here] >= self._floor)
         ll[missing], probability[missing], confident[missing] = np.nan, np.nan, 0

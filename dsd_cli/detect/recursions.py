@@ -38,8 +38,9 @@ class Recursion(Protocol):
 class _Choice:
     """Eq. 9 / 19 on any score: the last label stays on a tie and unless another leads by more than `hold`."""
 
-    def __init__(self, settings: DetectorSettings, axes: Array) -> None:
+    def __init__(self, settings: DetectorSettings, axes: Array, floor: float) -> None:
         self._settings = settings
+        self._floor = floor
         self._axes = axes
         self.label = settings.initial
 
@@ -48,8 +49,10 @@ class _Choice:
             self.label = choose(-score, -score.max(), self.label, self._axes, self._settings.hold)
         return self.label
 
-    def leads(self, evidence: Array, label: int) -> bool:
-        """Whether `label` leads by `confidence` nats over every state with another value on an axis."""
+    def sure(self, evidence: Array, label: int, log_likelihood: float) -> bool:
+        """Whether `label` explains the data, and leads by `confidence` nats over all with another value on an axis."""
+        if not log_likelihood >= self._floor:
+            return False
         for axis in self._axes:
             other = evidence[axis != axis[label]].max()
             if not evidence[label] - other >= self._settings.confidence:
@@ -72,10 +75,10 @@ def _empty(n: int) -> Decisions:
 class Averaged:
     """p_i^N(t) = a_{D(t-N) i} * mean of b_i over the last N samples (eq. 8), label = argmax (eq. 9)."""
 
-    def __init__(self, settings: DetectorSettings, axes: Array, states: int) -> None:
+    def __init__(self, settings: DetectorSettings, axes: Array, states: int, floor: float) -> None:
         self._n = settings.average
         self._log_a = settings.transition.log_matrix(states)
-        self._choice = _Choice(settings, axes)
+        self._choice = _Choice(settings, axes, floor)
         self._states = states
         self.restart()
 
@@ -112,16 +115,16 @@ class Averaged:
             out.state[i], out.log_likelihood[i] = label, mean[label]
             out.probability[i] = _normalised(score)[label]
             ready = rests_on == FULL and self._seen >= self._n
-            out.confident[i] = ready and self._choice.leads(mean, label)
+            out.confident[i] = ready and self._choice.sure(mean, label, mean[label])
         return out
 
 
 class Mixed:
     """mu_j(t) = b_j(t)/c * sum_i a_ij mu_i(t-1) (eq. 10), label = argmax."""
 
-    def __init__(self, settings: DetectorSettings, axes: Array, states: int) -> None:
+    def __init__(self, settings: DetectorSettings, axes: Array, states: int, floor: float) -> None:
         self._log_a = settings.transition.log_matrix(states)
-        self._choice = _Choice(settings, axes)
+        self._choice = _Choice(settings, axes, floor)
         self.restart()
 
     def restart(self) -> None:
@@ -140,7 +143,7 @@ class Mixed:
             label = self._choice.choose(log_mu)
             out.state[i], out.log_likelihood[i] = label, log_b[label]
             out.probability[i] = np.exp(log_mu[label])
-            out.confident[i] = rests_on == FULL and self._choice.leads(log_mu, label)
+            out.confident[i] = rests_on == FULL and self._choice.sure(log_mu, label, log_b[label])
             self._prior = np.logaddexp.reduce(log_mu[:, None] + self._log_a, axis=0)
         return out
 
@@ -178,7 +181,9 @@ def _best_path(log_b: Array, log_a: Array, first: Array) -> Array:
     return path
 
 
-def whole_log(settings: DetectorSettings, axes: Array, log_likelihoods: Array, status: Array) -> Decisions:
+def whole_log(
+    settings: DetectorSettings, axes: Array, floor: float, log_likelihoods: Array, status: Array
+) -> Decisions:
     """`viterbi` or `smooth` over a whole log; both report the posterior of forward-backward as probability."""
     out = _empty(len(status))
     out.state[:] = settings.initial
@@ -189,7 +194,7 @@ def whole_log(settings: DetectorSettings, axes: Array, log_likelihoods: Array, s
     log_a = settings.transition.log_matrix(log_b.shape[1])
     first = log_a[settings.initial]
     posterior = _forward_backward(log_b, log_a, first)
-    choice = _Choice(settings, axes)
+    choice = _Choice(settings, axes, floor)
     if settings.method == "viterbi":
         states = _best_path(log_b, log_a, first)
     else:
@@ -200,7 +205,8 @@ def whole_log(settings: DetectorSettings, axes: Array, log_likelihoods: Array, s
     out.probability[rows] = np.exp(posterior[np.arange(len(rows)), states])
     full = status[use] == FULL
     out.confident[rows] = [
-        bool(f) and choice.leads(row, state) for f, row, state in zip(full, posterior, states, strict=True)
+        bool(f) and choice.sure(row, state, b[state])
+        for f, row, state, b in zip(full, posterior, states, log_b, strict=True)
     ]
     # rows without evidence (holes) carry the label of the row before
     last = np.maximum.accumulate(np.where(use, np.arange(len(use)), -1))

@@ -27,7 +27,8 @@ class DetectorSettings:
     initial : index of the state before the first label.
     observer_filter : predictions pass Q like the measurement; False is eq. 14 to the letter.
     hold : nats by which another state must lead before the label changes; 0 is the paper's rule.
-    confidence : nats of lead, on every axis of the grid, for `confident`.
+    confidence : nats of lead, on every axis of the grid, for `confident`; the state must also explain the window to
+        within about 2 rho, or no label is confident.
     """
 
     method: Method = "dsd"

@@ -60,7 +60,8 @@ def test_dsd_is_eq_18_and_19(backend, window, observer_filter):
         lead = min(
             mine - max(x for s, x in enumerate(b) if STATES[s][axis] != STATES[expected[k]][axis]) for axis in (0, 1)
         )
-        assert got.confident[k] == (row[1] == window and lead >= 3.0)
+        explains = -2.0 * (mine + math.log(math.sqrt(2 * math.pi) * 0.3)) <= 4 * window + 4
+        assert got.confident[k] == (row[1] == window and lead >= 3.0 and explains)
     assert len(set(expected)) > 2
 
 
