@@ -1,0 +1,166 @@
+"""What a CSV file looks like: where its header is, what separates its columns, how it writes numbers."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
+from typing import NamedTuple
+
+from dsd_cli.errors import DataError
+
+DELIMITERS = (",", ";", "\t")
+#: What loggers write where there is no value; "nan" and "inf" are numbers to both parsers.
+MISSING = frozenset(
+    f"{pad}{token}"
+    for pad in ("", " ")
+    for token in (
+        "", "NA", "N/A", "n/a", "na", "#N/A", "null", "NULL", "Null", "None", "none", "-", "--", "?",
+        "-nan", "-NaN", "-nan(ind)", "nan(ind)", "1.#QNAN", "-1.#IND", "1.#INF", "-1.#INF",
+    )
+)  # fmt: skip
+COMMENT = ("#", "%")
+DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
+ISO_TIME = re.compile(r"\s*\d{4}-\d\d-\d\d[ T]\d\d:\d\d")
+_OTHER_FORMATS = {
+    b"\x1f\x8b": ("is gzip-compressed", "unpack it first"),
+    b"PK\x03\x04": ("is a zip archive or a spreadsheet", "export it as CSV"),
+    b"\xff\xfe": ("is UTF-16 text", "save it as UTF-8"),
+    b"\xfe\xff": ("is UTF-16 text", "save it as UTF-8"),
+}
+
+
+class Header(NamedTuple):
+    """Column names, what separates them, and whether the line after the comments was data already."""
+
+    names: list[str]
+    delimiter: str
+    line_is_data: bool = False
+
+
+class Dialect(NamedTuple):
+    """`header` and what was seen of the data: `skip` lines come before it, `first` is its first row ([] if none)."""
+
+    header: Header
+    skip: int
+    first: list[str]
+    decimal: str
+    units: list[str] | None
+
+
+def refuse_other_formats(source: str, head: bytes) -> None:
+    """One line for what is no CSV at all."""
+    for magic, (found, remedy) in _OTHER_FORMATS.items():
+        if head.startswith(magic):
+            raise DataError(f"{source}: {found}", remedy)
+    if b"\0" in head:
+        raise DataError(f"{source}: is neither CSV nor Parquet")
+
+
+def decode(line: bytes) -> str:
+    try:
+        return line.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return line.decode("latin-1")
+
+
+def split(line: str, delimiter: str) -> list[str]:
+    if '"' not in line:
+        return line.split(delimiter)
+    return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+
+
+def is_comment(line: str) -> bool:
+    return not line.strip() or line.lstrip().startswith(COMMENT)
+
+
+def number(text: str) -> float:
+    """The value of a field, NaN for a missing one; a decimal comma is understood.
+
+    Raises
+    ------
+    ValueError : it is not a number.
+    """
+    try:
+        return float(text)
+    except ValueError:
+        if text.strip() in MISSING:
+            return math.nan
+        if DECIMAL_COMMA.fullmatch(text):
+            return float(text.replace(",", "."))
+        raise
+
+
+def seconds(text: str) -> float:
+    """A time stamp: a number, or ISO 8601 date and time (taken as UTC without a zone) as seconds since 1970."""
+    if not ISO_TIME.match(text):
+        return number(text)
+    stamp = datetime.fromisoformat(text.strip())
+    return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
+
+
+def is_number(text: str) -> bool:
+    try:
+        seconds(text)
+    except ValueError:
+        return False
+    return True
+
+
+def read_header(source: str, comment: str, line: str) -> Header:
+    """The header is `line`, or, when that is numbers already, the comment before it.
+
+    Raises
+    ------
+    DataError : there are no names.
+    """
+    header = Header(*_names(line))
+    if not all(is_number(name) for name in header.names):
+        return header
+    names, delimiter = _names(comment.strip().lstrip("#%"))
+    if len(names) == len(split(line, delimiter)) and not any(is_number(name) for name in names):
+        return Header(names, delimiter, line_is_data=True)
+    raise DataError(f"{source}: has no header, its first line is numbers", "put the column names into the first line")
+
+
+def _names(line: str) -> tuple[list[str], str]:
+    delimiter = max(DELIMITERS, key=lambda candidate: len(split(line, candidate)))
+    return [name.strip().strip('"').strip() for name in split(line, delimiter)], delimiter
+
+
+def is_units_row(fields: Sequence[str], needed: Iterable[int]) -> bool:
+    """Text in every needed column, as in "s;V;Nm" under the header."""
+    shown = [fields[i].strip() for i in needed if i < len(fields)]
+    return bool(shown) and all(text and text not in MISSING and not is_number(text) for text in shown)
+
+
+def find_header(source: str, lines: Sequence[str]) -> tuple[Header, int]:
+    """The header of a file that begins with these lines, and how many lines come before the data.
+
+    Raises
+    ------
+    DataError : nothing but comments, or no names.
+    """
+    comment = ""
+    for count, line in enumerate(lines):
+        if is_comment(line):
+            comment = line if line.strip() else comment
+            continue
+        header = read_header(source, comment, line)
+        return header, count + (not header.line_is_data)
+    raise DataError(f"{source}: is empty" if not any(lines) else f"{source}: has no header and no rows")
+
+
+def look_at_rows(lines: Sequence[str], header: Header, skip: int, needed: Sequence[int]) -> Dialect:
+    """Units row and decimal sign, from the first lines; `needed`: places of the columns that are read."""
+    rows = [(at, split(line, header.delimiter)) for at, line in enumerate(lines[skip:], start=skip) if line.strip()]
+    units = None
+    if len(rows) > 1 and is_units_row(rows[0][1], needed) and not is_units_row(rows[1][1], needed):
+        units = [text.strip() for text in rows[0][1]]
+        skip = rows[0][0] + 1
+        rows = rows[1:]
+    cells = (fields[i] for _, fields in rows for i in needed if i < len(fields))
+    decimal = "," if any(DECIMAL_COMMA.fullmatch(cell) for cell in cells) else "."
+    return Dialect(header, skip, rows[0][1] if rows else [], decimal, units)

@@ -1,0 +1,200 @@
+"""CSV in as it is written: stdin, or a file that grows; each complete line is parsed at once."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from dsd_cli.errors import DataError
+from dsd_cli.files import csv_dialect as dialects
+from dsd_cli.files.tables_in import Batch, choose_columns, read_sidecar
+
+CHUNK = 1 << 16
+POLL = 0.05  # s
+
+
+class LineStream:
+    """A live CSV; see `TableSource`. A batch holds the lines that were complete when it was read.
+
+    Parameters
+    ----------
+    source : a binary stream with a file descriptor (ends at its end), or the path of a file to follow: what is
+        appended is read, a half-written last line waits for its end, and a file that was replaced or cut begins anew
+        with a header. Following ends when `stop()` is true or nothing came for `idle_timeout` s.
+    head : bytes already taken from the stream.
+
+    Raises
+    ------
+    DataError : no header, or a needed column is missing. Lines that cannot be read are NaN rows and counted.
+    """
+
+    def __init__(
+        self,
+        source: BinaryIO | Path,
+        columns: Mapping[str, str],
+        optional: Collection[str] = (),
+        *,
+        head: bytes = b"",
+        stop: Callable[[], bool] | None = None,
+        idle_timeout: float | None = None,
+    ) -> None:
+        self._path = source if isinstance(source, Path) else None
+        self.name = str(source) if self._path is not None else "<stdin>"
+        self._stream = source  # kept, for a stream that nobody holds closes its descriptor
+        self._wanted = columns
+        self._optional = optional
+        self._stop = stop
+        self._idle_timeout = idle_timeout
+        self._half = head
+        self._fd = os.open(self._path, os.O_RDONLY) if self._path is not None else source.fileno()  # type: ignore[union-attr]
+        self._header: dialects.Header | None = None
+        self._comment = ""
+        self._line = 0
+        self._rows = 0
+        self.column_names: list[str] = []
+        self.columns: dict[str, str] = {}
+        self.metadata = read_sidecar(self._path) if self._path is not None else {}
+        self.warnings: list[str] = []
+        self.unreadable = 0
+        self._events = self._read()
+        self._waiting = self._until_header()
+
+    def batches(self) -> Iterator[Batch]:
+        restart = False
+        try:
+            while True:
+                batch = self._parse(self._waiting, restart)
+                if batch is not None:
+                    restart = False
+                    yield batch
+                try:
+                    lines = next(self._events)
+                except StopIteration:
+                    break
+                if lines is None:
+                    restart, self._header = True, None
+                self._waiting = lines or []
+        finally:
+            self.close()
+        if not self._rows and self._path is None:
+            raise DataError(f"{self.name}: has a header but no rows")
+
+    def close(self) -> None:
+        """Give the file back; stdin stays open."""
+        if self._path is not None and self._fd >= 0:
+            os.close(self._fd)
+            self._fd = -1
+
+    def _until_header(self) -> list[bytes]:
+        """Read up to the header; returns the lines after it that came along."""
+        for lines in self._events:
+            for at, line in enumerate(lines or []):
+                if self._take_header(line):
+                    return (lines or [])[at + 1 :] if not self._header_is_data else (lines or [])[at:]
+        raise DataError(f"{self.name}: is empty" if not self._line else f"{self.name}: has no header and no rows")
+
+    @property
+    def _header_is_data(self) -> bool:
+        return self._header is not None and self._header.line_is_data
+
+    def _take_header(self, raw: bytes) -> bool:
+        self._line += 1
+        if self._line == 1:
+            dialects.refuse_other_formats(self.name, raw)
+        line = dialects.decode(raw)
+        if dialects.is_comment(line):
+            self._comment = line if line.strip() else self._comment
+            return False
+        self._header = dialects.read_header(self.name, self._comment, line)
+        self.column_names = self._header.names
+        self.columns = choose_columns(self.name, self.column_names, self._wanted, self._optional)
+        self._places = [(c, self.column_names.index(column)) for c, column in self.columns.items()]
+        self._line -= self._header.line_is_data
+        self._in_first_row = True
+        return True
+
+    def _parse(self, lines: list[bytes], restart: bool) -> Batch | None:
+        rows: list[list[float]] = []
+        for raw in lines:
+            if self._header is None and (not self._take_header(raw) or not self._header_is_data):
+                continue
+            self._line += 1
+            line = dialects.decode(raw)
+            if dialects.is_comment(line):
+                continue
+            row = self._row(line)
+            if row is not None:
+                rows.append(row)
+        if not rows:
+            return None
+        self._rows += len(rows)
+        table = np.array(rows, dtype=np.float64).T
+        return Batch(len(rows), {c: table[i].copy() for i, (c, _) in enumerate(self._places)}, restart)
+
+    def _row(self, line: str) -> list[float] | None:
+        """The values of a line, NaN throughout if it cannot be read; None for a row of units under the header."""
+        assert self._header is not None
+        fields = dialects.split(line, self._header.delimiter)
+        first, self._in_first_row = self._in_first_row, False
+        try:
+            if len(fields) != len(self.column_names):
+                raise ValueError
+            return [(dialects.seconds if c == "t" else dialects.number)(fields[at]) for c, at in self._places]
+        except ValueError:
+            if first and dialects.is_units_row(fields, [at for _, at in self._places]):
+                self.warnings.append(f"{self.name}: line {self._line} is taken as units, not data")
+                return None
+            if not self.unreadable:
+                self.warnings.append(f'{self.name}: line {self._line} cannot be read: "{line.strip()[:60]}"')
+            self.unreadable += 1
+            return [np.nan] * len(self._places)
+
+    def _read(self) -> Iterator[list[bytes] | None]:
+        """Complete lines as they come; None where the file begins anew."""
+        quiet_since = time.monotonic()
+        *lines, self._half = self._half.split(b"\n")
+        if lines:
+            yield lines
+        while True:
+            chunk = os.read(self._fd, CHUNK)
+            if chunk:
+                quiet_since = time.monotonic()
+                *lines, self._half = (self._half + chunk).split(b"\n")
+                if lines:
+                    yield lines
+            elif self._path is None:
+                if self._half:
+                    last, self._half = self._half, b""
+                    yield last.split(b"\n")
+                return
+            elif self._begun_anew():
+                self._half = b""
+                self._line = 0
+                yield None
+            else:
+                quiet = time.monotonic() - quiet_since
+                if (self._stop and self._stop()) or (self._idle_timeout is not None and quiet > self._idle_timeout):
+                    return
+                time.sleep(POLL)
+
+    def _begun_anew(self) -> bool:
+        """Open the file again if another one has taken its name or it has become shorter than what was read."""
+        assert self._path is not None
+        try:
+            named, held = os.stat(self._path), os.fstat(self._fd)
+            if (named.st_ino, named.st_dev) == (held.st_ino, held.st_dev):
+                if named.st_size >= os.lseek(self._fd, 0, os.SEEK_CUR):
+                    return False
+                os.lseek(self._fd, 0, os.SEEK_SET)
+                return True
+            fd = os.open(self._path, os.O_RDONLY)
+        except FileNotFoundError:
+            return False
+        os.close(self._fd)
+        self._fd = fd
+        return True

@@ -1,0 +1,118 @@
+"""Whole logs in and out: what `simulate` and `observe` write, and reading it (or any small recording) into memory."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from dsd_cli.errors import DataError
+from dsd_cli.files.tables_in import dropped_with_unreadable, open_table
+from dsd_cli.files.tables_out import open_writer
+from dsd_cli.signals.cleaning import Cleaner
+from dsd_cli.signals.log import CHANNELS, DHatSource, Log
+
+_D_HAT_SOURCES = ("logged", "velocity", "position")
+#: Metadata that `write_log` adds and `load_log` turns back into attributes.
+D_HAT_SOURCE, SAMPLE_TIME = "d_hat_source", "sample_time"
+
+
+@dataclass(frozen=True)
+class LoadedLog:
+    """A log in memory and what was done to it.
+
+    Attributes
+    ----------
+    dropped : reason -> count, see `Cleaner.dropped`.
+    restarts : the samples that do not continue the one before.
+    regular : the samples are `log.sample_time` apart (but for jitter and restarts).
+    """
+
+    log: Log
+    dropped: Mapping[str, int]
+    warnings: tuple[str, ...]
+    restarts: tuple[int, ...]
+    regular: bool
+
+
+def load_log(
+    path: str | Path,
+    signals: Mapping[str, str],
+    optional: Collection[str] = (),
+    *,
+    sample_time: float | None = None,
+    time_scale: float = 1.0,
+) -> LoadedLog:
+    """Read a whole log, cleaned.
+
+    Parameters
+    ----------
+    signals : canonical name (see `CHANNELS`) -> column; without "t" the `sample_time` (s) is needed.
+    optional : canonical names whose columns may be missing.
+    time_scale : s per unit of the time column.
+
+    Raises
+    ------
+    DataError : it cannot be read, or no usable row is in it.
+    """
+    if "t" not in signals and sample_time is None:
+        raise DataError(f"{path}: no time column", "set signals.time, or signals.sample_time")
+    table = open_table(path, signals, optional)
+    cleaner = Cleaner(sample_time, time_scale)
+    pieces = []
+    for batch in table.batches():
+        if batch.restart:
+            pieces += cleaner.restart()
+        values = dict(batch.columns)
+        pieces += cleaner.feed(values.pop("t", None), values)
+    pieces += cleaner.finish()
+    restarts, samples = [], 0
+    for piece in pieces:
+        if piece.restart:
+            restarts.append(samples)
+        samples += piece.t.size
+    if not samples or cleaner.sample_time is None:
+        raise DataError(f"{path}: no row has a value in every needed column ({', '.join(table.columns.values())})")
+    channels = {"t": np.concatenate([piece.t for piece in pieces])}
+    for name in sorted(pieces[0].values, key=_order):
+        channels[name] = np.concatenate([piece.values[name] for piece in pieces])
+    metadata = {key: text for key, text in table.metadata.items() if key not in (D_HAT_SOURCE, SAMPLE_TIME)}
+    source = table.metadata.get(D_HAT_SOURCE, "logged")
+    log = Log(
+        channels,
+        cleaner.sample_time,
+        source=table.name,
+        d_hat_source=cast(DHatSource, source) if source in _D_HAT_SOURCES and "d_hat" in channels else "logged",
+        metadata=metadata,
+    )
+    dropped = dropped_with_unreadable(cleaner.dropped, table.unreadable)
+    return LoadedLog(log, dropped, (*table.warnings, *cleaner.warnings), tuple(restarts), bool(cleaner.regular))
+
+
+def read_log(
+    path: str | Path,
+    signals: Mapping[str, str],
+    optional: Collection[str] = (),
+    *,
+    sample_time: float | None = None,
+    time_scale: float = 1.0,
+) -> Log:
+    """`load_log`, where what was done to the rows is of no interest."""
+    return load_log(path, signals, optional, sample_time=sample_time, time_scale=time_scale).log
+
+
+def write_log(path: str | Path, log: Log, inputs: Collection[str | Path] = ()) -> None:
+    """Write a log with its metadata; `.csv`, `.parquet`, or "-" for CSV on stdout. See `open_writer` for errors."""
+    names = sorted(log.channels, key=_order)
+    metadata = {**log.metadata, SAMPLE_TIME: repr(float(log.sample_time)), D_HAT_SOURCE: log.d_hat_source}
+    with open_writer(path, dict.fromkeys(names, "float64"), metadata, tuple(inputs)) as writer:
+        step = 1 << 17
+        for start in range(0, len(log), step):
+            writer.write({name: log[name][start : start + step] for name in names})
+
+
+def _order(name: str) -> tuple[int, str]:
+    return (CHANNELS.index(name) if name in CHANNELS else len(CHANNELS), name)

@@ -1,0 +1,285 @@
+"""Tables out: CSV or Parquet, whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Queue
+from threading import Thread
+from types import TracebackType
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dsd_cli.errors import DataError, UsageError
+from dsd_cli.files.tables_in import STDIN as STDOUT
+from dsd_cli.files.tables_in import sidecar
+from dsd_cli.signals.log import Array
+
+#: Rows of a Parquet row group; they are held until it is full.
+GROUP_ROWS = 1 << 19
+#: Batches that wait for the writing thread.
+QUEUED = 2
+
+
+@dataclass(frozen=True)
+class Coded:
+    """A column that takes few values: what is written are places in `values` (never negative), shape (rows,)."""
+
+    values: Array
+
+
+#: How a column is stored: a NumPy dtype's name ("float64", "float32", "int16", "int32", "bool"), or coded.
+Kind = str | Coded
+
+
+class TableWriter(Protocol):
+    """Takes batches of columns; nothing is visible before `commit`, except on stdout."""
+
+    def write(self, columns: Mapping[str, ArrayLike]) -> None:
+        """Append rows. The arrays belong to the writer from here on: do not change them."""
+
+    def commit(self) -> None: ...
+
+    def abort(self) -> None: ...
+
+    def __enter__(self) -> TableWriter: ...
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Commit when all went well, abort on any exception."""
+
+
+def open_writer(
+    path: str | Path,
+    columns: Mapping[str, Kind],
+    metadata: Mapping[str, str] | None = None,
+    inputs: Sequence[str | Path] = (),
+) -> TableWriter:
+    """A writer for `.csv`, `.parquet` or `.pq`, or CSV on stdout for "-".
+
+    Parameters
+    ----------
+    metadata : key-value metadata of a Parquet file, `<file>.meta.json` next to a CSV file; not on stdout.
+    inputs : files that must not be written over.
+
+    Raises
+    ------
+    UsageError : another suffix, or `path` is one of the inputs.
+    DataError : the folder is not there or cannot be written to.
+    """
+    if str(path) == STDOUT:
+        return _Stdout(columns)
+    return FileWriter(check_output(path, inputs), columns, metadata or {})
+
+
+def check_output(path: str | Path, inputs: Sequence[str | Path] = ()) -> Path:
+    """The path, if it can be an output; see `open_writer`."""
+    target = Path(path)
+    if target.suffix.lower() not in (".csv", ".parquet", ".pq"):
+        raise UsageError(f"{path}: cannot tell what to write", "end the name in .csv or .parquet")
+    for source in inputs:
+        if str(source) != STDOUT and target.exists() and Path(source).exists() and target.samefile(source):
+            raise UsageError(f"{path}: is the input", "write to another file")
+    if target.is_dir():
+        raise DataError(f"{path}: is a directory")
+    folder = Path(os.path.realpath(target)).parent
+    if not folder.is_dir():
+        raise DataError(f"{path}: no such folder {folder}")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise DataError(f"{path}: the folder {folder} cannot be written to")
+    return target
+
+
+class FileWriter:
+    """Writes in a thread of its own, to a temporary file next to the target that takes its name at `commit`."""
+
+    def __init__(self, target: Path, columns: Mapping[str, Kind], metadata: Mapping[str, str]) -> None:
+        self._target = Path(os.path.realpath(target))
+        self._temporary = self._target.with_name(f".{self._target.name}.{os.getpid()}.tmp")
+        self._columns = dict(columns)
+        self._metadata = dict(metadata)
+        self._is_csv = target.suffix.lower() == ".csv"
+        self._queue: Queue[Any] = Queue(QUEUED)
+        self._error: BaseException | None = None
+        self._open = True
+        try:
+            self._file = open(self._temporary, "wb")  # noqa: SIM115 (closed by commit and abort)
+        except OSError as error:
+            raise DataError(f"{target}: cannot be written ({error.strerror})") from None
+        self._thread = Thread(target=self._run, name="writer", daemon=True)
+        self._thread.start()
+
+    def write(self, columns: Mapping[str, ArrayLike]) -> None:
+        self._raise()
+        self._queue.put(_arrow_batch(self._columns, columns, as_text=self._is_csv))
+
+    def commit(self) -> None:
+        self._close()
+        try:
+            self._raise()
+            if self._is_csv:
+                self._write_sidecar()
+            os.replace(self._temporary, self._target)
+        except BaseException as error:
+            self._temporary.unlink(missing_ok=True)
+            if isinstance(error, OSError):
+                raise DataError(f"{self._target}: cannot be written ({error.strerror or error})") from None
+            raise
+
+    def abort(self) -> None:
+        if self._open:
+            self._close()
+            self._temporary.unlink(missing_ok=True)
+
+    def __enter__(self) -> FileWriter:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        if kind is not None:
+            self.abort()
+        elif self._open:
+            self.commit()
+
+    def _close(self) -> None:
+        if self._open:
+            self._open = False
+            self._queue.put(None)
+            self._thread.join()
+            self._file.close()
+
+    def _raise(self) -> None:
+        if self._error is not None:
+            self.abort()
+            raise DataError(f"{self._target}: cannot be written ({self._error})") from self._error
+
+    def _run(self) -> None:
+        """Write what is queued until None comes; after a failure only empty the queue, so that nobody waits for it."""
+        batch: Any = ...
+        try:
+            with self._sink() as sink:
+                held: list[Any] = []
+                while (batch := self._queue.get()) is not None:
+                    held.append(batch)
+                    if self._is_csv or sum(part.num_rows for part in held) >= GROUP_ROWS:
+                        sink(held)
+                        held = []
+                if held:
+                    sink(held)
+        except BaseException as error:
+            self._error = error
+            while batch is not None:
+                batch = self._queue.get()
+
+    @contextlib.contextmanager
+    def _sink(self) -> Any:
+        """A function that writes record batches."""
+        import pyarrow as pa
+
+        schema = _arrow_schema(self._columns, as_text=self._is_csv)
+        if self._is_csv:
+            import pyarrow.csv as pc
+
+            self._file.write(_csv_header(self._columns))
+            options = pc.WriteOptions(include_header=False, quoting_style="none")
+            with pc.CSVWriter(self._file, schema, write_options=options) as csv_writer:
+                yield lambda held: [csv_writer.write_batch(batch) for batch in held]
+            return
+        import pyarrow.parquet as pq
+
+        # few-valued columns get a dictionary; hashing every float, only to find that none repeats, is most of the cost
+        few = [name for name, kind in self._columns.items() if isinstance(kind, Coded) or kind.startswith("int")]
+        schema = schema.with_metadata(self._metadata or None)
+        with pq.ParquetWriter(
+            self._file, schema, use_dictionary=few or False, compression="snappy", store_schema=False
+        ) as writer:
+            if self._metadata:
+                writer.add_key_value_metadata(self._metadata)
+            yield lambda held: writer.write_table(
+                pa.Table.from_batches(held).replace_schema_metadata(schema.metadata), GROUP_ROWS
+            )
+
+    def _write_sidecar(self) -> None:
+        beside = sidecar(self._target)
+        if not self._metadata:
+            beside.unlink(missing_ok=True)  # it would be taken for that of the new file
+            return
+        temporary = beside.with_name(f".{beside.name}.{os.getpid()}.tmp")
+        try:
+            temporary.write_text(json.dumps(self._metadata, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+            os.replace(temporary, beside)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+class _Stdout:
+    """CSV on stdout, flushed with every batch; a closed pipe surfaces as BrokenPipeError."""
+
+    def __init__(self, columns: Mapping[str, Kind]) -> None:
+        self._columns = dict(columns)
+        self._put(_csv_header(self._columns))
+
+    def write(self, columns: Mapping[str, ArrayLike]) -> None:
+        import pyarrow as pa
+        import pyarrow.csv as pc
+
+        text = pa.BufferOutputStream()
+        batch = _arrow_batch(self._columns, columns, as_text=True)
+        pc.write_csv(batch, text, pc.WriteOptions(include_header=False, quoting_style="none"))
+        self._put(text.getvalue())
+
+    def _put(self, content: Any) -> None:
+        sys.stdout.buffer.write(content)
+        sys.stdout.buffer.flush()
+
+    def commit(self) -> None:
+        sys.stdout.buffer.flush()
+
+    def abort(self) -> None:
+        """What was written cannot be taken back."""
+
+    def __enter__(self) -> _Stdout:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        if kind is None:
+            self.commit()
+
+
+def _csv_header(columns: Mapping[str, Kind]) -> bytes:
+    quoted = ('"' + name.replace('"', '""') + '"' if any(c in name for c in ',"\n\r') else name for name in columns)
+    return (",".join(quoted) + "\n").encode()
+
+
+def _arrow_type(kind: Kind, as_text: bool) -> Any:
+    import pyarrow as pa
+
+    if isinstance(kind, Coded):
+        return pa.dictionary(pa.int32(), pa.string() if as_text else pa.float64())
+    return pa.from_numpy_dtype(np.dtype(kind))
+
+
+def _arrow_schema(columns: Mapping[str, Kind], as_text: bool) -> Any:
+    import pyarrow as pa
+
+    return pa.schema([(name, _arrow_type(kind, as_text)) for name, kind in columns.items()])
+
+
+def _arrow_batch(columns: Mapping[str, Kind], arrays: Mapping[str, ArrayLike], as_text: bool) -> Any:
+    """The columns as an Arrow record batch; coded values as text where every value costs its formatting."""
+    import pyarrow as pa
+
+    parts = []
+    for name, kind in columns.items():
+        if isinstance(kind, Coded):
+            values = [repr(float(value)) for value in kind.values] if as_text else np.asarray(kind.values, dtype=float)
+            codes = np.ascontiguousarray(arrays[name], dtype=np.int32)
+            parts.append(pa.DictionaryArray.from_arrays(pa.array(codes), pa.array(values)))
+        else:
+            parts.append(pa.array(np.ascontiguousarray(arrays[name], dtype=kind)))
+    return pa.RecordBatch.from_arrays(parts, schema=_arrow_schema(columns, as_text))

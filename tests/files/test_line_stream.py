@@ -1,0 +1,119 @@
+"""Reading while it is written: half lines, rotation, unreadable lines."""
+
+import os
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from dsd_cli.errors import DataError
+from dsd_cli.files.line_stream import LineStream
+
+WANTED = {"t": "t", "u": "u"}
+
+
+def pipe_with(content: bytes):
+    reading, writing = os.pipe()
+    os.write(writing, content)
+    os.close(writing)
+    return os.fdopen(reading, "rb")
+
+
+def rows_of(batches):
+    return [row for batch in batches for row in zip(*(batch.columns[name].tolist() for name in WANTED), strict=True)]
+
+
+def test_each_line_is_given_when_it_is_complete():
+    reading, writing = os.pipe()
+    os.write(writing, b"t,u\n0,1\n")
+    with os.fdopen(reading, "rb") as stream:
+        batches = LineStream(stream, WANTED).batches()
+        assert rows_of([next(batches)]) == [(0.0, 1.0)]
+        os.write(writing, b"1,")
+        threading.Timer(0.1, os.write, (writing, b"5\n2")).start()
+        assert rows_of([next(batches)]) == [(1.0, 5.0)]
+        os.write(writing, b",3")
+        os.close(writing)
+        assert rows_of(batches) == [(2.0, 3.0)]
+
+
+def test_dialects_of_a_stream():
+    content = '\ufeff# rig\n t ;note;"u"\r\ns;x;V\r\n0;a;1,5\r\n\r\n1;b;NA\r\n'.encode()
+    stream = LineStream(pipe_with(content), WANTED)
+    np.testing.assert_array_equal(rows_of(stream.batches()), [(0.0, 1.5), (1.0, np.nan)])
+    assert "line 3 is taken as units" in stream.warnings[0]
+    assert stream.unreadable == 0
+
+
+def test_unreadable_lines_are_nan_rows_and_counted():
+    stream = LineStream(pipe_with(b"t,u\n0,1\n1,abc\n2\nt,u\n3,4\n"), WANTED)
+    rows = rows_of(stream.batches())
+    assert len(rows) == 5
+    assert np.isnan(rows[1:4]).all()
+    assert rows[4] == (3.0, 4.0)
+    assert stream.unreadable == 3
+    assert 'line 3 cannot be read: "1,abc"' in stream.warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [(b"", "is empty"), (b"t,u\n", "no rows"), (b"t,v\n0,1\n", 'no column "u"'), (b"1,2\n", "no header")],
+)
+def test_refusals(content, said):
+    with pytest.raises(DataError, match=said):
+        list(LineStream(pipe_with(content), WANTED).batches())
+
+
+def follow(path, steps):
+    """Follow a file while `steps` change it, each after what came before it was read."""
+    stream = LineStream(path, WANTED, idle_timeout=0.3)
+    batches = []
+    changes = threading.Thread(target=lambda: [(time.sleep(0.12), step()) for step in steps])
+    changes.start()
+    batches.extend(stream.batches())
+    changes.join()
+    return batches
+
+
+def append(path, text):
+    def step():
+        with path.open("a") as file:
+            file.write(text)
+
+    return step
+
+
+def test_a_growing_file_with_a_half_written_line(tmp_path):
+    path = tmp_path / "live.csv"
+    path.write_text("t,u\n0,1\n1,2")
+    batches = follow(path, [append(path, "5\n"), append(path, "2,3\n3,")])
+    assert rows_of(batches) == [(0.0, 1.0), (1.0, 25.0), (2.0, 3.0)]
+    assert not any(batch.restart for batch in batches)
+
+
+def test_rotation(tmp_path):
+    path = tmp_path / "live.csv"
+    path.write_text("t,u\n0,1\n1,2\n2,9")
+
+    def rotate():
+        path.rename(tmp_path / "live.csv.1")
+        path.write_text("u,t\n7,0\n")
+
+    batches = follow(path, [rotate, append(path, "8,1\n")])
+    assert rows_of(batches) == [(0.0, 1.0), (1.0, 2.0), (0.0, 7.0), (1.0, 8.0)]
+    assert [batch.restart for batch in batches] == [False, True, False]
+
+
+def test_a_file_that_is_cut_begins_anew(tmp_path):
+    path = tmp_path / "live.csv"
+    path.write_text("t,u\n0,1\n1,2\n2,3\n")
+    batches = follow(path, [lambda: path.write_text("t,u\n0,5\n")])
+    assert rows_of(batches)[3:] == [(0.0, 5.0)]
+    assert batches[-1].restart
+
+
+def test_following_stops_when_asked(tmp_path):
+    path = tmp_path / "live.csv"
+    path.write_text("t,u\n0,1\n")
+    assert len(list(LineStream(path, WANTED, stop=lambda: True).batches())) == 1
