@@ -21,12 +21,17 @@ CHOICES = (
 
 
 def main() -> None:
-    print("| sample time | derivative on | Q on the prediction | Fig. 6, J = 0.5 and 1.0 | J = 0.6-0.9: neighbours only "
-          "| wrong delays after 1.5 s, J = 0.6 / 0.7 / 0.8 / 0.9 | Fig. 7 | Fig. 8: lag for J = 0.5 / 1.0 |")
+    print(
+        "| sample time | derivative on | Q on the prediction | Fig. 6, J = 0.5 and 1.0 | neighbours only, J = 0.6-0.9 "
+        "| wrong delays after 1.5 s, J = 0.6 / 0.7 / 0.8 / 0.9 | Fig. 7 | Fig. 8: lag for J = 0.5 / 1.0 |"
+    )
     print("|" + "---|" * 8)
     for sample_time, derivative, q in CHOICES:
-        given = (f"simulate.sample_time={sample_time}", f"simulate.controller.derivative={derivative}",
-                 f"detector.observer_filter={str(q).lower()}")
+        given = (
+            f"simulate.sample_time={sample_time}",
+            f"simulate.controller.derivative={derivative}",
+            f"detector.observer_filter={str(q).lower()}",
+        )
         print(_row(sample_time, derivative, q, given))
 
 
@@ -38,14 +43,18 @@ def _row(sample_time: float, derivative: str, q: bool, given: tuple[str, ...]) -
     sines = [np.mean(run("paper-sine", f"model.inertia={j}", *given).delay(0.8) == 0.3) for j in INERTIAS]
     lags = [follow_lag(run("paper-delay-change", f"model.inertia={j}", *given)) for j in (0.5, 1.0)]
     stray = ", ".join(f"{100 * s:.2g} % stray for J = {j}" for j, s in strays.items() if s > 0)
-    return " | ".join((
-        f"| {1e3 * sample_time:g} ms", derivative, "yes" if q else "no",
-        "yes" if min(exact) == 1 else "**no** (" + " / ".join(f"{100 * x:.4g} %" for x in exact) + ")",
-        stray or "yes",
-        " / ".join(f"{100 * x:.4g} %" for x in wrong),
-        "yes" if min(sines) == 1 else f"**no** ({100 * min(sines):.4g} %)",
-        " / ".join(f"{lag:.3f} s" for lag in lags) + " |",
-    ))
+    return " | ".join(
+        (
+            f"| {1e3 * sample_time:g} ms",
+            derivative,
+            "yes" if q else "no",
+            "yes" if min(exact) == 1 else "**no** (" + " / ".join(f"{100 * x:.4g} %" for x in exact) + ")",
+            stray or "yes",
+            " / ".join(f"{100 * x:.4g} %" for x in wrong),
+            "yes" if min(sines) == 1 else f"**no** ({100 * min(sines):.4g} %)",
+            " / ".join(f"{lag:.3f} s" for lag in lags) + " |",
+        )
+    )
 
 
 if __name__ == "__main__":
