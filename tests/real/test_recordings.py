@@ -1,0 +1,150 @@
+"""`dsd detect` on measurements of real machines; what is published about them is the expected value."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.recordings import recording
+
+EMPS = """
+[signals]
+time = "t_s"
+u = "force_N"
+position = "position_m"
+[observer]
+nominal_inertia = 95.1
+time_constant = 0.02
+[states]
+delays = [0.0, 0.005, 0.01]
+inertias = [60, 75, 95, 120, 150]
+[detector]
+window = 500
+rho = 10.0
+initial = { delay = 0.01, inertia = 60 }
+hold = 3.0
+"""
+#: Published by Janot, Gautier and Brunot (2019): viscous 203.5 N s/m, Coulomb 20.39 N, offset -3.16 N (on the other side
+#: of the equation: a force of +3.16 N on the mass).
+EMPS_EFFECTS = """
+[model.effects.viscous_friction]
+coefficient = 203.5
+[model.effects.coulomb_friction]
+level = 20.39
+[model.effects.constant_load]
+force = 3.1648
+"""
+
+PENDULUM = """
+[signals]
+time = "t_s"
+u = "torque_meas_Nm"
+velocity = "velocity_rad_s"
+position = "position_rad"
+[observer]
+nominal_inertia = 0.15
+time_constant = 0.02
+[model.effects.gravity]
+amplitude = 2.98
+phase = 0.0
+[model.effects.coulomb_friction]
+level = 0.1
+[states]
+delays = [0.0, 0.02, 0.04]
+inertias = [0.1, 0.15, 0.225]
+[detector]
+window = 500
+rho = 0.5
+hold = 3.0
+"""
+
+#: u in volts: J, viscous, Coulomb and gravity are the published values divided by kt/R = 0.0963 N m/V.
+XL330 = """
+[signals]
+time = "t_s"
+u = "u_V"
+velocity = "velocity_rad_s"
+position = "position_rad"
+[observer]
+nominal_inertia = 0.07
+time_constant = 0.03
+[model.effects.viscous_friction]
+coefficient = 0.425
+[model.effects.coulomb_friction]
+level = 0.133
+[model.effects.gravity]
+amplitude = 4.99
+phase = 0.0
+[states]
+delays = [0.0, 0.04, 0.08]
+inertias = [0.035, 0.07, 0.14]
+[detector]
+window = 200
+rho = 2.0
+hold = 3.0
+"""
+
+
+def detect(tmp_path: Path, log: Path, config: str) -> tuple[dict, list[str]]:
+    """The summary as JSON, and the lines of the labels file."""
+    (tmp_path / "dsd.toml").write_text(config)
+    command = [sys.executable, "-m", "dsd_cli", "detect", str(log), "-c", "dsd.toml", "--format", "json"]
+    done = subprocess.run([*command, "-o", "labels.csv"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    return json.loads(done.stdout), (tmp_path / "labels.csv").read_text().splitlines()
+
+
+def confident_share(result: dict, **values: float) -> float:
+    """Share of the confident samples whose label has these values."""
+    return sum(
+        state["confident_share"]
+        for state in result["states"]
+        if all(state[name] == value for name, value in values.items())
+    )
+
+
+def test_emps_with_its_friction_has_no_delay_and_95_kg(tmp_path):
+    result, labels = detect(tmp_path, recording("emps/emps_train.csv"), EMPS + EMPS_EFFECTS)
+    assert result["d_hat"] == "position"
+    assert result["clock"] == "regular"
+    assert len(labels) == 1 + result["samples"] == 24842
+    assert result["confident_share"] > 0.5
+    assert confident_share(result, delay=0.0) > 0.95
+    assert confident_share(result, inertia=95) > 0.95
+    assert result["residual_rms"] < result["rho"]
+
+
+def test_emps_without_friction_shows_that_no_candidate_explains_it(tmp_path):
+    """The labels are wrong then (150 kg), so hardly any may be confident, and the summary says why."""
+    result, _ = detect(tmp_path, recording("emps/emps_train.csv"), EMPS)
+    assert result["residual_rms"] > 2 * result["rho"]
+    assert result["confident_share"] < 0.05
+    assert sum(state["share"] for state in result["states"] if state["inertia"] == 95) < 0.05
+
+
+def test_emps_table_tells_the_user(tmp_path):
+    (tmp_path / "dsd.toml").write_text(EMPS)
+    command = [sys.executable, "-m", "dsd_cli", "detect", str(recording("emps/emps_train.csv")), "-c", "dsd.toml"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "no candidate explains this log" in done.stdout
+    assert "d_hat computed from position" in done.stdout
+
+
+def test_pendulum_of_dfki(tmp_path):
+    """CAD: J about 0.15 kg m2, m g l about 2.98 N m; the measured torque acts without delay."""
+    result, labels = detect(tmp_path, recording("dfki_pendulum/ddp.csv"), PENDULUM)
+    assert result["d_hat"] == "velocity"
+    assert len(labels) == 1 + result["samples"] == 3001
+    most = max(result["states"], key=lambda state: state["share"])
+    assert (most["delay"], most["inertia"]) == (0.0, 0.15)
+    assert most["share"] > 0.5
+    assert confident_share(result, delay=0.0, inertia=0.15) > 0.95
+
+
+def test_xl330_with_irregular_stamps(tmp_path):
+    """Every row gets a label on its own stamp; the model lacks load-dependent friction, so few are confident."""
+    result, labels = detect(tmp_path, recording("bam_xl330/kp400_sin_sin.csv"), XL330)
+    assert result["clock"] == "irregular"
+    assert len(labels) == 1 + result["samples"] == 1126
+    assert 0.004 < result["sample_time"] < 0.006
+    assert result["dropped"] == []
+    assert result["residual_rms"] < result["rho"]
