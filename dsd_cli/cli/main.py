@@ -76,6 +76,8 @@ def run(arguments: list[str]) -> int:
             raise
         except OSError as error:
             return _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error), 1)
+        except MemoryError as error:
+            return _fail(f"not enough memory: {error}", 1)
         except Exception as error:
             return _fail_unexpectedly(error)
     except BrokenPipeError:

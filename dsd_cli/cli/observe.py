@@ -60,6 +60,7 @@ def observe(
 def _observed(loaded: LoadedLog, settings: ObserverSettings) -> Log:
     """The observer starts anew wherever the samples do not continue (a gap, another recording)."""
     from dataclasses import replace
+    from itertools import pairwise
 
     import numpy as np
 
@@ -69,7 +70,7 @@ def _observed(loaded: LoadedLog, settings: ObserverSettings) -> Log:
     edges = [0, *(at for at in loaded.restarts if 0 < at < len(log)), len(log)]
     parts = [
         observe_log(replace(log, channels={name: x[a:b] for name, x in log.channels.items()}), settings)
-        for a, b in zip(edges, edges[1:], strict=False)
+        for a, b in pairwise(edges)
     ]
     d_hat = np.concatenate([part["d_hat"] for part in parts])
     return replace(log, channels={**log.channels, "d_hat": d_hat}, d_hat_source=parts[0].d_hat_source)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from dsd_cli.detect.grid import Grid
-from dsd_cli.detect.session import Plan
+from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.detect.transition import Transition
 from dsd_cli.errors import DataError, UsageError
@@ -90,9 +90,7 @@ def _source(channel: str) -> DHatSource:
     return "velocity" if channel == "velocity" else "position"
 
 
-def _effect_channels(
-    model: PlantModel, found: Mapping[str, str], name: str, from_position: bool
-) -> tuple[str, ...]:
+def _effect_channels(model: PlantModel, found: Mapping[str, str], name: str, from_position: bool) -> tuple[str, ...]:
     """Motion channels to read for the effects; the speed can be had from the position, as d_hat was."""
     needed = []
     for channel, effect in model.needs().items():

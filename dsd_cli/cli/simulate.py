@@ -23,13 +23,14 @@ OutputNeeded = Annotated[
     str, typer.Option("-o", "--output", metavar="FILE", help="Log to write (.csv or .parquet); - is stdout.")
 ]
 TemplateOption = Annotated[
-    str | None, typer.Option("--template", metavar="NAME", help="Run this template (see `dsd init`), not a config file.")
+    str | None,
+    typer.Option("--template", metavar="NAME", help="Run this template (see `dsd init`), not a config file."),
 ]
-SeedOption = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the noise.")]
+SeedOption = Annotated[int | None, typer.Option("--seed", help="Seed of the noise.")]
 NoiseOption = Annotated[
-    float | None, typer.Option("--noise", min=0.0, help="Standard deviation of the noise on d_hat, unit of u.")
+    float | None, typer.Option("--noise", help="Standard deviation of the noise on d_hat, unit of u.")
 ]
-DurationOption = Annotated[float | None, typer.Option("--duration", min=0.0, metavar="S", help="Length of the log, s.")]
+DurationOption = Annotated[float | None, typer.Option("--duration", metavar="S", help="Length of the log, s.")]
 
 
 def simulate(

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import Backend, KernelSpec, make_kernel
@@ -49,10 +50,10 @@ class Labels:
     """
 
     grid: Grid
-    state: Array
+    state: NDArray[Any]
     log_likelihood: Array
     probability: Array
-    confident: Array
+    confident: NDArray[Any]
 
     @property
     def delay(self) -> Array:
@@ -181,7 +182,7 @@ class Engine:
             return Labels(self.grid, *self._from_likelihoods(matrix, confident))
         return Labels(self.grid, state, ll, probability, confident.view(np.bool_))
 
-    def _from_likelihoods(self, matrix: Array, status: Array) -> Decisions:
+    def _from_likelihoods(self, matrix: Array, status: NDArray[Any]) -> Decisions:
         if self._recursion is not None:
             return self._recursion.feed(matrix, status)
         from dsd_cli.detect.recursions import whole_log

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.detect.choice import choose
 from dsd_cli.detect.kernel import FULL, PARTIAL, WARMUP, KernelSpec
@@ -119,7 +120,7 @@ class NumpyKernel:
         part = slice(cold, None)
         self._decide(dist, missing, full, [state[part], ll[part], probability[part], confident[part]])
 
-    def _window(self, y: Array, z: Array, missing: Array) -> tuple[Array, Array]:
+    def _window(self, y: Array, z: Array, missing: NDArray[Any]) -> tuple[Array, NDArray[Any]]:
         """Windowed squared distances of eq. 15, shape (n, states), and whether the window was full."""
         n, window = len(y), self._spec.settings.window
         square = np.square(y[:, None] - (z[:, :, None] * self._alphas).reshape(n, -1))
@@ -134,7 +135,7 @@ class NumpyKernel:
         self._turn(slot + n - 1)
         return dist, full
 
-    def _decide(self, dist: Array, missing: Array, full: Array, out: list[Array]) -> None:
+    def _decide(self, dist: Array, missing: NDArray[Any], full: NDArray[Any], out: list[Array]) -> None:
         state, ll, probability, confident = out
         begin, rows = 0, len(dist)
         while begin < rows:  # one pass per change of label

@@ -55,9 +55,7 @@ class RegularPrediction:
             at = self._keep - self._lag - whole
             mean = (1.0 - fraction) * history[at : at + n] + fraction * history[at - 1 : at - 1 + n]
             for e in range(combos):
-                raw[:, g * combos + e] = (
-                    mean if force is None else combine(mean, force[:, e], budget[:, e], sign)
-                )
+                raw[:, g * combos + e] = mean if force is None else combine(mean, force[:, e], budget[:, e], sign)
         w, z = self._filtered(last, raw, k)
         self._k += n
         y = w + self._spec.sign * np.where(np.isfinite(d), d, 0.0)
@@ -153,9 +151,7 @@ class TimedPrediction:
         filtered = spec.settings.observer_filter and k > 0 and spec.time_constant > 0.0
         pole = float(np.exp(-length / spec.time_constant)) if filtered else 0.0
         begin = self._t[max(last, 0)]
-        means = [
-            self._mean(g, begin, begin + length, last) if k else self._u[0] for g in range(len(spec.grid.delays))
-        ]
+        means = [self._mean(g, begin, begin + length, last) if k else self._u[0] for g in range(len(spec.grid.delays))]
         mean_u, combos = self._u[max(last, 0)], len(spec.grid.combinations)
         raw = np.repeat(np.array(means), combos)
         if forces is not None:

@@ -8,9 +8,10 @@ once.
 from __future__ import annotations
 
 from collections import deque
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.detect.choice import choose
 from dsd_cli.detect.kernel import FULL, WARMUP
@@ -21,16 +22,16 @@ from dsd_cli.signals.log import Array
 class Decisions(NamedTuple):
     """Per sample: state, log likelihood of that state, its probability, confident; each of shape (n,)."""
 
-    state: Array
+    state: NDArray[Any]
     log_likelihood: Array
     probability: Array
-    confident: Array
+    confident: NDArray[Any]
 
 
 class Recursion(Protocol):
     """An online method."""
 
-    def feed(self, log_likelihoods: Array, status: Array) -> Decisions: ...
+    def feed(self, log_likelihoods: Array, status: NDArray[Any]) -> Decisions: ...
 
     def restart(self) -> None: ...
 
@@ -101,7 +102,7 @@ class Averaged:
             self._prefix = np.full(self._states, -np.inf)
         return total - np.log(min(self._seen, self._n))
 
-    def feed(self, log_likelihoods: Array, status: Array) -> Decisions:
+    def feed(self, log_likelihoods: Array, status: NDArray[Any]) -> Decisions:
         """Decide for every row; `status` (WARMUP, PARTIAL, FULL) says what a row rests on."""
         out = _empty(len(status))
         for i, (log_b, rests_on) in enumerate(zip(log_likelihoods, status, strict=True)):
@@ -131,7 +132,7 @@ class Mixed:
         """Start again from the transition out of the last label."""
         self._prior = self._log_a[self._choice.label]
 
-    def feed(self, log_likelihoods: Array, status: Array) -> Decisions:
+    def feed(self, log_likelihoods: Array, status: NDArray[Any]) -> Decisions:
         """Decide for every row."""
         out = _empty(len(status))
         for i, (log_b, rests_on) in enumerate(zip(log_likelihoods, status, strict=True)):
@@ -164,7 +165,7 @@ def _forward_backward(log_b: Array, log_a: Array, first: Array) -> Array:
     return forward - np.logaddexp.reduce(forward, axis=1, keepdims=True)
 
 
-def _best_path(log_b: Array, log_a: Array, first: Array) -> Array:
+def _best_path(log_b: Array, log_a: Array, first: Array) -> NDArray[Any]:
     """The most likely sequence of states (Viterbi), shape (n,)."""
     n, states = log_b.shape
     back = np.zeros((n, states), dtype=np.int32)
@@ -182,7 +183,7 @@ def _best_path(log_b: Array, log_a: Array, first: Array) -> Array:
 
 
 def whole_log(
-    settings: DetectorSettings, axes: Array, floor: float, log_likelihoods: Array, status: Array
+    settings: DetectorSettings, axes: Array, floor: float, log_likelihoods: Array, status: NDArray[Any]
 ) -> Decisions:
     """`viterbi` or `smooth` over a whole log; both report the posterior of forward-backward as probability."""
     out = _empty(len(status))

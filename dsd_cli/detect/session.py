@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.detect.engine import Engine, Forces, Labels, Measurement
-from dsd_cli.detect.grid import Grid
-from dsd_cli.detect.kernel import Backend
-from dsd_cli.detect.settings import OFFLINE, DetectorSettings
+from dsd_cli.detect.plan import Plan
+from dsd_cli.detect.settings import OFFLINE
 from dsd_cli.effects import Channels
 from dsd_cli.plant.forces import Sample, interval_channels, interval_forces
-from dsd_cli.plant.model import ObserverSettings, PlantModel
-from dsd_cli.plant.observer import APERTURE, DisturbanceObserver
+from dsd_cli.plant.observer import DisturbanceObserver
 from dsd_cli.signals.cleaning import Cleaner, Piece
-from dsd_cli.signals.log import Array, DHatSource
+from dsd_cli.signals.clock import clock_window
+from dsd_cli.signals.log import Array
 
 
 class Rows(NamedTuple):
@@ -27,58 +26,10 @@ class Rows(NamedTuple):
     """
 
     t: Array
-    state: Array
+    state: NDArray[Any]
     log_likelihood: Array
     probability: Array
-    confident: Array
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What to detect, and how the log measures it.
-
-    Attributes
-    ----------
-    model : what all states share; its effects apply to every state.
-    d_hat_source : "logged", or what the observer computes d_hat from.
-    aperture : intervals one logged value of d_hat averages (2 for a d_hat that was computed from position).
-    channels : channels to read beside u and d_hat, needed by effects.
-    """
-
-    grid: Grid
-    settings: DetectorSettings
-    model: PlantModel
-    observer: ObserverSettings
-    d_hat_source: DHatSource = "logged"
-    logged_aperture: int = 1
-    channels: tuple[str, ...] = ()
-    backend: Backend | None = None
-    effects: list[PlantModel] = field(init=False)
-
-    def __post_init__(self) -> None:
-        models = []
-        for combination in self.grid.combinations:
-            values: dict[str, dict[str, float]] = {}
-            for name, value in combination.items():
-                effect, parameter = name.split(".", 1)
-                values.setdefault(effect, {})[parameter] = value
-            models.append(self.model.changed(effects=values))
-        object.__setattr__(self, "effects", models)
-
-    @property
-    def measured(self) -> str:
-        """The column that carries the disturbance."""
-        return "d_hat" if self.d_hat_source == "logged" else self.d_hat_source
-
-    @property
-    def columns(self) -> list[str]:
-        """Channels needed in every row."""
-        return list(dict.fromkeys(["u", self.measured, *self.channels]))
-
-    @property
-    def aperture(self) -> int:
-        """Intervals that one value of d_hat averages."""
-        return self.logged_aperture if self.d_hat_source == "logged" else APERTURE[self.d_hat_source]
+    confident: NDArray[Any]
 
 
 class Session:
@@ -97,6 +48,8 @@ class Session:
         self._label = plan.settings.initial
         self._waiting: list[Piece] = []
         self._early = 0
+        self._stamps: Array | None = np.empty(0) if cleaner.sample_time is None else None
+        self._settling = 0
 
     @property
     def label(self) -> int:
@@ -107,15 +60,17 @@ class Session:
         """Rows as they are in the log, shape (n,) each; `restart`: they begin another recording."""
         if restart:
             yield from self._label_pieces(self.cleaner.restart())
+        if self._stamps is not None and t is not None:
+            self._stamps = np.concatenate([self._stamps, t])
         yield from self._label_pieces(self.cleaner.feed(t, {name: values[name] for name in self.plan.columns}))
 
     def held(self, t: Array) -> Rows | None:
         """Labels of the rows that a live stream just fed, if they wait for the clock: they are rows of the warm-up.
 
-        `feed` then leaves them out when they come.
+        `feed` then leaves them out when they come. Methods that need the whole log give no early labels.
         """
         new = self.cleaner.held - self._early
-        if new <= 0:
+        if new <= 0 or self.plan.settings.method in OFFLINE:
             return None
         self._early += new
         nothing = np.full(new, np.nan)
@@ -136,13 +91,25 @@ class Session:
     # -- pieces ----------------------------------------------------------------------------------------------------
 
     def _label_pieces(self, pieces: list[Piece]) -> Iterator[Rows]:
+        self._watch_clock()
         if self.plan.settings.method in OFFLINE:
             self._waiting += pieces
             return
         for piece in pieces:
             if piece.restart:
                 self._restart()
-            yield self._after_early(self._to_rows(piece, self._run(piece) if piece.t.size else None))
+            before = self._label
+            rows = self._to_rows(piece, self._run(piece) if piece.t.size else None)
+            yield self._after_early(_unjudged(rows, self._settling - piece.start, before))
+
+    def _watch_clock(self) -> None:
+        """Rows that the clock was settled from are warm-up, also where bridged holes make many samples of them.
+
+        A live stream labels them before there is a clock, and a file gets the same labels.
+        """
+        if self._stamps is not None and self.cleaner.sample_time is not None:
+            self._settling = clock_window(self._stamps) or self._stamps.size
+            self._stamps = None
 
     def _offline(self) -> Iterator[Rows]:
         """Every recording of the log as a whole: one engine run from restart to restart."""
@@ -184,7 +151,7 @@ class Session:
                 aperture=plan.aperture,
                 timed=not regular,
             )
-            self.engine = Engine(plan.grid, replace(plan.settings), measurement, plan.backend)
+            self.engine = Engine(plan.grid, plan.settings, measurement, plan.backend)
         return self.engine
 
     def _sample_time(self) -> float:
@@ -197,9 +164,7 @@ class Session:
         d_hat = piece.values[self.plan.measured]
         if self.plan.d_hat_source != "logged":
             if self._observer is None:
-                self._observer = DisturbanceObserver(
-                    self.plan.observer, self._sample_time(), self.plan.d_hat_source
-                )
+                self._observer = DisturbanceObserver(self.plan.observer, self._sample_time(), self.plan.d_hat_source)
             d_hat = self._observer.run(u, d_hat, piece.stamps)
         forces = self._forces(piece) if any(model.effects for model in self.plan.effects) else None
         self._last_t = float(piece.t[-1])
@@ -257,6 +222,16 @@ class Session:
         return out
 
 
+def _unjudged(rows: Rows, count: int, label: int) -> Rows:
+    """The first `count` rows as rows of the warm-up."""
+    if count <= 0 or not np.isfinite(rows.log_likelihood[:count]).any():
+        return rows
+    columns = [column.copy() for column in rows[1:]]
+    for column, nothing in zip(columns, (label, np.nan, np.nan, False), strict=True):
+        column[:count] = nothing
+    return Rows(rows.t, *columns)
+
+
 class _Inputs(NamedTuple):
     u: Array
     d_hat: Array
@@ -264,7 +239,7 @@ class _Inputs(NamedTuple):
     forces: Forces | None
 
 
-def labels_arrays(labels: Labels) -> tuple[Array, Array, Array, Array]:
+def labels_arrays(labels: Labels) -> tuple[NDArray[Any], ...]:
     """state, log_likelihood, probability, confident."""
     return labels.state, labels.log_likelihood, labels.probability, labels.confident
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.session import Rows
@@ -183,7 +184,7 @@ class _TruthCount:
         self._right = dict.fromkeys(("both", "confident", "true_delay", "true_inertia"), 0)
         self._seen = dict.fromkeys(("both", "confident", "true_delay", "true_inertia"), 0)
 
-    def add(self, rows: Rows, judged: Array, truth: Mapping[str, Array]) -> None:
+    def add(self, rows: Rows, judged: NDArray[np.bool_], truth: Mapping[str, Array]) -> None:
         if not truth:
             return
         both, use = np.ones(rows.state.size, dtype=bool), judged.copy()
@@ -198,7 +199,7 @@ class _TruthCount:
             self._right[name] += int((both & part).sum())
             self._seen[name] += int(part.sum())
 
-    def _nearest(self, name: str, values: Array, state: Array) -> Array:
+    def _nearest(self, name: str, values: Array, state: NDArray[np.int32]) -> NDArray[np.bool_]:
         """Whether the label is the candidate nearest to the truth."""
         axis = self._grid.axes[name.removeprefix("true_")]
         scale = (lambda x: 1.0 / x) if name == "true_inertia" else (lambda x: x)
@@ -206,7 +207,7 @@ class _TruthCount:
             found, inverse = np.unique(values, return_inverse=True)
             distance = np.abs(scale(axis)[None, :] - scale(found)[:, None])
             allowed = distance <= distance.min(axis=1, keepdims=True) * (1 + 1e-9) + 1e-12
-        return allowed[inverse, state]
+        return np.asarray(allowed[inverse, state])
 
     def result(self) -> Truth | None:
         if not self._seen["both"]:

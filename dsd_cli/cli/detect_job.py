@@ -1,0 +1,214 @@
+"""One run of `dsd detect`: where rows come from, what labels them, where labels go."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dsd_cli.cli.detect_checks import Judgement
+from dsd_cli.cli.labels_out import LabelsFile, NoLabels, Write, json_lines
+from dsd_cli.cli.plan import TIME_SCALE, TRUTH, detection_plan, log_columns, optional_columns
+from dsd_cli.cli.progress import Progress
+from dsd_cli.detect.grid import Grid
+from dsd_cli.detect.kernel import active_backend
+from dsd_cli.detect.plan import Plan
+from dsd_cli.detect.session import Rows, Session
+from dsd_cli.detect.settings import OFFLINE
+from dsd_cli.detect.summary import Summarizer
+from dsd_cli.errors import DataError, UsageError
+from dsd_cli.files.background import read_ahead
+from dsd_cli.files.config import Config
+from dsd_cli.files.tables_in import Batch, TableSource, dropped_with_unreadable, open_table, read_head
+from dsd_cli.files.tables_out import check_output
+from dsd_cli.report.detection import Detection, print_table, to_json
+from dsd_cli.signals.cleaning import Cleaner
+from dsd_cli.signals.log import Array
+
+#: Forms whose lines are labels, not the summary.
+LABEL_LINES = ("csv", "jsonl")
+
+
+@dataclass(frozen=True)
+class Destination:
+    """Where labels and summary go: `form` is that of stdout, `output` a file, "-" or None."""
+
+    form: str
+    output: str | None
+    quiet: bool
+    inputs: tuple[str | Path, ...]
+
+    @property
+    def labels_on_stdout(self) -> bool:
+        """Then the summary goes to stderr."""
+        return self.output == "-" or self.form in LABEL_LINES
+
+    def check(self) -> None:
+        """Refuse what cannot work before any data is read."""
+        if self.output == "-" and self.form == "json":
+            raise UsageError("-o - and --format json both want stdout", "write the labels to a file")
+        if self.output in (None, "-"):
+            return
+        if self.form in LABEL_LINES:
+            raise UsageError(f"--format {self.form} puts the labels on stdout, -o into {self.output}", "give one")
+        check_output(str(self.output), self.inputs)
+
+    def writer(self, grid: Grid, log: str) -> AbstractContextManager[Write]:
+        """Gives a function that writes rows of labels."""
+        if self.form == "jsonl":
+            return json_lines(grid)
+        if self.labels_on_stdout:
+            return LabelsFile("-", grid, {}, ())
+        if self.output is None:
+            return NoLabels()
+        return LabelsFile(self.output, grid, {"command": "detect", "log": log}, self.inputs)
+
+    def show(self, result: Detection) -> None:
+        """The summary on stdout; on stderr where stdout carries the labels."""
+        if not self.quiet:
+            for warning in result.warnings:
+                print(f"dsd: warning: {result.log}: {warning}", file=sys.stderr)
+        if self.form == "json":
+            print(json.dumps(to_json(result), indent=1, allow_nan=False))
+        elif not self.labels_on_stdout:
+            print_table(result, sys.stdout)
+        elif not self.quiet:
+            print_table(result, sys.stderr)
+
+
+class Job:
+    """Reads `log` and labels it; live where lines come one by one."""
+
+    def __init__(self, log: str, config: Config, follow: bool, to: Destination) -> None:
+        self.log, self.config, self.follow, self.to = log, config, follow, to
+        self.live = follow or log == "-"
+        self._time_scale = TIME_SCALE[config.signals.time_unit]
+
+    def run(self, judgement: Judgement) -> Detection:
+        """All labels written, and the summary.
+
+        Raises
+        ------
+        UsageError : options, or keys of the config, that contradict each other.
+        DataError : the log cannot be read, or nothing in it can be used.
+        """
+        if self.follow and self.log == "-":
+            raise UsageError("--follow needs a file", "stdin is followed anyway")
+        with _interrupt_ends_reading(self.follow) as interrupted:
+            table = self._open(interrupted)
+            plan = self._plan(table)
+            summarizer = judgement.summarizer(plan)
+            session = Session(plan, Cleaner(self.config.signals.sample_time, self._time_scale))
+            self._label_all(table, session, summarizer)
+        if session.cleaner.sample_time is None:
+            needed = ", ".join(table.columns.values())
+            raise DataError(f"{table.name}: no row has a value in every needed column ({needed})")
+        return _detection(table, session, summarizer)
+
+    def _open(self, interrupted: list[bool]) -> TableSource:
+        columns = log_columns(self.config.signals)
+        columns.pop("reference", None)
+        optional = optional_columns(self.config) & set(columns)
+        if not self.follow:
+            return open_table(self.log, columns, optional)
+        from dsd_cli.files.line_stream import LineStream
+
+        read_head(self.log, 1)
+        return LineStream(Path(self.log), columns, optional, stop=lambda: bool(interrupted))
+
+    def _plan(self, table: TableSource) -> Plan:
+        plan = detection_plan(self.config, table.columns, table.metadata, table.name)
+        if self.follow and plan.settings.method in OFFLINE:
+            raise UsageError(f"method '{plan.settings.method}' needs the whole log", "use dsd, average or imm live")
+        return plan
+
+    def _label_all(self, table: TableSource, session: Session, summarizer: Summarizer) -> None:
+        truth = _Truth([name for name in TRUTH if name in table.columns])
+        with self.to.writer(session.plan.grid, self.log) as write:
+            for rows in self._labels(table, session, truth):
+                summarizer.add(rows, truth.take(rows.state.size))
+                write(rows)
+
+    def _labels(self, table: TableSource, session: Session, truth: _Truth) -> Iterator[Rows]:
+        batches: Iterator[Batch] = table.batches()
+        if not self.live:
+            batches = read_ahead(batches)
+        progress = Progress("rows", enabled=not self.to.quiet and not self.to.labels_on_stdout)
+        try:
+            for batch in batches:
+                self._check_columns(table, session.plan, batch)
+                truth.put(batch)
+                yield from session.feed(batch.columns.get("t"), batch.columns, batch.restart)
+                if self.live and "t" in batch.columns:
+                    early = session.held(batch.columns["t"] * self._time_scale)
+                    if early is not None:
+                        yield early
+                progress.add(batch.rows)
+        finally:
+            progress.close()
+        yield from session.finish()
+
+    def _check_columns(self, table: TableSource, plan: Plan, batch: Batch) -> None:
+        """A log that is followed may be begun anew with other columns."""
+        lost = [name for name in plan.columns if name not in batch.columns]
+        if lost:
+            raise DataError(f"{table.name}: begun anew without {', '.join(lost)}", "start dsd detect again")
+
+
+@contextmanager
+def _interrupt_ends_reading(wanted: bool) -> Iterator[list[bool]]:
+    """The first Ctrl-C fills the list and nothing else, so that what was read is labelled and the summary shown."""
+    interrupted: list[bool] = []
+
+    def note(*_: object) -> None:
+        interrupted.append(True)
+        signal.signal(signal.SIGINT, before)
+
+    before = signal.getsignal(signal.SIGINT)
+    if wanted:
+        signal.signal(signal.SIGINT, note)
+    try:
+        yield interrupted
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _detection(table: TableSource, session: Session, summarizer: Summarizer) -> Detection:
+    plan, cleaner = session.plan, session.cleaner
+    dropped = dropped_with_unreadable(cleaner.dropped, table.unreadable)
+    return Detection(
+        log=table.name,
+        summary=summarizer.result(session.label),
+        method=plan.settings.method,
+        kernel=active_backend(),
+        sample_time=cleaner.sample_time,
+        regular=cleaner.regular,
+        d_hat_source=plan.d_hat_source,
+        rho=plan.settings.rho,
+        dropped={reason: count for reason, count in dropped.items() if count},
+        warnings=(*table.warnings, *cleaner.warnings),
+    )
+
+
+class _Truth:
+    """Truth columns, handed out by row as the labels of these rows come."""
+
+    def __init__(self, names: list[str]) -> None:
+        self._columns: dict[str, Array] = {name: np.empty(0) for name in names}
+
+    def put(self, batch: Batch) -> None:
+        for name, waiting in self._columns.items():
+            new = batch.columns.get(name)
+            new = np.full(batch.rows, np.nan) if new is None else new
+            self._columns[name] = np.concatenate([waiting, new]) if waiting.size else new
+
+    def take(self, rows: int) -> Mapping[str, Array]:
+        taken = {name: column[:rows] for name, column in self._columns.items()}
+        self._columns = {name: column[rows:] for name, column in self._columns.items()}
+        return taken

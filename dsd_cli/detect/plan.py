@@ -1,0 +1,60 @@
+"""What `dsd detect` shall look for in a log, and how that log measures it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from dsd_cli.detect.grid import Grid
+from dsd_cli.detect.kernel import Backend
+from dsd_cli.detect.settings import DetectorSettings
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.plant.observer import APERTURE
+from dsd_cli.signals.log import DHatSource
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to detect, and how the log measures it.
+
+    Attributes
+    ----------
+    model : what all states share; its effects apply to every state.
+    d_hat_source : "logged", or what the observer computes d_hat from.
+    aperture : intervals one logged value of d_hat averages (2 for a d_hat that was computed from position).
+    channels : channels to read beside u and d_hat, needed by effects.
+    """
+
+    grid: Grid
+    settings: DetectorSettings
+    model: PlantModel
+    observer: ObserverSettings
+    d_hat_source: DHatSource = "logged"
+    logged_aperture: int = 1
+    channels: tuple[str, ...] = ()
+    backend: Backend | None = None
+    effects: list[PlantModel] = field(init=False)
+
+    def __post_init__(self) -> None:
+        models = []
+        for combination in self.grid.combinations:
+            values: dict[str, dict[str, float]] = {}
+            for name, value in combination.items():
+                effect, parameter = name.split(".", 1)
+                values.setdefault(effect, {})[parameter] = value
+            models.append(self.model.changed(effects=values))
+        object.__setattr__(self, "effects", models)
+
+    @property
+    def measured(self) -> str:
+        """The column that carries the disturbance."""
+        return "d_hat" if self.d_hat_source == "logged" else self.d_hat_source
+
+    @property
+    def columns(self) -> list[str]:
+        """Channels needed in every row."""
+        return list(dict.fromkeys(["u", self.measured, *self.channels]))
+
+    @property
+    def aperture(self) -> int:
+        """Intervals that one value of d_hat averages."""
+        return self.logged_aperture if self.d_hat_source == "logged" else APERTURE[self.d_hat_source]
