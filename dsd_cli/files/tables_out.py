@@ -7,36 +7,25 @@ import json
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from queue import Queue
 from threading import Thread
 from types import TracebackType
 from typing import Any, Protocol
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from dsd_cli.errors import DataError, UsageError
+from dsd_cli.files.columns_out import Coded, Kind, Share, arrow_batch, arrow_schema
 from dsd_cli.files.tables_in import STDIN as STDOUT
 from dsd_cli.files.tables_in import sidecar
-from dsd_cli.signals.log import Array
+
+__all__ = ["Coded", "FileWriter", "Kind", "Share", "TableWriter", "check_output", "open_writer"]
 
 #: Rows of a Parquet row group; they are held until it is full.
 GROUP_ROWS = 1 << 19
 #: Batches that wait for the writing thread.
 QUEUED = 2
-
-
-@dataclass(frozen=True)
-class Coded:
-    """A column that takes few values: what is written are places in `values` (never negative), shape (rows,)."""
-
-    values: Array
-
-
-#: How a column is stored: a NumPy dtype's name ("float64", "float32", "int16", "int32", "bool"), or coded.
-Kind = str | Coded
 
 
 class TableWriter(Protocol):
@@ -100,6 +89,8 @@ class FileWriter:
     """Writes in a thread of its own, to a temporary file next to the target that takes its name at `commit`."""
 
     def __init__(self, target: Path, columns: Mapping[str, Kind], metadata: Mapping[str, str]) -> None:
+        import pyarrow as pa
+
         self._target = Path(os.path.realpath(target))
         self._temporary = self._target.with_name(f".{self._target.name}.{os.getpid()}.tmp")
         self._columns = dict(columns)
@@ -109,7 +100,8 @@ class FileWriter:
         self._error: BaseException | None = None
         self._open = True
         try:
-            self._file = open(self._temporary, "wb")  # noqa: SIM115 (closed by commit and abort)
+            open(self._temporary, "wb").close()  # Arrow's own file says less about what keeps it from being opened
+            self._file = pa.OSFile(str(self._temporary), "wb")  # and, unlike Python's, is written without the GIL
         except OSError as error:
             raise DataError(f"{target}: cannot be written ({error.strerror})") from None
         self._thread = Thread(target=self._run, name="writer", daemon=True)
@@ -117,7 +109,7 @@ class FileWriter:
 
     def write(self, columns: Mapping[str, ArrayLike]) -> None:
         self._raise()
-        self._queue.put(_arrow_batch(self._columns, columns, as_text=self._is_csv))
+        self._queue.put(arrow_batch(self._columns, columns, as_text=self._is_csv))
 
     def commit(self) -> None:
         self._close()
@@ -181,7 +173,7 @@ class FileWriter:
         """A function that writes record batches."""
         import pyarrow as pa
 
-        schema = _arrow_schema(self._columns, as_text=self._is_csv)
+        schema = arrow_schema(self._columns, as_text=self._is_csv)
         if self._is_csv:
             import pyarrow.csv as pc
 
@@ -193,7 +185,7 @@ class FileWriter:
         import pyarrow.parquet as pq
 
         # few-valued columns get a dictionary; hashing every float, only to find that none repeats, is most of the cost
-        few = [name for name, kind in self._columns.items() if isinstance(kind, Coded) or kind.startswith("int")]
+        few = [name for name, kind in self._columns.items() if isinstance(kind, Coded) or str(kind).startswith("int")]
         schema = schema.with_metadata(self._metadata or None)
         with pq.ParquetWriter(
             self._file, schema, use_dictionary=few or False, compression="snappy", store_schema=False
@@ -229,7 +221,7 @@ class _Stdout:
         import pyarrow.csv as pc
 
         text = pa.BufferOutputStream()
-        batch = _arrow_batch(self._columns, columns, as_text=True)
+        batch = arrow_batch(self._columns, columns, as_text=True)
         pc.write_csv(batch, text, pc.WriteOptions(include_header=False, quoting_style="none"))
         self._put(text.getvalue())
 
@@ -254,32 +246,3 @@ class _Stdout:
 def _csv_header(columns: Mapping[str, Kind]) -> bytes:
     quoted = ('"' + name.replace('"', '""') + '"' if any(c in name for c in ',"\n\r') else name for name in columns)
     return (",".join(quoted) + "\n").encode()
-
-
-def _arrow_type(kind: Kind, as_text: bool) -> Any:
-    import pyarrow as pa
-
-    if isinstance(kind, Coded):
-        return pa.dictionary(pa.int32(), pa.string() if as_text else pa.float64())
-    return pa.from_numpy_dtype(np.dtype(kind))
-
-
-def _arrow_schema(columns: Mapping[str, Kind], as_text: bool) -> Any:
-    import pyarrow as pa
-
-    return pa.schema([(name, _arrow_type(kind, as_text)) for name, kind in columns.items()])
-
-
-def _arrow_batch(columns: Mapping[str, Kind], arrays: Mapping[str, ArrayLike], as_text: bool) -> Any:
-    """The columns as an Arrow record batch; coded values as text where every value costs its formatting."""
-    import pyarrow as pa
-
-    parts = []
-    for name, kind in columns.items():
-        if isinstance(kind, Coded):
-            values = [repr(float(value)) for value in kind.values] if as_text else np.asarray(kind.values, dtype=float)
-            codes = np.ascontiguousarray(arrays[name], dtype=np.int32)
-            parts.append(pa.DictionaryArray.from_arrays(pa.array(codes), pa.array(values)))
-        else:
-            parts.append(pa.array(np.ascontiguousarray(arrays[name], dtype=kind)))
-    return pa.RecordBatch.from_arrays(parts, schema=_arrow_schema(columns, as_text))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,38 +14,16 @@ from numpy.typing import NDArray
 from dsd_cli.errors import DataError
 from dsd_cli.signals.clock import JITTER, Clock, clock_window, settle_clock, stamp_rounding, suspicious
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.pieces import Piece, bridge, rows_of, too_close
 
 #: Holes of up to this many samples are bridged by a straight line; longer ones are gaps.
 BRIDGE = 10
 #: In a log with irregular stamps, a step of more than this many median steps is a gap.
 IRREGULAR_GAP = 10.0
 
+__all__ = ["Cleaner", "Piece"]
+
 _LAST_REASONS = ("duplicate stamp", "bridged", "gap", "restart", "jittered stamp")
-
-
-class Piece(NamedTuple):
-    """Consecutive input rows, and the samples made of them.
-
-    Attributes
-    ----------
-    start, rows : the input rows covered, [start, start + rows); pieces cover every row once, in order.
-    keep : None: sample i is row start + i. Else shape (samples,): the row (counted from `start`) a sample was measured
-        in, -1 for a sample that bridges a hole; rows that are not named were dropped.
-    t : s, shape (samples,).
-    row_t : s, shape (rows,); as found in the log, so possibly not finite in a dropped row.
-    values : name -> contiguous float64, shape (samples,), finite.
-    restart : the samples do not continue those before: reset what remembers.
-    stamps : None in a regular log; else `t`, to be used as it is.
-    """
-
-    start: int
-    rows: int
-    keep: NDArray[np.int64] | None
-    t: Array
-    row_t: Array
-    values: dict[str, Array]
-    restart: bool
-    stamps: Array | None
 
 
 class Cleaner:
@@ -108,6 +85,11 @@ class Cleaner:
                 found.append(f"{given} much farther apart: is signals.time_unit right?")
             if self._count["duplicate stamp"] > self._samples:
                 found.append(f"{given} much closer together: is signals.time_unit right?")
+        if not self._clock_is_given and self._count["jittered stamp"] * 2 > self._samples > 0:
+            found.append(
+                f"most stamps are off the sample time {self.sample_time:g} s of the first rows by more than 1 %: "
+                "the samples are taken as evenly spaced all the same"
+            )
         if self._samples > 1 and self._first_u is not None and not self._u_varies:
             found.append(
                 f"u is constant ({self._first_u:g}): nothing excites the plant, so states cannot be told apart"
@@ -227,7 +209,7 @@ class Cleaner:
         pieces, row = [], 0
         restarts = set(cuts.tolist())
         if 0 in restarts and rows[0] > 0:  # dropped rows before the restart belong to what was before
-            pieces.append(self._piece(start, t[: rows[0]], rows[:0], t[:0], _rows_of(values, rows[:0]), False))
+            pieces.append(self._piece(start, t[: rows[0]], rows[:0], t[:0], rows_of(values, rows[:0]), False))
             row = int(rows[0])
         for first, end in zip(edges, [*edges[1:], rows.size], strict=True):
             if first == end and not (rows.size == 0 and first == 0):
@@ -235,7 +217,7 @@ class Cleaner:
             stop = int(rows[end]) if end < rows.size else t.size
             kept = rows[first:end]
             previous = self._last if first == 0 else None
-            keep, times, samples = _bridge(t, values, kept, inserted[first:end], previous)
+            keep, times, samples = bridge(t, values, kept, inserted[first:end], previous)
             keep = np.where(keep < 0, -1, keep - row)
             whole = keep.size == stop - row and not inserted[first:end].any()
             pieces.append(
@@ -267,24 +249,8 @@ class Cleaner:
     def _duplicates(self, stamps: Array) -> NDArray[np.bool_]:
         """Stamps less than half a sample (irregular logs: not at all) after the last one that is kept."""
         T, _, regular = self._clock_now
-        limit = 0.5 * T if regular else 0.0
-        drop = np.zeros(stamps.size, dtype=bool)
-        if self._restart_asked or self._last is None:
-            chain = stamps
-        else:
-            chain = np.concatenate(([self._last[0]], stamps))
-        shift = chain.size - stamps.size
-        with np.errstate(over="ignore"):
-            steps = np.diff(chain)
-        walked = 0
-        for at in (np.flatnonzero((steps >= 0) & (steps <= limit)) + 1).tolist():
-            if at < walked:
-                continue
-            anchor = chain[at - 1]
-            while at < chain.size and 0 <= chain[at] - anchor <= limit:
-                drop[at - shift] = True
-                at += 1
-            walked = at + 1  # row `at` is kept, and steps after it are counted from it
+        last = None if self._restart_asked or self._last is None else self._last[0]
+        drop = too_close(stamps, last, 0.5 * T if regular else 0.0)
         self._count["duplicate stamp"] += int(drop.sum())
         return drop
 
@@ -300,41 +266,3 @@ class Cleaner:
         if u.size:
             self._first_u = float(u[0]) if self._first_u is None else self._first_u
             self._u_varies = bool((u != self._first_u).any())
-
-
-def _rows_of(values: dict[str, Array], rows: NDArray[np.int64]) -> dict[str, Array]:
-    return {name: column[rows] for name, column in values.items()}
-
-
-def _bridge(
-    t: Array,
-    values: dict[str, Array],
-    rows: NDArray[np.int64],
-    inserted: NDArray[np.int64],
-    previous: tuple[float, dict[str, float]] | None,
-) -> tuple[NDArray[np.int64], Array, dict[str, Array]]:
-    """The rows as samples, with `inserted[i]` samples on a straight line before row i.
-
-    Returns the row of each sample (-1: inserted), their times and their values.
-    """
-    if not inserted.any():
-        return rows, t[rows], _rows_of(values, rows)
-    place = np.arange(rows.size) + np.cumsum(inserted)
-    total = int(place[-1]) + 1
-    keep = np.full(total, -1, dtype=np.int64)
-    keep[place] = rows
-    after = np.repeat(np.arange(rows.size), inserted)
-    holes = np.flatnonzero(keep < 0)
-    weight = (holes - (place[after] - inserted[after]) + 1) / (inserted[after] + 1)
-
-    def line(column: Array, before: float) -> Array:
-        samples = np.empty(total)
-        ends = column[rows]
-        samples[place] = ends
-        starts = np.concatenate(([before], ends[:-1]))
-        samples[holes] = (1 - weight) * starts[after] + weight * ends[after]
-        return samples
-
-    # without a previous sample nothing is inserted before the first row, so what stands in for it is not used
-    time, last = previous if previous is not None else (0.0, dict.fromkeys(values, 0.0))
-    return keep, line(t, time), {name: line(column, last[name]) for name, column in values.items()}

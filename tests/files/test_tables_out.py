@@ -13,7 +13,7 @@ from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files import tables_out
 from dsd_cli.files.logs import load_log, read_log, write_log
 from dsd_cli.files.tables_in import open_table
-from dsd_cli.files.tables_out import Coded, open_writer
+from dsd_cli.files.tables_out import Coded, Share, open_writer
 from dsd_cli.signals.log import Log
 
 KINDS = {
@@ -58,6 +58,15 @@ def test_csv_text(tmp_path):
     assert (tmp_path / "out.csv").read_text() == (
         "t,state,delay,log_likelihood,confident\n0,0,0.3,-1.5,true\n0.30000000000000004,1,0.2,nan,false\n"
     )
+
+
+def test_shares(tmp_path):
+    shares = np.array([0.0, 1.0, 0.12344, 0.99996, np.nan, 1 + 1e-7])
+    for name in ("out.csv", "out.parquet"):
+        with open_writer(tmp_path / name, {"probability": Share()}) as writer:
+            writer.write({"probability": shares})
+    assert (tmp_path / "out.csv").read_text().split()[1:] == ["0.0", "1.0", "0.1234", "1.0", "nan", "1.0"]
+    np.testing.assert_array_equal(pq.read_table(tmp_path / "out.parquet")["probability"], shares.astype(np.float32))
 
 
 def test_parquet_columns_are_plain_numbers_for_other_readers(tmp_path):

@@ -118,6 +118,12 @@ def test_jitter_is_counted_and_kept():
     assert cleaner.dropped == {"jittered stamp": 4}
 
 
+def test_a_log_that_is_even_in_its_first_rows_only_is_said():
+    t, values = ramp(200)
+    t[20:] += 0.2 * T * np.random.default_rng(0).uniform(-1, 1, 180)
+    assert "most stamps are off the sample time" in clean(t, values)[1].warnings[0]
+
+
 def test_a_short_hole_is_bridged_by_a_straight_line():
     t, values = ramp()
     rows = np.r_[0:20, 30:50]
