@@ -35,11 +35,12 @@ enum { WARMUP = 0, PARTIAL = 1, FULL = 2 };
 typedef struct {
     /* fixed */
     Py_ssize_t delays, combos, groups, inertias, states, padded, axes, window, warmup_rows;
+    Py_ssize_t width;               /* lanes of a group: inertias, padded; no division in the loops */
     int timed, filtered, aperture, transition;
-    double T, tau, pole, sign, c, ll_const, ll_floor, hold, confidence, log_stay, log_move, max_delay;
+    double T, tau, pole, sign, c, ll_const, ll_floor, hold, confidence, lead, log_stay, log_move, max_delay;
     double *delay, *frac;
     int64_t *whole;
-    int32_t *state_of;              /* per lane */
+    int32_t *state_of, *group_of;   /* per lane */
     double *alpha, *log_a;          /* Jn/J per lane of a group; log A, a row per lane */
     uint8_t *axis_is_inertia;
     double *axis;                   /* axes x padded: which value of the axis a state has */
@@ -60,7 +61,7 @@ typedef struct { double ll, probability; int32_t state; uint8_t confident, statu
 
 /* States are numbered group by group, inertia innermost; a group's inertias are padded to whole vectors. */
 INLINE Py_ssize_t lane(const Core *q, Py_ssize_t state) {
-    return state / q->inertias * (q->padded / q->groups) + state % q->inertias;
+    return state / q->inertias * q->width + state % q->inertias;
 }
 
 /* ---- stage 1: prediction ------------------------------------------------------------------------------------ */
@@ -140,6 +141,11 @@ INLINE void predict(Core *q, const double *force, const double *budget, double s
     q->interval = length;
     if (!q->filtered || k == 0) p = 0.0;
     q->w = (1.0 - p) * mean_u + p * q->w;
+    if (!q->timed && !force && q->aperture == 1 && q->combos == 1) {     /* the same as below, without the cases */
+        const double keep = 1.0 - p;
+        for (g = 0; g < q->delays; g++) q->z[g] = keep * regular_mean(q, last, g) + p * q->z[g];
+        return;
+    }
     for (g = 0; g < q->delays; g++) {
         double m;
         if (!q->timed) m = regular_mean(q, last, g);
@@ -171,9 +177,8 @@ INLINE double lowest(v4 m) {
 
 /* Padding lanes are at infinity, in the prefix and so in every distance. */
 static void clear_prefix(Core *q) {
-    const Py_ssize_t width = q->padded / q->groups;
     Py_ssize_t s;
-    for (s = 0; s < q->padded; s++) q->prefix[s] = s % width < q->inertias ? 0.0 : INFINITY;
+    for (s = 0; s < q->padded; s++) q->prefix[s] = s % q->width < q->inertias ? 0.0 : INFINITY;
 }
 
 /* The block of M squares is complete: turn it into suffix sums, and start a new prefix. */
@@ -190,10 +195,10 @@ static void turn_block(Core *q) {
 
 /* Fills dist, and the smallest distance per group (`row`) and per inertia (`column`). Returns the smallest of all. */
 INLINE double window(Core *q, double y, int missing) {
-    const Py_ssize_t nv = q->padded / LANES, nh = nv / q->groups;
-    v4 *restrict slot = (v4 *)q->ring + q->slot * nv, *restrict prefix = (v4 *)q->prefix;
+    const Py_ssize_t nh = q->width / LANES;
+    v4 *restrict slot = (v4 *)(q->ring + q->slot * q->padded), *restrict prefix = (v4 *)q->prefix;
     v4 *restrict dist = (v4 *)q->dist, *restrict column = (v4 *)q->column;
-    const v4 *restrict suffix = (v4 *)q->ring + (q->slot + 1) * nv, *restrict alpha = (v4 *)q->alpha;
+    const v4 *restrict suffix = (v4 *)(q->ring + (q->slot + 1) * q->padded), *restrict alpha = (v4 *)q->alpha;
     const v4 yy = splat(missing ? 0.0 : y);
     double best = INFINITY, lowest_of_group;
     Py_ssize_t g, h, v = 0;
@@ -263,7 +268,7 @@ INLINE double costs(Core *q, double nearest, const double **cost, double *unit) 
 INLINE void choose(Core *q, const double *cost, double unit, double best) {
     const double tie = 1e-9 * (1.0 + fabs(best) * unit);
     const Py_ssize_t last = q->label;
-    const Py_ssize_t width = q->padded / q->groups;
+    const Py_ssize_t width = q->width;
     Py_ssize_t g, s, a, found = last, most = -1;
     if (!((cost[last] - best) * unit > (q->hold > tie ? q->hold : tie))) return;
     for (g = 0; g < q->groups; g++) {
@@ -282,8 +287,8 @@ INLINE void choose(Core *q, const double *cost, double unit, double best) {
 /* Is the label's lead over the best state with another value, on every axis, at least `confidence` nats? The axes of a
  * group (delay, effects) see its smallest distance; the inertias are the columns. */
 INLINE int leads(const Core *q) {
-    const Py_ssize_t width = q->padded / q->groups, g0 = q->label / width, h0 = q->label % width;
-    const double limit = q->dist[q->label] + q->confidence / q->c;
+    const Py_ssize_t width = q->width, g0 = q->group_of[q->label], h0 = q->label - g0 * width;
+    const double limit = q->dist[q->label] + q->lead;
     Py_ssize_t a, g, h;
     for (a = 0; a < q->axes; a++) {
         const double *id = q->axis + a * q->padded;
@@ -299,7 +304,7 @@ INLINE int leads(const Core *q) {
 }
 
 INLINE void decide(Core *q, double nearest, Result *out) {
-    const Py_ssize_t nh = q->padded / LANES / q->groups;
+    const Py_ssize_t nh = q->width / LANES;
     const double *cost;
     double unit, mine;
     const double best = costs(q, nearest, &cost, &unit);
@@ -408,14 +413,15 @@ static void restart(Core *q) {
 
 /* The arrays of the inner loops, in one 32-byte aligned block. */
 static int allocate(Core *q, const double *alpha, const double *axis, const double *log_a) {
-    const Py_ssize_t n = q->padded, S = q->states, width = n / q->groups;
+    const Py_ssize_t n = q->padded, S = q->states, width = q->width;
     const Py_ssize_t rows = 3 + q->axes + (q->window + 1) + (log_a ? n : 0);
     Py_ssize_t a, s;
     double *next;
     q->state_of = calloc(n, sizeof(int32_t));
+    q->group_of = calloc(n, sizeof(int32_t));
     q->axis_is_inertia = calloc(q->axes + 1, 1);
     q->block = calloc(rows * n + 2 * width + q->groups + LANES, sizeof(double));
-    if (!q->state_of || !q->axis_is_inertia || !q->block) return -1;
+    if (!q->state_of || !q->group_of || !q->axis_is_inertia || !q->block) return -1;
     next = (double *)(((uintptr_t)q->block + 31) & ~(uintptr_t)31);
     q->alpha = next; next += width;
     q->column = next; next += width;
@@ -429,6 +435,7 @@ static int allocate(Core *q, const double *alpha, const double *axis, const doub
     for (s = 0; s < q->inertias; s++) q->alpha[s] = alpha[s];
     for (s = 0; s < S; s++) {
         q->state_of[lane(q, s)] = (int32_t)s;
+        q->group_of[lane(q, s)] = (int32_t)(s / q->inertias);
         for (a = 0; a < q->axes; a++) {
             q->axis[a * n + lane(q, s)] = axis[a * S + s];
             if (s < q->inertias && axis[a * S + s] != axis[a * S]) q->axis_is_inertia[a] = 1;
@@ -444,7 +451,8 @@ static int fill(Core *q, PyObject *delays, PyObject *alphas, PyObject *axes, PyO
     int bad = -1;
     q->groups = q->delays * q->combos;
     q->states = q->groups * q->inertias;
-    q->padded = q->groups * ((q->inertias + LANES - 1) / LANES * LANES);
+    q->width = (q->inertias + LANES - 1) / LANES * LANES;
+    q->padded = q->groups * q->width;
     q->label = lane(q, q->label);
     q->delay = doubles(delays, q->delays);
     alpha = q->delay ? doubles(alphas, q->inertias) : NULL;
@@ -471,6 +479,7 @@ static int fill(Core *q, PyObject *delays, PyObject *alphas, PyObject *axes, PyO
     q->t = calloc(q->cap, sizeof(double));
     if (!q->u || !q->t || allocate(q, alpha, axis, matrix)) { PyErr_NoMemory(); goto done; }
     q->c = 0.5 / (q->c * q->c);
+    q->lead = q->confidence / q->c;
     q->pole = q->filtered && q->tau > 0.0 ? exp(-q->T / q->tau) : 0.0;
     restart(q);
     bad = 0;
@@ -504,7 +513,7 @@ static void kernel_dealloc(PyObject *object) {
     Core *q = &((Kernel *)object)->core;
     PyTypeObject *type = Py_TYPE(object);
     freefunc release = (freefunc)PyType_GetSlot(type, Py_tp_free);
-    free(q->delay); free(q->frac); free(q->state_of); free(q->axis_is_inertia); free(q->whole); free(q->pointer);
+    free(q->delay); free(q->frac); free(q->state_of); free(q->group_of); free(q->axis_is_inertia); free(q->whole); free(q->pointer);
     free(q->z); free(q->raw); free(q->u); free(q->t); free(q->block);
     release(object);
     Py_DECREF(type);
