@@ -1,6 +1,7 @@
 """sample_logs/: every log is what its command makes, and `dsd detect` says of it what the README says."""
 
 import json
+import os
 import re
 import shlex
 import shutil
@@ -104,3 +105,25 @@ def test_configs_of_the_paper_runs_are_the_templates(name: str) -> None:
 def test_config_of_the_servo_is_the_template() -> None:
     kept = (SAMPLES / "servo-friction.toml").read_text(encoding="utf-8")
     assert kept == dsd("init --template servo -o -", SAMPLES).stdout
+
+
+def test_demo_says_what_its_comments_say(tmp_path: Path) -> None:
+    """`make demo`: it ends well, finds the change, and its two checks hold and fail."""
+    shutil.copytree(SAMPLES, tmp_path / "sample_logs")
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "bin/dsd").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m dsd_cli "$@"\n')
+    (tmp_path / "bin/dsd").chmod(0o755)
+    path = os.pathsep.join([str(tmp_path / "bin"), os.environ["PATH"]])
+    done = subprocess.run(
+        ["sh", "sample_logs/demo.sh"],
+        cwd=tmp_path,
+        env={**os.environ, "PATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "final: delay 0.4, inertia 1 (confident)" in done.stdout
+    assert "no candidate explains" not in done.stdout
+    assert re.findall(r"^exit code (\d)$", done.stdout, flags=re.MULTILINE) == ["0", "3"]
+    assert (tmp_path / "out/labels.csv").read_text().count("\n") == 3001
