@@ -194,17 +194,19 @@ static void turn_block(Core *q) {
 }
 
 /* Fills dist, and the smallest distance per group (`row`) and per inertia (`column`). Returns the smallest of all. */
-INLINE double window(Core *q, double y, int missing) {
-    const Py_ssize_t nh = q->width / LANES;
+INLINE double window(Core *q, double y, int missing, const Py_ssize_t nh) {
+    const Py_ssize_t groups = q->groups;
     v4 *restrict slot = (v4 *)(q->ring + q->slot * q->padded), *restrict prefix = (v4 *)q->prefix;
     v4 *restrict dist = (v4 *)q->dist, *restrict column = (v4 *)q->column;
     const v4 *restrict suffix = (v4 *)(q->ring + (q->slot + 1) * q->padded), *restrict alpha = (v4 *)q->alpha;
     const v4 yy = splat(missing ? 0.0 : y);
+    const double *restrict zs = q->z;
+    double *restrict row = q->row;
     double best = INFINITY, lowest_of_group;
     Py_ssize_t g, h, v = 0;
     for (h = 0; h < nh; h++) column[h] = splat(INFINITY);
-    for (g = 0; g < q->groups; g++) {
-        const v4 z = splat(missing ? 0.0 : q->z[g]);
+    for (g = 0; g < groups; g++) {
+        const v4 z = splat(missing ? 0.0 : zs[g]);
         v4 low = splat(INFINITY);
         for (h = 0; h < nh; h++, v++) {
             const v4 r = yy - alpha[h] * z, square = r * r, sum = prefix[v] + square, d = sum + suffix[v];
@@ -214,7 +216,7 @@ INLINE double window(Core *q, double y, int missing) {
             low = smaller(d, low);
             column[h] = smaller(d, column[h]);
         }
-        q->row[g] = lowest_of_group = lowest(low);
+        row[g] = lowest_of_group = lowest(low);
         best = lowest_of_group < best ? lowest_of_group : best;
     }
     q->count++;
@@ -303,17 +305,19 @@ INLINE int leads(const Core *q) {
     return 1;
 }
 
-INLINE void decide(Core *q, double nearest, Result *out) {
-    const Py_ssize_t nh = q->width / LANES;
+INLINE void decide(Core *q, double nearest, const Py_ssize_t nh, Result *out) {
+    const Py_ssize_t groups = q->groups;
+    const double *restrict row = q->row;
     const double *cost;
     double unit, mine;
     const double best = costs(q, nearest, &cost, &unit);
     const int skips = q->transition == UNIFORM && best < INFINITY;
+    const double far = best + 20.0 / unit;
     v4 total = splat(0.0);
     Py_ssize_t g, v;
     choose(q, cost, unit, best);
-    for (g = 0; g < q->groups; g++) {
-        if (skips && (q->row[g] - best) * unit > 20.0) continue;      /* it adds less than 3e-9 each */
+    for (g = 0; g < groups; g++) {
+        if (skips && row[g] > far) continue;      /* it adds less than 3e-9 each */
         for (v = g * nh; v < (g + 1) * nh; v++) {
             const v4 x = (splat(best) - ((const v4 *)cost)[v]) * splat(unit);
             const i4 near = x > splat(-20.0);
@@ -330,7 +334,7 @@ INLINE void decide(Core *q, double nearest, Result *out) {
 
 /* one sample; `matrix` (states) takes all log-likelihoods instead of a decision */
 INLINE int advance(Core *q, double t, double u, double d, const double *force, const double *budget, double s,
-                   double *matrix, Result *out) {
+                   const Py_ssize_t nh, double *matrix, Result *out) {
     const int missing = !(isfinite(u) && isfinite(d));
     if (q->timed) {
         if (grow(q)) return -1;
@@ -346,14 +350,14 @@ INLINE int advance(Core *q, double t, double u, double d, const double *force, c
         q->warm = !q->timed || q->t[(q->k - q->aperture) & (q->cap - 1)] - q->start >= q->max_delay;
     q->k++;
     if (q->warm) {
-        const double nearest = window(q, q->w + q->sign * d, missing);
+        const double nearest = window(q, q->w + q->sign * d, missing, nh);
         if (!missing) {
             out->status = q->count >= q->window ? FULL : PARTIAL;
             if (matrix) {
                 Py_ssize_t i;
                 for (i = 0; i < q->states; i++) matrix[i] = q->ll_const - q->c * q->dist[lane(q, i)];
             } else {
-                decide(q, nearest, out);
+                decide(q, nearest, nh, out);
             }
         }
     }
@@ -361,22 +365,35 @@ INLINE int advance(Core *q, double t, double u, double d, const double *force, c
     return 0;
 }
 
-DISPATCH static int run_block(Core *q, Py_ssize_t n, const double *t, const double *u, const double *d,
-                              const double *force, const double *budget, const double *sgn, double *matrix,
-                              int32_t *state, double *ll, double *probability, uint8_t *confident) {
+typedef struct {
+    const double *t, *u, *d, *force, *budget, *sign;
+    double *matrix, *ll, *probability;
+    int32_t *state;
+    uint8_t *confident;
+} Arrays;
+
+INLINE int run_rows(Core *q, Py_ssize_t n, const Arrays *x, const Py_ssize_t nh) {
     Result out;
     Py_ssize_t i;
     for (i = 0; i < n; i++) {
-        if (advance(q, t ? t[i] : 0.0, u[i], d[i], force ? force + i * q->combos : NULL,
-                    budget ? budget + i * q->combos : NULL, sgn ? sgn[i] : 0.0, matrix ? matrix + i * q->states : NULL,
-                    &out))
+        if (advance(q, x->t ? x->t[i] : 0.0, x->u[i], x->d[i], x->force ? x->force + i * q->combos : NULL,
+                    x->budget ? x->budget + i * q->combos : NULL, x->sign ? x->sign[i] : 0.0, nh,
+                    x->matrix ? x->matrix + i * q->states : NULL, &out))
             return -1;
-        state[i] = out.state;
-        ll[i] = out.ll;
-        probability[i] = out.probability;
-        confident[i] = matrix ? out.status : out.confident;
+        x->state[i] = out.state;
+        x->ll[i] = out.ll;
+        x->probability[i] = out.probability;
+        x->confident[i] = x->matrix ? out.status : out.confident;
     }
     return 0;
+}
+
+/* the usual widths of a group as constants, so that the inner loops unroll */
+DISPATCH static int run_block(Core *q, Py_ssize_t n, const Arrays *x) {
+    if (q->width == LANES) return run_rows(q, n, x, 1);
+    if (q->width == 2 * LANES) return run_rows(q, n, x, 2);
+    if (q->width == 3 * LANES) return run_rows(q, n, x, 3);
+    return run_rows(q, n, x, q->width / LANES);
 }
 
 /* ---- the Python type ----------------------------------------------------------------------------------------- */
@@ -526,7 +543,7 @@ static PyObject *kernel_restart(PyObject *object, PyObject *unused) {
 }
 
 DISPATCH static int step_once(Core *q, double u, double d, Result *out) {
-    return advance(q, 0.0, u, d, NULL, NULL, 0.0, NULL, out);
+    return advance(q, 0.0, u, d, NULL, NULL, 0.0, q->width / LANES, NULL, out);
 }
 
 static PyObject *kernel_step(PyObject *object, PyObject *const *args, Py_ssize_t n) {
@@ -574,8 +591,12 @@ static PyObject *kernel_run(PyObject *object, PyObject *const *args, Py_ssize_t 
             }
     }
     Py_BEGIN_ALLOW_THREADS
-    bad = run_block(q, rows, view[T].buf, view[U].buf, view[D].buf, view[FORCE].buf, view[BUDGET].buf, view[SGN].buf,
-                    view[MATRIX_OUT].buf, view[STATE].buf, view[LL].buf, view[PROBABILITY].buf, view[CONFIDENT].buf);
+    {
+        const Arrays x = {view[T].buf, view[U].buf, view[D].buf, view[FORCE].buf, view[BUDGET].buf, view[SGN].buf,
+                          view[MATRIX_OUT].buf, view[LL].buf, view[PROBABILITY].buf, view[STATE].buf,
+                          view[CONFIDENT].buf};
+        bad = run_block(q, rows, &x);
+    }
     Py_END_ALLOW_THREADS
     if (bad) PyErr_NoMemory();
 done:
