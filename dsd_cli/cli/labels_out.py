@@ -12,7 +12,7 @@ from types import TracebackType
 
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.session import Rows
-from dsd_cli.files.tables_out import Coded, Kind, open_writer
+from dsd_cli.files.tables_out import Coded, Kind, Share, open_writer
 
 Write = Callable[[Rows], None]
 
@@ -34,7 +34,7 @@ class LabelsFile:
         self._axes = list(grid.axes)
         columns: dict[str, Kind] = {"t": "float64", "state": "int16" if len(grid) < 32768 else "int32"}
         columns |= {name: Coded(values) for name, values in grid.axes.items()}
-        columns |= {"log_likelihood": "float32", "probability": "float32", "confident": "bool"}
+        columns |= {"log_likelihood": "float32", "probability": Share(), "confident": "bool"}
         self._writer = open_writer(path, columns, metadata, inputs)
 
     def __enter__(self) -> Write:
