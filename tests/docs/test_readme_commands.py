@@ -1,0 +1,140 @@
+"""Every command of the README is run, and says what the README shows.
+
+```console   `$ command` and what it prints (`...`: lines left out; `exit code N` where it is not 0)
+```sh        commands without shown output; `make` targets are looked up, installing is left to them
+```toml      a config that loads
+```python    runs
+"""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from dsd_cli.files.config import parse_config
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+INSTALL = ("make ", "pip install")
+
+
+class Example(NamedTuple):
+    """A command and the lines shown below it."""
+
+    command: str
+    shown: list[str]
+
+
+def blocks(kind: str) -> list[str]:
+    return re.findall(rf"^```{kind}\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
+
+
+def console_examples() -> list[Example]:
+    examples: list[Example] = []
+    for line in "".join(blocks("console")).splitlines():
+        if line.startswith("$ "):
+            examples.append(Example(line[2:], []))
+        elif line.strip():
+            examples[-1].shown.append(line)
+    return examples
+
+
+def shell_lines() -> list[str]:
+    lines = [line.split("  #")[0].strip() for line in "".join(blocks("sh")).splitlines()]
+    return [line for line in lines if line]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a reader has: the sample logs, and `dsd` on the path."""
+    here = tmp_path_factory.mktemp("readme")
+    shutil.copytree(ROOT / "sample_logs", here / "sample_logs")
+    (here / "bin").mkdir()
+    (here / "bin/dsd").write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} -m dsd_cli "$@"\n')
+    (here / "bin/dsd").chmod(0o755)
+    return here
+
+
+def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join([str(folder / "bin"), os.environ.get("PATH", "")])
+    environment = {**os.environ, "PATH": path, "PYTHONIOENCODING": "utf-8"}
+    return subprocess.run(
+        ["sh", "-c", command], cwd=folder, env=environment, capture_output=True, encoding="utf-8", check=False
+    )
+
+
+def bare(text: str) -> str:
+    return " ".join(text.split())
+
+
+def as_shown(printed: list[str], shown: list[str]) -> bool:
+    """Whether the lines printed are those shown, where `...` stands for any number of lines."""
+    if not shown:
+        return not printed
+    if shown[0] == "...":
+        return any(as_shown(printed[k:], shown[1:]) for k in range(len(printed) + 1))
+    return bool(printed) and bare(printed[0]) == bare(shown[0]) and as_shown(printed[1:], shown[1:])
+
+
+def test_console_examples_print_what_is_shown(folder: Path) -> None:
+    for example in console_examples():  # in order: a later one may need what an earlier one wrote
+        codes = [line for line in example.shown if line.startswith("exit code ")]
+        done = run(example.command, folder)
+        assert done.returncode == int(codes[0].split()[-1] if codes else 0), f"{example.command}\n{done.stderr}"
+        shown = [line for line in example.shown if line not in codes]
+        printed = done.stderr if codes else done.stdout
+        lines = [line for line in printed.splitlines() if line.strip()]
+        if shown:
+            assert as_shown(lines, shown), f"$ {example.command}\n{printed}"
+
+
+def test_shell_commands_run(folder: Path) -> None:
+    lines = [line for line in shell_lines() if not line.startswith(INSTALL)]
+    assert lines
+    for line in lines:
+        done = run(line, folder)
+        assert done.returncode == 0, f"{line}\n{done.stderr}"
+
+
+def test_make_targets_exist() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    named = {line.split()[1] for line in shell_lines() if line.startswith("make ")}
+    named |= set(re.findall(r"`make (\w+)`", README))
+    assert {"demo", "test", "bench"} <= named
+    assert [name for name in named if not re.search(rf"^{name}:", makefile, flags=re.MULTILINE)] == []
+
+
+def test_demo_and_test_are_on_the_first_screen() -> None:
+    first = README.splitlines()[:25]
+    assert any(line.startswith("make demo") for line in first)
+    assert any(line.startswith("make test") for line in first)
+
+
+@pytest.mark.parametrize("text", blocks("toml"))
+def test_configs_load(text: str) -> None:
+    parse_config(text, "README.md")
+
+
+@pytest.mark.parametrize("text", blocks("python"))
+def test_python_runs(text: str, folder: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", text], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    for shown in re.findall(r"print\(.*\)  # (.*)$", text, flags=re.MULTILINE):
+        assert shown in lines
+
+
+LINK = re.compile(r"\]\(([^)#]+)\)")
+
+
+@pytest.mark.parametrize("page", ["README.md", "sample_logs/README.md", "docs/paper.md"])
+def test_links_lead_somewhere(page: str) -> None:
+    targets = LINK.findall((ROOT / page).read_text(encoding="utf-8"))
+    local = [target for target in targets if not target.startswith("http")]
+    assert [target for target in local if not ((ROOT / page).parent / target).exists()] == []
