@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from dsd_cli.detect.recursions import Decisions, Recursion
 
 
+_new = tuple.__new__
+
+
 class Label(NamedTuple):
     """The state chosen at one sample."""
 
@@ -127,6 +130,7 @@ class Engine:
         self._delays, self._inertias = (grid.axes[name].tolist() for name in ("delay", "inertia"))
         self._recursion = self._make_recursion()
         self._step = self._kernel.step
+        self._steps = settings.method == "dsd"
 
     def _make_recursion(self) -> Recursion | None:
         if self.settings.method not in ("average", "imm"):
@@ -149,14 +153,18 @@ class Engine:
         ------
         UsageError : a method that needs the whole log.
         """
+        if not self._steps:
+            return self._step_by_run(u, d_hat)
+        state, ll, probability, confident = self._step(u, d_hat)
+        # tuple.__new__ fills the named tuple in half the time of its own constructor
+        return _new(Label, (state, self._delays[state], self._inertias[state], ll, probability, confident))
+
+    def _step_by_run(self, u: float, d_hat: float) -> Label:
         if self.settings.method in OFFLINE:
             raise UsageError(f"method '{self.settings.method}' needs the whole log", "use dsd, average or imm online")
-        if self.settings.method != "dsd":
-            labels = self.run(np.array([u]), np.array([d_hat]))
-            state, ll = int(labels.state[0]), float(labels.log_likelihood[0])
-            probability, confident = float(labels.probability[0]), bool(labels.confident[0])
-        else:
-            state, ll, probability, confident = self._step(u, d_hat)
+        labels = self.run(np.array([u]), np.array([d_hat]))
+        state, ll = int(labels.state[0]), float(labels.log_likelihood[0])
+        probability, confident = float(labels.probability[0]), bool(labels.confident[0])
         return Label(state, self._delays[state], self._inertias[state], ll, probability, confident)
 
     def run(

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -47,11 +48,12 @@ class NumpyKernel:
 
     def step(self, u: float, d_hat: float, /) -> tuple[int, float, float, bool]:
         """(state, log likelihood, probability, confident) of the next sample of a regular clock."""
-        missing = not (np.isfinite(u) and np.isfinite(d_hat))
+        missing = not (isfinite(u) and isfinite(d_hat))
         y, z, warm = self._prediction.step(u, d_hat)
         if not warm:
             return self._label, np.nan, np.nan, False
-        slot, ring = self._seen % self._spec.settings.window, self._ring
+        settings, ring = self._spec.settings, self._ring
+        slot = self._seen % settings.window
         square = np.zeros(self._states) if missing else np.square(y - np.multiply.outer(z, self._alphas).ravel())
         self._prefix = self._prefix + square
         dist = self._prefix + ring[slot + 1]
@@ -60,14 +62,20 @@ class NumpyKernel:
         if missing:
             return self._label, np.nan, np.nan, False
         cost = dist * self._c - self._log_a[self._label]
-        best = cost.min()
-        self._choose(cost, best)
-        total = np.exp(best - cost).sum() if np.isfinite(best) else np.nan
-        mine = best - cost[self._label]
-        probability = float(np.exp(mine) / total) if total > 0 else 0.0
-        ll = self._constant - self._c * float(dist[self._label])
-        full = self._seen >= self._spec.settings.window
-        return self._label, ll, probability, bool(full and ll >= self._floor and self._leads(dist, self._label))
+        best = float(cost.min())
+        if cost[self._label] - best > settings.hold:
+            self._label = choose(cost, best, self._label, self._axes, settings.hold)
+        label = self._label
+        mine = float(cost[label])
+        probability = float(np.exp(best - mine) / np.exp(best - cost).sum()) if best < inf else 0.0
+        ll = self._constant - self._c * float(dist[label])
+        sure = self._seen >= settings.window and ll >= self._floor
+        return label, ll, probability, bool(sure and self._leads_one(dist, label))
+
+    def _leads_one(self, dist: Array, label: int) -> bool:
+        """`_leads` of one sample."""
+        mine, c, confidence = float(dist[label]), self._c, self._spec.settings.confidence
+        return all((float(dist[others].min()) - mine) * c >= confidence for others in self._others[label])
 
     def _turn(self, slot: int) -> None:
         """Count the sample; when the block of M is complete, turn it into suffix sums."""

@@ -6,6 +6,8 @@ from block to block; a test holds the two equal.
 
 from __future__ import annotations
 
+from collections import deque
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -30,19 +32,40 @@ class RegularPrediction:
         self._lag = 1 if spec.settings.observer_filter else 0
         self._keep = max(n for n, _ in self._taps) + 2 + self._lag
         self._past: Array | None = None  # the last samples of u, shape (keep,)
+        self._line: deque[float] | None = None  # the same, while `step` has it
         self._k = 0
         groups = len(self._taps) * len(spec.grid.combinations)
         self._z, self._raw = np.zeros(groups), np.zeros(groups)
         self._w, self._u_mean = 0.0, 0.0
 
     def step(self, u: float, d_hat: float) -> tuple[float, Array, bool]:
-        """(y, z, warm) of one sample without effects."""
-        y, z, warm = self.run(np.array([u]), np.array([d_hat]), None, None, None, None)
-        return y[0], z[0], bool(warm)
+        """(y, z, warm) of one sample without effects: `run` on plain floats, the same operations in the same order."""
+        if self._past is None or self._spec.aperture == 2 or len(self._spec.grid.combinations) > 1:
+            y, z, warm = self.run(np.array([u]), np.array([d_hat]), None, None, None, None)
+            return float(y[0]), z[0], bool(warm)
+        if self._line is None:
+            self._line = deque(self._past.tolist(), maxlen=self._keep)
+        line, lag, pole = self._line, self._lag, self._pole
+        line.append(u if isfinite(u) else line[-1])  # sample k - j is line[-1 - j] now
+        means = [
+            (1.0 - f) * line[-1 - lag - n] + f * line[-2 - lag - n] for n, f in self._taps
+        ]
+        self._u_mean = line[-1 - lag]
+        self._raw = np.array(means)
+        if pole == 0.0:
+            self._w, self._z = self._u_mean, self._raw
+        else:
+            self._w = (1.0 - pole) * self._u_mean + pole * self._w
+            self._z = (1.0 - pole) * self._raw + pole * self._z
+        self._k += 1
+        y = self._w + self._spec.sign * (d_hat if isfinite(d_hat) else 0.0)
+        return y, self._z, self._k > self._spec.warmup_rows
 
     def run(self, u: Any, d: Any, t: Any, force: Any, budget: Any, sign: Any) -> tuple[Array, Array, int]:
         """(y of shape (n,), z of shape (n, groups), number of rows at the end that are past the warm-up)."""
         n, k = len(u), self._k
+        if self._line is not None:  # `step` was here
+            self._past, self._line = np.array(self._line), None
         u = self._held(u)
         if self._past is None:
             self._past = np.full(self._keep, u[0])
