@@ -1,0 +1,46 @@
+"""`python -m bench [--rows N] [--repeats N]`: a table on stdout, and bench/results/latest.json."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from bench import files, kernel, start
+from bench.measure import Line
+from dsd_cli.detect.kernel import active_backend
+
+RESULTS = Path(__file__).parent / "results" / "latest.json"
+
+
+def measured(folder: Path, rows: int, repeats: int) -> Iterator[Line]:
+    """Every line of the benchmark, as it is measured."""
+    yield from start.lines(folder, 4 * repeats)
+    yield from kernel.lines(min(rows, 1_000_000), 2 * repeats)
+    yield from kernel.peers(min(rows, 1_000_000))
+    yield from files.lines(folder, rows, repeats)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m bench")
+    parser.add_argument("--rows", type=int, default=10_000_000)
+    parser.add_argument("--repeats", type=int, default=5)
+    options = parser.parse_args()
+    print(f"kernel: {active_backend()}, Python {platform.python_version()}, {platform.machine()}")
+    found = []
+    with tempfile.TemporaryDirectory(prefix="dsd-bench-") as folder:
+        for line in measured(Path(folder), options.rows, options.repeats):
+            sign, verdict = (">=" if line.at_least else "<="), ("ok" if line.met else "MISSED")
+            value = f"{line.value:,.2f} {line.unit}"
+            print(f"{line.what:<72} {value:>16}  ({sign} {line.target:g}) {verdict:<7}{line.detail}", flush=True)
+            found.append(line)
+    RESULTS.parent.mkdir(exist_ok=True)
+    RESULTS.write_text(json.dumps({"schema_version": 1, "lines": [line.as_json() for line in found]}, indent=1) + "\n")
+    print(f"written: {RESULTS.relative_to(Path.cwd()) if RESULTS.is_relative_to(Path.cwd()) else RESULTS}")
+
+
+if __name__ == "__main__":
+    main()

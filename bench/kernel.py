@@ -1,0 +1,94 @@
+"""The kernel: window length, number of states, one step, and what the peers take on the same states."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from bench.files import GRIDS, chunks
+from bench.measure import Line, ratio, seconds
+from dsd_cli.detect import DetectorSettings, Engine, Grid
+from dsd_cli.detect.engine import Measurement
+from dsd_cli.detect.kernel import active_backend
+
+
+def engine(states: int = 9, window: int = 100, backend: str | None = None) -> Engine:
+    delays, inertias = GRIDS[states]
+    return Engine(Grid(tuple(delays), tuple(inertias)), DetectorSettings(window=window), Measurement(1e-3), backend)  # type: ignore[arg-type]
+
+
+def data(rows: int) -> tuple[np.ndarray, np.ndarray]:
+    batch = next(chunks(rows))
+    return batch["u"].to_numpy(), batch["d_hat"].to_numpy()
+
+
+def lines(rows: int, repeats: int) -> Iterator[Line]:
+    """Ratios of the kernel with itself."""
+    u, d = data(rows)
+
+    def whole(**tuning: int) -> None:
+        engine(**tuning).run(u, d)
+
+    pairs = [
+        ("window 10,000 / window 10, 9 states", {"window": 10_000}, {"window": 10}, 1.1),
+        ("window 10,000 / window 10, 100 states", {"states": 100, "window": 10_000}, {"states": 100, "window": 10}, 1.1),
+        ("100 states / 9 states", {"states": 100}, {"states": 9}, 6.0),
+    ]
+    for what, ours, theirs, target in pairs:
+        value, a, b = ratio(lambda t=ours: whole(**t), lambda t=theirs: whole(**t), repeats)
+        yield Line(f"kernel: {what}", value, target, "times", f"{a / rows * 1e9:.0f} ns / {b / rows * 1e9:.0f} ns a sample")
+    for backend, target in (("compiled", 1.0), ("numpy", 15.0)):
+        if backend == "compiled" and active_backend() != "compiled":
+            continue
+        yield _step(backend, target, u.tolist(), d.tolist())
+
+
+def _step(backend: str, target: float, u: list[float], d: list[float]) -> Line:
+    one, times = engine(backend=backend), []
+    for a, b in zip(u[:100_000], d[:100_000], strict=True):
+        begin = time.perf_counter_ns()
+        one.step(a, b)
+        times.append(time.perf_counter_ns() - begin)
+    middle, high = np.percentile(times, [50, 99]) / 1e3
+    return Line(f"Engine.step, 9 states, {backend}: p99", float(high), target, "us", f"median {middle:.2f} us")
+
+
+def peers(rows: int) -> Iterator[Line]:
+    """hmmlearn's Viterbi and FilterPy's IMM on the same nine states, per sample."""
+    u, d = data(rows)
+    ours = min(seconds(lambda: engine().run(u, d)) for _ in range(5)) / rows
+    yield Line("hmmlearn Viterbi / ours, 9 states", _viterbi(u, d) / ours, 5.0, "times", at_least=True)
+    yield Line("FilterPy IMM / ours, 9 states", _imm(2000) / ours, 10_000.0, "times", at_least=True)
+
+
+def _viterbi(u: np.ndarray, d: np.ndarray) -> float:
+    """Seconds per sample of the decoding alone, with the log likelihoods handed to it."""
+    from hmmlearn import _hmmc
+
+    frame = np.random.default_rng(0).normal(size=(len(u), 9))
+    start, transition = np.log(np.full(9, 1 / 9)), np.log(np.full((9, 9), 1 / 9))
+    try:
+        return min(seconds(lambda: _hmmc.viterbi(start, transition, frame)) for _ in range(3)) / len(u)
+    except TypeError:
+        return min(seconds(lambda: _hmmc.viterbi(np.exp(start), np.exp(transition), frame)) for _ in range(3)) / len(u)
+
+
+def _imm(rows: int) -> float:
+    """Seconds per sample of predict and update, each state a scalar Kalman filter."""
+    from filterpy.kalman import IMMEstimator, KalmanFilter
+
+    filters = []
+    for _ in range(9):
+        one = KalmanFilter(dim_x=1, dim_z=1)
+        one.F, one.H, one.R, one.Q = np.eye(1), np.eye(1), np.eye(1) * 0.09, np.eye(1) * 1e-3
+        filters.append(one)
+    imm = IMMEstimator(filters, np.full(9, 1 / 9), np.full((9, 9), 1 / 9))
+
+    def loop() -> None:
+        for k in range(rows):
+            imm.predict()
+            imm.update(np.array([[np.sin(0.01 * k)]]))
+
+    return seconds(loop) / rows
