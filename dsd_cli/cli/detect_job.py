@@ -14,7 +14,7 @@ import numpy as np
 
 from dsd_cli.cli.detect_checks import Judgement
 from dsd_cli.cli.labels_out import LabelsFile, NoLabels, Write, json_lines
-from dsd_cli.cli.plan import TIME_SCALE, TRUTH, detection_plan, log_columns, optional_columns
+from dsd_cli.cli.plan import TIME_SCALE, TRUTH, detection_plan, log_columns, naming, optional_columns
 from dsd_cli.cli.progress import Progress
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import active_backend
@@ -105,7 +105,8 @@ class Job:
             plan = self._plan(table)
             summarizer = judgement.summarizer(plan)
             session = Session(plan, Cleaner(self.config.signals.sample_time, self._time_scale))
-            self._label_all(table, session, summarizer)
+            with naming(table.name):
+                self._label_all(table, session, summarizer)
         if session.cleaner.sample_time is None:
             needed = ", ".join(table.columns.values())
             raise DataError(f"{table.name}: no row has a value in every needed column ({needed})")

@@ -29,7 +29,7 @@ def observe(
 
     Writes the channels that the config names, under the tool's own names. Rows that cannot be used are left out.
     """
-    from dsd_cli.cli.plan import TIME_SCALE, log_columns, observer_settings, optional_columns
+    from dsd_cli.cli.plan import TIME_SCALE, log_columns, naming, observer_settings, optional_columns
     from dsd_cli.files.config import load_config
     from dsd_cli.files.logs import load_log, write_log
     from dsd_cli.files.tables_out import check_output
@@ -40,13 +40,14 @@ def observe(
         check_output(output, (log, config))
     columns = log_columns(settings.signals)
     columns.pop("d_hat", None)
-    loaded = load_log(
-        log,
-        columns,
-        optional_columns(settings),
-        sample_time=settings.signals.sample_time,
-        time_scale=TIME_SCALE[settings.signals.time_unit],
-    )
+    with naming(log):
+        loaded = load_log(
+            log,
+            columns,
+            optional_columns(settings),
+            sample_time=settings.signals.sample_time,
+            time_scale=TIME_SCALE[settings.signals.time_unit],
+        )
     observed = _observed(loaded, observer)
     write_log(output, observed, (log, config))
     if quiet:

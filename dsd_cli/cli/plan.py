@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,17 @@ def optional_columns(config: Config) -> set[str]:
     """Channels that a log may lack: all that the config does not name itself, but u and the time."""
     columns = log_columns(config.signals)
     return {name for name in columns if name not in ("t", "u") and not config.says(f"signals.{name}")}
+
+
+@contextmanager
+def naming(log: str) -> Iterator[None]:
+    """What is wrong with the rows of a log is said with the name of the log."""
+    try:
+        yield
+    except DataError as error:
+        if error.message.startswith("no sample time"):
+            raise DataError(f"{log}: {error.message}", error.hint) from None
+        raise
 
 
 def observer_settings(config: Config) -> ObserverSettings:
