@@ -26,16 +26,17 @@ def main() -> None:
         "| wrong delays after 1.5 s, J = 0.6 / 0.7 / 0.8 / 0.9 | Fig. 7 | Fig. 8: lag for J = 0.5 / 1.0 |"
     )
     print("|" + "---|" * 8)
-    for sample_time, derivative, q in CHOICES:
-        given = (
-            f"simulate.sample_time={sample_time}",
-            f"simulate.controller.derivative={derivative}",
-            f"detector.observer_filter={str(q).lower()}",
-        )
-        print(_row(sample_time, derivative, q, given))
+    for choice in CHOICES:
+        print(row(*choice))
 
 
-def _row(sample_time: float, derivative: str, q: bool, given: tuple[str, ...]) -> str:
+def row(sample_time: float, derivative: str, q: bool) -> str:
+    """One line of the table."""
+    given = (
+        f"simulate.sample_time={sample_time}",
+        f"simulate.controller.derivative={derivative}",
+        f"detector.observer_filter={str(q).lower()}",
+    )
     steps = {j: run("paper-step", f"model.inertia={j}", *given) for j in INERTIAS}
     exact = [np.mean((steps[j].delay(0.75) == 0.3) & (steps[j].inertia(0.75) == j)) for j in (0.5, 1.0)]
     strays = {j: np.mean(~np.isin(steps[j].inertia(0.75), list(neighbours(j)))) for j in BETWEEN}
