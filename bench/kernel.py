@@ -33,12 +33,19 @@ def lines(rows: int, repeats: int) -> Iterator[Line]:
 
     pairs = [
         ("window 10,000 / window 10, 9 states", {"window": 10_000}, {"window": 10}, 1.1),
-        ("window 10,000 / window 10, 100 states", {"states": 100, "window": 10_000}, {"states": 100, "window": 10}, 1.1),
+        (
+            "window 10,000 / window 10, 100 states",
+            {"states": 100, "window": 10_000},
+            {"states": 100, "window": 10},
+            1.1,
+        ),
         ("100 states / 9 states", {"states": 100}, {"states": 9}, 6.0),
     ]
     for what, ours, theirs, target in pairs:
         value, a, b = ratio(lambda t=ours: whole(**t), lambda t=theirs: whole(**t), repeats)
-        yield Line(f"kernel: {what}", value, target, "times", f"{a / rows * 1e9:.0f} ns / {b / rows * 1e9:.0f} ns a sample")
+        yield Line(
+            f"kernel: {what}", value, target, "times", f"{a / rows * 1e9:.0f} ns / {b / rows * 1e9:.0f} ns a sample"
+        )
     for backend, target in (("compiled", 1.0), ("numpy", 15.0)):
         if backend == "compiled" and active_backend() != "compiled":
             continue

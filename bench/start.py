@@ -17,4 +17,10 @@ def lines(folder: Path, repeats: int) -> Iterator[Line]:
     detect = _detect(make(folder / "small.csv", 10_000), 9, folder / "labels.csv")
     bare = ("-c", "import numpy, pyarrow, typer, rich")
     value, a, b = ratio(lambda: run(*detect), lambda: run(*bare), repeats)
-    yield Line("dsd detect, 10,000 rows of CSV / import numpy, pyarrow, typer, rich", value, 1.6, "times", f"{a:.3f} s / {b:.3f} s")
+    yield Line(
+        "dsd detect, 10,000 rows of CSV / import numpy, pyarrow, typer, rich",
+        value,
+        1.6,
+        "times",
+        f"{a:.3f} s / {b:.3f} s",
+    )

@@ -38,7 +38,7 @@ class RegularPrediction:
         self._z, self._raw = np.zeros(groups), np.zeros(groups)
         self._w, self._u_mean = 0.0, 0.0
 
-    def step(self, u: float, d_hat: float) -> tuple[float, Array, bool]:
+    def step(self, u: float, d_hat: float) -> tuple[Any, Array, bool]:
         """(y, z, warm) of one sample without effects: `run` on plain floats, the same operations in the same order."""
         if self._past is None or self._spec.aperture == 2 or len(self._spec.grid.combinations) > 1:
             y, z, warm = self.run(np.array([u]), np.array([d_hat]), None, None, None, None)
@@ -47,9 +47,7 @@ class RegularPrediction:
             self._line = deque(self._past.tolist(), maxlen=self._keep)
         line, lag, pole = self._line, self._lag, self._pole
         line.append(u if isfinite(u) else line[-1])  # sample k - j is line[-1 - j] now
-        means = [
-            (1.0 - f) * line[-1 - lag - n] + f * line[-2 - lag - n] for n, f in self._taps
-        ]
+        means = [(1.0 - f) * line[-1 - lag - n] + f * line[-2 - lag - n] for n, f in self._taps]
         self._u_mean = line[-1 - lag]
         self._raw = np.array(means)
         if pole == 0.0:

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from tests.oracle import detect_oracle as oracle
 
 from dsd_cli.detect import DetectorSettings, Engine, Grid, Transition
 from dsd_cli.detect.engine import Measurement
 from dsd_cli.detect.kernel import active_backend
+from tests.oracle import detect_oracle as oracle
 
 BACKENDS = ["numpy"] + (["compiled"] if active_backend() == "compiled" else [])
 T, JN, TAU = 0.01, 1.2, 0.03

@@ -24,8 +24,8 @@ rho = 10.0
 initial = { delay = 0.01, inertia = 60 }
 hold = 3.0
 """
-#: Published by Janot, Gautier and Brunot (2019): viscous 203.5 N s/m, Coulomb 20.39 N, offset -3.16 N (on the other side
-#: of the equation: a force of +3.16 N on the mass).
+#: Published by Janot, Gautier and Brunot (2019): viscous 203.5 N s/m, Coulomb 20.39 N, offset -3.16 N (on the other
+#: side of the equation: a force of +3.16 N on the mass).
 EMPS_EFFECTS = """
 [model.effects.viscous_friction]
 coefficient = 203.5
