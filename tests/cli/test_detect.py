@@ -81,7 +81,9 @@ EXPECTATIONS = [
 ]
 
 
-@pytest.mark.parametrize(("options", "code"), EXPECTATIONS, ids=lambda x: " ".join(x) if isinstance(x, list) else str(x))
+@pytest.mark.parametrize(
+    ("options", "code"), EXPECTATIONS, ids=lambda x: " ".join(x) if isinstance(x, list) else str(x)
+)
 def test_expectations_decide_the_exit_code(rig, options, code):
     said = dsd("detect", "mixed.csv", *options, "--format", "json", cwd=rig)
     assert said.returncode == code
