@@ -33,7 +33,7 @@ class UsageError(DsdError):
     exit_code = 2
 
 
-class CheckFailed(DsdError):
+class CheckFailed(DsdError):  # noqa: N818 (not an error: the check did its work)
     """A check that the user asked for did not hold (exit code 3)."""
 
     exit_code = 3

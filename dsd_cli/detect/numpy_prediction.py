@@ -48,10 +48,10 @@ class RegularPrediction:
         line, lag, pole = self._line, self._lag, self._pole
         line.append(u if isfinite(u) else line[-1])  # sample k - j is line[-1 - j] now
         means = [(1.0 - f) * line[-1 - lag - n] + f * line[-2 - lag - n] for n, f in self._taps]
-        self._u_mean = line[-1 - lag]
+        self._u_mean = float(line[-1 - lag])
         self._raw = np.array(means)
         if pole == 0.0:
-            self._w, self._z = self._u_mean, self._raw
+            self._w, self._z = line[-1 - lag], self._raw
         else:
             self._w = (1.0 - pole) * self._u_mean + pole * self._w
             self._z = (1.0 - pole) * self._raw + pole * self._z

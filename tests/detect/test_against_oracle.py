@@ -120,7 +120,7 @@ def test_imm_viterbi_and_smooth_against_every_path(backend):
     assert len(used) == 7
     paths = oracle.every_path([rows[k][0] for k in used], a.tolist(), initial)
     total = sum(p for _, p in paths)
-    settings = dict(rho=1.5, transition=Transition(matrix=a), initial=initial)
+    settings = {"rho": 1.5, "transition": Transition(matrix=a), "initial": initial}
 
     viterbi = engine(backend, SMALL, method="viterbi", **settings).run(u, d)
     assert tuple(viterbi.state[used]) == max(paths, key=lambda item: item[1])[0]
