@@ -38,11 +38,11 @@ class RegularPrediction:
         self._z, self._raw = np.zeros(groups), np.zeros(groups)
         self._w, self._u_mean = 0.0, 0.0
 
-    def step(self, u: float, d_hat: float) -> tuple[Any, Array, bool]:
+    def step(self, u: float, d_hat: float) -> tuple[float, Array, bool]:
         """(y, z, warm) of one sample without effects: `run` on plain floats, the same operations in the same order."""
         if self._past is None or self._spec.aperture == 2 or len(self._spec.grid.combinations) > 1:
-            y, z, warm = self.run(np.array([u]), np.array([d_hat]), None, None, None, None)
-            return float(y[0]), z[0], bool(warm)
+            ys, zs, warm = self.run(np.array([u]), np.array([d_hat]), None, None, None, None)
+            return float(ys[0]), zs[0], bool(warm)
         if self._line is None:
             self._line = deque(self._past.tolist(), maxlen=self._keep)
         line, lag, pole = self._line, self._lag, self._pole

@@ -139,6 +139,9 @@ def _listed(names: list[str], limit: int = 12) -> str:
 
 def _hint(canonical: str, name: str, column_names: list[str]) -> str:
     key = "time" if canonical == "t" else canonical
+    if canonical in column_names:
+        return f'set [signals] {key} = "{canonical}"'
+    column_names = [column for column in column_names if not column.startswith("true_")]
     folded = {column.casefold(): column for column in column_names}
     close = get_close_matches(name.casefold(), list(folded), n=1, cutoff=0.5) or [
         column for column in folded if column.startswith((name.casefold() + "_", name.casefold() + " "))

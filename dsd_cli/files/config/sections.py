@@ -157,10 +157,16 @@ class Detector(Section):
     initial: Initial | None = key(table(Initial), "state before the first sample", default=None)
     observer_filter: bool = key(flag(), "predictions pass Q like the measurement; false is eq. 14", default=True)
     hold: float = key(
-        number(lower=0), "lead that a new state needs over the last label; 0 is eq. 19", "nats", default=0.0
+        number(lower=0),
+        "lead that a new state needs over the last label; 0 is eq. 19, more is slower to follow a change",
+        "nats",
+        default=0.0,
     )
     confidence: float = key(
-        number(lower=0), "lead over the best state of another delay (inertia) for `confident`", "nats", default=3.0
+        number(lower=0),
+        "lead over the best state of another delay (inertia) for `confident`; it also needs a residual within 2 rho",
+        "nats",
+        default=3.0,
     )
 
     def check(self, at: Place) -> None:
