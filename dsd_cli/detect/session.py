@@ -98,9 +98,8 @@ class Session:
         for piece in pieces:
             if piece.restart:
                 self._restart()
-            before = self._label
             rows = self._to_rows(piece, self._run(piece) if piece.t.size else None)
-            yield self._after_early(_unjudged(rows, self._settling - piece.start, before))
+            yield self._after_early(_unjudged(rows, self._settling - piece.start, self.plan.settings.initial))
 
     def _watch_clock(self) -> None:
         """Rows that the clock was settled from are warm-up, also where bridged holes make many samples of them.
@@ -224,7 +223,7 @@ class Session:
 
 def _unjudged(rows: Rows, count: int, label: int) -> Rows:
     """The first `count` rows as rows of the warm-up."""
-    if count <= 0 or not np.isfinite(rows.log_likelihood[:count]).any():
+    if count <= 0:
         return rows
     columns = [column.copy() for column in rows[1:]]
     for column, nothing in zip(columns, (label, np.nan, np.nan, False), strict=True):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+
 from tests.cli.rig import CONFIG, LABELS, RIGHT, done, dsd, make_log, read_labels, refused, same, summary, write
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from tests.cli.rig import CONFIG, DSD, csv_text, done, make_log, read_labels, same, write
 
 

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.cli.rig import CONFIG, T, csv_text, done, dsd, make_log, read_labels, refused, same, summary, write
 
 from dsd_cli.detect import DetectorSettings, Engine, Grid
 from dsd_cli.detect.engine import Measurement
+from tests.cli.rig import CONFIG, T, csv_text, done, dsd, make_log, read_labels, refused, same, summary, write
 
 GRID = Grid((0.0, 0.005, 0.01), (0.5, 1.0, 2.0))
 SERVO = ["--template", "servo", "--duration", "1"]
