@@ -21,6 +21,11 @@ LEAST_WARMUP = 16
 WARMUP, PARTIAL, FULL = 0, 1, 2
 
 
+def nats_of_fit(window: int) -> float:
+    """How far below the constant of eq. 15 a state still explains its window; see `KernelSpec.log_likelihood_floor`."""
+    return 2.0 * window + 2.0
+
+
 @dataclass(frozen=True)
 class KernelSpec:
     """All that a kernel needs to know.
@@ -77,7 +82,7 @@ class KernelSpec:
 
         Of the right state, sum r^2 / rho^2 is chi-squared with M degrees of freedom; 4 M + 4 is far in its tail.
         """
-        return self.log_likelihood_constant - (2.0 * self.settings.window + 2.0)
+        return self.log_likelihood_constant - nats_of_fit(self.settings.window)
 
 
 class Kernel(Protocol):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.detect.grid import Grid
+from dsd_cli.detect.kernel import nats_of_fit
 from dsd_cli.detect.session import Rows
 from dsd_cli.signals.log import Array
 
@@ -68,12 +69,14 @@ class Summary:
     """The result of `dsd detect`.
 
     `judged` samples are those past the warm-up that were not dropped; `residual_rms` (unit of u) is what the chosen
-    states leave unexplained of d_hat: far above rho, no candidate explains the data. None without judged samples.
+    states leave unexplained of d_hat, `explained_share` the share of the judged samples whose state explains its window
+    to within about 2 rho, as `confident` asks. None without judged samples.
     """
 
     samples: int
     judged: int
     residual_rms: float | None
+    explained_share: float | None
     confident_share: float
     states: list[StateShare]
     segments: list[Segment]
@@ -108,7 +111,8 @@ class Summarizer:
         # eq. 15 backwards: from a log likelihood to the mean square residual in its window
         self._constant = -0.5 * np.log(2.0 * np.pi) - np.log(rho)
         self._square_per_nat = 2.0 * rho * rho / window
-        self._squares = 0.0
+        self._floor = self._constant - nats_of_fit(window)
+        self._squares, self._explained = 0.0, 0
         self._grid = grid
         self._after, self._min_share, self._confident_only = after, min_share, confident_only
         self._expected = [
@@ -130,6 +134,7 @@ class Summarizer:
         judged = np.isfinite(rows.log_likelihood)
         self._judged += int(judged.sum())
         self._squares += float((self._constant - rows.log_likelihood[judged]).sum()) * self._square_per_nat
+        self._explained += int((rows.log_likelihood >= self._floor).sum())
         self._count += np.bincount(rows.state, minlength=len(self._grid))
         self._confident += np.bincount(rows.state[rows.confident], minlength=len(self._grid))
         if self._expected:
@@ -163,6 +168,7 @@ class Summarizer:
             samples=int(self._count.sum()),
             judged=self._judged,
             residual_rms=float(np.sqrt(self._squares / self._judged)) if self._judged else None,
+            explained_share=self._explained / self._judged if self._judged else None,
             confident_share=float(self._confident.sum() / total),
             states=states,
             segments=segments,
@@ -233,6 +239,10 @@ class _Segments:
     def add(self, rows: Rows) -> None:
         cuts = np.flatnonzero(np.diff(rows.state)) + 1
         begins = np.concatenate([[0], cuts])
+        if len(self._closed) >= MOST_SEGMENTS and self._open is not None:  # chatter: only count
+            self.total += begins.size - (self._open[2] == int(rows.state[0]))
+            self._open = (self._open[0], float(rows.t[-1]), int(rows.state[-1]), 1, 0)
+            return
         ends = np.concatenate([cuts, [rows.state.size]])
         sure = np.concatenate([[0], np.cumsum(rows.confident)])
         for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):

@@ -29,9 +29,12 @@ class Detection:
 
     @property
     def explains(self) -> bool:
-        """Whether the chosen states leave no more than twice rho: else no candidate explains the data."""
-        rms = self.summary.residual_rms
-        return rms is None or rms <= 2.0 * self.rho
+        """Whether at least half of the judged samples are explained to within about 2 rho by their state.
+
+        A share and not the rms: one large transient outside the model is no verdict on the whole log.
+        """
+        share = self.summary.explained_share
+        return share is None or share >= 0.5
 
 
 def to_json(result: Detection) -> dict[str, Any]:
@@ -50,6 +53,7 @@ def to_json(result: Detection) -> dict[str, Any]:
         "judged": summary.judged,
         "confident_share": summary.confident_share,
         "residual_rms": summary.residual_rms,
+        "explained_share": summary.explained_share,
         "rho": result.rho,
         "states": [_state(state) for state in summary.states],
         "segments": [_segment(segment) for segment in summary.segments],
@@ -125,6 +129,8 @@ def _closing_lines(result: Detection) -> list[str]:
     lines = [f"final: {final} ({'confident' if summary.final_confident else 'not confident'})"]
     if summary.residual_rms is not None:
         line = f"left unexplained by the labels: {summary.residual_rms:.3g} (rms of d_hat, rho is {result.rho:g})"
+        if summary.explained_share is not None:
+            line += f"; {_percent(summary.explained_share)} of the judged samples are within 2 rho"
         if not result.explains:
             line += "\n[bold]no candidate explains this log[/bold]: widen the grid, or the model lacks an effect"
         lines.append(line)

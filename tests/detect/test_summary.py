@@ -71,6 +71,9 @@ def test_segments_shares_and_truth(seed, cuts):
     assert got.judged == len(judged)
     squares = [-2 * 0.09 * (rows.log_likelihood[k] + math.log(0.3 * math.sqrt(2 * math.pi))) / 10 for k in judged]
     assert got.residual_rms == pytest.approx(math.sqrt(sum(squares) / len(judged)))
+    # sum of r^2 / rho^2 over the window of 10, against the bound 4 M + 4
+    explained = [square * 10 / 0.09 <= 4 * 10 + 4 for square in squares]
+    assert got.explained_share == pytest.approx(sum(explained) / len(judged))
     right = []
     for k in judged:
         if math.isnan(truth["true_delay"][k]):

@@ -117,6 +117,7 @@ def test_emps_without_friction_shows_that_no_candidate_explains_it(tmp_path):
     """The labels are wrong then (150 kg), so hardly any may be confident, and the summary says why."""
     result, _ = detect(tmp_path, recording("emps/emps_train.csv"), EMPS)
     assert result["residual_rms"] > 2 * result["rho"]
+    assert result["explained_share"] < 0.1
     assert result["confident_share"] < 0.05
     assert sum(state["share"] for state in result["states"] if state["inertia"] == 95) < 0.05
 
