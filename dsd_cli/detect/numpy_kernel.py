@@ -33,7 +33,9 @@ class NumpyKernel:
         self._log_a = settings.transition.log_matrix(self._states)
         self._axes = axes = grid.axis_indices()
         # per state: for every axis the states that have another value there
-        self._others = [[np.flatnonzero(axis != axis[state]) for axis in axes] for state in range(self._states)]
+        self._others = [
+            [np.flatnonzero(axis != axis[state]).tolist() for axis in axes] for state in range(self._states)
+        ]
         self._label = settings.initial
         self.restart()
 
@@ -54,7 +56,7 @@ class NumpyKernel:
             return self._label, np.nan, np.nan, False
         settings, ring = self._spec.settings, self._ring
         slot = self._seen % settings.window
-        square = np.zeros(self._states) if missing else np.square(y - np.multiply.outer(z, self._alphas).ravel())
+        square = np.zeros(self._states) if missing else np.square(y - (z[:, None] * self._alphas).ravel())
         self._prefix = self._prefix + square
         dist = self._prefix + ring[slot + 1]
         ring[slot] = square
@@ -62,20 +64,25 @@ class NumpyKernel:
         if missing:
             return self._label, np.nan, np.nan, False
         cost = dist * self._c - self._log_a[self._label]
-        best = float(cost.min())
-        if cost[self._label] - best > settings.hold:
+        costs = cost.tolist()  # single numbers are faster out of a list
+        best = min(costs)
+        if costs[self._label] - best > settings.hold:
             self._label = choose(cost, best, self._label, self._axes, settings.hold)
         label = self._label
-        mine = float(cost[label])
+        mine = costs[label]
         probability = float(np.exp(best - mine) / np.exp(best - cost).sum()) if best < inf else 0.0
-        ll = self._constant - self._c * float(dist[label])
+        distances = dist.tolist()
+        ll = self._constant - self._c * distances[label]
         sure = self._seen >= settings.window and ll >= self._floor
-        return label, ll, probability, bool(sure and self._leads_one(dist, label))
+        return label, ll, probability, bool(sure and self._leads_one(distances, label))
 
-    def _leads_one(self, dist: Array, label: int) -> bool:
+    def _leads_one(self, distances: list[float], label: int) -> bool:
         """`_leads` of one sample."""
-        mine, c, confidence = float(dist[label]), self._c, self._spec.settings.confidence
-        return all((float(dist[others].min()) - mine) * c >= confidence for others in self._others[label])
+        mine, c, confidence = distances[label], self._c, self._spec.settings.confidence
+        for others in self._others[label]:
+            if not (min([distances[other] for other in others]) - mine) * c >= confidence:
+                return False
+        return True
 
     def _turn(self, slot: int) -> None:
         """Count the sample; when the block of M is complete, turn it into suffix sums."""
@@ -92,7 +99,8 @@ class NumpyKernel:
         """Whether `label` leads by `confidence` on every axis; dist of shape (..., states)."""
         result: Any = True
         for others in self._others[label]:
-            lead = (dist[..., others].min(axis=-1) - dist[..., label]) * self._c
+            with np.errstate(invalid="ignore"):
+                lead = (dist[..., others].min(axis=-1) - dist[..., label]) * self._c
             result = np.logical_and(result, lead >= self._spec.settings.confidence)
         return result
 
@@ -131,7 +139,8 @@ class NumpyKernel:
     def _window(self, y: Array, z: Array, missing: NDArray[Any]) -> tuple[Array, NDArray[Any]]:
         """Windowed squared distances of eq. 15, shape (n, states), and whether the window was full."""
         n, window = len(y), self._spec.settings.window
-        square = np.square(y[:, None] - (z[:, :, None] * self._alphas).reshape(n, -1))
+        with np.errstate(over="ignore"):  # a spike of 1e200 is an infinite distance for a while
+            square = np.square(y[:, None] - (z[:, :, None] * self._alphas).reshape(n, -1))
         square[missing] = 0.0
         slot = self._seen % window
         prefix = np.add.accumulate(np.vstack([self._prefix, square]))[1:]

@@ -28,7 +28,7 @@ class RegularPrediction:
     def __init__(self, spec: KernelSpec) -> None:
         self._spec = spec
         self._taps = spec.taps()
-        self._pole = spec.pole
+        self._pole, self._warmup = spec.pole, spec.warmup_rows
         self._lag = 1 if spec.settings.observer_filter else 0
         self._keep = max(n for n, _ in self._taps) + 2 + self._lag
         self._past: Array | None = None  # the last samples of u, shape (keep,)
@@ -57,7 +57,7 @@ class RegularPrediction:
             self._z = (1.0 - pole) * self._raw + pole * self._z
         self._k += 1
         y = self._w + self._spec.sign * (d_hat if isfinite(d_hat) else 0.0)
-        return y, self._z, self._k > self._spec.warmup_rows
+        return y, self._z, self._k > self._warmup
 
     def run(self, u: Any, d: Any, t: Any, force: Any, budget: Any, sign: Any) -> tuple[Array, Array, int]:
         """(y of shape (n,), z of shape (n, groups), number of rows at the end that are past the warm-up)."""
