@@ -183,13 +183,9 @@ static void clear_prefix(Core *q) {
 
 /* The block of M squares is complete: turn it into suffix sums, and start a new prefix. */
 static void turn_block(Core *q) {
-    const Py_ssize_t n = q->padded;
-    Py_ssize_t j, s;
-    for (j = q->window - 2; j >= 0; j--) {
-        double *restrict a = q->ring + j * n;
-        const double *restrict next = a + n;
-        for (s = 0; s < n; s++) a[s] += next[s];
-    }
+    const Py_ssize_t nv = q->padded / LANES;
+    v4 *a = (v4 *)q->ring + (q->window - 1) * nv;
+    while (a-- > (v4 *)q->ring) *a += a[nv];
     clear_prefix(q);
 }
 
@@ -292,6 +288,11 @@ INLINE int leads(const Core *q) {
     const Py_ssize_t width = q->width, g0 = q->group_of[q->label], h0 = q->label - g0 * width;
     const double limit = q->dist[q->label] + q->lead;
     Py_ssize_t a, g, h;
+    if (q->combos == 1) {       /* delays and inertias only: the same as below, without the cases */
+        for (g = 0; g < q->groups; g++) if (q->row[g] < limit && g != g0) return 0;
+        for (h = 0; h < q->inertias; h++) if (q->column[h] < limit && h != h0) return 0;
+        return 1;
+    }
     for (a = 0; a < q->axes; a++) {
         const double *id = q->axis + a * q->padded;
         if (q->axis_is_inertia[a]) {

@@ -22,11 +22,22 @@ class Grid:
     delays : s, shape (G,).
     inertias : kg m2 or kg, shape (H,).
     effects : "effect.parameter" -> candidate values.
+
+    Raises
+    ------
+    UsageError : an axis without a value, with one twice, a negative delay, or an inertia that is not positive.
     """
 
     delays: tuple[float, ...]
     inertias: tuple[float, ...]
     effects: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, values in {"delays": self.delays, "inertias": self.inertias, **self.effects}.items():
+            if not values or len(set(values)) < len(values) or not np.isfinite(values).all():
+                raise UsageError(f"candidates of {name}: {_listed(values) or 'none'}", "give each value once")
+        if min(self.delays) < 0.0 or min(self.inertias) <= 0.0:
+            raise UsageError("candidates out of range", "delays must be 0 or more, inertias above 0")
 
     def __len__(self) -> int:
         return len(self.delays) * len(self.combinations) * len(self.inertias)

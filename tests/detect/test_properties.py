@@ -207,5 +207,8 @@ def test_bad_matrices_are_refused():
             make(transition=Transition(matrix=matrix))
     with pytest.raises(UsageError, match="whole log"):
         make(method="viterbi").step(0.0, 0.0)
+    for delays, inertias in (((), (1.0,)), ((0.1, 0.1), (1.0,)), ((-0.1,), (1.0,)), ((0.1,), (0.0,))):
+        with pytest.raises(UsageError, match="candidates"):
+            Grid(delays, inertias)
     with pytest.raises(UsageError, match="candidates are"):
         GRID.index(delay=0.7)
