@@ -16,7 +16,9 @@ EFFECT = Effect(
     law="F0",
     summary="A constant force: weight of a vertical axis, offset or drift of the amplifier.",
     pattern="the residual has a mean that does not depend on motion",
-    parameters=(Parameter("force", "{u}", "F0 on the axis, positive accelerates; from u = M a + ... + offset: -offset"),),
+    parameters=(
+        Parameter("force", "{u}", "F0 on the axis, positive accelerates; from u = M a + ... + offset: -offset"),
+    ),
     needs=(),
     columns=_columns,
 )
