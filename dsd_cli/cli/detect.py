@@ -90,7 +90,9 @@ def _check_failed(failed: list[Check]) -> Exception:
     from dsd_cli.errors import CheckFailed
 
     texts = [
-        f"{check.axis} {check.value:g} in {100 * check.share:.1f} % of {check.samples} samples "
+        f"{check.axis} {check.value:g}: there is no such sample to check"
+        if check.samples == 0
+        else f"{check.axis} {check.value:g} in {100 * check.share:.1f} % of {check.samples} samples "
         f"(asked: {100 * check.min_share:g} %)"
         for check in failed
     ]

@@ -6,9 +6,11 @@ import math
 from dataclasses import dataclass
 
 from dsd_cli.detect.plan import Plan
-from dsd_cli.detect.settings import OFFLINE
 from dsd_cli.detect.summary import Expectation, Summarizer
 from dsd_cli.errors import UsageError
+
+#: Share of the samples that --expect asks for.
+DEFAULT_SHARE = 0.95
 
 
 @dataclass(frozen=True)
@@ -22,18 +24,22 @@ class Judgement:
 
     expect: tuple[str, ...] = ()
     after: float | None = None
-    min_share: float = 0.95
+    min_share: float = DEFAULT_SHARE
     confident_only: bool = False
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.min_share <= 1.0:
             raise UsageError(f"--min-share {self.min_share:g}", "a share is between 0 and 1")
+        given = self.after is not None or self.confident_only or self.min_share != DEFAULT_SHARE
+        if given and not self.expect:
+            raise UsageError(
+                "--after, --min-share and --confident-only say how --expect is judged", "give --expect too"
+            )
         if self.after is not None and math.isnan(self.after):
             raise UsageError("--after nan", "give a time in s")
 
     def summarizer(self, plan: Plan) -> Summarizer:
         """Adds up the labels of this plan, and holds them against what is expected."""
-        per_sample = plan.settings.method in ("imm", *OFFLINE)
         return Summarizer(
             plan.grid,
             [_expectation(text, plan) for text in self.expect],
@@ -41,7 +47,6 @@ class Judgement:
             min_share=self.min_share,
             confident_only=self.confident_only,
             rho=plan.settings.rho,
-            window=1 if per_sample else plan.settings.window,
         )
 
 

@@ -28,9 +28,11 @@ from dsd_cli.files.config import Config
 from dsd_cli.files.tables_in import Batch, TableSource, dropped_with_unreadable, open_table, read_head
 from dsd_cli.files.tables_out import check_output
 from dsd_cli.report.detection import Detection, print_table, to_json
-from dsd_cli.signals.cleaning import Cleaner
+from dsd_cli.signals.cleaning import BRIDGE, Cleaner
 from dsd_cli.signals.log import Array
 
+#: Signals that end --follow in good order.
+ENDING = (signal.SIGINT, signal.SIGTERM) + ((signal.SIGHUP,) if hasattr(signal, "SIGHUP") else ())
 #: Forms whose lines are labels, not the summary.
 LABEL_LINES = ("csv", "jsonl")
 
@@ -59,7 +61,7 @@ class Destination:
             raise UsageError(f"--format {self.form} puts the labels on stdout, -o into {self.output}", "give one")
         check_output(str(self.output), self.inputs)
 
-    def writer(self, grid: Grid, log: str) -> AbstractContextManager[Write]:
+    def writer(self, grid: Grid) -> AbstractContextManager[Write]:
         """Gives a function that writes rows of labels."""
         if self.form == "jsonl":
             return json_lines(grid)
@@ -67,7 +69,7 @@ class Destination:
             return LabelsFile("-", grid, {}, ())
         if self.output is None:
             return NoLabels()
-        return LabelsFile(self.output, grid, {"command": "detect", "log": log}, self.inputs)
+        return LabelsFile(self.output, grid, {}, self.inputs)
 
     def show(self, result: Detection) -> None:
         """The summary on stdout; on stderr where stdout carries the labels."""
@@ -104,12 +106,11 @@ class Job:
             table = self._open(interrupted)
             plan = self._plan(table)
             summarizer = judgement.summarizer(plan)
-            session = Session(plan, Cleaner(self.config.signals.sample_time, self._time_scale))
+            # a straight line through positions or speeds would be differentiated into a false d_hat
+            bridge = BRIDGE if plan.d_hat_source == "logged" else 0
+            session = Session(plan, Cleaner(self.config.signals.sample_time, self._time_scale, bridge))
             with naming(table.name):
                 self._label_all(table, session, summarizer)
-        if session.cleaner.sample_time is None:
-            needed = ", ".join(table.columns.values())
-            raise DataError(f"{table.name}: no row has a value in every needed column ({needed})")
         return _detection(table, session, summarizer)
 
     def _open(self, interrupted: list[bool]) -> TableSource:
@@ -131,10 +132,12 @@ class Job:
 
     def _label_all(self, table: TableSource, session: Session, summarizer: Summarizer) -> None:
         truth = _Truth([name for name in TRUTH if name in table.columns])
-        with self.to.writer(session.plan.grid, self.log) as write:
+        with self.to.writer(session.plan.grid) as write:
             for rows in self._labels(table, session, truth):
                 summarizer.add(rows, truth.take(rows.state.size))
                 write(rows)
+            if not self.live:
+                _refuse_nothing(table, session, summarizer)
 
     def _labels(self, table: TableSource, session: Session, truth: _Truth) -> Iterator[Rows]:
         batches: Iterator[Batch] = table.batches()
@@ -162,22 +165,41 @@ class Job:
             raise DataError(f"{table.name}: begun anew without {', '.join(lost)}", "start dsd detect again")
 
 
+def _refuse_nothing(table: TableSource, session: Session, summarizer: Summarizer) -> None:
+    """A log of which no sample could be judged is no result: say why, and write no labels."""
+    if summarizer.judged:
+        return
+    needed, sample_time = ", ".join(table.columns.values()), session.cleaner.sample_time
+    if session.engine is None or sample_time is None:
+        raise DataError(f"{table.name}: no row has a value in every needed column ({needed})")
+    longest = max(session.plan.grid.delays)
+    raise DataError(
+        f"{table.name}: no sample could be judged: {summarizer.samples} rows {sample_time:g} s apart, and a "
+        f"label needs the largest candidate delay ({longest:g} s), 5 tau and 16 samples behind it",
+        "is signals.time_unit right, and is the log long enough?",
+    )
+
+
 @contextmanager
 def _interrupt_ends_reading(wanted: bool) -> Iterator[list[bool]]:
-    """The first Ctrl-C fills the list and nothing else, so that what was read is labelled and the summary shown."""
+    """The first Ctrl-C (SIGTERM, SIGHUP) fills the list and nothing else, so that what was read is labelled."""
     interrupted: list[bool] = []
+    before = {number: signal.getsignal(number) for number in ENDING}
+
+    def back() -> None:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
     def note(*_: object) -> None:
         interrupted.append(True)
-        signal.signal(signal.SIGINT, before)
+        back()
 
-    before = signal.getsignal(signal.SIGINT)
-    if wanted:
-        signal.signal(signal.SIGINT, note)
+    for number in ENDING if wanted else ():
+        signal.signal(number, note)
     try:
         yield interrupted
     finally:
-        signal.signal(signal.SIGINT, before)
+        back()
 
 
 def _detection(table: TableSource, session: Session, summarizer: Summarizer) -> Detection:

@@ -55,7 +55,7 @@ def json_lines(grid: Grid) -> Iterator[Write]:
     axes = {name: values.tolist() for name, values in grid.axes.items()}
 
     def write(rows: Rows) -> None:
-        for t, state, ll, probability, confident in zip(*(column.tolist() for column in rows), strict=True):
+        for t, state, ll, probability, confident in zip(*(column.tolist() for column in rows[:5]), strict=True):
             out = {"t": _finite(t), "state": state, **{name: values[state] for name, values in axes.items()}}
             out |= {"log_likelihood": _finite(ll), "probability": _finite(probability), "confident": confident}
             sys.stdout.write(json.dumps(out) + "\n")

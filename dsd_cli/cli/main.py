@@ -61,6 +61,7 @@ def main() -> None:
 
 def run(arguments: list[str]) -> int:
     """Run `dsd` with these arguments; the exit code. Prints one line on stderr for whatever goes wrong."""
+    _end_in_order()
     try:
         try:
             code = _invoke(arguments)
@@ -86,8 +87,30 @@ def run(arguments: list[str]) -> int:
         if isinstance(leave.__context__, BrokenPipeError):
             return _leave_pipe()
         raise
+    except _Ended as ended:
+        return 128 + ended.number
     except KeyboardInterrupt:
         return INTERRUPTED
+
+
+class _Ended(KeyboardInterrupt):
+    """SIGTERM or SIGHUP: on the way out, half-written files go."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+
+def _end_in_order() -> None:
+    import signal
+
+    def leave(number: int, _: object) -> None:
+        raise _Ended(number)
+
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, leave)
 
 
 def _invoke(arguments: list[str]) -> int:

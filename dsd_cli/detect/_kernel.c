@@ -37,7 +37,7 @@ typedef struct {
     Py_ssize_t delays, combos, groups, inertias, states, padded, axes, window, warmup_rows;
     Py_ssize_t width;               /* lanes of a group: inertias, padded; no division in the loops */
     int timed, filtered, aperture, transition;
-    double T, tau, pole, sign, c, ll_const, ll_floor, hold, confidence, lead, log_stay, log_move, max_delay;
+    double T, tau, pole, sign, c, ll_const, ll_floor, hold, confidence, lead, log_stay, log_move, warmup_time;
     double *delay, *frac;
     int64_t *whole;
     int32_t *state_of, *group_of;   /* per lane */
@@ -93,6 +93,7 @@ static double timed_mean(Core *q, double from, double to, int64_t last, Py_ssize
 /* the force that accelerates: friction has a budget b, opposes motion (s = mean sign of v) and balances at rest */
 INLINE double combine(double drive, double force, double budget, double s) {
     const double applied = drive + force;
+    if (isinf(s)) return 0.0;       /* the speed turns: what friction does is not known, Session took it out of d_hat */
     if (s == s) return applied - budget * s;
     if (applied > budget) return applied - budget;
     if (applied < -budget) return applied + budget;
@@ -261,22 +262,26 @@ INLINE double costs(Core *q, double nearest, const double **cost, double *unit) 
     return best;
 }
 
-/* Eq. 19. The last label stays unless another leads by more than `hold`. Where several states tie for the best, the one
- * that changes fewest axes is taken (u constant: the delays tie, and only the inertia is known); a tie again: none. */
+/* Eq. 19. The last label stays unless another leads by more than `hold`. Of all states within `hold` (or a tie) of the
+ * best, the one that changes fewest axes is taken, then the best of these: u constant tells inertias apart, not delays, so
+ * the delay stays. On a tie again the last label stays. */
 INLINE void choose(Core *q, const double *cost, double unit, double best) {
     const double tie = 1e-9 * (1.0 + fabs(best) * unit);
     const Py_ssize_t last = q->label;
     const Py_ssize_t width = q->width;
+    const double near = q->hold > tie ? q->hold : tie;
     Py_ssize_t g, s, a, found = last, most = -1;
-    if (!((cost[last] - best) * unit > (q->hold > tie ? q->hold : tie))) return;
+    double lowest_cost = INFINITY;
+    if (!((cost[last] - best) * unit > near)) return;
     for (g = 0; g < q->groups; g++) {
-        if (q->transition == UNIFORM && !((q->row[g] - best) * unit <= tie)) continue;
+        if (q->transition == UNIFORM && !((q->row[g] - best) * unit <= near)) continue;
         for (s = g * width; s < (g + 1) * width; s++) {
             Py_ssize_t same = 0;
-            if (!((cost[s] - best) * unit <= tie)) continue;
+            if (!((cost[s] - best) * unit <= near)) continue;
             for (a = 0; a < q->axes; a++) same += q->axis[a * q->padded + s] == q->axis[a * q->padded + last];
-            if (same == most) found = last;
-            if (same > most) { found = s; most = same; }
+            if (same < most) continue;
+            if (same == most && fabs(cost[s] - lowest_cost) * unit <= tie) { found = last; continue; }
+            if (same > most || cost[s] < lowest_cost) { found = s; most = same; lowest_cost = cost[s]; }
         }
     }
     q->label = found;
@@ -346,9 +351,9 @@ INLINE int advance(Core *q, double t, double u, double d, const double *force, c
     q->u[q->k & (q->cap - 1)] = u;
     predict(q, force, budget, s);
     out->ll = NAN; out->probability = NAN; out->confident = 0; out->status = WARMUP;
-    /* before the delay lines are full of measured u, every prediction rests on a guess: no label yet */
+    /* before the delay lines are full of measured u and Q has settled, a prediction rests on a guess: no label yet */
     if (!q->warm && q->k >= q->warmup_rows)
-        q->warm = !q->timed || q->t[(q->k - q->aperture) & (q->cap - 1)] - q->start >= q->max_delay;
+        q->warm = !q->timed || q->t[(q->k - q->aperture) & (q->cap - 1)] - q->start >= q->warmup_time;
     q->k++;
     if (q->warm) {
         const double nearest = window(q, q->w + q->sign * d, missing, nh);
@@ -490,7 +495,6 @@ static int fill(Core *q, PyObject *delays, PyObject *alphas, PyObject *axes, PyO
         q->whole[g] = (int64_t)floor(exact);
         q->frac[g] = exact - floor(exact);
         if (q->whole[g] > most) most = q->whole[g];
-        if (q->delay[g] > q->max_delay) q->max_delay = q->delay[g];
     }
     for (q->cap = 64; q->cap < (q->timed ? 64 : most + 4); q->cap *= 2) {}
     q->u = calloc(q->cap, sizeof(double));
@@ -516,9 +520,9 @@ static PyObject *kernel_new(PyTypeObject *type, PyObject *args, PyObject *kwargs
     (void)kwargs;
     if (!self) return NULL;
     q = &self->core;
-    if (!PyArg_ParseTuple(args, "OOOOnnnnnniiiiddddddddddn", &delays, &alphas, &axes, &log_a, &q->delays, &q->combos,
+    if (!PyArg_ParseTuple(args, "OOOOnnnnnniiiidddddddddddn", &delays, &alphas, &axes, &log_a, &q->delays, &q->combos,
                           &q->inertias, &q->axes, &q->window, &q->warmup_rows, &q->timed, &q->filtered, &q->aperture,
-                          &q->transition, &q->T, &q->tau, &q->sign, &q->c, &q->ll_const, &q->ll_floor, &q->hold, &q->confidence,
+                          &q->transition, &q->T, &q->tau, &q->warmup_time, &q->sign, &q->c, &q->ll_const, &q->ll_floor, &q->hold, &q->confidence,
                           &q->log_stay, &q->log_move, &q->label)
         || fill(q, delays, alphas, axes, log_a)) {
         Py_DECREF(self);

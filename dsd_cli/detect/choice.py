@@ -10,8 +10,9 @@ from dsd_cli.signals.log import Array
 def choose(cost: Array, best: float, last: int, axes: Array, hold: float) -> int:
     """The state of the smallest cost (-log p), or the last label.
 
-    The last label stays unless another leads by more than `hold` nats. Where several states tie for the best, the one
-    that changes fewest axes is taken (u constant: the delays tie, and only the inertia is known); on a tie again none.
+    The last label stays unless another leads by more than `hold` nats. Of all states within `hold` (or a tie) of the
+    best, the one that changes fewest axes is taken, then the best of these: a constant u tells inertias apart, not
+    delays, so the delay stays. On a tie again the last label stays.
 
     Parameters
     ----------
@@ -20,11 +21,13 @@ def choose(cost: Array, best: float, last: int, axes: Array, hold: float) -> int
     axes : index of every state's value on every axis, shape (axes, states).
     """
     tie = 1e-9 * (1.0 + abs(best))
-    if not cost[last] - best > max(hold, tie):
+    near = max(hold, tie)
+    if not cost[last] - best > near:
         return last
-    tied = np.flatnonzero(cost - best <= tie)
-    if tied.size == 0:
+    candidates = np.flatnonzero(cost - best <= near)
+    if candidates.size == 0:
         return last
-    same = (axes[:, tied] == axes[:, [last]]).sum(axis=0)
-    nearest = tied[same == same.max()]
-    return int(nearest[0]) if nearest.size == 1 else last
+    same = (axes[:, candidates] == axes[:, [last]]).sum(axis=0)
+    nearest = candidates[same == same.max()]
+    first = nearest[cost[nearest].argmin()]
+    return int(first) if (cost[nearest] - cost[first] <= tie).sum() == 1 else last

@@ -109,10 +109,8 @@ class Engine:
         self, grid: Grid, settings: DetectorSettings, measurement: Measurement, backend: Backend | None = None
     ) -> None:
         settings.transition.log_matrix(len(grid))  # refuse a wrong matrix before any data is read
-        # imm, viterbi and smooth remember by their recursion: a window would count every sample M times
-        per_sample = settings.method in ("imm", *OFFLINE)
         self.grid, self.settings, self.measurement = grid, settings, measurement
-        window = 1 if per_sample else settings.window
+        window = settings.effective_window
         if window * len(grid) > 1e8:
             raise UsageError(f"a window of {window} over {len(grid)} states needs too much memory", "reduce either")
         spec = KernelSpec(
@@ -130,7 +128,7 @@ class Engine:
         self._delays, self._inertias = (grid.axes[name].tolist() for name in ("delay", "inertia"))
         self._recursion = self._make_recursion()
         self._step = self._kernel.step
-        self._steps = settings.method == "dsd"
+        self._steps = settings.method == "dsd" and not measurement.timed and not grid.effects
 
     def _make_recursion(self) -> Recursion | None:
         if self.settings.method not in ("average", "imm"):
@@ -179,6 +177,10 @@ class Engine:
         if d_hat is None:
             u, d_hat = u[:, 0], u[:, 1]
         u, d_hat = np.ascontiguousarray(u), np.ascontiguousarray(d_hat, dtype=np.float64)
+        if self.measurement.timed and t is None:
+            raise UsageError("an irregular clock needs the stamps", "give t")
+        if self.grid.effects and forces is None:
+            raise UsageError("the grid has effect axes", "give the forces of every combination of their values")
         stamps = np.ascontiguousarray(t, dtype=np.float64) if self.measurement.timed else None
         n = len(u)
         matrix = None if self.settings.method == "dsd" else np.empty((n, len(self.grid)))

@@ -10,6 +10,7 @@ import numpy as np
 
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.settings import DetectorSettings
+from dsd_cli.errors import UsageError
 from dsd_cli.signals.log import Array
 
 Backend = Literal["compiled", "numpy"]
@@ -21,7 +22,7 @@ LEAST_WARMUP = 16
 WARMUP, PARTIAL, FULL = 0, 1, 2
 
 
-def nats_of_fit(window: int) -> float:
+def nats_of_fit(window: Any) -> Any:
     """How far below the constant of eq. 15 a state still explains its window; see `KernelSpec.log_likelihood_floor`."""
     return 2.0 * window + 2.0
 
@@ -49,9 +50,14 @@ class KernelSpec:
 
     @property
     def warmup_rows(self) -> int:
-        """Samples before the delay lines are full of measured u."""
-        longest = 0 if self.timed else int(np.ceil(max(self.grid.delays) / self.sample_time - 1e-9))
+        """Samples before the delay lines are full of measured u, and Q has forgotten what it began with."""
+        longest = 0 if self.timed else int(np.ceil(self.warmup_time / self.sample_time - 1e-9))
         return max(LEAST_WARMUP, longest + self.aperture)
+
+    @property
+    def warmup_time(self) -> float:
+        """max L + 5 tau, s: 0.7 % of a wrong start of Q is left then."""
+        return max(self.grid.delays) + (5.0 * self.time_constant if self.settings.observer_filter else 0.0)
 
     @property
     def pole(self) -> float:
@@ -113,6 +119,8 @@ def active_backend() -> Backend:
 def make_kernel(spec: KernelSpec, backend: Backend | None = None) -> Kernel:
     """The kernel for these states; `backend=None` takes the fastest there is."""
     compiled = None if backend == "numpy" else _compiled_class()
+    if compiled is None and backend == "compiled":
+        raise UsageError("no compiled kernel in this installation", "leave backend out, or install with a compiler")
     if compiled is None:
         from dsd_cli.detect.numpy_kernel import NumpyKernel
 
@@ -143,6 +151,7 @@ def _make_compiled(compiled: Any, spec: KernelSpec) -> Kernel:
         mode,
         spec.sample_time,
         spec.time_constant,
+        spec.warmup_time,
         spec.sign,
         settings.rho,
         spec.log_likelihood_constant,

@@ -76,7 +76,7 @@ class RegularPrediction:
             at = self._keep - self._lag - whole
             mean = (1.0 - fraction) * history[at : at + n] + fraction * history[at - 1 : at - 1 + n]
             for e in range(combos):
-                raw[:, g * combos + e] = mean if force is None else combine(mean, force[:, e], budget[:, e], sign)
+                raw[:, g * combos + e] = mean if force is None else _net_force(mean, force[:, e], budget[:, e], sign)
         w, z = self._filtered(last, raw, k)
         self._k += n
         y = w + self._spec.sign * np.where(np.isfinite(d), d, 0.0)
@@ -103,6 +103,12 @@ class RegularPrediction:
         out = _recursion(columns, self._pole, state, start=k == 0)
         self._w, self._z = float(out[-1, 0]), out[-1, 1:].copy()
         return out[:, 0], out[:, 1:]
+
+
+def _net_force(drive: Array, force: Array, budget: Array, sign: Array) -> Array:
+    """`combine`, but 0 where the speed turns (sign is infinite): `Session` took these intervals out of d_hat."""
+    turns = np.isinf(sign)
+    return np.where(turns, 0.0, combine(drive, force, budget, np.where(turns, 0.0, sign)))
 
 
 def _recursion(x: Array, pole: float, state: Array, start: bool) -> Array:
@@ -143,12 +149,20 @@ class TimedPrediction:
             y[i] = self._w + self._spec.sign * (d[i] if np.isfinite(d[i]) else 0.0)
             z[i] = self._z
             warm += self._is_warm()
+        self._forget()
         return y, z, warm
+
+    def _forget(self) -> None:
+        """Drop the history that no delay reaches any more."""
+        old = min(self._pointer) - 4
+        if self._warm and old > 4096:
+            del self._t[:old], self._u[:old]
+            self._pointer = [pointer - old for pointer in self._pointer]
 
     def _is_warm(self) -> bool:
         k = len(self._t) - 1
         if not self._warm and k >= self._spec.warmup_rows:
-            self._warm = self._t[k - self._spec.aperture] - self._t[0] >= max(self._spec.grid.delays)
+            self._warm = self._t[k - self._spec.aperture] - self._t[0] >= self._spec.warmup_time
         return self._warm
 
     def _mean(self, g: int, begin: float, end: float, last: int) -> float:
@@ -177,7 +191,7 @@ class TimedPrediction:
         raw = np.repeat(np.array(means), combos)
         if forces is not None:
             force, budget, sign = (np.tile(np.atleast_1d(a), len(means)) for a in forces)
-            raw = combine(raw, force, budget, np.broadcast_to(sign[:1], raw.shape))
+            raw = _net_force(raw, force, budget, np.broadcast_to(sign[:1], raw.shape))
         own_u, own_raw = mean_u, raw
         if spec.aperture == 2 and k > 1:
             share = length / (length + self._interval)

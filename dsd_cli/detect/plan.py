@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import Backend
 from dsd_cli.detect.settings import DetectorSettings
+from dsd_cli.effects import Role, get_effect
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.observer import APERTURE
 from dsd_cli.signals.log import DHatSource
@@ -20,7 +21,7 @@ class Plan:
     ----------
     model : what all states share; its effects apply to every state.
     d_hat_source : "logged", or what the observer computes d_hat from.
-    aperture : intervals one logged value of d_hat averages (2 for a d_hat that was computed from position).
+    logged_aperture : intervals one logged value of d_hat averages (2 for a d_hat that was computed from position).
     channels : channels to read beside u and d_hat, needed by effects.
     """
 
@@ -43,6 +44,12 @@ class Plan:
                 values.setdefault(effect, {})[parameter] = value
             models.append(self.model.changed(effects=values))
         object.__setattr__(self, "effects", models)
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether a friction of the model acts where the speed turns (aperture 1: the speed is known there)."""
+        roles = {get_effect(name).role for model in self.effects for name in model.effects}
+        return Role.FRICTION in roles and self.aperture == 1
 
     @property
     def measured(self) -> str:

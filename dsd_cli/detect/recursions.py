@@ -165,18 +165,19 @@ def _forward_backward(log_b: Array, log_a: Array, first: Array) -> Array:
     return forward - np.logaddexp.reduce(forward, axis=1, keepdims=True)
 
 
-def _best_path(log_b: Array, log_a: Array, first: Array) -> NDArray[Any]:
-    """The most likely sequence of states (Viterbi), shape (n,)."""
+def _best_path(log_b: Array, log_a: Array, first: Array, choice: _Choice) -> NDArray[Any]:
+    """The most likely sequence of states (Viterbi), shape (n,); on a tie it stays, and ends as near as it began."""
     n, states = log_b.shape
     back = np.zeros((n, states), dtype=np.int32)
     score = first + log_b[0]
     columns = np.arange(states)
     for i in range(1, n):
         joint = score[:, None] + log_a
-        back[i] = joint.argmax(axis=0)
+        tie = 1e-9 * (1.0 + abs(score.max()))
+        back[i] = (joint + tie * np.eye(states)).argmax(axis=0)
         score = joint[back[i], columns] + log_b[i]
     path = np.zeros(n, dtype=np.int32)
-    path[-1] = score.argmax()
+    path[-1] = choice.choose(score)
     for i in range(n - 1, 0, -1):
         path[i - 1] = back[i, path[i]]
     return path
@@ -197,7 +198,7 @@ def whole_log(
     posterior = _forward_backward(log_b, log_a, first)
     choice = _Choice(settings, axes, floor)
     if settings.method == "viterbi":
-        states = _best_path(log_b, log_a, first)
+        states = _best_path(log_b, log_a, first, choice)
     else:
         states = np.array([choice.choose(row) for row in posterior], dtype=np.int32)
     rows = np.flatnonzero(use)

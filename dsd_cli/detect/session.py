@@ -12,6 +12,7 @@ from dsd_cli.detect.engine import Engine, Forces, Labels, Measurement
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.settings import OFFLINE
 from dsd_cli.effects import Channels
+from dsd_cli.plant.filtering import lowpass_irregular, poles_of
 from dsd_cli.plant.forces import Sample, interval_channels, interval_forces
 from dsd_cli.plant.observer import DisturbanceObserver
 from dsd_cli.signals.cleaning import Cleaner, Piece
@@ -22,14 +23,16 @@ from dsd_cli.signals.log import Array
 class Rows(NamedTuple):
     """Labels of consecutive rows of the log, each array of shape (n,).
 
-    Dropped rows (and rows of warm-up) carry the last label, NaN likelihood and probability, and confident = False.
+    Dropped rows (and rows of warm-up) carry the last label, NaN likelihood and probability, confident = False, and 0
+    samples; else `samples` is how many samples the window behind the label holds.
     """
 
-    t: Array
+    t: NDArray[Any]
     state: NDArray[Any]
-    log_likelihood: Array
-    probability: Array
+    log_likelihood: NDArray[Any]
+    probability: NDArray[Any]
     confident: NDArray[Any]
+    samples: NDArray[Any]
 
 
 class Session:
@@ -48,6 +51,8 @@ class Session:
         self._label = plan.settings.initial
         self._waiting: list[Piece] = []
         self._early = 0
+        self._in_window = 0
+        self._turned, self._turning = 0.0, np.zeros(0)  # Q of what turns put into d_hat: last, and of this piece
         self._stamps: Array | None = np.empty(0) if cleaner.sample_time is None else None
         self._settling = 0
 
@@ -75,7 +80,8 @@ class Session:
         self._early += new
         nothing = np.full(new, np.nan)
         state = np.full(new, self._label, dtype=np.int32)
-        return Rows(t[-new:], state, nothing, nothing, np.zeros(new, dtype=np.bool_))
+        unsure, none = np.zeros(new, dtype=np.bool_), np.zeros(new, dtype=np.int32)
+        return Rows(t[-new:], state, nothing, nothing, unsure, none)
 
     def _after_early(self, rows: Rows) -> Rows:
         skip = min(self._early, rows.state.size)
@@ -132,6 +138,7 @@ class Session:
         if self.engine is not None:
             self.engine.restart()
         self._observer, self._last_t, self._before = None, None, None
+        self._in_window, self._turned = 0, 0.0
 
     def _run(self, piece: Piece) -> Labels:
         return self._run_inputs(self._inputs(piece))
@@ -166,8 +173,30 @@ class Session:
                 self._observer = DisturbanceObserver(self.plan.observer, self._sample_time(), self.plan.d_hat_source)
             d_hat = self._observer.run(u, d_hat, piece.stamps)
         forces = self._forces(piece) if any(model.effects for model in self.plan.effects) else None
+        if forces is not None and self._turning.any():
+            d_hat = d_hat - self.plan.observer.sign * self._turning
         self._last_t = float(piece.t[-1])
         return _Inputs(u, d_hat, piece.t, forces)
+
+    def _without_turns(self, acceleration: Array, sign: Array, interval: float | Array) -> Array:
+        """Marks the intervals in which the plant starts, stops or turns, and keeps what they put into d_hat.
+
+        Friction there is whatever explains the change of speed, so that J a is what was measured, for every inertia:
+        such an interval says nothing, and Q { Jn a } of it is taken out of d_hat instead of being predicted.
+        """
+        observer = self.plan.observer
+        turns = np.isfinite(acceleration)
+        self._turning = np.zeros(sign.size)
+        if not (self.plan.has_friction and self.plan.settings.observer_filter):
+            return sign
+        if turns.any() or self._turned != 0.0:
+            raw = observer.nominal_inertia * np.where(turns, acceleration, 0.0)
+            lengths = np.broadcast_to(interval, sign.shape)
+            poles = poles_of(lengths.tolist(), observer.time_constant)
+            self._turning = lowpass_irregular(raw, poles, self._turned)
+            self._turned = float(self._turning[-1])
+            self._turned = 0.0 if abs(self._turned) < 1e-300 else self._turned
+        return np.where(turns, np.inf, sign)
 
     def _forces(self, piece: Piece) -> Forces:
         """Forces of every combination of effect values, per interval that ends at a sample."""
@@ -188,17 +217,29 @@ class Session:
             self._before = Sample(
                 None if velocity is None else float(velocity[-1]), None if position is None else float(position[-1])
             )
+            sign = self._without_turns(means.acceleration, sign, interval)
         pairs = [interval_forces(model.effects, channels) for model in self.plan.effects]
         applied, budget = (np.column_stack([np.broadcast_to(pair[i], n) for pair in pairs]) for i in (0, 1))
         return Forces(applied, budget, sign)
 
     # -- rows ------------------------------------------------------------------------------------------------------
 
+    def _samples(self, log_likelihood: Array) -> NDArray[np.int32]:
+        """How many samples the window holds, for each of the next samples of the engine."""
+        window = self.plan.settings.effective_window
+        judged = np.isfinite(log_likelihood)
+        if self._in_window >= window and judged.all():
+            return np.full(judged.size, window, dtype=np.int32)
+        count = np.minimum(self._in_window + np.cumsum(judged), window)
+        self._in_window = int(count[-1]) if count.size else self._in_window
+        return np.where(judged, count, 0).astype(np.int32)
+
     def _to_rows(self, piece: Piece, labels: Labels | None) -> Rows:
         """Samples back to the rows they came from; every row gets a label."""
         if labels is not None and piece.keep is None:
             self._label = int(labels.state[-1])
-            return Rows(piece.row_t, labels.state, labels.log_likelihood, labels.probability, labels.confident)
+            state, ll, probability, confident = labels_arrays(labels)
+            return Rows(piece.row_t, state, ll, probability, confident, self._samples(ll))
         n = piece.rows
         out = Rows(
             piece.row_t,
@@ -206,12 +247,14 @@ class Session:
             np.full(n, np.nan),
             np.full(n, np.nan),
             np.zeros(n, dtype=np.bool_),
+            np.zeros(n, dtype=np.int32),
         )
         if labels is None or piece.keep is None:
             return out
         at = np.flatnonzero(piece.keep >= 0)
         rows = piece.keep[at]
-        for target, source in zip(out[1:], labels_arrays(labels), strict=True):
+        sources = (*labels_arrays(labels), self._samples(labels.log_likelihood))
+        for target, source in zip(out[1:], sources, strict=True):
             target[rows] = source[at]
         kept = np.zeros(n, dtype=np.int64)
         kept[rows] = rows + 1
@@ -226,7 +269,7 @@ def _unjudged(rows: Rows, count: int, label: int) -> Rows:
     if count <= 0:
         return rows
     columns = [column.copy() for column in rows[1:]]
-    for column, nothing in zip(columns, (label, np.nan, np.nan, False), strict=True):
+    for column, nothing in zip(columns, (label, np.nan, np.nan, False, 0), strict=True):
         column[:count] = nothing
     return Rows(rows.t, *columns)
 

@@ -40,3 +40,8 @@ class DetectorSettings:
     observer_filter: bool = True
     hold: float = 0.0
     confidence: float = 3.0
+
+    @property
+    def effective_window(self) -> int:
+        """M, or 1 for the methods whose recursion is the memory: a window would count every sample M times."""
+        return 1 if self.method in ("imm", *OFFLINE) else self.window

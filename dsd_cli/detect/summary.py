@@ -106,12 +106,10 @@ class Summarizer:
         min_share: float = 0.95,
         confident_only: bool = False,
         rho: float = 0.3,
-        window: int = 100,
     ) -> None:
         # eq. 15 backwards: from a log likelihood to the mean square residual in its window
         self._constant = -0.5 * np.log(2.0 * np.pi) - np.log(rho)
-        self._square_per_nat = 2.0 * rho * rho / window
-        self._floor = self._constant - nats_of_fit(window)
+        self._square_per_nat = 2.0 * rho * rho
         self._squares, self._explained = 0.0, 0
         self._grid = grid
         self._after, self._min_share, self._confident_only = after, min_share, confident_only
@@ -131,10 +129,11 @@ class Summarizer:
         """Labels of the next rows, and the truth columns (true_delay, true_inertia) of the same rows."""
         if rows.state.size == 0:
             return
-        judged = np.isfinite(rows.log_likelihood)
+        judged = rows.samples > 0
         self._judged += int(judged.sum())
-        self._squares += float((self._constant - rows.log_likelihood[judged]).sum()) * self._square_per_nat
-        self._explained += int((rows.log_likelihood >= self._floor).sum())
+        nats = self._constant - rows.log_likelihood[judged]
+        self._squares += float((nats / rows.samples[judged]).sum()) * self._square_per_nat
+        self._explained += int((nats <= nats_of_fit(rows.samples[judged])).sum())
         self._count += np.bincount(rows.state, minlength=len(self._grid))
         self._confident += np.bincount(rows.state[rows.confident], minlength=len(self._grid))
         if self._expected:
@@ -144,6 +143,16 @@ class Summarizer:
         self._truth.add(rows, judged, truth)
         self._segments.add(rows)
         self._last_confident = bool(rows.confident[-1])
+
+    @property
+    def judged(self) -> int:
+        """Samples judged so far."""
+        return self._judged
+
+    @property
+    def samples(self) -> int:
+        """Rows so far."""
+        return int(self._count.sum())
 
     def values(self, state: int) -> dict[str, float]:
         """Axis -> value of a state."""
@@ -165,7 +174,7 @@ class Summarizer:
             for (expectation, _), met in zip(self._expected, self._met.tolist(), strict=True)
         ]
         return Summary(
-            samples=int(self._count.sum()),
+            samples=self.samples,
             judged=self._judged,
             residual_rms=float(np.sqrt(self._squares / self._judged)) if self._judged else None,
             explained_share=self._explained / self._judged if self._judged else None,

@@ -107,7 +107,7 @@ def print_table(result: Detection, file: Any) -> None:
         table.add_column(name, justify="right")
     for segment in summary.segments[:MOST_SEGMENTS]:
         values = [f"{value:g}" for value in segment.values.values()]
-        table.add_row(f"{segment.start:g}", f"{segment.end:g}", *values, _percent(segment.confident_share))
+        table.add_row(_stamp(segment.start), _stamp(segment.end), *values, _percent(segment.confident_share))
     console.print(table)
     _more(console, summary.segments_total, MOST_SEGMENTS, "segments")
     for line in _closing_lines(result):
@@ -142,6 +142,9 @@ def _closing_lines(result: Detection) -> list[str]:
         lines.append(", ".join(parts))
     for check in summary.checks:
         verdict = "holds" if check.holds else "does not hold"
+        if check.samples == 0:
+            lines.append(f"expected {check.axis} {check.value:g}: no such sample to check")
+            continue
         of = f"{_percent(check.share)} of {check.samples:,} samples, {_percent(check.min_share)} asked"
         lines.append(f"expected {check.axis} {check.value:g}: {verdict} ({of})")
     if result.dropped:
@@ -152,6 +155,11 @@ def _closing_lines(result: Detection) -> list[str]:
 
 def _heading(axis: str) -> str:
     return {"delay": "delay s", "inertia": "inertia"}.get(axis, axis)
+
+
+def _stamp(t: float) -> str:
+    """Seconds; an epoch stamp needs all its digits."""
+    return f"{t:g}" if abs(t) < 1e5 else f"{t:.3f}"
 
 
 def _percent(share: float) -> str:

@@ -33,13 +33,15 @@ class Cleaner:
     ----------
     sample_time : s, or None to find it from the time column; given, it is the clock and the log is regular.
     time_scale : s per unit of the time column.
+    bridge : longest hole, in samples, that is bridged; 0 where the values are to be differentiated.
 
     Raises
     ------
     DataError : (from `feed` or `finish`) no sample time given and the time column does not advance.
     """
 
-    def __init__(self, sample_time: float | None, time_scale: float = 1.0) -> None:
+    def __init__(self, sample_time: float | None, time_scale: float = 1.0, bridge: int = BRIDGE) -> None:
+        self._bridge = bridge
         self._clock = None if sample_time is None else Clock(sample_time, sample_time, True)
         self._clock_is_given = sample_time is not None
         self._time_scale = time_scale
@@ -195,7 +197,7 @@ class Cleaner:
         backwards = steps < 0
         if regular:
             missing = np.where(steps >= 1.5 * T, np.rint(steps / T) - 1, 0)
-            gap = missing > BRIDGE
+            gap = missing > self._bridge
             in_place = (steps > 0) & (missing == 0)
             self._count_jitter(steps[in_place], stamps[in_place])
         else:

@@ -44,10 +44,10 @@ def compare(labels, rows, states, ll_of):
 @pytest.mark.parametrize("window", [1, 7, 40])
 @pytest.mark.parametrize("observer_filter", [True, False])
 def test_dsd_is_eq_18_and_19(backend, window, observer_filter):
-    t, u, d = recording(1)
+    t, u, d = recording(1, noise=2.0)
     rows = oracle.log_likelihoods(t, u.tolist(), d.tolist(), STATES, JN, TAU, 0.3, window, 1, observer_filter)
     uniform = [[1 / 12] * 12 for _ in range(12)]
-    expected = oracle.dsd(rows, uniform, 5)
+    expected = oracle.dsd(rows, uniform, 5, STATES)
     got = engine(backend, window=window, initial=5, observer_filter=observer_filter).run(u, d)
     compare(got, rows, expected, lambda k, s: rows[k][0][s])
     for k, row in enumerate(rows):
@@ -75,7 +75,7 @@ def test_sticky_and_any_matrix_with_zeros(backend):
     rows = oracle.log_likelihoods(t, u.tolist(), d.tolist(), STATES, JN, TAU, 0.8, 3)
     sticky = [[0.9 if i == j else 0.1 / 11 for j in range(12)] for i in range(12)]
     for transition, a in ((Transition(stay=0.9), sticky), (Transition(matrix=matrix), matrix.tolist())):
-        expected = oracle.dsd(rows, a, 0)
+        expected = oracle.dsd(rows, a, 0, STATES)
         assert len(set(expected)) > 2
         got = engine(backend, window=3, rho=0.8, transition=transition).run(u, d)
         compare(got, rows, expected, lambda k, s: rows[k][0][s])
@@ -86,7 +86,7 @@ def test_hold_keeps_the_last_well_founded_label(backend):
     t, u, d = recording(3, noise=1.5)
     rows = oracle.log_likelihoods(t, u.tolist(), d.tolist(), STATES, JN, TAU, 0.8, 5)
     uniform = [[1 / 12] * 12 for _ in range(12)]
-    free, held = oracle.dsd(rows, uniform, 0), oracle.dsd(rows, uniform, 0, hold=3.0)
+    free, held = oracle.dsd(rows, uniform, 0, STATES), oracle.dsd(rows, uniform, 0, STATES, hold=3.0)
     assert free != held
     assert engine(backend, window=5, rho=0.8, hold=3.0).run(u, d).state.tolist() == held
 
@@ -97,7 +97,7 @@ def test_average_is_eq_7_to_9(backend, n):
     t, u, d = recording(4, noise=1.0)
     a = [[0.6 if i == j else 0.4 / 11 for j in range(12)] for i in range(12)]
     rows = oracle.log_likelihoods(t, u.tolist(), d.tolist(), STATES, JN, TAU, 0.8, 2)
-    expected = oracle.averaged(rows, a, 3, n)
+    expected = oracle.averaged(rows, a, 3, STATES, n)
     got = engine(backend, method="average", average=n, window=2, rho=0.8, initial=3, transition=Transition(stay=0.6))
     assert got.run(u, d).state.tolist() == expected
     assert len(set(expected)) > 2
@@ -110,7 +110,7 @@ SMALL_STATES = list(zip(SMALL.axes["delay"].tolist(), SMALL.axes["inertia"].toli
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_imm_viterbi_and_smooth_against_every_path(backend):
     rng = np.random.default_rng(5)
-    n, initial = 23, 2
+    n, initial = 33, 2
     t = (np.arange(n) * T).tolist()
     u, d = rng.normal(size=n), rng.normal(size=n)
     a = rng.uniform(0.05, 1.0, size=(4, 4))
@@ -149,7 +149,7 @@ def test_irregular_stamps_use_the_true_intervals(backend, aperture):
     rows = oracle.log_likelihoods(t.tolist(), u.tolist(), d.tolist(), STATES, JN, TAU, 0.3, 10, aperture)
     measurement = Measurement(T, JN, TAU, aperture=aperture, timed=True)
     got = engine(backend, measurement=measurement, window=10).run(u, d, t=t)
-    compare(got, rows, oracle.dsd(rows, [[1.0] * 12 for _ in range(12)], 0), lambda k, s: rows[k][0][s])
+    compare(got, rows, oracle.dsd(rows, [[1.0] * 12 for _ in range(12)], 0, STATES), lambda k, s: rows[k][0][s])
     assert (got.delay[60:] == 0.123).all()
     assert (got.inertia[60:] == 2.0).all()
 
@@ -159,9 +159,9 @@ def test_position_aperture_on_a_regular_clock(backend):
     t, u, _ = recording(7)
     z, w = oracle.predictions(t, u.tolist(), 0.05, TAU, 2)
     d = JN / 0.5 * np.array(z) - np.array(w)
-    rows = oracle.log_likelihoods(t, u.tolist(), d.tolist(), STATES, JN, TAU, 0.3, 20, 2, warmup=22)
+    rows = oracle.log_likelihoods(t, u.tolist(), d.tolist(), STATES, JN, TAU, 0.3, 20, 2, warmup=37)
     got = engine(backend, measurement=Measurement(T, JN, TAU, aperture=2), window=20).run(u, d)
-    compare(got, rows, oracle.dsd(rows, [[1.0] * 12 for _ in range(12)], 0), lambda k, s: rows[k][0][s])
+    compare(got, rows, oracle.dsd(rows, [[1.0] * 12 for _ in range(12)], 0, STATES), lambda k, s: rows[k][0][s])
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

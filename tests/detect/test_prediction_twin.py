@@ -12,8 +12,11 @@ from dsd_cli.detect.engine import Measurement
 from dsd_cli.detect.kernel import active_backend
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.session import Session
+from dsd_cli.plant.controllers import ControllerSettings
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import predict_d_hat
+from dsd_cli.plant.references import Sine
+from dsd_cli.plant.simulation import SimulationSettings, simulate
 from dsd_cli.signals.cleaning import Cleaner
 from dsd_cli.signals.log import Log
 
@@ -67,19 +70,42 @@ def test_engine(backend, aperture, regular, observer_filter, delay, request):
     )
     got = engine.run(log["u"], d_hat, t=log["t"]).log_likelihood
     judged = np.isfinite(got)
-    assert judged[60:].all()
+    assert judged[120:].all()
     np.testing.assert_allclose(residual(got[judged]), 0.001, rtol=1e-6)
 
 
+#: Coulomb friction from velocity needs a log that obeys it: test_session_with_stick_slip.
+CASES = [(effects, aperture) for effects in EFFECTS for aperture in (1, 2) if (effects, aperture) != ("coulomb", 1)]
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("aperture", [1, 2])
+@pytest.mark.parametrize("level", [0.3, 1.0])
+@pytest.mark.parametrize("delay", [0.0, 0.02, 0.0203])
+def test_session_with_stick_slip(backend, level, delay):
+    """A log of simulate, no noise: the true state leaves nothing, also where the plant starts, stops and turns."""
+    model = PlantModel(0.8, delay, {"coulomb_friction": {"level": level}, "viscous_friction": {"coefficient": 0.2}})
+    observer = ObserverSettings(1.2, 0.01)
+    log = simulate(
+        SimulationSettings(
+            model, 2.0, observer=observer, controller=ControllerSettings("open_loop"), reference=Sine(20.0, 2.0 * level)
+        )
+    )
+    assert (log["velocity"] == 0.0).sum() > 20  # it sticks
+    settings = DetectorSettings(window=1, rho=RHO)
+    plan = Plan(Grid((delay,), (0.8,)), settings, model, observer, channels=("velocity",), backend=backend)
+    session = Session(plan, Cleaner(None))
+    rows = [*session.feed(log["t"], {name: log[name] for name in ("u", "d_hat", "velocity")}), *session.finish()]
+    left = residual(np.concatenate([part.log_likelihood for part in rows]))
+    left = left[np.isfinite(left)]
+    assert left.size > 1800
+    assert np.sqrt((left**2).mean()) < 2e-3 * log["d_hat"].std()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("regular", [True, False], ids=["regular", "irregular"])
-@pytest.mark.parametrize("effects", EFFECTS)
+@pytest.mark.parametrize(("effects", "aperture"), CASES)
 @pytest.mark.parametrize("delay", [0.0, 0.0203])
-def test_session_with_effects(backend, aperture, regular, effects, delay, request):
-    if effects == "coulomb" and aperture == 1:
-        why = "where the speed turns, the prediction takes friction from the change of momentum, the detector its mean"
-        request.applymarker(pytest.mark.xfail(reason=why, strict=True))
+def test_session_with_effects(backend, aperture, regular, effects, delay):
     log = make_log(regular, aperture)
     model = PlantModel(0.8, delay, EFFECTS[effects])
     d_hat = predict_d_hat(model, log, OBSERVER) + 0.001
@@ -100,6 +126,6 @@ def test_session_with_effects(backend, aperture, regular, effects, delay, reques
     rows = [*session.feed(log["t"], values), *session.finish()]
     got = np.concatenate([part.log_likelihood for part in rows])
     judged = np.isfinite(got)
-    assert judged[60:].all()
+    assert judged[120:].all()
     # the sample time that the session found is that of the log up to its rounding; irregular logs: the first interval
     np.testing.assert_allclose(residual(got[judged]), 0.001, rtol=1e-4 if regular else 1e-3)

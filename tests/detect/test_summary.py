@@ -22,7 +22,8 @@ def make_rows(seed: int, n: int = 80) -> Rows:
     state = np.repeat(rng.integers(0, 6, n), rng.integers(1, 6, n))[:n].astype(np.int32)
     ll = np.where(rng.uniform(size=n) < 0.2, np.nan, rng.uniform(-20, -1, n))
     confident = np.isfinite(ll) & (rng.uniform(size=n) < 0.5)
-    return Rows(np.arange(n) * 0.01, state, ll, np.where(np.isnan(ll), np.nan, 0.5), confident)
+    samples = np.where(np.isnan(ll), 0, 10).astype(np.int32)
+    return Rows(np.arange(n) * 0.01, state, ll, np.where(np.isnan(ll), np.nan, 0.5), confident, samples)
 
 
 def truth_of(seed: int, n: int = 80) -> dict[str, np.ndarray]:
@@ -47,7 +48,7 @@ def nearest(value, candidates):
 @given(seed=st.integers(0, 10_000), cuts=st.lists(st.integers(0, 80), max_size=5))
 def test_segments_shares_and_truth(seed, cuts):
     rows, truth = make_rows(seed), truth_of(seed)
-    got = fed(Summarizer(GRID, rho=0.3, window=10), rows, truth, cuts).result(int(rows.state[-1]))
+    got = fed(Summarizer(GRID, rho=0.3), rows, truth, cuts).result(int(rows.state[-1]))
     n, states = rows.state.size, rows.state.tolist()
     assert got.samples == n
     assert [s.share for s in got.states] == pytest.approx([states.count(i) / n for i in range(6)])
@@ -120,6 +121,6 @@ def test_nothing_at_all():
 def test_chattering_labels_are_counted_but_not_all_kept(monkeypatch):
     monkeypatch.setattr(module, "MOST_SEGMENTS", 10)
     rows = Rows(np.arange(100.0), np.arange(100, dtype=np.int32) % 2, *(np.zeros(100) for _ in range(2)),
-                np.zeros(100, dtype=bool))  # fmt: skip
+                np.zeros(100, dtype=bool), np.full(100, 10))  # fmt: skip
     got = fed(Summarizer(GRID), rows, {}, [7, 50]).result(1)
     assert (got.segments_total, len(got.segments)) == (100, 10)

@@ -55,7 +55,8 @@ def log_likelihoods(t, u, d, states, jn, tau, rho, window, aperture=1, observer_
             if k < 16 or (warmup is not None and k < warmup):
                 out.append(None)
                 continue
-            if warmup is None and t[k - aperture] - t[0] < longest - 1e-9:
+            settled = longest + (5 * tau if observer_filter else 0.0)  # Q has forgotten its start
+            if warmup is None and t[k - aperture] - t[0] < settled - 1e-9:
                 out.append(None)
                 continue
             first = k
@@ -73,32 +74,40 @@ def log(x):
     return math.log(x) if x > 0 else -math.inf
 
 
-def pick(scores, last, hold=0.0):
+def pick(scores, last, states, hold=0.0):
     """argmax; the last label stays on a tie and unless the best leads by more than `hold`.
 
-    Noisy logs only: a tie among states other than the last does not arise there."""
+    Of the states within `hold` (or a tie) of the best, the one that keeps most values of the last label,
+    then the best.
+    """
     best = max(scores)
     if best == -math.inf:
         return last
     tie = 1e-9 * (1 + abs(best))
     if best - scores[last] <= max(hold, tie):
         return last
-    top = [i for i, s in enumerate(scores) if best - s <= tie]
-    return top[0] if len(top) == 1 else last
+    near = [i for i, s in enumerate(scores) if best - s <= max(hold, tie)]
+
+    def kept(i):
+        return sum(a == b for a, b in zip(states[i], states[last], strict=True))
+
+    near = [i for i in near if kept(i) == max(kept(j) for j in near)]
+    first = max(near, key=lambda i: scores[i])
+    return first if sum(scores[first] - scores[i] <= tie for i in near) == 1 else last
 
 
-def dsd(rows, a, initial, hold=0.0):
+def dsd(rows, a, initial, states, hold=0.0):
     """Labels of eq. 18-19 for rows of log_likelihoods; a is the matrix A as nested lists."""
     label, labels = initial, []
     for row in rows:
         if row is not None:
             scores = [log(a[label][i]) + b for i, b in enumerate(row[0])]
-            label = pick(scores, label, hold)
+            label = pick(scores, label, states, hold)
         labels.append(label)
     return labels
 
 
-def averaged(rows, a, initial, n):
+def averaged(rows, a, initial, states, n):
     """Labels of eq. 7-9: the mean of the last n likelihoods, weighted by the transition out of D(t-N)."""
     label, labels, decided, seen = initial, [], [initial] * n, []
     for row in rows:
@@ -110,7 +119,7 @@ def averaged(rows, a, initial, n):
             for i in range(len(row[0])):
                 mean = sum(math.exp(r[i] - reference) for r in recent) / len(recent)
                 scores.append(log(a[decided[-n]][i]) + log(mean) + reference)
-            label = pick(scores, label)
+            label = pick(scores, label, states)
             decided.append(label)
         labels.append(label)
     return labels
