@@ -189,4 +189,4 @@ def test_whole_log_methods_take_stdin_whole(rig):
     whole = done("detect", "log.csv", "-o", "-", "--set", "detector.method=viterbi", cwd=rig).stdout
     assert streamed == whole
     assert len(streamed.splitlines()) == 61
-    assert np.isfinite(read_labels(whole)["log_likelihood"].astype(float)[20:]).all()
+    assert np.isfinite(read_labels(whole)["log_likelihood"].astype(float)[21:]).all()

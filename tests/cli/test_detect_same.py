@@ -34,8 +34,8 @@ def test_file_stream_parquet_and_api_give_the_same_labels(rig, tmp_path):
 
     log = make_log()
     tuning = DetectorSettings(window=40, rho=0.1, initial=8)
-    run = Engine(GRID, tuning, Measurement(T)).run(log["u"], log["d_hat"])
-    engine = Engine(GRID, tuning, Measurement(T))
+    run = Engine(GRID, tuning, Measurement(T, 1.0, 0.002)).run(log["u"], log["d_hat"])
+    engine = Engine(GRID, tuning, Measurement(T, 1.0, 0.002))
     steps = [engine.step(u, d) for u, d in zip(log["u"].tolist(), log["d_hat"].tolist(), strict=True)]
     for name in ("state", "delay", "inertia", "log_likelihood", "probability", "confident"):
         column = getattr(run, name)

@@ -31,7 +31,7 @@ def test_d_hat_is_that_of_the_observer(rig, source):
     said = done("observe", "log.csv", "-o", "out.csv", cwd=rig)
     assert (said.stdout, said.stderr) == ("", f"out.csv: 200 samples, d_hat computed from {source}\n")
     got = read_labels(rig / "out.csv")
-    expected = observe_log(Log(columns, 0.001), ObserverSettings())
+    expected = observe_log(Log(columns, 0.001), ObserverSettings(time_constant=0.002))
     np.testing.assert_array_equal(got["d_hat"], expected["d_hat"])
     np.testing.assert_array_equal(got["u"], columns["u"])
     assert json.loads((rig / "out.csv.meta.json").read_text())["d_hat_source"] == source

@@ -148,4 +148,9 @@ def test_xl330_with_irregular_stamps(tmp_path):
     assert len(labels) == 1 + result["samples"] == 1126
     assert 0.004 < result["sample_time"] < 0.006
     assert result["dropped"] == []
-    assert result["residual_rms"] < result["rho"]
+    assert result["confident_share"] == 0.0
+    # rho as small as the bare rms takes the correlated rest for evidence: confident, and mostly for the wrong inertia
+    result, _ = detect(tmp_path, recording("bam_xl330/kp400_sin_sin.csv"), XL330.replace("rho = 2.0", "rho = 0.6"))
+    assert 0.5 < result["residual_rms"] < 0.7
+    assert result["confident_share"] > 0.3
+    assert confident_share(result, inertia=0.07) < 0.5
