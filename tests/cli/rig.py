@@ -83,7 +83,9 @@ def make_log(rows: int = 300, seed: int = 0, delay: float = DELAY, inertia: floa
     t = np.round(np.arange(rows) * T, 6)
     u = np.cumsum(rng.normal(size=rows)) * 0.3
     log = Log({"t": t, "u": u}, T)
-    d_hat = predict_d_hat(PlantModel(inertia, delay), log, ObserverSettings(time_constant=0.002)) + 0.02 * rng.normal(size=rows)
+    d_hat = predict_d_hat(PlantModel(inertia, delay), log, ObserverSettings(time_constant=0.002)) + 0.02 * rng.normal(
+        size=rows
+    )
     return {"t": t, "u": u, "d_hat": d_hat}
 
 

@@ -212,3 +212,52 @@ def test_bad_matrices_are_refused():
             Grid(delays, inertias)
     with pytest.raises(UsageError, match="candidates are"):
         GRID.index(delay=0.7)
+
+
+@pytest.mark.parametrize("tau", [0.01, 0.05])
+def test_a_log_cut_in_motion_gives_no_confident_wrong_label(tau):
+    """Q of the observer remembers what was before the cut; nobody who starts here knows it."""
+    rng = np.random.default_rng(1)
+    n, pole = 6000, np.exp(-0.001 / tau)
+    u = 1.0 + np.convolve(rng.normal(size=n + 99), np.ones(100) / 10, "valid")
+    d = np.zeros(n)
+    for k in range(1, n):  # J = 2, L = 4 samples
+        drive = 0.5 * u[max(k - 5, 0)] - u[k - 1]
+        d[k] = pole * d[k - 1] + (1.0 - pole) * drive
+    d += rng.normal(size=n) * 0.05
+    grid = Grid((0.0, 0.004, 0.02), (0.5, 1.0, 2.0, 3.0, 4.0))
+    confident = wrong = 0
+    for start in range(2000, 4600, 200):
+        labels = make(grid=grid, window=50, rho=0.05, tau=tau).run(u[start : start + 1400], d[start : start + 1400])
+        sure = labels.confident
+        confident += int(sure.sum())
+        wrong += int((sure & ((labels.inertia != 2.0) | (labels.delay != 0.004))).sum())
+    assert confident > 500
+    assert (
+        wrong <= 0.005 * confident
+    )  # a lead of 3 nats is odds of 20 to 1 against noise, less what the window sees twice
+
+
+@pytest.mark.parametrize("method", ["dsd", "average", "imm", "viterbi", "smooth"])
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_no_method_moves_a_label_without_evidence(backend, method):
+    u = np.zeros(300)
+    silent = make(backend, window=20, initial=7, method=method).run(u, u)
+    assert (silent.state == 7).all()
+    assert not silent.confident.any()
+    constant = make(backend, window=20, initial=7, method=method).run(u + 1.0, u)
+    assert (constant.delay == GRID.axes["delay"][7]).all()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_hold_keeps_the_delay_while_only_the_inertia_is_known(backend):
+    """Constant u and noise: the inertia jumps, nothing speaks for another delay, so with hold = 3 the delay stays."""
+    n, initial = 1500, GRID.index(0.0043, 1.0)
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        u = 1.0 + 0.02 * rng.normal(size=n)
+        d = np.where(np.arange(n) < 700, 1.0, 0.5) - 1.0 + 0.3 * rng.normal(size=n)
+        labels = make(backend, window=100, rho=0.3, hold=3.0, initial=initial).run(u, d)
+        assert (labels.delay == 0.0043).all()
+        assert labels.inertia[650] == 1.0
+        assert labels.inertia[900] in (2.0, 3.0)
