@@ -18,7 +18,7 @@ run dsd detect out/log.csv -c sample_logs/demo.toml -o out/labels.csv
 cat <<'TEXT'
 
 How to read it:
-  - Up to 0.4 s nothing can be judged, as the largest candidate delay is 0.4 s: the initial label stands, not confident.
+  - Up to 0.45 s (the largest candidate delay and 5 tau) nothing can be judged: the initial label stands, not confident.
   - Then the label is delay 0.3 s, inertia 1, as simulated. After the change at 1.5 s the window of 0.1 s holds samples from
     before and after: the delay label follows within some 30 ms, the inertia label passes through 2 until the window is clean.
   - What the labels leave unexplained is below rho: these candidates explain the log. Every label is in out/labels.csv.
