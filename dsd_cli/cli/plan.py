@@ -13,7 +13,7 @@ from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.detect.transition import Transition
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.files.config import Config, Detector, Observer, Signals, States
+from dsd_cli.files.config import Config, Detector, Observer, Signals, States, Stay
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import DHatSource
 
@@ -82,8 +82,8 @@ def detection_plan(config: Config, found: Mapping[str, str], metadata: Mapping[s
         raise DataError(
             f"{name}: neither d_hat nor velocity nor position", "set one of them in [signals] to the log's column"
         )
-    first = {key.split(".")[0]: values for key, values in axes.items()}
-    template = model.changed(effects={effect: {p: v[0] for p, v in states.effects[effect].items()} for effect in first})
+    first = {effect: {p: v[0] for p, v in parameters.items()} for effect, parameters in states.effects.items()}
+    template = model.changed(effects=first)
     aperture = 2 if metadata.get("d_hat_source") == "position" else 1
     return Plan(
         grid=grid,
@@ -137,10 +137,9 @@ def detector_settings(config: Config, grid: Grid) -> DetectorSettings:
 def _transition(config: Config, section: Detector, states: int) -> Transition:
     if section.transition == "uniform":
         return Transition()
-    stay = getattr(section.transition, "stay", None)
-    if stay is not None:
-        return Transition(stay=stay)
-    path = config.resolve(getattr(section.transition, "file", ""))
+    if isinstance(section.transition, Stay):
+        return Transition(stay=section.transition.stay)
+    path = config.resolve(section.transition.file)
     transition = Transition(matrix=_read_matrix(path))
     try:
         transition.log_matrix(states)

@@ -34,7 +34,6 @@ class KernelSpec:
     Attributes
     ----------
     alphas : Jn / J per inertia, shape (H,).
-    combos : number of combinations of effect values, E.
     aperture : intervals that one value of d_hat averages: 1, or 2 for an observer on position.
     timed : the clock is irregular, every sample comes with its stamp.
     """

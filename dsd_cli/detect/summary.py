@@ -89,7 +89,7 @@ class Summary:
 
 @dataclass(frozen=True)
 class Expectation:
-    """`--expect axis=value`; `after` is a stamp of the log, s."""
+    """`--expect axis=value`."""
 
     axis: str
     value: float
