@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import signal
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -132,31 +132,37 @@ class Job:
 
     def _label_all(self, table: TableSource, session: Session, summarizer: Summarizer) -> None:
         truth = _Truth([name for name in TRUTH if name in table.columns])
-        with self.to.writer(session.plan.grid) as write:
-            for rows in self._labels(table, session, truth):
+        labels = closing(self._labels(table, session, truth))  # a label that cannot be written ends the reading too
+        with self.to.writer(session.plan.grid) as write, labels as parts:
+            for rows in parts:
                 summarizer.add(rows, truth.take(rows.state.size))
                 write(rows)
             if not self.live:
                 _refuse_nothing(table, session, summarizer)
 
-    def _labels(self, table: TableSource, session: Session, truth: _Truth) -> Iterator[Rows]:
-        batches: Iterator[Batch] = table.batches()
-        if not self.live:
-            batches = read_ahead(batches)
+    def _labels(self, table: TableSource, session: Session, truth: _Truth) -> Generator[Rows, None, None]:
         progress = Progress("rows", enabled=not self.to.quiet and not self.to.labels_on_stdout)
         try:
-            for batch in batches:
-                self._check_columns(table, session.plan, batch)
-                truth.put(batch)
-                yield from session.feed(batch.columns.get("t"), batch.columns, batch.restart)
-                if self.live and "t" in batch.columns:
-                    early = session.held(batch.columns["t"] * self._time_scale)
-                    if early is not None:
-                        yield early
-                progress.add(batch.rows)
+            with self._batches(table) as batches:
+                for batch in batches:
+                    yield from self._labels_of(batch, table, session, truth)
+                    progress.add(batch.rows)
         finally:
             progress.close()
         yield from session.finish()
+
+    def _batches(self, table: TableSource) -> AbstractContextManager[Iterator[Batch]]:
+        """Live lines are labelled as they come; from a file the next rows are decoded meanwhile."""
+        return nullcontext(table.batches()) if self.live else read_ahead(table.batches())
+
+    def _labels_of(self, batch: Batch, table: TableSource, session: Session, truth: _Truth) -> Iterator[Rows]:
+        self._check_columns(table, session.plan, batch)
+        truth.put(batch)
+        yield from session.feed(batch.columns.get("t"), batch.columns, batch.restart)
+        if self.live and "t" in batch.columns:
+            early = session.held(batch.columns["t"] * self._time_scale)
+            if early is not None:
+                yield early
 
     def _check_columns(self, table: TableSource, plan: Plan, batch: Batch) -> None:
         """A log that is followed may be begun anew with other columns."""
