@@ -6,12 +6,18 @@ prediction and identification evaluate the same function over a whole log, so th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, NamedTuple
 
 import numpy as np
+
+#: Parameters by name that shape the columns and do not multiply them.
+Shape = Mapping[str, Any]
+#: All parameters of an effect by name, as they stand in `dsd.toml`.
+Values = Mapping[str, Any]
 
 
 class Role(Enum):
@@ -19,8 +25,9 @@ class Role(Enum):
 
     APPLIED : force on the plant is coefficients x columns.
     FRICTION : coefficients x columns is a non-negative *budget*; the plant owns sign and sticking.
-    INPUT : changes u before the delay.
-    STRUCTURE : adds a mass.
+    INPUT : the one column is the changed command, u_eff, before the delay; there are no coefficients.
+    STRUCTURE : a load of share s of the inertia hangs on the motor: the motor has J (1 - s), and the one column is the
+        acceleration of the load (rad/s2 or m/s2), so that the coupling pulls with -s J x column.
     """
 
     APPLIED = "applied"
@@ -32,13 +39,31 @@ class Role(Enum):
 class Channels(NamedTuple):
     """What an effect may look at; each a float (simulator) or an array of shape (n,) (prediction).
 
-    t in s, u in the user's unit, velocity and position in SI units.
+    t in s, u in the user's unit (INPUT: the command as logged; else what reaches the plant after input effects and
+    delay), velocity and position in SI units, interval in s: the time that this row stands for.
     """
 
     t: Any
     u: Any
     velocity: Any
     position: Any
+    interval: Any = 0.0
+
+
+class Ranges(NamedTuple):
+    """What a log contains, for choosing starting shapes: SI units, u in the user's unit.
+
+    speed : rms speed while moving; top_speed : largest; travel : range of the position; drive : rms of u; top_drive :
+    largest |u|; sample_time and duration in s.
+    """
+
+    speed: float
+    top_speed: float
+    travel: float
+    drive: float
+    top_drive: float
+    sample_time: float
+    duration: float
 
 
 @dataclass(frozen=True)
@@ -47,6 +72,7 @@ class Parameter:
 
     `unit` uses `{u}` for the unit of u, `{v}` for velocity's and `{q}` for position's.
     A `linear` parameter multiplies one column, in the order of declaration; the others shape the columns.
+    `listed` : the value is a list of tables (`external_force.events`), not a number.
     """
 
     name: str
@@ -55,6 +81,11 @@ class Parameter:
     lower: float = -np.inf
     upper: float = np.inf
     linear: bool = True
+    listed: bool = False
+
+
+def _one_start(_: Ranges) -> list[Shape]:
+    return [{}]
 
 
 @dataclass(frozen=True)
@@ -67,7 +98,13 @@ class Effect:
     law : the formula, as text.
     needs : channels of `Channels` that must be in the log.
     pattern : the residual pattern that betrays it.
-    columns : (channels, shape parameters by name) -> one column per linear parameter.
+    columns : (channels, shape) -> one column per coefficient. With `memory` it is
+        (channels, shape, state) -> (columns, state): the rows continue those that left `state` (None: the log begins).
+    starts : (ranges of the log) -> shapes from which the search for shape parameters starts, ordered along the
+        shape where there is one parameter; `[{}]` where nothing is searched.
+    split : values -> (coefficients, shape); by default linear parameters and the others. Effects whose coefficients
+        are not parameters (amplitude and phase -> sine and cosine) give their own, and `join` undoes it.
+    memory : the columns depend on earlier rows.
     """
 
     id: str
@@ -77,10 +114,50 @@ class Effect:
     pattern: str
     parameters: tuple[Parameter, ...]
     needs: tuple[str, ...]
-    columns: Callable[[Channels, Mapping[str, float]], tuple[Any, ...]]
+    columns: Callable[..., Any]
+    starts: Callable[[Ranges], list[Shape]] = field(default=_one_start)
+    split: Callable[[Values, float], tuple[tuple[float, ...], Shape]] | None = None
+    join: Callable[[tuple[float, ...], Shape, float], Values] | None = None
+    memory: bool = False
 
-    def force(self, channels: Channels, values: Mapping[str, float]) -> Any:
-        """Coefficients x columns: a force (APPLIED) or a budget (FRICTION), in the unit of u."""
-        columns = self.columns(channels, values)
-        coefficients = [values[p.name] for p in self.parameters if p.linear]
-        return sum((c * column for c, column in zip(coefficients, columns, strict=True)), 0.0)
+    @property
+    def searched(self) -> int:
+        """Number of parameters that are searched, not solved for: a part of the price of the effect."""
+        return sum(not p.linear and not p.listed for p in self.parameters)
+
+    def run(self, channels: Channels, shape: Shape, state: Any = None) -> tuple[tuple[Any, ...], Any]:
+        """(columns, state to carry on from); the state of an effect without memory is None."""
+        if self.memory:
+            columns, state = self.columns(channels, shape, state)
+            return tuple(columns), state
+        return tuple(self.columns(channels, shape)), None
+
+    def to_columns(self, values: Values, inertia: float = 1.0) -> tuple[tuple[float, ...], Shape]:
+        """Values as they stand in the config -> (a coefficient per column, shape); inertia J of the whole plant."""
+        if self.split is not None:
+            return self.split(values, inertia)
+        linear = tuple(float(values[p.name]) for p in self.parameters if p.linear)
+        return linear, {p.name: values[p.name] for p in self.parameters if not p.linear}
+
+    def from_columns(self, coefficients: tuple[float, ...], shape: Shape, inertia: float = 1.0) -> Values:
+        """The inverse of `to_columns`."""
+        if self.join is not None:
+            return self.join(coefficients, shape, inertia)
+        given: Iterator[float] = iter(coefficients)
+        return {p.name: next(given) if p.linear else shape[p.name] for p in self.parameters}
+
+    def force(self, channels: Channels, values: Values, inertia: float = 1.0, state: Any = None) -> tuple[Any, Any]:
+        """(coefficients x columns, state): a force (APPLIED) or a budget (FRICTION), in the unit of u."""
+        coefficients, shape = self.to_columns(values, inertia)
+        columns, state = self.run(channels, shape, state)
+        return sum((c * column for c, column in zip(coefficients, columns, strict=True)), 0.0), state
+
+
+def sine_and_cosine(amplitude: float, phase: float) -> tuple[float, float]:
+    """A sin(x + phi) = a sin x + b cos x -> (a, b)."""
+    return amplitude * math.cos(phase), amplitude * math.sin(phase)
+
+
+def amplitude_and_phase(a: float, b: float) -> tuple[float, float]:
+    """The inverse of `sine_and_cosine`; amplitude >= 0, phase in (-pi, pi]."""
+    return math.hypot(a, b), math.atan2(b, a)

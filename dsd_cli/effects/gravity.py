@@ -1,15 +1,22 @@
 """The weight of a pendulum or of any arm that turns in a vertical plane."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from dsd_cli.effects.base import Channels, Effect, Parameter, Role
+from dsd_cli.effects.base import Channels, Effect, Parameter, Role, Shape, Values, amplitude_and_phase, sine_and_cosine
 
 
-def _columns(channels: Channels, shape: Mapping[str, float]) -> tuple[Any, ...]:
-    return (-np.sin(channels.position + shape["phase"]),)
+def _columns(channels: Channels, _: Shape) -> tuple[Any, ...]:
+    return -np.sin(channels.position), -np.cos(channels.position)
+
+
+def _split(values: Values, _: float) -> tuple[tuple[float, ...], Shape]:
+    return sine_and_cosine(values["amplitude"], values["phase"]), {}
+
+
+def _join(coefficients: tuple[float, ...], _: Shape, __: float) -> Values:
+    return dict(zip(("amplitude", "phase"), amplitude_and_phase(*coefficients), strict=True))
 
 
 EFFECT = Effect(
@@ -20,8 +27,10 @@ EFFECT = Effect(
     pattern="the residual is a sine of the position with one period per turn, whatever the speed",
     parameters=(
         Parameter("amplitude", "{u}", "G = m g l", lower=0.0),
-        Parameter("phase", "rad", "phi, angle from hanging straight down at q = 0", -np.pi, np.pi, linear=False),
+        Parameter("phase", "rad", "phi, angle from hanging straight down at q = 0", -np.pi, np.pi),
     ),
     needs=("position",),
     columns=_columns,
+    split=_split,
+    join=_join,
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,16 +77,27 @@ def _rest(a: Array, b: Array, rest_speed: float) -> tuple[Mask, Mask]:
     return slow_a & slow_b, (slow_a ^ slow_b) | ((a * b < 0.0) & ~(slow_a & slow_b))
 
 
-def interval_forces(effects: EffectValues, channels: Channels) -> tuple[Array, Array]:
-    """(force F of the applied effects, budget b >= 0 of the frictions), unit of u, shape of the channels.
+def interval_forces(
+    effects: EffectValues, channels: Channels, inertia: float = 1.0, states: dict[str, Any] | None = None
+) -> tuple[Array, Array]:
+    """(force F of applied effects and loads, budget b >= 0 of the frictions), unit of u, shape of the channels.
 
-    `channels` holds the means of an interval; `channels.u` is the delayed u that reaches the plant.
+    Parameters
+    ----------
+    channels : means of an interval; `channels.u` is the delayed u that reaches the plant.
+    inertia : J of the whole plant, for effects that hang a part of it on the motor.
+    states : effect id -> state of effects with memory, carried on from and brought up to date; None: the log begins.
     """
-    total = {Role.APPLIED: np.zeros(np.shape(channels.u)), Role.FRICTION: np.zeros(np.shape(channels.u))}
+    states = {} if states is None else states
+    total = {True: np.zeros(np.shape(channels.u)), False: np.zeros(np.shape(channels.u))}
     for name, values in effects.items():
         effect = get_effect(name)
-        total[effect.role] = total[effect.role] + effect.force(channels, values)
-    return total[Role.APPLIED], np.maximum(total[Role.FRICTION], 0.0)
+        if effect.role is Role.INPUT:
+            continue
+        force, states[name] = effect.force(channels, values, inertia, states.get(name))
+        scale = -inertia if effect.role is Role.STRUCTURE else 1.0
+        total[effect.role is Role.FRICTION] = total[effect.role is Role.FRICTION] + scale * force
+    return total[False], np.maximum(total[True], 0.0)
 
 
 def combine(drive: Array, force: Array, budget: Array, sign: Array, momentum: Array | None = None) -> Array:

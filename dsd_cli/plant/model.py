@@ -6,14 +6,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Any
 
 from dsd_cli.effects import Effect, Role, get_effect
 from dsd_cli.errors import UsageError
 
-#: Effect id -> parameter -> value.
-EffectValues = Mapping[str, Mapping[str, float]]
-
-_ON_THE_PLANT = (Role.APPLIED, Role.FRICTION)
+#: Effect id -> parameter -> value (a number; a list of tables for a `listed` parameter).
+EffectValues = Mapping[str, Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -70,6 +69,13 @@ class PlantModel:
         checked = {name: _checked_values(get_effect(name), values) for name, values in self.effects.items()}
         object.__setattr__(self, "effects", MappingProxyType(checked))
 
+    @property
+    def motor_inertia(self) -> float:
+        """J less the shares of the loads that hang on the motor, as J."""
+        loads = (name for name in self.effects if get_effect(name).role is Role.STRUCTURE)
+        shares = sum(get_effect(name).to_columns(self.effects[name], self.inertia)[0][0] for name in loads)
+        return self.inertia * (1.0 - shares)
+
     def needs(self) -> dict[str, str]:
         """Channel that must be in the log -> the first effect that asks for it."""
         found: dict[str, str] = {}
@@ -82,7 +88,7 @@ class PlantModel:
         self, delay: float | None = None, inertia: float | None = None, effects: EffectValues | None = None
     ) -> PlantModel:
         """The model with these values in place; effects are merged parameter by parameter."""
-        merged = {name: dict(values) for name, values in self.effects.items()}
+        merged: dict[str, dict[str, Any]] = {name: dict(values) for name, values in self.effects.items()}
         for name, values in (effects or {}).items():
             merged.setdefault(name, {}).update(values)
         return PlantModel(
@@ -93,9 +99,7 @@ class PlantModel:
         )
 
 
-def _checked_values(effect: Effect, values: Mapping[str, float]) -> Mapping[str, float]:
-    if effect.role not in _ON_THE_PLANT:
-        raise UsageError(f"effect {effect.id} ({effect.role.value})", "the plant takes applied and friction effects")
+def _checked_values(effect: Effect, values: Mapping[str, Any]) -> Mapping[str, Any]:
     known = {p.name: p for p in effect.parameters}
     for name in values:
         if name not in known:
@@ -103,8 +107,9 @@ def _checked_values(effect: Effect, values: Mapping[str, float]) -> Mapping[str,
     for name, parameter in known.items():
         if name not in values:
             raise UsageError(f"effect {effect.id} lacks {name}", parameter.meaning)
-        _check(f"{effect.id}.{name}", values[name], lower=parameter.lower, upper=parameter.upper)
-    return MappingProxyType({name: float(values[name]) for name in known})
+        if not parameter.listed:
+            _check(f"{effect.id}.{name}", values[name], lower=parameter.lower, upper=parameter.upper)
+    return MappingProxyType({name: values[name] if p.listed else float(values[name]) for name, p in known.items()})
 
 
 def _check(

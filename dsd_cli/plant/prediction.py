@@ -1,15 +1,16 @@
 """THE prediction of d_hat by a plant model; every command that predicts calls it or is built of its pieces.
 
-    d_model_k = (Jn/J) z_k - w_k,   z = Q { delayed u + forces },  w = Q { u }
+    d_model_k = (Jn/Jm) z_k - w_k,   z = Q { delayed u_eff + forces },  w = Q { u }
 
-with every quantity the mean over an interval (docs/architecture.md).
+with every quantity the mean over an interval (docs/architecture.md), and Jm the inertia of the motor: all of J, but
+for loads that hang on it.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from dsd_cli.effects import Channels
+from dsd_cli.effects import Channels, Role, Shape, get_effect
 from dsd_cli.errors import DataError
 from dsd_cli.plant.filtering import (
     delay_taps,
@@ -22,10 +23,11 @@ from dsd_cli.plant.filtering import (
     two_interval_mean,
 )
 from dsd_cli.plant.forces import IntervalChannels, Sample, combine, interval_channels, interval_forces
-from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.plant.model import EffectValues, ObserverSettings, PlantModel
 from dsd_cli.signals.log import Array, Log
 
 __all__ = [
+    "Frame",
     "IntervalChannels",
     "Sample",
     "combine",
@@ -53,47 +55,110 @@ def predict_d_hat(model: PlantModel, log: Log, observer: ObserverSettings, obser
     ------
     DataError : the log lacks u, or a channel that an effect needs.
     """
-    if "u" not in log:
-        raise DataError(f"{log.source}: no u", "the prediction needs the control input; set signals.u")
-    stamps = irregular_stamps(log)
-    intervals = np.full(len(log), log.sample_time)
-    if stamps is not None:
-        intervals[1:] = np.diff(stamps)
-    lag = 1 if observer_filter else 0
-    drive = _mean_u(log, stamps, model.delay, lag)
-    z = _net_force(model, log, drive, intervals)
-    w = _mean_u(log, stamps, 0.0, lag)
-    if log.d_hat_source == "position":
-        z, w = two_interval_mean(z, intervals), two_interval_mean(w, intervals)
-    if observer_filter:
-        z, w = (_observed(x, intervals, observer, stamps is None) for x in (z, w))
-    return np.asarray(observer.sign * (observer.nominal_inertia / model.inertia * z - w))
+    frame = Frame(log, lag=1 if observer_filter else 0)
+    z = frame.net_force(model)
+    w = frame.mean_u(log["u"], 0.0)
+    z, w = (frame.seen(x, observer if observer_filter else None) for x in (z, w))
+    return np.asarray(observer.sign * (observer.nominal_inertia / model.motor_inertia * z - w))
 
 
-def _mean_u(log: Log, stamps: Array | None, delay: float, lag: int) -> Array:
-    """Mean of u(t - L) over the interval that ends (lag 1) or, for eq. 14, that begins (lag 0) at each sample."""
-    u, ahead = log["u"], 1 - lag
-    held = np.append(u, u[-1:] if ahead else [])
-    if stamps is None:
-        return delayed_mean(held, delay, log.sample_time)[ahead:]
-    times = np.append(stamps, stamps[-1:] + log.sample_time if ahead else [])
-    return delayed_mean_irregular(held, times, delay)[ahead:]
+class Frame:
+    """A log cut into intervals: what acts in each, and how the observer sees it.
 
+    Parameters
+    ----------
+    lag : 1 for the interval that ends at each sample; 0, for eq. 14, takes u of the interval that begins there.
 
-def _net_force(model: PlantModel, log: Log, drive: Array, intervals: Array) -> Array:
-    if not model.effects:
-        return drive
-    velocity, position = (log.channels.get(name) for name in ("velocity", "position"))
-    _check_needs(model, log)
-    if velocity is None and position is None:
-        unknown = np.full(len(log), np.nan)
-        motion = IntervalChannels(unknown, unknown, unknown, unknown)
-    else:
-        motion = interval_channels(velocity, position, intervals, model.rest_speed)
-    t = log["t"] if "t" in log else log.sample_time * np.arange(len(log))
-    channels = Channels(t - 0.5 * intervals, drive, motion.velocity, motion.position)
-    force, budget = interval_forces(model.effects, channels)
-    return combine(drive, force, budget, motion.sign, model.inertia * motion.acceleration)
+    Attributes
+    ----------
+    intervals : T_k of the interval that ends at each sample, s, shape (n,).
+
+    Raises
+    ------
+    DataError : the log lacks u.
+    """
+
+    def __init__(self, log: Log, lag: int = 1) -> None:
+        if "u" not in log:
+            raise DataError(f"{log.source}: no u", "the prediction needs the control input; set signals.u")
+        self.log, self._lag = log, lag
+        self._stamps = irregular_stamps(log)
+        self.intervals = np.full(len(log), log.sample_time)
+        if self._stamps is not None:
+            self.intervals[1:] = np.diff(self._stamps)
+
+    def mean_u(self, command: Array, delay: float) -> Array:
+        """Mean of command(t - L) over each interval; `command` shape (n,) is held from sample to sample."""
+        ahead = 1 - self._lag
+        held = np.append(command, command[-1:] if ahead else [])
+        if self._stamps is None:
+            return delayed_mean(held, delay, self.log.sample_time)[ahead:]
+        times = np.append(self._stamps, self._stamps[-1:] + self.log.sample_time if ahead else [])
+        return delayed_mean_irregular(held, times, delay)[ahead:]
+
+    def command(self, effects: EffectValues) -> Array:
+        """u after the input effects, mean over the interval that begins at each sample, before the delay."""
+        command = self.log["u"]
+        for name, values in effects.items():
+            effect = get_effect(name)
+            if effect.role is Role.INPUT:
+                command = self.changed_command(name, effect.to_columns(values)[1], command)
+        return command
+
+    def changed_command(self, effect_id: str, shape: Shape, command: Array) -> Array:
+        """`command` after the input effect of that shape."""
+        missing = np.full(len(command), np.nan)
+        times = self.times
+        ahead = np.append(self.intervals[1:], self.log.sample_time)
+        channels = Channels(times + 0.5 * ahead, command, missing, missing, ahead)
+        (changed,), _ = get_effect(effect_id).run(channels, shape)
+        return np.asarray(changed)
+
+    @property
+    def times(self) -> Array:
+        """Stamps of the log, s."""
+        return self.log["t"] if "t" in self.log else self.log.sample_time * np.arange(len(self.log))
+
+    def motion(self, rest_speed: float) -> IntervalChannels:
+        """Mean motion per interval; all NaN where neither velocity nor position is logged."""
+        velocity, position = (self.log.channels.get(name) for name in ("velocity", "position"))
+        if velocity is None and position is None:
+            unknown = np.full(len(self.log), np.nan)
+            return IntervalChannels(unknown, unknown, unknown, unknown)
+        return interval_channels(velocity, position, self.intervals, rest_speed)
+
+    def channels(self, drive: Array, motion: IntervalChannels) -> Channels:
+        """What effects look at, in the interval that ends at each sample, under that delayed u."""
+        times = self.times - 0.5 * self.intervals
+        return Channels(times, drive, motion.velocity, motion.position, self.intervals)
+
+    def net_force(self, model: PlantModel) -> Array:
+        """Delayed u and all forces on the motor, mean over each interval, unit of u, shape (n,).
+
+        Raises
+        ------
+        DataError : the log lacks a channel that an effect needs.
+        """
+        drive = self.mean_u(self.command(model.effects), model.delay)
+        if not model.effects:
+            return drive
+        _check_needs(model, self.log)
+        motion = self.motion(model.rest_speed)
+        force, budget = interval_forces(model.effects, self.channels(drive, motion), model.inertia)
+        return combine(drive, force, budget, motion.sign, model.motor_inertia * motion.acceleration)
+
+    def seen(self, x: Array, observer: ObserverSettings | None) -> Array:
+        """A force per interval as d_hat shows it: averaged like the log's d_hat, and through Q (None: no Q).
+
+        Q has settled on the first value when the log begins.
+        """
+        if self.log.d_hat_source == "position":
+            x = two_interval_mean(x, self.intervals)
+        if observer is None or len(x) == 0:
+            return x
+        if self._stamps is None:
+            return lowpass(x, observer.pole(float(self.intervals[0])), float(x[0]))
+        return lowpass_irregular(x, poles_of(self.intervals.tolist(), observer.time_constant), float(x[0]))
 
 
 def _check_needs(model: PlantModel, log: Log) -> None:
@@ -102,12 +167,3 @@ def _check_needs(model: PlantModel, log: Log) -> None:
         if channel in ("velocity", "position") and channel not in log and not differentiable:
             remedy = f"set signals.{channel}" + (" or signals.position" if channel == "velocity" else "")
             raise DataError(f"{log.source}: effect {effect} needs {channel}", remedy + ", or leave the effect out")
-
-
-def _observed(x: Array, intervals: Array, observer: ObserverSettings, regular: bool) -> Array:
-    """Through Q, which has settled on the first value when the log begins."""
-    if len(x) == 0:
-        return x
-    if regular:
-        return lowpass(x, observer.pole(float(intervals[0])), float(x[0]))
-    return lowpass_irregular(x, poles_of(intervals.tolist(), observer.time_constant), float(x[0]))

@@ -1,0 +1,179 @@
+"""A log made ready for identification: d_hat, and the motion that effects look at, each with its provenance.
+
+Offline the whole log is at hand, so speed and position may be smoothed without phase (a detector cannot do that). The
+smoothing only removes what the noise of the channel itself explains: an exact log is left as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from dsd_cli.errors import DataError
+from dsd_cli.identify.smoothing import Smoothed, smooth
+from dsd_cli.plant.filtering import poles_of
+from dsd_cli.plant.model import ObserverSettings
+from dsd_cli.plant.observer import observe_log
+from dsd_cli.plant.prediction import Frame
+from dsd_cli.signals.log import Array, Log
+
+#: Speeds within this many standard deviations of the speed's noise may be rest.
+REST_DEVIATIONS = 3.0
+#: A reconstructed position whose drift is expected to exceed this share of its range is none.
+MOST_DRIFT = 0.2
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One log, in stretches without gaps.
+
+    Attributes
+    ----------
+    pieces : each with t, u, d_hat (sign of eq. 13) and the motion that could be had.
+    provenance : channel -> "logged", "smoothed", "from position", "reconstructed from u and d_hat" or "computed
+        from velocity" (d_hat).
+    missing : channel -> why it cannot be had.
+    rest_speed : speed up to which the plant may be at rest, as far as the measurement can tell.
+    """
+
+    name: str
+    pieces: tuple[Log, ...]
+    provenance: Mapping[str, str]
+    missing: Mapping[str, str]
+    rest_speed: float
+
+    @property
+    def samples(self) -> int:
+        """Rows in all pieces."""
+        return sum(len(piece) for piece in self.pieces)
+
+    @property
+    def sample_time(self) -> float:
+        """s."""
+        return self.pieces[0].sample_time
+
+
+def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), rest_speed: float = 0.0) -> Recording:
+    """The log in stretches, with d_hat and the motion.
+
+    Parameters
+    ----------
+    restarts : samples that do not continue the one before.
+    rest_speed : `[model] rest_speed`; the larger of it and what the noise asks for is kept.
+
+    Raises
+    ------
+    DataError : the log lacks u, or everything that d_hat could be had from, or no stretch is long enough.
+    """
+    if "u" not in log:
+        raise DataError(f"{log.source}: no u", "set signals.u to the column with the control input")
+    edges = [0, *(at for at in restarts if 0 < at < len(log)), len(log)]
+    pieces = [_part(log, a, b) for a, b in pairwise(edges) if b - a >= _SHORTEST]
+    if not pieces:
+        raise DataError(f"{log.source}: {len(log)} samples without a stretch of {_SHORTEST}", "a longer log is needed")
+    provenance = {"u": "logged"}
+    if "d_hat" in log:
+        provenance["d_hat"] = "logged" if log.d_hat_source == "logged" else f"computed from {log.d_hat_source}"
+        if observer.sign < 0:
+            pieces = [_with(piece, d_hat=-piece["d_hat"]) for piece in pieces]
+    else:
+        settings = replace(observer, sign=1)
+        pieces = [observe_log(piece, settings) for piece in pieces]
+        provenance["d_hat"] = f"computed from {pieces[0].d_hat_source}"
+    pieces, noise, missing = _with_motion(pieces, observer, provenance)
+    return Recording(log.source, tuple(pieces), provenance, missing, max(rest_speed, REST_DEVIATIONS * noise))
+
+
+#: Samples of the shortest stretch that is used.
+_SHORTEST = 50
+
+
+def _part(log: Log, a: int, b: int) -> Log:
+    channels = {name: x[a:b] for name, x in log.channels.items()}
+    if "t" not in channels:
+        channels["t"] = log.sample_time * np.arange(a, b)
+    return replace(log, channels=channels)
+
+
+def _with(log: Log, **channels: Array) -> Log:
+    return replace(log, channels={**log.channels, **channels})
+
+
+def _with_motion(
+    pieces: list[Log], observer: ObserverSettings, provenance: dict[str, str]
+) -> tuple[list[Log], float, dict[str, str]]:
+    """(pieces with velocity and position where they can be had, noise of the velocity, what cannot be had)."""
+    logged = pieces[0].channels
+    if "position" in logged and "velocity" not in logged:
+        found = [smooth(piece["position"], piece["t"]) for piece in pieces]
+        provenance |= {"velocity": "from position", "position": _word(found)}
+        done = [_with(p, velocity=s.slope, position=s.value) for p, s in zip(pieces, found, strict=True)]
+        return done, max(s.slope_noise for s in found), {}
+    if "velocity" in logged:
+        found = [smooth(piece["velocity"], piece["t"]) for piece in pieces]
+        provenance["velocity"] = _word(found)
+        pieces = [_with(p, velocity=s.value) for p, s in zip(pieces, found, strict=True)]
+        if "position" not in logged:
+            provenance["position"] = "integrated from velocity"
+            pieces = [_with(p, position=_integral(p["velocity"], p["t"])) for p in pieces]
+        else:
+            provenance["position"] = "logged"
+        return pieces, max(s.value_noise for s in found), {}
+    return _reconstructed(pieces, observer, provenance)
+
+
+def _word(found: Sequence[Smoothed]) -> str:
+    return "smoothed" if any(s.half_width for s in found) else "logged"
+
+
+def _integral(x: Array, t: Array) -> Array:
+    """Trapezoids, from 0."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))])
+
+
+def _reconstructed(
+    pieces: list[Log], observer: ObserverSettings, provenance: dict[str, str]
+) -> tuple[list[Log], float, dict[str, str]]:
+    """Motion from Jn a = Q^-1 d_hat + u, taken to begin at rest.
+
+    White noise s on d_hat becomes tau s / Jn on the speed (no drift: Q^-1 is proper in the speed) and a random walk
+    of T s / Jn per sample; an offset of d_hat a ramp. A line through the speed is therefore taken out where the ramp
+    would be more than the moves: an axis that works comes back.
+    """
+    done, noises, drifting = [], [], False
+    for piece in pieces:
+        force = net_force(piece, observer)
+        intervals = Frame(piece).intervals
+        speed = np.cumsum(force * intervals) / observer.nominal_inertia
+        found = smooth(speed, piece["t"])
+        position = _integral(found.value, piece["t"])
+        walk = found.value_noise * piece.sample_time * len(piece) / max(observer.time_constant, piece.sample_time)
+        drifting |= walk * piece.sample_time * np.sqrt(len(piece)) > MOST_DRIFT * np.ptp(position)
+        noises.append(found.value_noise)
+        done.append(_with(piece, velocity=found.value, position=position))
+    provenance["velocity"] = provenance["position"] = "reconstructed from u and d_hat"
+    if not drifting:
+        return done, max(noises), {}
+    del provenance["position"]
+    reason = "the log has no position, and one integrated from u and d_hat would drift away"
+    done = [replace(p, channels={k: x for k, x in p.channels.items() if k != "position"}) for p in done]
+    return done, max(noises), {"position": reason}
+
+
+def net_force(piece: Log, observer: ObserverSettings) -> Array:
+    """Jn a, mean over the interval that ends at each sample, from d_hat and u: Q undone, shape (n,).
+
+    Where d_hat averages two intervals (from position) so does this. The first sample is 0.
+    """
+    frame = Frame(piece)
+    d_hat = piece["d_hat"]
+    poles = poles_of(frame.intervals.tolist(), observer.time_constant)
+    raw = np.zeros(len(d_hat))
+    raw[1:] = (d_hat[1:] - poles[1:] * d_hat[:-1]) / (1.0 - poles[1:])
+    u = frame.seen(frame.mean_u(piece["u"], 0.0), None)
+    total = raw + u
+    total[0] = 0.0
+    return np.asarray(total)

@@ -1,0 +1,143 @@
+"""What compare, diagnose, add and improve found: plain data, rendered elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from dsd_cli.plant.model import PlantModel
+
+#: Verdicts that are no effect.
+NONE, UNKNOWN = "none", "unknown"
+#: Candidates that are values of [model], not effects.
+INERTIA, DELAY = "inertia", "delay"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A fitted value; `unit` with {u}, {v}, {q} as in `Parameter`; std_error NaN where it cannot be given.
+
+    `at_bound` : the value stands on its bound, so neither it nor its error is to be believed.
+    """
+
+    value: float
+    std_error: float
+    unit: str
+    at_bound: bool = False
+
+
+#: "inertia", "delay" or "<effect>.<parameter>" -> estimate.
+Estimates = Mapping[str, Estimate]
+
+
+@dataclass(frozen=True)
+class Score:
+    """Errors of one model, rms in the unit of u: on what it was fitted to, and on blocks that no fit saw.
+
+    force_error_percent : 100 rms(residual in force units) / rms(force that moves the plant).
+    """
+
+    rmse: float
+    heldout_rmse: float
+    fit_percent: float
+    relative_error_percent: float
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect (or inertia, delay), added to the model and fitted with all that is in it.
+
+    Attributes
+    ----------
+    probability : that this is the effect to add next (all candidates, none and unknown sum to 1).
+    parameters : of this effect alone, by parameter name.
+    indistinguishable_from : effects that explain this log as well.
+    untestable : why it could not be tested on this log; then the numbers are NaN and `model` is None.
+    note : what to know about the fit: a value on its bound, a fit that did not converge.
+    """
+
+    effect: str
+    rmse_after: float
+    heldout_rmse_before: float
+    heldout_rmse_after: float
+    probability: float
+    parameters: Estimates
+    indistinguishable_from: tuple[str, ...] = ()
+    untestable: str = ""
+    note: str = ""
+    model: PlantModel | None = None
+
+
+@dataclass(frozen=True)
+class Ceiling:
+    """What the best free-form function of the channels reaches on held-out blocks; `on` names those channels."""
+
+    heldout_rmse: float
+    on: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer of `dsd diagnose`.
+
+    Attributes
+    ----------
+    verdict : an effect's id, "inertia", "delay", "none" or "unknown".
+    probability : of the verdict.
+    score : of the model as it stands; `refitted` with its own values fitted to the log.
+    ranking : best first; untestable ones last.
+    estimates : inertia, delay and the values of the effects that the model has, fitted with the verdict's effect in.
+    advice : what to do next, one sentence each.
+    depends_on : channels on which an unknown remainder depends.
+    noise : rms of d_hat that no smooth function of anything explains, unit of u.
+    """
+
+    logs: tuple[str, ...]
+    samples: int
+    verdict: str
+    probability: float
+    score: Score
+    refitted: Score
+    ranking: tuple[Candidate, ...]
+    ceiling: Ceiling
+    advice: tuple[str, ...]
+    estimates: Estimates
+    model: PlantModel
+    noise: float
+    provenance: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    depends_on: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Addition:
+    """The answer of `dsd add`: the model with one more effect, all values fitted again."""
+
+    effect: str
+    model: PlantModel
+    before: Score
+    after: Score
+    estimates: Estimates
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Step:
+    """One rung of the ladder: what was done ("as given", "refit" or an effect's id), and the errors after it."""
+
+    step: int
+    effect: str
+    score: Score
+    estimates: Estimates
+    model: PlantModel
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """The answer of `dsd improve`; `stopped` says why no further step was taken, `last` is the last diagnosis."""
+
+    steps: tuple[Step, ...]
+    verdict: str
+    stopped: str
+    last: Diagnosis
+    holdout: tuple[str, ...] = ()

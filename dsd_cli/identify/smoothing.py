@@ -1,0 +1,135 @@
+"""Smoothing without phase that removes no more than the noise of the channel explains (discrepancy principle)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from dsd_cli.signals.log import Array
+
+#: Half widths that are tried, samples; 0 leaves the channel as it is.
+HALF_WIDTHS = (0, 2, 3, 4, 6, 8, 11, 15, 20, 28)
+#: What a smoothing takes out may exceed the noise by this factor before it takes out signal.
+ALLOWED = 1.06
+#: Steps of the stamps that differ by less than this share are a regular clock, rounded when printed.
+_REGULAR = 0.02
+_ORDER = 3
+#: Differences of these orders remove what is smooth and leave white noise, amplified by a known factor; what is not
+#: smooth only adds, so that the smallest answer is the best.
+_DIFFERENCES = (2, 4, 6)
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """A channel and its slope, shape (n,) each, with the standard deviation of the noise that is left in them."""
+
+    value: Array
+    slope: Array
+    half_width: int
+    value_noise: float
+    slope_noise: float
+
+
+def smooth(x: Array, t: Array) -> Smoothed:
+    """Local cubics over the widest window that takes out no more than noise.
+
+    Parameters
+    ----------
+    x, t : shape (n,); t in s may be irregular.
+    """
+    noise, quantised = noise_of(x), encoder_step(x) > 0.0
+    chosen, value = 0, x
+    for half in HALF_WIDTHS[1:]:
+        if 2 * half + 1 > len(x) // 4:
+            break
+        candidate, _ = _local(x, t, half)
+        removed = (x - candidate)[_moving(x)]
+        size = _rms(removed) if quantised else _robust(removed)
+        if size > ALLOWED * noise * _kept(half):
+            break
+        chosen, value = half, candidate
+    _, slope = _local(x, t, max(chosen, 1))
+    weights, slopes = (_weights(max(chosen, 1), d) for d in (0, 1))
+    value_noise = noise * float(np.sqrt(np.sum(weights**2))) if chosen else noise
+    slope_noise = noise * float(np.sqrt(np.sum(slopes**2))) / float(np.median(np.diff(t)))
+    return Smoothed(np.asarray(value), slope, chosen, value_noise, slope_noise)
+
+
+def noise_of(x: Array) -> float:
+    """Standard deviation of the noise of a channel: of an encoder's steps, else of its high differences."""
+    step = encoder_step(x)
+    if step > 0.0:
+        return step / float(np.sqrt(12.0))
+    if len(x) <= max(_DIFFERENCES):
+        return 0.0
+    return min(_robust(np.diff(x, m)) / math.sqrt(math.comb(2 * m, m)) for m in _DIFFERENCES)
+
+
+def encoder_step(x: Array) -> float:
+    """The step of a quantised channel; 0 if it is not quantised."""
+    changes = np.abs(np.diff(x))
+    changes = changes[changes > 1e-9 * max(float(np.abs(x).max(initial=0.0)), 1e-300)]
+    if changes.size < 10:
+        return 0.0
+    step = float(np.percentile(changes, 1))
+    step = float(np.median(changes[changes < 1.5 * step]))
+    multiples = changes / step
+    # changes of up to 50 steps: beyond, the rounding of the printed numbers spoils the multiples
+    small = multiples[multiples < 50.0]
+    whole = np.abs(small - np.round(small)) < 0.02
+    return step if small.size > 0.3 * changes.size and np.mean(whole) > 0.98 else 0.0
+
+
+def _moving(x: Array) -> Array:
+    """Rows where the channel changes: an encoder at rest says nothing about its noise."""
+    moving = np.ones(len(x), dtype=bool)
+    moving[1:] = np.diff(x) != 0.0
+    return moving if moving.sum() > 10 else np.ones(len(x), dtype=bool)
+
+
+def _local(x: Array, t: Array, half: int) -> tuple[Array, Array]:
+    """Value and slope (per s) of local polynomials at every sample, in the true stamps; shape (n,) each."""
+    windows = 2 * half + 1
+    padded_x, padded_t = (_extended(channel, half) for channel in (x, t))
+    step = float(np.median(np.diff(t)))
+    if np.ptp(np.diff(t)) < _REGULAR * step:
+        value, slope = (np.convolve(padded_x, _weights(half, d)[::-1], mode="valid") for d in (0, 1))
+        return value, slope / step
+    view = np.lib.stride_tricks.sliding_window_view
+    tau = (view(padded_t, windows) - t[:, None]) / step
+    order = min(_ORDER, 2 * half)
+    powers = tau[..., None] ** np.arange(order + 1)
+    gram = np.einsum("nwi,nwj->nij", powers, powers)
+    moments = np.einsum("nwi,nw->ni", powers, view(padded_x, windows))
+    fitted = np.linalg.solve(gram, moments[..., None])[..., 0]
+    return fitted[:, 0], fitted[:, 1] / step
+
+
+def _extended(x: Array, half: int) -> Array:
+    """The ends continued by point reflection."""
+    return np.concatenate([2.0 * x[0] - x[half:0:-1], x, 2.0 * x[-1] - x[-2 : -half - 2 : -1]])
+
+
+@cache
+def _weights(half: int, derivative: int) -> Array:
+    """Least-squares weights of a local polynomial at its centre (Savitzky-Golay), shape (2 half + 1,)."""
+    k = np.arange(-half, half + 1, dtype=np.float64)
+    order = min(_ORDER, 2 * half)
+    return np.asarray(np.linalg.pinv(np.vander(k, order + 1, increasing=True))[derivative])
+
+
+def _kept(half: int) -> float:
+    """Share of white noise that a smoothing of this width takes out, as rms."""
+    return float(np.sqrt(max(1.0 - _weights(half, 0)[half], 0.0)))
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(x**2))) if x.size else 0.0
+
+
+def _robust(x: Array) -> float:
+    """Standard deviation by the median, blind to rare large values."""
+    return float(1.4826 * np.median(np.abs(x))) if x.size else 0.0
