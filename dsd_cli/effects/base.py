@@ -161,3 +161,18 @@ def sine_and_cosine(amplitude: float, phase: float) -> tuple[float, float]:
 def amplitude_and_phase(a: float, b: float) -> tuple[float, float]:
     """The inverse of `sine_and_cosine`; amplitude >= 0, phase in (-pi, pi]."""
     return math.hypot(a, b), math.atan2(b, a)
+
+
+def log_spaced(low: float, high: float, count: int) -> list[float]:
+    """`count` values from low to high, each the same factor above the one before; [] unless 0 < low < high < inf."""
+    if not 0.0 < low < high < math.inf:
+        return []
+    return [float(x) for x in np.geomspace(low, high, count)]
+
+
+def decay(x: Any) -> tuple[Any, Any]:
+    """(exp(-x), its mean over [0, x]) for x >= 0: what is left, and was left on average, after x time constants."""
+    left = np.exp(-x)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(x > 0.0, -np.expm1(-x) / np.where(x > 0.0, x, 1.0), 1.0)
+    return left, mean

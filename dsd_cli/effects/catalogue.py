@@ -11,7 +11,7 @@ import dsd_cli.effects as package
 from dsd_cli.effects.base import Effect
 from dsd_cli.errors import UsageError
 
-_NOT_EFFECTS = {"base", "catalogue"}
+_NOT_EFFECTS = {"base", "catalogue", "memory", "_memory", "user"}
 
 
 @cache

@@ -1,0 +1,58 @@
+"""Torque ripple of a motor or of a transmission over position."""
+
+from typing import Any
+
+import numpy as np
+
+from dsd_cli.effects.base import (
+    Channels,
+    Effect,
+    Parameter,
+    Ranges,
+    Role,
+    Shape,
+    Values,
+    amplitude_and_phase,
+    sine_and_cosine,
+)
+
+
+def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
+    """Mean over the interval at its mean speed; the speed is there wherever the position is."""
+    periods = shape["periods"]
+    angle = periods * channels.position
+    moved = np.sinc(periods * channels.velocity * channels.interval / (2.0 * np.pi))
+    return moved * np.sin(angle), moved * np.cos(angle)
+
+
+def _starts(_: Ranges) -> list[Shape]:
+    """None: which of some hundred periods it may be is seen in the residual over position, not from the ranges."""
+    return []
+
+
+def _split(values: Values, _: float) -> tuple[tuple[float, ...], Shape]:
+    return sine_and_cosine(values["amplitude"], values["phase"]), {"periods": values["periods"]}
+
+
+def _join(coefficients: tuple[float, ...], shape: Shape, _: float) -> Values:
+    amplitude, phase = amplitude_and_phase(*coefficients)
+    return {"amplitude": amplitude, "periods": shape["periods"], "phase": phase}
+
+
+EFFECT = Effect(
+    id="cogging",
+    role=Role.APPLIED,
+    law="A sin(n q + phi)",
+    summary="Ripple over position: cogging of the motor, pitch of a screw or belt, a wobbling gear.",
+    pattern="the residual is a sine of the position with many periods per turn or stroke, at the same places each pass",
+    parameters=(
+        Parameter("amplitude", "{u}", "A", lower=0.0),
+        Parameter("periods", "rad/({q})", "n: periods per turn (rotary), 2 pi / pitch (linear)", 1e-6, linear=False),
+        Parameter("phase", "rad", "phi", -np.pi, np.pi),
+    ),
+    needs=("position",),
+    columns=_columns,
+    starts=_starts,
+    split=_split,
+    join=_join,
+)

@@ -1,0 +1,58 @@
+"""A force that oscillates in time, whatever the axis does."""
+
+from typing import Any
+
+import numpy as np
+
+from dsd_cli.effects.base import (
+    Channels,
+    Effect,
+    Parameter,
+    Ranges,
+    Role,
+    Shape,
+    Values,
+    amplitude_and_phase,
+    sine_and_cosine,
+)
+
+
+def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
+    """Mean over the interval around t, exact."""
+    frequency = shape["frequency"]
+    angle = 2.0 * np.pi * frequency * channels.t
+    mean = np.sinc(frequency * channels.interval)
+    return mean * np.sin(angle), mean * np.cos(angle)
+
+
+def _starts(_: Ranges) -> list[Shape]:
+    """None: the frequency is seen as a line in the spectrum of the residual, not from the ranges."""
+    return []
+
+
+def _split(values: Values, _: float) -> tuple[tuple[float, ...], Shape]:
+    return sine_and_cosine(values["amplitude"], values["phase"]), {"frequency": values["frequency"]}
+
+
+def _join(coefficients: tuple[float, ...], shape: Shape, _: float) -> Values:
+    amplitude, phase = amplitude_and_phase(*coefficients)
+    return {"amplitude": amplitude, "frequency": shape["frequency"], "phase": phase}
+
+
+EFFECT = Effect(
+    id="periodic_disturbance",
+    role=Role.APPLIED,
+    law="A sin(2 pi f t + phi)",
+    summary="A force that oscillates in time whatever the axis does: an unbalanced fan, mains hum, a shaking base.",
+    pattern="the residual has one sharp line in its spectrum that stays when speed and position change",
+    parameters=(
+        Parameter("amplitude", "{u}", "A", lower=0.0),
+        Parameter("frequency", "Hz", "f", 1e-6, linear=False),
+        Parameter("phase", "rad", "phi, at t = 0 of the log", -np.pi, np.pi),
+    ),
+    needs=(),
+    columns=_columns,
+    starts=_starts,
+    split=_split,
+    join=_join,
+)

@@ -1,0 +1,21 @@
+"""A spring to ground: a cable carrier, a hose, a balancing spring."""
+
+from typing import Any
+
+from dsd_cli.effects.base import Channels, Effect, Parameter, Role, Shape
+
+
+def _columns(channels: Channels, _: Shape) -> tuple[Any, ...]:
+    return (-channels.position,)
+
+
+EFFECT = Effect(
+    id="stiffness",
+    role=Role.APPLIED,
+    law="-k q",
+    summary="A spring that pulls towards q = 0: cable carriers, hoses, counterbalance springs.",
+    pattern="the residual is a straight line over position, falling, also at rest",
+    parameters=(Parameter("coefficient", "{u}/({q})", "k, force per position"),),
+    needs=("position",),
+    columns=_columns,
+)

@@ -1,0 +1,32 @@
+"""What dry friction has more when slow: the Stribeck effect."""
+
+from typing import Any
+
+import numpy as np
+
+from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, log_spaced
+
+
+def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
+    relative = channels.velocity / shape["velocity"]
+    return (np.exp(-relative * relative),)
+
+
+def _starts(ranges: Ranges) -> list[Shape]:
+    return [{"velocity": v} for v in log_spaced(0.01 * ranges.top_speed, ranges.top_speed, 10)]
+
+
+EFFECT = Effect(
+    id="stribeck_friction",
+    role=Role.FRICTION,
+    law="-Fs exp(-(v/vs)^2) sgn v, sticking at rest",
+    summary="What friction has more at low speed than at high speed, beside Coulomb friction; the cause of stick-slip.",
+    pattern="the residual over velocity has a peak at both sides of zero speed that decays as the speed grows",
+    parameters=(
+        Parameter("excess", "{u}", "Fs, break-away level above the Coulomb level", lower=0.0),
+        Parameter("velocity", "{v}", "vs, speed at which 37 % of the excess are left", lower=1e-9, linear=False),
+    ),
+    needs=("velocity",),
+    columns=_columns,
+    starts=_starts,
+)
