@@ -1,6 +1,6 @@
-"""Only the compiled detection kernel lives here; everything else is in pyproject.toml.
+"""Only the compiled detection kernel and the recursions of effects live here; the rest is in pyproject.toml.
 
-The extension is optional: without a compiler `dsd` runs on its NumPy twin, and `dsd --version` says so.
+Both are optional: without a compiler `dsd` runs on their Python twins, and `dsd --version` says so.
 """
 
 from setuptools import Extension, setup
@@ -15,6 +15,14 @@ setup(
             extra_compile_args=["-O3", "-ffp-contract=off", "-Wno-psabi"],
             py_limited_api=True,
             optional=True,
-        )
+        ),
+        Extension(
+            "dsd_cli.effects._memory",
+            sources=["dsd_cli/effects/_memory.c"],
+            define_macros=[("Py_LIMITED_API", "0x030B0000")],
+            extra_compile_args=["-O2", "-ffp-contract=off"],  # as above: equal to the Python loops
+            py_limited_api=True,
+            optional=True,
+        ),
     ]
 )

@@ -3,31 +3,65 @@
 Applied forces that depend on motion are taken at the midpoint of a substep (error O(h^2)). Within a substep all forces
 are constant, so the instant of a stop is solved exactly; from rest the plant moves only if the force exceeds the
 friction budget. Nothing chatters.
+
+Effects with memory are asked for their mean force over the substep that lies ahead, from the state in which it begins;
+once the plant has moved, their state is brought up to date with the motion that it really made.
 """
 
 from __future__ import annotations
 
-from dsd_cli.effects import Channels, Effect, Role, get_effect
+import math
+from typing import Any, NamedTuple
+
+from dsd_cli.effects import Channels, Effect, Role, Shape, get_effect
 from dsd_cli.plant.model import EffectValues, PlantModel
 
 #: Substeps of a stretch of constant u when applied forces depend on motion or time.
 SUBSTEPS = 2
+#: And when effects have memory.
+SUBSTEPS_WITH_MEMORY = 4
+#: A substep is at most this long, in radians of the resonance of motor against load.
+RESONANCE_STEP = 0.1
+
+
+class Acting(NamedTuple):
+    """An effect with its values: force = factors x columns."""
+
+    effect: Effect
+    factors: tuple[float, ...]
+    shape: Shape
+
+    def force(self, channels: Channels, state: Any) -> float:
+        columns, _ = self.effect.run(channels, self.shape, state)
+        return sum([factor * float(column) for factor, column in zip(self.factors, columns, strict=True)])
 
 
 class Plant:
-    """Position (rad or m) and velocity of a plant; `advance` moves it."""
+    """Position (rad or m) and velocity of a plant, that is of its motor; `advance` moves it."""
 
     def __init__(self, model: PlantModel, position: float = 0.0, velocity: float = 0.0) -> None:
         self.position = position
         self.velocity = velocity
+        self._states: dict[str, Any] = {}
         self.set(model)
 
     def set(self, model: PlantModel) -> None:
-        """From now on the plant is that one (its delay is the caller's business)."""
-        self.inertia = model.inertia
-        self._applied = _of_role(model.effects, Role.APPLIED)
-        self._friction = _of_role(model.effects, Role.FRICTION)
+        """From now on the plant is that one (its delay is the caller's business); what effects remember stays."""
+        self.inertia = model.motor_inertia
+        self._applied = [
+            *_acting(model.effects, Role.APPLIED, model.inertia),
+            *_acting(model.effects, Role.STRUCTURE, model.inertia),
+        ]
+        self._friction = _acting(model.effects, Role.FRICTION, model.inertia)
         self._varying = bool(self._applied or self._friction)
+        self._with_memory = [acting for acting in (*self._applied, *self._friction) if acting.effect.memory]
+        loads = [acting for acting in self._applied if acting.effect.role is Role.STRUCTURE]
+        self._resonance = max((_resonance(load, model) for load in loads), default=0.0)
+        states, self._states = self._states, {}
+        for acting in self._with_memory:
+            now = Channels(0.0, 0.0, self.velocity, self.position)
+            started = acting.effect.run(now, acting.shape)[1]
+            self._states[acting.effect.id] = states.get(acting.effect.id, started)
 
     def acceleration(self, t: float, u: float) -> float:
         """a at this instant under the delayed u; 0 where friction holds."""
@@ -39,24 +73,40 @@ class Plant:
         if not self._varying:
             self._move(*self._forces(t, u, self.velocity, self.position), duration)
             return
-        h = duration / SUBSTEPS
-        for i in range(SUBSTEPS):
-            start = t + i * h
+        substeps = self._substeps(duration)
+        h = duration / substeps
+        for i in range(substeps):
+            start, velocity, position = t + i * h, self.velocity, self.position
             a = self.acceleration(start, u)
-            speed = self.velocity + 0.5 * h * a
-            place = self.position + 0.5 * h * (self.velocity + 0.25 * h * a)
-            self._move(*self._forces(start + 0.5 * h, u, speed, place), h)
+            speed = velocity + 0.5 * h * a
+            place = position + 0.5 * h * (velocity + 0.25 * h * a)
+            self._move(*self._forces(start + 0.5 * h, u, speed, place, h), h)
+            if self._with_memory and h > 0.0:
+                moved = self.position - position
+                self._remember(Channels(start + 0.5 * h, u, moved / h, position + 0.5 * moved, h))
 
-    def _forces(self, t: float, u: float, velocity: float, position: float) -> tuple[float, float]:
-        """(u and applied forces, friction budget)."""
-        if not self._applied and not self._friction:
+    def _substeps(self, duration: float) -> int:
+        if not self._with_memory:
+            return SUBSTEPS
+        return max(SUBSTEPS_WITH_MEMORY, math.ceil(self._resonance * duration / RESONANCE_STEP))
+
+    def _remember(self, channels: Channels) -> None:
+        for acting in self._with_memory:
+            name = acting.effect.id
+            _, self._states[name] = acting.effect.run(channels, acting.shape, self._states[name])
+
+    def _forces(
+        self, t: float, u: float, velocity: float, position: float, interval: float = 0.0
+    ) -> tuple[float, float]:
+        """(u and applied forces, friction budget), mean over the interval around t."""
+        if not self._varying:
             return u, 0.0
-        channels = Channels(t, u, velocity, position)
+        channels = Channels(t, u, velocity, position, interval)
         force, budget = u, 0.0
-        for effect, values in self._applied:
-            force += effect.force(channels, values)
-        for effect, values in self._friction:
-            budget += effect.force(channels, values)
+        for acting in self._applied:
+            force += acting.force(channels, self._states.get(acting.effect.id))
+        for acting in self._friction:
+            budget += acting.force(channels, self._states.get(acting.effect.id))
         return force, max(budget, 0.0)
 
     def _net(self, force: float, budget: float) -> float:
@@ -81,6 +131,43 @@ class Plant:
             left -= stop
 
 
-def _of_role(effects: EffectValues, role: Role) -> list[tuple[Effect, dict[str, float]]]:
-    pairs = ((get_effect(name), dict(values)) for name, values in effects.items())
-    return [(effect, values) for effect, values in pairs if effect.role is role]
+class Actuator:
+    """What input effects make of the command, sample by sample; it has settled on a command of 0 when the loop begins.
+
+    An effect that changes the command within the sample (a lag) is held at its mean over the sample.
+    """
+
+    def __init__(self, model: PlantModel) -> None:
+        self._states: dict[str, Any] = {}
+        self.set(model)
+        self.at_rest = self.drive(0.0, 0.0, 0.0)
+
+    def set(self, model: PlantModel) -> None:
+        """From now on the plant is that one."""
+        self._inputs = _acting(model.effects, Role.INPUT, model.inertia)
+
+    def drive(self, t: float, u: float, interval: float) -> float:
+        """u_eff that is held over `interval` (s) from t (s) on."""
+        for acting in self._inputs:
+            name = acting.effect.id
+            channels = Channels(t + 0.5 * interval, u, math.nan, math.nan, interval)
+            (changed,), self._states[name] = acting.effect.run(channels, acting.shape, self._states.get(name))
+            u = float(changed)
+        return u
+
+
+def _acting(effects: EffectValues, role: Role, inertia: float) -> list[Acting]:
+    """The effects of that role, in the order of the model; the force of a load on the motor is -s J a_l."""
+    found = []
+    for name, values in effects.items():
+        effect = get_effect(name)
+        if effect.role is role:
+            factors, shape = effect.to_columns(values, inertia)
+            scale = -inertia if role is Role.STRUCTURE else 1.0
+            found.append(Acting(effect, tuple(scale * factor for factor in factors), shape))
+    return found
+
+
+def _resonance(load: Acting, model: PlantModel) -> float:
+    """rad/s of motor against load; `shape["frequency"]` of a load is its own frequency on a held motor, Hz."""
+    return 2.0 * math.pi * load.shape["frequency"] * math.sqrt(model.inertia / model.motor_inertia)

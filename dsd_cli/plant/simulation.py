@@ -15,7 +15,7 @@ from dsd_cli.errors import DataError, UsageError
 from dsd_cli.plant.controllers import Controller, ControllerSettings, Measured
 from dsd_cli.plant.filtering import delay_taps
 from dsd_cli.plant.model import EffectValues, ObserverSettings, PlantModel
-from dsd_cli.plant.motion import Plant
+from dsd_cli.plant.motion import Actuator, Plant
 from dsd_cli.plant.observer import DisturbanceObserver, Source
 from dsd_cli.plant.references import Reference, Step
 from dsd_cli.signals.log import Array, Log
@@ -119,12 +119,13 @@ class _Loop:
         self.settings = settings
         self.model = settings.model
         self.plant = Plant(settings.model)
+        self.actuator = Actuator(settings.model)
         encoder = settings.measurement.encoder_step > 0.0
         source: Source = "position" if encoder else settings.observe_from
-        settled = settings.observer.nominal_inertia * self.plant.acceleration(0.0, 0.0)
+        settled = settings.observer.nominal_inertia * self.plant.acceleration(0.0, self.actuator.at_rest)
         self.observer = DisturbanceObserver(settings.observer, settings.sample_time, source, settled)
         self.controller = Controller(settings.controller, settings.observer.nominal_inertia, settings.sample_time)
-        self.u: list[float] = []  # the whole past: an event may lengthen the delay
+        self.drive: list[float] = []  # u_eff, the whole past: an event may lengthen the delay
         self._encoder: float | None = None  # last encoder position
 
     def step(
@@ -134,11 +135,13 @@ class _Loop:
         if model is not None:
             self.model = model
             self.plant.set(model)
+            self.actuator.set(model)
         position, velocity = self._measure(noise)
         d_hat = self.observer.observe(velocity if self.observer.source == "velocity" else position) + noise[0]
         sign = self.settings.observer.sign
         u = self.controller.step(Measured(*reference, position, velocity, sign * d_hat))
-        self.u.append(u)
+        sample_time = self.settings.sample_time
+        self.drive.append(self.actuator.drive(k * sample_time, u, sample_time))
         self.observer.apply(u)
         self._advance(k)
         return u, d_hat, position, velocity, self.model.delay, self.model.inertia
@@ -163,7 +166,7 @@ class _Loop:
         self.plant.advance(t + split, self._command(k - whole), sample_time - split)
 
     def _command(self, k: int) -> float:
-        return self.u[k] if k >= 0 else 0.0
+        return self.drive[k] if k >= 0 else self.actuator.at_rest
 
 
 class _Noise:

@@ -1,0 +1,150 @@
+/* Recursions over a whole log for effects with memory: each row depends on the row before.
+ *
+ *   one_pole   y_k = keep_k y_{k-1} + add_k
+ *   load       the load of two masses that are coupled by spring and damper, with or without a gap
+ *
+ * memory.py holds the readable twins: the same operations in the same order (built without fused multiply-add).
+ * CPython limited API and buffers of doubles only: no NumPy headers.
+ */
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+#include <math.h>
+
+#define MOST 4
+
+typedef struct { Py_buffer view[MOST]; int opened; Py_ssize_t rows; } Columns;
+
+static void close_columns(Columns *c) {
+    while (c->opened > 0) PyBuffer_Release(&c->view[--c->opened]);
+}
+
+/* `count` columns of doubles, all of one length, the last of them to be written */
+static int open_columns(Columns *c, PyObject **objects, int count) {
+    c->opened = 0;
+    while (c->opened < count) {
+        const int flags = c->opened == count - 1 ? PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE : PyBUF_C_CONTIGUOUS;
+        if (PyObject_GetBuffer(objects[c->opened], &c->view[c->opened], flags)) break;
+        c->opened++;
+        if (c->view[c->opened - 1].len != c->view[0].len || c->view[0].len % (Py_ssize_t)sizeof(double)) {
+            PyErr_SetString(PyExc_ValueError, "memory: columns of doubles of one length are needed");
+            break;
+        }
+        if (c->opened == count) {
+            c->rows = c->view[0].len / (Py_ssize_t)sizeof(double);
+            return 0;
+        }
+    }
+    close_columns(c);
+    return -1;
+}
+
+static PyObject *one_pole(PyObject *module, PyObject *args) {
+    PyObject *objects[3];
+    Columns c;
+    double y;
+    Py_ssize_t k;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "OOdO", &objects[0], &objects[1], &y, &objects[2])) return NULL;
+    if (open_columns(&c, objects, 3)) return NULL;
+    {
+        const double *keep = c.view[0].buf, *add = c.view[1].buf;
+        double *out = c.view[2].buf;
+        for (k = 0; k < c.rows; k++) out[k] = y = keep[k] * y + add[k];
+    }
+    close_columns(&c);
+    return PyFloat_FromDouble(y);
+}
+
+/* ---- two masses ------------------------------------------------------------------------------------------------ */
+
+typedef struct { double square, drag, half_gap, rate; } Coupling;      /* wa^2, 2 zeta wa, gap/2, wa */
+typedef struct { double position, velocity, motor_velocity, interval; } Load;
+typedef struct { double position, velocity, slope, interval; } Motor;  /* motion in one interval */
+
+/* acceleration of the load: `apart` = motor less load, `closing` = its rate; a contact pushes and never pulls */
+static double pull(const Coupling *c, double apart, double closing) {
+    double a;
+    if (c->half_gap == 0.0) return c->square * apart + c->drag * closing;
+    if (apart > c->half_gap) {
+        a = c->square * (apart - c->half_gap) + c->drag * closing;
+        return a > 0.0 ? a : 0.0;
+    }
+    if (apart < -c->half_gap) {
+        a = c->square * (apart + c->half_gap) + c->drag * closing;
+        return a < 0.0 ? a : 0.0;
+    }
+    return 0.0;
+}
+
+static double pull_at(const Coupling *c, const Motor *m, double s, double position, double velocity) {
+    const double place = m->position + m->velocity * (s - 0.5 * m->interval) + 0.5 * m->slope * s * (s - m->interval);
+    const double speed = m->velocity + m->slope * (s - 0.5 * m->interval);
+    return pull(c, place - position, speed - velocity);
+}
+
+/* one interval by classical Runge-Kutta steps of at most `STEP` radians of the load's own oscillation */
+#define STEP 0.05
+#define MOST_STEPS 10000.0
+
+static void advance(const Coupling *c, const Motor *m, Load *load) {
+    double count = ceil(c->rate * m->interval / STEP), h;
+    Py_ssize_t i, steps;
+    if (!(count >= 1.0)) count = 1.0;
+    if (count > MOST_STEPS) count = MOST_STEPS;
+    steps = (Py_ssize_t)count;
+    h = m->interval / count;
+    for (i = 0; i < steps; i++) {
+        const double s = (double)i * h, q = load->position, v = load->velocity;
+        const double a1 = pull_at(c, m, s, q, v);
+        const double v2 = v + 0.5 * h * a1, a2 = pull_at(c, m, s + 0.5 * h, q + 0.5 * h * v, v2);
+        const double v3 = v + 0.5 * h * a2, a3 = pull_at(c, m, s + 0.5 * h, q + 0.5 * h * v2, v3);
+        const double v4 = v + h * a3, a4 = pull_at(c, m, s + h, q + h * v3, v4);
+        load->position = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4);
+        load->velocity = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
+    }
+}
+
+static PyObject *load_rows(PyObject *module, PyObject *args) {
+    PyObject *objects[4];
+    Columns c;
+    Coupling k;
+    Load load;
+    Motor m;
+    Py_ssize_t i;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "OOO(dddd)(dddd)O", &objects[0], &objects[1], &objects[2], &k.square, &k.drag,
+                          &k.half_gap, &k.rate, &load.position, &load.velocity, &load.motor_velocity, &load.interval,
+                          &objects[3])) return NULL;
+    if (open_columns(&c, objects, 4)) return NULL;
+    {
+        const double *position = c.view[0].buf, *velocity = c.view[1].buf, *interval = c.view[2].buf;
+        double *out = c.view[3].buf;
+        Py_BEGIN_ALLOW_THREADS
+        for (i = 0; i < c.rows; i++) {
+            const double before = load.velocity;
+            m.position = position[i];
+            m.velocity = velocity[i];
+            m.interval = interval[i];
+            m.slope = (m.velocity - load.motor_velocity) / (0.5 * (m.interval + load.interval));
+            advance(&k, &m, &load);
+            out[i] = (load.velocity - before) / m.interval;
+            load.motor_velocity = m.velocity;
+            load.interval = m.interval;
+        }
+        Py_END_ALLOW_THREADS
+    }
+    close_columns(&c);
+    return Py_BuildValue("(dddd)", load.position, load.velocity, load.motor_velocity, load.interval);
+}
+
+static PyMethodDef methods[] = {
+    {"one_pole", one_pole, METH_VARARGS, "one_pole(keep, add, before, out) -> the last value"},
+    {"load", load_rows, METH_VARARGS, "load(position, velocity, interval, coupling, state, out) -> state"},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyModuleDef_Slot slots[] = {{0, NULL}};
+static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_memory", "Compiled recursions of effects with memory.",
+                                        0, methods, slots, NULL, NULL, NULL};
+
+PyMODINIT_FUNC PyInit__memory(void) { return PyModuleDef_Init(&definition); }

@@ -1,0 +1,60 @@
+"""Play between motor and load: gears, worn couplings, screws."""
+
+import math
+from itertools import product
+from typing import Any
+
+from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, Values, log_spaced
+from dsd_cli.effects.memory import Coupling, Load, load_acceleration
+
+#: Damping ratio of the contact: with it the load comes to rest after a few bounces. It is not a parameter, because a
+#: log hardly tells it.
+CONTACT_DAMPING = 0.1
+
+
+def _columns(channels: Channels, shape: Shape, state: Load | None) -> tuple[tuple[Any, ...], Load]:
+    """Mean acceleration of the load in each interval; none while it is within the gap."""
+    coupling = Coupling.of(shape["frequency"], CONTACT_DAMPING, shape["gap"])
+    column, state = load_acceleration(channels.position, channels.velocity, channels.interval, coupling, state)
+    return (column,), state
+
+
+def _starts(ranges: Ranges) -> list[Shape]:
+    if not (ranges.duration > 0.0 and ranges.sample_time > 0.0):
+        return []
+    gaps = log_spaced(1e-4 * ranges.travel, 0.2 * ranges.travel, 6)
+    frequencies = log_spaced(max(5.0 / ranges.duration, 2.0), 0.1 / ranges.sample_time, 3)
+    return [{"gap": gap, "frequency": f} for gap, f in product(gaps, frequencies)]
+
+
+def _split(values: Values, inertia: float) -> tuple[tuple[float, ...], Shape]:
+    share = float(values["load_share"])
+    rate = math.sqrt(values["stiffness"] / (share * inertia))
+    return (share,), {"gap": values["gap"], "frequency": rate / (2.0 * math.pi)}
+
+
+def _join(coefficients: tuple[float, ...], shape: Shape, inertia: float) -> Values:
+    (share,) = coefficients
+    rate = 2.0 * math.pi * shape["frequency"]
+    return {"gap": shape["gap"], "load_share": share, "stiffness": share * inertia * rate * rate}
+
+
+EFFECT = Effect(
+    id="backlash",
+    role=Role.STRUCTURE,
+    law="a_l = wa^2 dz(qm - ql, gap/2) with contact damping, wa^2 = k/(s J)",
+    summary="Play between motor and load: worn gears, couplings and screws. position and velocity of the log are those "
+    "of the motor. The contact has a fixed damping ratio of 0.1.",
+    pattern="after each reversal the axis feels light for a moment, then the residual kicks as the load is picked up",
+    parameters=(
+        Parameter("gap", "{q}", "total play of the load against the motor", lower=0.0, linear=False),
+        Parameter("load_share", "1", "s, the load's share of the inertia", lower=1e-6, upper=1.0 - 1e-6),
+        Parameter("stiffness", "{u}/({q})", "k of the contact", lower=1e-9, linear=False),
+    ),
+    needs=("position",),
+    columns=_columns,
+    starts=_starts,
+    split=_split,
+    join=_join,
+    memory=True,
+)

@@ -1,0 +1,55 @@
+"""Motor and load as two masses with a spring and a damper between them."""
+
+import math
+from itertools import product
+from typing import Any
+
+from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, Values, log_spaced
+from dsd_cli.effects.memory import Coupling, Load, load_acceleration
+
+
+def _columns(channels: Channels, shape: Shape, state: Load | None) -> tuple[tuple[Any, ...], Load]:
+    """Mean acceleration of the load in each interval: a_l = wa^2 (qm - ql) + 2 zeta wa (vm - vl)."""
+    coupling = Coupling.of(shape["frequency"], shape["damping"])
+    column, state = load_acceleration(channels.position, channels.velocity, channels.interval, coupling, state)
+    return (column,), state
+
+
+def _starts(ranges: Ranges) -> list[Shape]:
+    if not (ranges.duration > 0.0 and ranges.sample_time > 0.0):
+        return []
+    frequencies = log_spaced(max(2.0 / ranges.duration, 1.0), 0.2 / ranges.sample_time, 10)
+    return [{"frequency": f, "damping": zeta} for f, zeta in product(frequencies, (0.02, 0.2))]
+
+
+def _split(values: Values, _: float) -> tuple[tuple[float, ...], Shape]:
+    share = float(values["load_share"])
+    own = values["frequency"] * math.sqrt(1.0 - share)
+    return (share,), {"frequency": own, "damping": values["damping"]}
+
+
+def _join(coefficients: tuple[float, ...], shape: Shape, _: float) -> Values:
+    (share,) = coefficients
+    resonance = shape["frequency"] / math.sqrt(max(1.0 - share, 1e-12))
+    return {"frequency": resonance, "load_share": share, "damping": shape["damping"]}
+
+
+EFFECT = Effect(
+    id="flexible_coupling",
+    role=Role.STRUCTURE,
+    law="a_l = wa^2 (qm - ql) + 2 zeta wa (vm - vl), wa = 2 pi f sqrt(1 - s)",
+    summary="Motor and load are two masses with a spring between them: belts, long shafts, slender arms. "
+    "position and velocity of the log are those of the motor.",
+    pattern="the residual rings at one frequency after every quick change of the command, and fades",
+    parameters=(
+        Parameter("frequency", "Hz", "f, resonance of motor against load", lower=1e-6, linear=False),
+        Parameter("load_share", "1", "s, the load's share of the inertia", lower=1e-6, upper=1.0 - 1e-6),
+        Parameter("damping", "1", "zeta, ratio of the load swinging on a held motor", lower=0.0, linear=False),
+    ),
+    needs=("position",),
+    columns=_columns,
+    starts=_starts,
+    split=_split,
+    join=_join,
+    memory=True,
+)

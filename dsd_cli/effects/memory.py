@@ -1,0 +1,162 @@
+"""Recursions of effects with memory: compiled where the build had a compiler, else the loops that stand here.
+
+`_memory.c` does the same operations in the same order. One row at a time (the simulator) always runs here.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dsd_cli.signals.log import Array
+
+
+def _find_compiled() -> Any:
+    try:
+        return importlib.import_module("dsd_cli.effects._memory")
+    except ImportError:
+        return None
+
+
+#: The compiled module, or None where the build had no compiler.
+COMPILED = _find_compiled()
+
+#: Runge-Kutta steps of the load are at most this long, in radians of its own oscillation.
+STEP = 0.05
+#: And no interval is cut into more steps than this.
+MOST_STEPS = 10_000
+
+
+def one_pole(keep: Array, add: Array, before: float, compiled: Any = COMPILED) -> Array:
+    """y_k = keep_k y_{k-1} + add_k with y_{-1} = before; every array of shape (n,)."""
+    keep, add = np.ascontiguousarray(keep, dtype=np.float64), np.ascontiguousarray(add, dtype=np.float64)
+    out = np.empty_like(add)
+    if compiled is not None:
+        compiled.one_pole(keep, add, float(before), out)
+        return out
+    y = float(before)
+    for k, (a, b) in enumerate(zip(keep.tolist(), add.tolist(), strict=True)):
+        out[k] = y = a * y + b
+    return out
+
+
+def before_each(values: Array, before: float) -> Array:
+    """`values` one row later: what was there when each row began."""
+    return np.concatenate([[before], values[:-1]])
+
+
+class Coupling(NamedTuple):
+    """Spring and damper between motor and load, per inertia of the load.
+
+    square : wa^2, rad2/s2. drag : 2 zeta wa, rad/s. half_gap : rad or m that the load may be off without a force.
+    rate : wa, rad/s, the load's own frequency while the motor is held.
+    """
+
+    square: float
+    drag: float
+    half_gap: float
+    rate: float
+
+    @classmethod
+    def of(cls, frequency: float, damping: float, gap: float = 0.0) -> Coupling:
+        """From Hz, the damping ratio, and the total play."""
+        rate = 2.0 * math.pi * frequency
+        return cls(rate * rate, 2.0 * damping * rate, 0.5 * gap, rate)
+
+    def pull(self, apart: float, closing: float) -> float:
+        """Acceleration of the load; apart = motor less load, closing = its rate. A contact pushes and never pulls."""
+        if self.half_gap == 0.0:
+            return self.square * apart + self.drag * closing
+        if apart > self.half_gap:
+            return max(self.square * (apart - self.half_gap) + self.drag * closing, 0.0)
+        if apart < -self.half_gap:
+            return min(self.square * (apart + self.half_gap) + self.drag * closing, 0.0)
+        return 0.0
+
+
+class Load(NamedTuple):
+    """The load at the end of an interval, and the mean motor speed and length of that interval."""
+
+    position: float
+    velocity: float
+    motor_velocity: float
+    interval: float
+
+
+class Motor(NamedTuple):
+    """Motion of the motor in an interval of s in [0, T]: mean of its end positions, mean speed, acceleration."""
+
+    position: float
+    velocity: float
+    slope: float
+    interval: float
+
+    def at(self, s: float) -> tuple[float, float]:
+        """(position, speed)."""
+        since = s - 0.5 * self.interval
+        position = self.position + self.velocity * since + 0.5 * self.slope * s * (s - self.interval)
+        return position, self.velocity + self.slope * since
+
+
+def load_acceleration(
+    position: Any, velocity: Any, interval: Any, coupling: Coupling, state: Load | None, compiled: Any = COMPILED
+) -> tuple[Any, Load]:
+    """(mean acceleration of the load per interval, load at the end), for floats or arrays of shape (n,).
+
+    The motor's position and velocity are means of the interval's ends, and within it the motor moves along a parabola
+    whose bend is taken from the change of speed since the interval before. `state` None: the load begins at rest
+    relative to the motor, at the end of the first row. An interval of 0 is this instant, and moves nothing.
+    """
+    if np.ndim(position) == 0:
+        return _load_row(float(position), float(velocity), float(interval), coupling, state)
+    q, v, t = (np.ascontiguousarray(np.broadcast_to(x, position.shape), dtype=np.float64) for x in (
+        position, velocity, interval))  # fmt: skip
+    out = np.zeros(len(q))
+    first = 0
+    if state is None and len(q):
+        first, state = 1, Load(float(q[0]), float(v[0]), float(v[0]), 0.0)
+    if state is None or first == len(q):
+        return out, state or Load(0.0, 0.0, 0.0, 0.0)
+    if compiled is not None:
+        return out, Load(*compiled.load(q[first:], v[first:], t[first:], tuple(coupling), tuple(state), out[first:]))
+    for k in range(first, len(q)):
+        out[k], state = _load_row(float(q[k]), float(v[k]), float(t[k]), coupling, state)
+    return out, state
+
+
+def _load_row(
+    position: float, velocity: float, interval: float, coupling: Coupling, state: Load | None
+) -> tuple[float, Load]:
+    if state is None:
+        return 0.0, Load(position, velocity, velocity, 0.0)
+    if interval == 0.0:
+        return coupling.pull(position - state.position, velocity - state.velocity), state
+    slope = (velocity - state.motor_velocity) / (0.5 * (interval + state.interval))
+    q, v = _run(coupling, Motor(position, velocity, slope, interval), state.position, state.velocity)
+    return (v - state.velocity) / interval, Load(q, v, velocity, interval)
+
+
+def _run(coupling: Coupling, motor: Motor, q: float, v: float) -> tuple[float, float]:
+    """Position and speed of the load after the interval, by classical Runge-Kutta steps."""
+    steps = min(max(math.ceil(coupling.rate * motor.interval / STEP), 1), MOST_STEPS)
+    h = motor.interval / steps
+
+    def pull(s: float, position: float, speed: float) -> float:
+        place, rate = motor.at(s)
+        return coupling.pull(place - position, rate - speed)
+
+    for i in range(steps):
+        s = i * h
+        a1 = pull(s, q, v)
+        v2 = v + 0.5 * h * a1
+        a2 = pull(s + 0.5 * h, q + 0.5 * h * v, v2)
+        v3 = v + 0.5 * h * a2
+        a3 = pull(s + 0.5 * h, q + 0.5 * h * v2, v3)
+        v4 = v + h * a3
+        a4 = pull(s + h, q + h * v3, v4)
+        q = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
+        v = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+    return q, v
