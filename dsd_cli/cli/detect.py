@@ -11,6 +11,7 @@ from dsd_cli.cli.options import (
     CONFIG_FILE,
     ConfigOption,
     EffectOption,
+    EffectsFromOption,
     LogArgument,
     OutputOption,
     QuietOption,
@@ -62,6 +63,7 @@ def detect(
     form: DetectFormatOption = None,
     override: SetOption = None,
     effect: EffectOption = None,
+    effects_from: EffectsFromOption = None,
     quiet: QuietOption = False,
 ) -> None:
     """Label every sample of LOG with the most likely delay and inertia.
@@ -71,8 +73,10 @@ def detect(
     """
     from dsd_cli.cli.detect_checks import Judgement
     from dsd_cli.cli.detect_job import Destination, Job
+    from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
 
+    use_effects(effects_from)
     judgement = Judgement(tuple(expect or ()), after, min_share, confident_only)
     live = follow or log == "-"
     form = form or (DetectFormat.CSV if live and output is None else DetectFormat.TABLE)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from dsd_cli.cli.options import EffectsFromOption
+
 if TYPE_CHECKING:
     from dsd_cli.effects import Effect, Parameter
 
@@ -22,16 +24,26 @@ class CatalogueFormat(StrEnum):
 
 #: The placeholders of `Parameter.unit`, in words.
 _UNITS = {"({v})": "v", "({q})": "q", "{u}": "u", "{v}": "v", "{q}": "q"}
+#: What a role means, in words.
+_ROLES = {
+    "applied": "force on the plant",
+    "friction": "friction: holds at rest",
+    "input": "changes the command",
+    "structure": "load that hangs on the motor",
+}
 _LEGEND = "Units: u is the unit of the control input; v is rad/s or m/s; q is rad or m."
 
 
 def effects(
     effect: Annotated[str | None, typer.Argument(metavar="ID", help="Show only this effect, in full.")] = None,
     form: Annotated[CatalogueFormat, typer.Option("--format", help="Form of the catalogue.")] = CatalogueFormat.TABLE,
+    effects_from: EffectsFromOption = None,
 ) -> None:
     """Show each effect's law, parameters with units, channels needed and the residual pattern that betrays it."""
+    from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.effects import catalogue, get_effect
 
+    use_effects(effects_from)
     chosen = [get_effect(effect)] if effect else list(catalogue().values())
     if form is CatalogueFormat.JSON:
         _print_json(chosen)
@@ -111,7 +123,14 @@ def _print_json(chosen: list[Effect]) -> None:
 def _as_json(effect: Effect) -> dict[str, Any]:
     def parameter(p: Parameter) -> dict[str, Any]:
         bounds = {k: v if math.isfinite(v) else None for k, v in (("lower", p.lower), ("upper", p.upper))}
-        return {"name": p.name, "unit": _unit(p), "meaning": p.meaning, **bounds, "linear": p.linear}
+        return {
+            "name": p.name,
+            "unit": _unit(p),
+            "meaning": p.meaning,
+            **bounds,
+            "linear": p.linear,
+            "listed": p.listed,
+        }
 
     return {
         "id": effect.id,

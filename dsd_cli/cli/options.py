@@ -42,5 +42,14 @@ EffectOption = Annotated[
     ),
 ]
 
+EffectsFromOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--effects-from",
+        metavar="FILE",
+        help="Python file that defines an effect of your own (EFFECT = Effect(...)); it is run. Repeatable.",
+    ),
+]
+
 #: Default of `ConfigOption`.
 CONFIG_FILE = Path("dsd.toml")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dsd_cli.cli.options import CONFIG_FILE, EffectOption, QuietOption, SetOption
+from dsd_cli.cli.options import CONFIG_FILE, EffectOption, EffectsFromOption, QuietOption, SetOption
 
 if TYPE_CHECKING:
     from dsd_cli.files.config import Config
@@ -39,6 +39,7 @@ def simulate(
     template: TemplateOption = None,
     override: SetOption = None,
     effect: EffectOption = None,
+    effects_from: EffectsFromOption = None,
     seed: SeedOption = None,
     noise: NoiseOption = None,
     duration: DurationOption = None,
@@ -49,10 +50,12 @@ def simulate(
     Columns: t, u, d_hat, position, velocity, reference, and the truth (true_delay, true_inertia). Config and seed go
     into the Parquet metadata, or beside a CSV file into FILE.meta.json.
     """
+    from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.logs import write_log
     from dsd_cli.files.tables_out import check_output
     from dsd_cli.plant.simulation import simulate as run
 
+    use_effects(effects_from)
     settings = _config(config, template)
     values = {"seed": seed, "noise": noise, "duration": duration}
     given = [f"simulate.{name}={value!r}" for name, value in values.items() if value is not None]

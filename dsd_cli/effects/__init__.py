@@ -1,6 +1,20 @@
 """What physics exists: one file = one effect; the catalogue finds them by looking into this folder."""
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, Values
-from dsd_cli.effects.catalogue import catalogue, get_effect
+from dsd_cli.effects.catalogue import catalogue, get_effect, register, unregister
+from dsd_cli.effects.user import load_effects
 
-__all__ = ["Channels", "Effect", "Parameter", "Ranges", "Role", "Shape", "Values", "catalogue", "get_effect"]
+__all__ = [
+    "Channels",
+    "Effect",
+    "Parameter",
+    "Ranges",
+    "Role",
+    "Shape",
+    "Values",
+    "catalogue",
+    "get_effect",
+    "load_effects",
+    "register",
+    "unregister",
+]

@@ -61,18 +61,20 @@ typedef struct { double square, drag, half_gap, rate; } Coupling;      /* wa^2, 
 typedef struct { double position, velocity, motor_velocity, interval; } Load;
 typedef struct { double position, velocity, slope, interval; } Motor;  /* motion in one interval */
 
+/* how deep in contact the damping is fully there, as a share of gap/2 */
+#define FULL_DAMPING 0.1
+
+static double contact(const Coupling *c, double depth, double closing) {
+    const double share = depth / (FULL_DAMPING * c->half_gap);
+    const double a = c->square * depth + c->drag * closing * (share < 1.0 ? share : 1.0);
+    return a > 0.0 ? a : 0.0;
+}
+
 /* acceleration of the load: `apart` = motor less load, `closing` = its rate; a contact pushes and never pulls */
 static double pull(const Coupling *c, double apart, double closing) {
-    double a;
     if (c->half_gap == 0.0) return c->square * apart + c->drag * closing;
-    if (apart > c->half_gap) {
-        a = c->square * (apart - c->half_gap) + c->drag * closing;
-        return a > 0.0 ? a : 0.0;
-    }
-    if (apart < -c->half_gap) {
-        a = c->square * (apart + c->half_gap) + c->drag * closing;
-        return a < 0.0 ? a : 0.0;
-    }
+    if (apart > c->half_gap) return contact(c, apart - c->half_gap, closing);
+    if (apart < -c->half_gap) return -contact(c, -apart - c->half_gap, -closing);
     return 0.0;
 }
 

@@ -24,6 +24,9 @@ def _find_compiled() -> Any:
 #: The compiled module, or None where the build had no compiler.
 COMPILED = _find_compiled()
 
+#: How deep in contact the damping is fully there, as a share of gap/2. It fades in, so that the force is continuous: a
+#: jump would be at another instant for every step length.
+FULL_DAMPING = 0.1
 #: Runge-Kutta steps of the load are at most this long, in radians of its own oscillation.
 STEP = 0.05
 #: And no interval is cut into more steps than this.
@@ -71,10 +74,14 @@ class Coupling(NamedTuple):
         if self.half_gap == 0.0:
             return self.square * apart + self.drag * closing
         if apart > self.half_gap:
-            return max(self.square * (apart - self.half_gap) + self.drag * closing, 0.0)
+            return self._contact(apart - self.half_gap, closing)
         if apart < -self.half_gap:
-            return min(self.square * (apart + self.half_gap) + self.drag * closing, 0.0)
+            return -self._contact(-apart - self.half_gap, -closing)
         return 0.0
+
+    def _contact(self, depth: float, closing: float) -> float:
+        share = depth / (FULL_DAMPING * self.half_gap)
+        return max(self.square * depth + self.drag * closing * (share if share < 1.0 else 1.0), 0.0)
 
 
 class Load(NamedTuple):

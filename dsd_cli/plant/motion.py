@@ -21,7 +21,7 @@ SUBSTEPS = 2
 #: And when effects have memory.
 SUBSTEPS_WITH_MEMORY = 4
 #: A substep is at most this long, in radians of the resonance of motor against load.
-RESONANCE_STEP = 0.1
+RESONANCE_STEP = 0.05
 
 
 class Acting(NamedTuple):
