@@ -8,6 +8,7 @@ from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import Backend
 from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.effects import Role, get_effect
+from dsd_cli.errors import UsageError
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.observer import APERTURE
 from dsd_cli.signals.log import DHatSource
@@ -23,6 +24,10 @@ class Plan:
     d_hat_source : "logged", or what the observer computes d_hat from.
     logged_aperture : intervals one logged value of d_hat averages (2 for a d_hat that was computed from position).
     channels : channels to read beside u and d_hat, needed by effects.
+
+    Raises
+    ------
+    UsageError : an effect that needs more than the kernel computes per state.
     """
 
     grid: Grid
@@ -36,6 +41,7 @@ class Plan:
     effects: list[PlantModel] = field(init=False)
 
     def __post_init__(self) -> None:
+        _check_effects({*self.model.effects, *(name.split(".", 1)[0] for name in self.grid.effects)})
         models = []
         for combination in self.grid.combinations:
             values: dict[str, dict[str, float]] = {}
@@ -65,3 +71,20 @@ class Plan:
     def aperture(self) -> int:
         """Intervals that one value of d_hat averages."""
         return self.logged_aperture if self.d_hat_source == "logged" else APERTURE[self.d_hat_source]
+
+
+def _check_effects(names: set[str]) -> None:
+    """Forces must be the same for every delay and inertia, and those of a row must not rest on other rows."""
+    for name in sorted(names):
+        effect = get_effect(name)
+        if effect.role is Role.INPUT:
+            why = "it changes the command before the delay"
+        elif effect.role is Role.STRUCTURE:
+            why = "it hangs a load on the motor"
+        elif effect.memory:
+            why = "it has memory"
+        elif "u" in effect.needs:
+            why = "it looks at the command after the delay"
+        else:
+            continue
+        raise UsageError(f"dsd detect cannot take {name} yet: {why}", "leave it out of [model] and [states]")

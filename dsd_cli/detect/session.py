@@ -208,17 +208,17 @@ class Session:
             start = piece.t[0] - interval if self._last_t is None else self._last_t
             interval = np.diff(piece.t, prepend=start)
         u, n = piece.values["u"], piece.t.size
-        missing = np.full(n, np.nan)
+        missing, middle = np.full(n, np.nan), piece.t - 0.5 * interval
         if velocity is None and position is None:
-            channels, sign = Channels(piece.t, u, missing, missing), np.zeros(n)
+            channels, sign = Channels(middle, u, missing, missing, interval), np.zeros(n)
         else:
             means = interval_channels(velocity, position, interval, self.plan.model.rest_speed, self._before)
-            channels, sign = Channels(piece.t, u, means.velocity, means.position), means.sign
+            channels, sign = Channels(middle, u, means.velocity, means.position, interval), means.sign
             self._before = Sample(
                 None if velocity is None else float(velocity[-1]), None if position is None else float(position[-1])
             )
             sign = self._without_turns(means.acceleration, sign, interval)
-        pairs = [interval_forces(model.effects, channels) for model in self.plan.effects]
+        pairs = [interval_forces(model.effects, channels, model.inertia) for model in self.plan.effects]
         applied, budget = (np.column_stack([np.broadcast_to(pair[i], n) for pair in pairs]) for i in (0, 1))
         return Forces(applied, budget, sign)
 

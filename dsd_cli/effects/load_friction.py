@@ -18,6 +18,6 @@ EFFECT = Effect(
     summary="Friction of a gear, worm or screw that grows with the force it transmits, taken as the command that acts.",
     pattern="the residual over velocity is a step whose height grows with the command",
     parameters=(Parameter("coefficient", "1", "mu, friction per transmitted force", lower=0.0, upper=1.0),),
-    needs=("velocity",),
+    needs=("velocity", "u"),
     columns=_columns,
 )

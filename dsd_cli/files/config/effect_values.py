@@ -12,6 +12,9 @@ from dsd_cli.files.config.rules import Place, Rule, axis, number
 #: Effect id -> parameter -> value (a tuple of values on an axis of the grid).
 EffectValues = Mapping[str, Mapping[str, Any]]
 
+#: Keys of one entry of a listed parameter.
+_PULSE = {"start": "s, when it begins", "end": "s, when it ends", "force": "unit of u, positive accelerates"}
+
 NONE: EffectValues = MappingProxyType({})
 
 
@@ -42,9 +45,37 @@ def _read_effect(name: str, parameters: Any, at: Place, axes: bool) -> Mapping[s
         if parameter not in specs:
             raise here.unknown(parameter, specs, what="parameter")
         spec = specs[parameter]
+        if spec.listed:
+            if axes:
+                raise here.child(parameter).wrong(value, "left out: a list of tables cannot be an axis of the grid")
+            values[parameter] = _read_pulses(value, here.child(parameter))
+            continue
         rule = number(lower=float(spec.lower), upper=float(spec.upper))
         values[parameter] = (axis(rule) if axes else rule).read(value, here.child(parameter))
     return MappingProxyType(values)
+
+
+def _read_pulses(value: Any, at: Place) -> tuple[Mapping[str, float], ...]:
+    """A list of { start, end, force }, each a finite number, start before end."""
+    form = "a list of tables such as { start = 1.0, end = 1.2, force = 0.5 }"
+    if not isinstance(value, list | tuple):
+        raise at.wrong(value, form)
+    return tuple(_read_pulse(entry, at.item(index), form) for index, entry in enumerate(value))
+
+
+def _read_pulse(value: Any, at: Place, form: str) -> Mapping[str, float]:
+    if not isinstance(value, Mapping):
+        raise at.wrong(value, form.removeprefix("a list of ").replace("tables", "a table"))
+    for name in value:
+        if name not in _PULSE:
+            raise at.unknown(name, _PULSE)
+    for name, meaning in _PULSE.items():
+        if name not in value:
+            raise at.missing(name, meaning)
+    pulse = {name: number().read(value[name], at.child(name)) for name in _PULSE}
+    if not pulse["start"] < pulse["end"]:
+        raise at.child("end").wrong(value["end"], f"after start = {pulse['start']:g}")
+    return MappingProxyType(pulse)
 
 
 def check_complete(values: EffectValues, at: Place, believed: EffectValues = NONE) -> None:

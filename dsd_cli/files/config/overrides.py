@@ -41,6 +41,9 @@ def with_effects(written: Mapping[str, Any], texts: Iterable[str]) -> dict[str, 
         effect, colon, parameters = text.partition(":")
         if not colon or not effect.strip() or not parameters.strip():
             raise UsageError(option, "write ID:PARAMETER=VALUE[,PARAMETER=VALUE], such as coulomb_friction:level=0.5")
+        if "[" in parameters or "{" in parameters:
+            key = f"model.effects.{effect.strip()}.{parameters.partition('=')[0].strip()}"
+            raise UsageError(option, f"takes numbers only; write --set '{key}=[...]', or [model.effects] in the config")
         for assignment in parameters.split(","):
             name, equals, value = assignment.partition("=")
             if not equals or not name.strip():
