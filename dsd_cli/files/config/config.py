@@ -11,8 +11,9 @@ from typing import Any, TypeVar
 
 from dsd_cli.errors import UsageError
 from dsd_cli.files.config.effect_values import check_complete
+from dsd_cli.files.config.history import History
 from dsd_cli.files.config.overrides import with_effects, with_values
-from dsd_cli.files.config.rules import Place, Section, key, shown, table
+from dsd_cli.files.config.rules import Place, Section, key, shown, table, tables
 from dsd_cli.files.config.sections import Detector, Model, Observer, Signals, States
 from dsd_cli.files.config.simulation import Simulate
 
@@ -20,7 +21,7 @@ S = TypeVar("S", bound=Section)
 
 
 class Config(Section):
-    """A rig: its log, observer, model, states, detector and simulation.
+    """A rig: its log, observer, model, states, detector and simulation, and what improved its model.
 
     Sections without defaults are None when the file lacks them; `require` hands them out or says what is missing.
     `name` is the file for messages, `folder` what relative paths start from, `written` what the file (and the
@@ -36,6 +37,7 @@ class Config(Section):
     states: States | None = key(table(States), "the grid of candidate states", default=None)
     detector: Detector = key(table(Detector), "how the state is chosen", default=Detector())
     simulate: Simulate | None = key(table(Simulate), "what `dsd simulate` runs", default=None)
+    history: tuple[History, ...] = key(tables(History), "steps of `dsd add` and `dsd improve`, newest last", default=())
 
     def __init__(
         self,
