@@ -9,7 +9,7 @@ STAMP := $(VENV)/.installed
 
 setup: $(STAMP)
 
-$(STAMP): pyproject.toml setup.py $(wildcard dsd_cli/detect/_kernel.c)
+$(STAMP): pyproject.toml setup.py $(wildcard dsd_cli/detect/_kernel.c dsd_cli/effects/_memory.c)
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[dev]"
 	touch $(STAMP)
@@ -32,4 +32,4 @@ bench: setup
 	$(BIN)/python -m bench
 
 clean:
-	rm -rf $(VENV) build dist out *.egg-info dsd_cli/detect/_kernel*.so
+	rm -rf $(VENV) build dist out *.egg-info dsd_cli/detect/_kernel*.so dsd_cli/effects/_memory*.so

@@ -84,12 +84,14 @@ static double pull_at(const Coupling *c, const Motor *m, double s, double positi
     return pull(c, place - position, speed - velocity);
 }
 
-/* one interval by classical Runge-Kutta steps of at most `STEP` radians of the load's own oscillation */
+/* one interval by classical Runge-Kutta steps of at most so many radians of the load's own oscillation; a contact begins
+ * and ends within a step, so a gap needs shorter ones */
 #define STEP 0.05
+#define STEP_WITH_GAP 0.0125
 #define MOST_STEPS 10000.0
 
 static void advance(const Coupling *c, const Motor *m, Load *load) {
-    double count = ceil(c->rate * m->interval / STEP), h;
+    double count = ceil(c->rate * m->interval / (c->half_gap > 0.0 ? STEP_WITH_GAP : STEP)), h;
     Py_ssize_t i, steps;
     if (!(count >= 1.0)) count = 1.0;
     if (count > MOST_STEPS) count = MOST_STEPS;

@@ -29,6 +29,8 @@ COMPILED = _find_compiled()
 FULL_DAMPING = 0.1
 #: Runge-Kutta steps of the load are at most this long, in radians of its own oscillation.
 STEP = 0.05
+#: And with a gap: a contact begins and ends within a step.
+STEP_WITH_GAP = 0.0125
 #: And no interval is cut into more steps than this.
 MOST_STEPS = 10_000
 
@@ -148,7 +150,8 @@ def _load_row(
 
 def _run(coupling: Coupling, motor: Motor, q: float, v: float) -> tuple[float, float]:
     """Position and speed of the load after the interval, by classical Runge-Kutta steps."""
-    steps = min(max(math.ceil(coupling.rate * motor.interval / STEP), 1), MOST_STEPS)
+    step = STEP_WITH_GAP if coupling.half_gap > 0.0 else STEP
+    steps = min(max(math.ceil(coupling.rate * motor.interval / step), 1), MOST_STEPS)
     h = motor.interval / steps
 
     def pull(s: float, position: float, speed: float) -> float:

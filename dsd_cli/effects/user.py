@@ -88,7 +88,7 @@ def _try_out(effect: Effect, path: Path) -> None:
     UsageError : says what came back instead, or what went wrong.
     """
     where = f"{path}: effect '{effect.id}'"
-    values = {p.name: [] if p.listed else _inside(p.lower, p.upper) for p in effect.parameters}
+    values: dict[str, Any] = {p.name: [] if p.listed else _inside(p.lower, p.upper) for p in effect.parameters}
     rows = np.linspace(-1.0, 1.0, _ROWS)
     channels = Channels(1e-3 * np.arange(_ROWS), rows, rows[::-1].copy(), 0.5 * rows, np.full(_ROWS, 1e-3))
     instant = Channels(*(float(channel[1]) for channel in channels))
@@ -98,7 +98,7 @@ def _try_out(effect: Effect, path: Path) -> None:
         single, _ = effect.run(instant, shape)
         back = effect.from_columns(coefficients, shape)
     except Exception as error:
-        raise UsageError(f"{where}{_line(error, path)}: {_said(error)}") from None
+        raise UsageError(f"{path}{_line(error, path)}: effect '{effect.id}': {_said(error)}") from None
     wanted = 1 if effect.role is Role.INPUT else len(coefficients)
     if len(columns) != wanted or len(single) != wanted:
         raise UsageError(

@@ -1,0 +1,167 @@
+"""Effects with memory against integrators of scipy, and the compiled recursions against the Python loops."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from dsd_cli.effects import Channels, get_effect
+from dsd_cli.effects.memory import COMPILED, Coupling, Load, load_acceleration, one_pole
+
+RNG = np.random.default_rng(5)
+T = 1e-3
+N = 400
+
+
+def place(t):
+    """Where the motor is, at rest at first."""
+    return np.sin(np.minimum(t / 0.05, 1.0) * math.pi / 2) ** 2 * (0.1 * np.sin(9 * t) + 0.02 * np.sin(60 * t))
+
+
+def speed(t):
+    return (place(t + 1e-6) - place(t - 1e-6)) / 2e-6
+
+
+def smooth_motion(n=N, scale=1.0):
+    """Position at n + 1 instants."""
+    return scale * place(T * np.arange(n + 1))
+
+
+def rows_of(position):
+    n = len(position) - 1
+    mean_v, mean_q = np.diff(position) / T, 0.5 * (position[:-1] + position[1:])
+    return Channels(T * np.arange(n), np.zeros(n), mean_v, mean_q, np.full(n, T))
+
+
+def test_lag_against_scipy():
+    u = RNG.standard_normal(50)
+    channels = Channels(np.zeros(50), u, u, u, np.full(50, T))
+    (column,), last = get_effect("actuator_lag").run(channels, {"time_constant": 0.004})
+    x, means = u[0], []
+    for value in u:
+        run = solve_ivp(lambda _, y, w=value: [(w - y[0]) / 0.004, y[0]], (0, T), [x, 0.0], rtol=1e-11, atol=1e-13)
+        x = run.y[0, -1]
+        means.append(run.y[1, -1] / T)
+    np.testing.assert_allclose(column, means, atol=1e-9)
+    assert last == pytest.approx(x)
+
+
+def test_no_lag_is_the_command():
+    u = RNG.standard_normal(20)
+    for time_constant in (0.0, 1e-12):
+        (column,), _ = get_effect("actuator_lag").run(Channels(u, u, u, u, T), {"time_constant": time_constant})
+        np.testing.assert_allclose(column, u, atol=1e-8)
+
+
+def test_dahl_against_scipy():
+    level, stiffness = 0.3, 30.0
+    speeds = np.concatenate([np.full(30, 1.0), np.zeros(5), np.full(30, -0.7), RNG.standard_normal(30)])
+    channels = Channels(speeds, speeds, speeds, speeds, np.full(speeds.size, T))
+    force, _ = get_effect("presliding_friction").force(channels, {"level": level, "stiffness": stiffness})
+    z, means = 0.0, []
+    for v in speeds:
+        run = solve_ivp(
+            lambda _, y, v=v: [v * (1 - stiffness * y[0] / level * np.sign(v)), y[0]], (0, T), [z, 0.0],
+            rtol=1e-11, atol=1e-15,
+        )  # fmt: skip
+        z = run.y[0, -1]
+        means.append(-stiffness * run.y[1, -1] / T)
+    np.testing.assert_allclose(force, means, atol=1e-8)
+    assert np.abs(force).max() <= level
+
+
+def test_dahl_is_a_spring_at_first_and_then_dry_friction():
+    slow, fast = (Channels(0.0, 0.0, v, 0.0, T) for v in (1e-4, 1e3))
+    values = {"level": 0.3, "stiffness": 30.0}
+    force, _ = get_effect("presliding_friction").force(slow, values)
+    assert force == pytest.approx(-30.0 * 0.5e-7, rel=1e-4)  # half way into the interval
+    assert get_effect("presliding_friction").force(fast, values)[0] == pytest.approx(-0.3, rel=0.02)
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.01])
+def test_load_against_scipy(gap):
+    """The motor moves as prescribed; scipy integrates the load behind it."""
+    rate, damping = 2 * math.pi * 12.0, 0.3
+
+    def acceleration(t, y):
+        apart, closing = place(t) - y[0], speed(t) - y[1]
+        depth = abs(apart) - 0.5 * gap
+        if depth <= 0.0:
+            return [y[1], 0.0]
+        share = 1.0 if gap == 0.0 else min(depth / (0.1 * 0.5 * gap), 1.0)
+        push = rate**2 * depth + 2 * damping * rate * share * closing * np.sign(apart)
+        return [y[1], np.sign(apart) * (push if gap == 0.0 else max(push, 0.0))]
+
+    times = T * np.arange(1, N + 1)
+    run = solve_ivp(acceleration, (0, N * T), [0.0, 0.0], t_eval=times, max_step=T / 4, rtol=1e-8, atol=1e-12)
+    state = Load(0.0, 0.0, 0.0, 0.0)
+    rows = rows_of(smooth_motion())
+    coupling = Coupling.of(12.0, damping, gap)
+    column, _ = load_acceleration(rows.position, rows.velocity, rows.interval, coupling, state)
+    expected = np.diff(run.y[1], prepend=0.0) / T
+    assert np.linalg.norm(column - expected) < 2e-3 * np.linalg.norm(expected)
+    assert np.abs(expected).max() > 1.0
+
+
+def test_load_within_the_gap_does_not_feel_the_motor():
+    position = smooth_motion(scale=0.01)
+    effect = get_effect("backlash")
+    rows = rows_of(position)
+    force, state = effect.force(rows, {"gap": 0.1, "load_share": 0.5, "stiffness": 1e4})
+    np.testing.assert_array_equal(force, 0.0)
+    assert state.velocity == rows.velocity[0]
+
+
+def test_own_frequency_and_stiffness_of_the_coupling():
+    """omega_r^2 = k (1/Jm + 1/Jl): a tuning fork of both masses has the resonance that was asked for."""
+    inertia, share, resonance = 2.0, 0.3, 2 * math.pi * 15.0
+    motor, load = inertia * (1 - share), inertia * share
+    stiffness = resonance**2 / (1 / motor + 1 / load)
+    _, shape = get_effect("flexible_coupling").to_columns({"frequency": 15.0, "load_share": share, "damping": 0.0})
+    assert 2 * math.pi * shape["frequency"] == pytest.approx(math.sqrt(stiffness / load))
+    values = {"gap": 0.1, "load_share": share, "stiffness": stiffness}
+    _, shape = get_effect("backlash").to_columns(values, inertia)
+    assert 2 * math.pi * shape["frequency"] == pytest.approx(math.sqrt(stiffness / load))
+
+
+def test_an_instant_moves_no_load():
+    state = Load(0.0, 0.0, 0.0, T)
+    column, after = load_acceleration(0.2, 0.0, 0.0, Coupling(100.0, 0.0, 0.0, 10.0), state)
+    assert (column, after) == (pytest.approx(20.0), state)
+
+
+def test_a_stiff_load_stays_finite_and_follows():
+    position = smooth_motion()
+    rows = rows_of(position)
+    coupling = Coupling.of(5e3, 0.1)
+    column, state = load_acceleration(rows.position, rows.velocity, rows.interval, coupling, None)
+    assert np.isfinite(column).all()
+    assert state.position == pytest.approx(position[-1], abs=1e-3)
+
+
+@pytest.mark.skipif(COMPILED is None, reason="the build had no compiler")
+class TestCompiled:
+    def test_one_pole(self):
+        keep, add = RNG.uniform(0, 1, 500), RNG.standard_normal(500)
+        np.testing.assert_array_equal(one_pole(keep, add, 0.3), one_pole(keep, add, 0.3, compiled=None))
+
+    @pytest.mark.parametrize("gap", [0.0, 0.01, 0.05])
+    @pytest.mark.parametrize("state", [None, Load(0.02, -0.1, 0.05, T)])
+    def test_load(self, gap, state):
+        rows = rows_of(smooth_motion())
+        coupling = Coupling.of(23.0, 0.1, gap)
+        (a, end), (b, end_b) = (
+            load_acceleration(rows.position, rows.velocity, rows.interval, coupling, state, compiled)
+            for compiled in (COMPILED, None)
+        )
+        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-9)
+        np.testing.assert_allclose(end, end_b, rtol=1e-12, atol=1e-12)
+
+    def test_wrong_lengths_are_refused(self):
+        with pytest.raises(ValueError, match="one length"):
+            COMPILED.one_pole(np.zeros(3), np.zeros(4), 0.0, np.zeros(3))
+        fixed = np.zeros(3)
+        fixed.setflags(write=False)
+        with pytest.raises((BufferError, ValueError), match="read-only"):
+            COMPILED.one_pole(np.zeros(3), np.zeros(3), 0.0, fixed)
