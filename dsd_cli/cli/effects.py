@@ -24,13 +24,6 @@ class CatalogueFormat(StrEnum):
 
 #: The placeholders of `Parameter.unit`, in words.
 _UNITS = {"({v})": "v", "({q})": "q", "{u}": "u", "{v}": "v", "{q}": "q"}
-#: What a role means, in words.
-_ROLES = {
-    "applied": "force on the plant",
-    "friction": "friction: holds at rest",
-    "input": "changes the command",
-    "structure": "load that hangs on the motor",
-}
 _LEGEND = "Units: u is the unit of the control input; v is rad/s or m/s; q is rad or m."
 
 
@@ -63,6 +56,8 @@ def _unit(parameter: Parameter) -> str:
 
 
 def _range(parameter: Parameter) -> str:
+    if parameter.listed:
+        return "list of tables"
     match (math.isfinite(parameter.lower), math.isfinite(parameter.upper)):
         case (True, True):
             return f"{parameter.lower:g} to {parameter.upper:g}"
@@ -151,8 +146,11 @@ def markdown(chosen: list[Effect]) -> str:
         "What `dsd effects --format markdown` prints; a test keeps this page current. An effect is used by naming it",
         "in the config, `[model.effects.<id>]` with a value for each parameter, or with `--effect id:parameter=value`.",
         "",
-        f"{_LEGEND} Friction is a budget: at rest it holds against any force",
-        "up to its level. A *shape* parameter is not a factor of the force.",
+        _LEGEND,
+        "*applied* is a force on the plant. *friction* is a budget: at rest it holds against any force up to its",
+        "level. *input* changes the command before the delay. *structure* hangs a load on the motor, a share s of",
+        "the whole inertia J. A *shape* parameter is not a factor of the force. An effect of your own, the same kind",
+        "of Python file as ours, is taken with `--effects-from my_effect.py`.",
     ]
     for effect in chosen:
         lines += ["", f"## {effect.id}", "", effect.summary, ""]

@@ -32,7 +32,7 @@ app = typer.Typer(
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"dsd {__version__} (detector kernel: {_kernel()})")
+        typer.echo(f"dsd {__version__} (detector kernel: {_kernel()}, effects: {_recursions()})")
         raise typer.Exit
 
 
@@ -42,6 +42,14 @@ def _kernel() -> str:
     except ImportError:
         return "none"
     return str(active_backend())
+
+
+def _recursions() -> str:
+    try:
+        from dsd_cli.effects.memory import COMPILED
+    except ImportError:
+        return "none"
+    return "python" if COMPILED is None else "compiled"
 
 
 @app.callback()
