@@ -13,7 +13,7 @@ def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
 
 
 def _starts(ranges: Ranges) -> list[Shape]:
-    return [{"velocity": v} for v in log_spaced(0.01 * ranges.top_speed, ranges.top_speed, 10)]
+    return [{"velocity": v} for v in log_spaced(0.01 * ranges.top_speed, 0.35 * ranges.top_speed, 8)]
 
 
 EFFECT = Effect(

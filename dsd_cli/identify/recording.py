@@ -22,6 +22,8 @@ from dsd_cli.signals.log import Array, Log
 
 #: Speeds within this many standard deviations of the speed's noise may be rest.
 REST_DEVIATIONS = 3.0
+#: A plant that sticks creeps: up to this share of its rms speed it is at rest.
+CREEP = 1e-3
 #: A reconstructed position whose drift is expected to exceed this share of its range is none.
 MOST_DRIFT = 0.2
 
@@ -84,7 +86,9 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
         pieces = [observe_log(piece, settings) for piece in pieces]
         provenance["d_hat"] = f"computed from {pieces[0].d_hat_source}"
     pieces, noise, missing = _with_motion(pieces, observer, provenance)
-    return Recording(log.source, tuple(pieces), provenance, missing, max(rest_speed, REST_DEVIATIONS * noise))
+    creep = CREEP * max((float(np.sqrt(np.mean(p["velocity"] ** 2))) for p in pieces if "velocity" in p), default=0.0)
+    rest = max(rest_speed, REST_DEVIATIONS * noise, creep)
+    return Recording(log.source, tuple(pieces), provenance, missing, rest)
 
 
 #: Samples of the shortest stretch that is used.

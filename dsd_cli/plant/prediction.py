@@ -92,7 +92,7 @@ class Frame:
         ahead = 1 - self._lag
         held = np.append(command, command[-1:] if ahead else [])
         if self._stamps is None:
-            return delayed_mean(held, delay, self.log.sample_time)[ahead:]
+            return np.asarray(delayed_mean(held, delay, self.log.sample_time)[ahead:])
         times = np.append(self._stamps, self._stamps[-1:] + self.log.sample_time if ahead else [])
         return delayed_mean_irregular(held, times, delay)[ahead:]
 
@@ -156,9 +156,18 @@ class Frame:
             x = two_interval_mean(x, self.intervals)
         if observer is None or len(x) == 0:
             return x
+        return self.filtered(x, observer, float(x[0]))
+
+    @property
+    def regular(self) -> bool:
+        """The clock of the log is regular."""
+        return self._stamps is None
+
+    def filtered(self, x: Array, observer: ObserverSettings, initial: float) -> Array:
+        """x through Q, which stood at `initial` before the log."""
         if self._stamps is None:
-            return lowpass(x, observer.pole(float(self.intervals[0])), float(x[0]))
-        return lowpass_irregular(x, poles_of(self.intervals.tolist(), observer.time_constant), float(x[0]))
+            return lowpass(x, observer.pole(float(self.intervals[0])), initial)
+        return lowpass_irregular(x, poles_of(self.intervals.tolist(), observer.time_constant), initial)
 
 
 def _check_needs(model: PlantModel, log: Log) -> None:

@@ -1,0 +1,109 @@
+"""Blocks of rows that are held out in turn, with a gap between what is fitted and what is judged.
+
+A log is cut into contiguous blocks; block b belongs to fold b mod K, so that every fold sees every part of the
+experiment. What is held out is a whole block; what is fitted leaves out the `gap` rows beside a held-out block, because
+filters, delays and windows tie neighbouring rows together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsd_cli.errors import DataError
+
+#: Folds, and the most blocks of a log.
+FOLDS, MOST_BLOCKS = 5, 40
+#: A block is at least this many gaps long, so that not all of a fit's rows are gaps.
+LONGEST_GAP_SHARE = 3
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Segments of consecutive rows, three to a block: head, core, tail (head and tail are `gap` rows long).
+
+    Attributes
+    ----------
+    starts : first row of each segment, shape (3 B,); a segment ends where the next begins.
+    fold : of each block, shape (B,).
+    before, after : whether the block before (after) is its neighbour in the same stretch, shape (B,).
+    """
+
+    starts: NDArray[np.int_]
+    rows: int
+    fold: NDArray[np.int_]
+    before: NDArray[np.bool_]
+    after: NDArray[np.bool_]
+
+    @property
+    def count(self) -> int:
+        """B."""
+        return len(self.fold)
+
+    @property
+    def folds(self) -> int:
+        """Number of folds."""
+        return int(self.fold.max()) + 1
+
+    def segment(self, i: int) -> slice:
+        """Rows of segment i."""
+        end = self.starts[i + 1] if i + 1 < len(self.starts) else self.rows
+        return slice(int(self.starts[i]), int(end))
+
+    def block_of_rows(self) -> NDArray[np.int_]:
+        """Block of each row, shape (rows,)."""
+        lengths = np.diff(np.append(self.starts[::3], self.rows))
+        return np.repeat(np.arange(self.count), lengths)
+
+    def fitted(self, fold: int) -> NDArray[np.float64]:
+        """Weight of each segment in the fit that holds `fold` out: 1 or 0, shape (3 B,)."""
+        held = self.fold == fold
+        weight = np.repeat(np.where(held, 0.0, 1.0), 3).reshape(-1, 3)
+        next_held = np.append(held[1:], False) & self.after
+        last_held = np.insert(held[:-1], 0, False) & self.before
+        weight[next_held, 2] = 0.0
+        weight[last_held, 0] = 0.0
+        return weight.reshape(-1)
+
+
+def lay_blocks(lengths: Sequence[int], gap: int, name: str, shortest: int = 0) -> Blocks:
+    """Blocks over stretches of that many rows each.
+
+    Parameters
+    ----------
+    gap : rows between what is fitted and what is judged.
+
+    Raises
+    ------
+    DataError : too short for two folds.
+    """
+    total = sum(lengths)
+    long = max(LONGEST_GAP_SHARE * gap, total // MOST_BLOCKS, shortest, 1)
+    if total < 2 * long:
+        raise DataError(
+            f"{name}: {total} usable rows are too few: held-out blocks need {2 * long} "
+            f"(2 blocks of {LONGEST_GAP_SHARE} gaps of {gap})",
+            "a longer log, or a smaller detector.window",
+        )
+    starts: list[int] = []
+    before: list[bool] = []
+    after: list[bool] = []
+    row = 0
+    for length in lengths:
+        count = max(1, length // long)
+        edges = [row + round(length * i / count) for i in range(count + 1)]
+        for i in range(count):
+            room = edges[i + 1] - edges[i]
+            border = min(gap, room // 2)
+            starts += [edges[i], edges[i] + border, edges[i + 1] - border]
+            before.append(i > 0)
+            after.append(i + 1 < count)
+        row += length
+    blocks = len(before)
+    if blocks < 2:
+        raise DataError(f"{name}: one block only", "a longer log, or a smaller detector.window")
+    fold = np.arange(blocks) % min(FOLDS, blocks)
+    return Blocks(np.array(starts), row, fold, np.array(before), np.array(after))

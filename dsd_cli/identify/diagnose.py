@@ -1,0 +1,217 @@
+"""Which physical effect is missing: the verdict of `dsd diagnose`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from dsd_cli.identify.advice import advice_for
+from dsd_cli.identify.evidence import NOTHING, Membership, membership
+from dsd_cli.identify.examination import Examination, Settings
+from dsd_cli.identify.freeform import loss_of
+from dsd_cli.identify.own_values import Own, own_values
+from dsd_cli.identify.recording import Recording
+from dsd_cli.identify.results import NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Estimate, Score
+from dsd_cli.identify.search import Option
+from dsd_cli.identify.solve import Fit
+from dsd_cli.identify.values import estimates
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+
+__all__ = ["Settings", "diagnose"]
+
+#: Something unknown is there if a free-form function takes this share off the held-out error, for certain.
+UNKNOWN_FALL, UNKNOWN_NATS = 0.04, 12.0
+#: ... or if so much of the residual's power does not look like measurement noise.
+STRUCTURED_SHARE = 0.35
+#: An effect that reaches less than this share of what a free-form function reaches is not the answer.
+SHARE_OF_CEILING = 0.3
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """What lies beyond a fit: the best free-form function, and whether there is something unknown."""
+
+    on: tuple[str, ...]
+    heldout_rmse: float
+    unknown: bool
+    noise: float
+
+
+def diagnose(
+    recordings: Sequence[Recording],
+    model: PlantModel,
+    observer: ObserverSettings,
+    settings: Settings | None = None,
+    holdout: Sequence[Recording] = (),
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """The effect that is missing most, "inertia" or "delay" if a value is wrong, "none" or "unknown".
+
+    Parameters
+    ----------
+    recordings : of one rig, fitted together.
+    model : what the rig is believed to be; its values are fitted along, its effects stay.
+    holdout : recordings that no fit sees; the held-out errors are then those of them.
+    progress : called with what is being done and the share that is done.
+
+    Raises
+    ------
+    DataError : the recordings are too short, the axis does not move, or a needed channel is missing.
+    UsageError : recordings of different rates.
+    """
+    report = progress or (lambda _what, _share: None)
+    report("preparing", 0.0)
+    exam = Examination(recordings, model, observer, settings or Settings(), holdout)
+    report("one effect at a time", 0.15)
+    refit = exam.refit
+    options = exam.search.options(refit)
+    report("sets of effects", 0.4)
+    whole = exam.search.run(refit, lambda share: report("sets of effects", 0.4 + 0.4 * share))
+    report("how sure", 0.8)
+    found = [t.id for t in exam.search.added(whole.terms)]
+    members = {name: membership(exam.search, whole, name) for name in found}
+    own = own_values(exam)
+    beyond = _beyond(exam, whole)
+    report("done", 1.0)
+    return _Verdict(exam, options, whole, members, own, beyond).diagnosis()
+
+
+def _beyond(exam: Examination, fit: Fit) -> Beyond:
+    fits = exam.freeform(fit)
+    nats = 2.0 * exam.noise.variance * exam.noise.inflation
+    plain = exam.plain.rmse(fit)
+    noise = exam.noise_of(fit)
+    groups = [fits.fit_with(group) for group in fits.groups()]
+    if not groups:
+        return Beyond((), plain, False, noise)
+    best = loss_of(groups)
+    gain = (fit.loss - best.loss) / nats
+    unwhitened = exam.freeform(fit, whitened=False)
+    reached = plain * math.sqrt(unwhitened.fit_with(best.on).loss / max(unwhitened.loss, 1e-300))
+    certain = gain > UNKNOWN_NATS and reached < (1.0 - UNKNOWN_FALL) * plain
+    large = math.sqrt(max(plain**2 - reached**2, 0.0)) > 0.003 * exam.plain.force
+    structured = noise**2 < (1.0 - STRUCTURED_SHARE) * plain**2 and plain > 0.01 * exam.plain.force
+    on = best.on if reached < plain else ()
+    return Beyond(on, min(reached, plain), (certain and large) or structured, noise)
+
+
+class _Verdict:
+    """Puts the answer together."""
+
+    def __init__(
+        self,
+        exam: Examination,
+        options: list[Option],
+        whole: Fit,
+        members: dict[str, Membership],
+        own: Own,
+        beyond: Beyond,
+    ) -> None:
+        self.exam, self.options, self.whole = exam, options, whole
+        self.members, self.own, self.beyond = members, own, beyond
+        self.alone = {o.effect: o for o in options}
+
+    def verdict(self) -> tuple[str, float]:
+        """(verdict, probability)."""
+        exam = self.exam
+        if self.members:
+            best = max(self.members, key=self._alone_evidence)
+            fallen = exam.plain.rmse(exam.refit) ** 2 - exam.plain.rmse(self.whole) ** 2
+            possible = exam.plain.rmse(exam.refit) ** 2 - self.beyond.heldout_rmse**2
+            if self.beyond.unknown and fallen < SHARE_OF_CEILING * possible:
+                return UNKNOWN, 1.0 - fallen / possible
+            return best, self.members[best].probabilities[best]
+        if self.own.wrong:
+            return self.own.wrong, self.own.probability
+        if self.beyond.unknown:
+            return UNKNOWN, 0.9
+        return NONE, self._nothing()
+
+    def _alone_evidence(self, name: str) -> float:
+        option = self.alone.get(name)
+        return option.evidence if option is not None else -math.inf
+
+    def _nothing(self) -> float:
+        from dsd_cli.identify.evidence import probabilities
+
+        return probabilities(self.exam.search, self.exam.refit, self.options)[NOTHING]
+
+    def diagnosis(self) -> Diagnosis:
+        """The whole answer."""
+        exam = self.exam
+        verdict, probability = self.verdict()
+        score, refitted = self.own.score, self.own.refitted
+        ranking = self._ranking(score, refitted)
+        named = next((c for c in ranking if c.effect == verdict), None)
+        fit = self.alone[verdict].fit if verdict in self.alone else exam.refit
+        values = estimates(fit, exam.bank, exam.blocks, exam.scale, self._floor())
+        return Diagnosis(
+            logs=tuple(r.name for r in exam.recordings),
+            samples=sum(r.samples for r in exam.recordings),
+            verdict=verdict,
+            probability=probability,
+            score=score,
+            refitted=refitted,
+            ranking=ranking,
+            ceiling=Ceiling(self.beyond.heldout_rmse, self.beyond.on),
+            advice=advice_for(verdict, named, self.beyond.unknown, self.beyond.on, exam.recordings[0].provenance),
+            estimates=values,
+            model=exam.scale.model(fit),
+            noise=self.beyond.noise,
+            provenance=exam.recordings[0].provenance,
+            depends_on=self.beyond.on if self.beyond.unknown else (),
+        )
+
+    def _floor(self) -> float:
+        return self.exam.noise.variance * self.exam.noise.inflation
+
+    def _ranking(self, score: Score, refitted: Score) -> tuple[Candidate, ...]:
+        exam = self.exam
+        found = [self._candidate(o, refitted) for o in self.options]
+        found.sort(key=lambda c: (-c.probability, c.heldout_rmse_after))
+        untestable = [
+            Candidate(name, math.nan, math.nan, math.nan, 0.0, {}, untestable=reason)
+            for name, reason in exam.untestable.items()
+        ]
+        own = [replace(c, heldout_rmse_before=score.heldout_rmse) for c in self.own.candidates]
+        lead = own if self.own.wrong and not self.members else []
+        return (*lead, *found, *(c for c in own if c not in lead), *untestable)
+
+    def _candidate(self, option: Option, refitted: Score) -> Candidate:
+        exam = self.exam
+        folds = [exam.scale.model(option.fit, fold) for fold in range(exam.blocks.folds)]
+        total = exam.scale.model(option.fit)
+        score = exam.judge.fitted(folds, total)
+        values = self._values(option)
+        rivals = self.members[option.effect].rivals if option.effect in self.members else ()
+        note = "; ".join(f"{name} stands on its bound" for name, e in values.items() if e.at_bound)
+        return Candidate(
+            effect=option.effect,
+            rmse_after=score.rmse,
+            heldout_rmse_before=refitted.heldout_rmse,
+            heldout_rmse_after=score.heldout_rmse,
+            probability=self._probability(option.effect),
+            parameters=values,
+            indistinguishable_from=rivals,
+            note=note,
+            model=total,
+        )
+
+    def _values(self, option: Option) -> dict[str, Estimate]:
+        exam = self.exam
+        found = estimates(option.fit, exam.bank, exam.blocks, exam.scale, self._floor())
+        prefix = f"{option.effect}."
+        return {name.removeprefix(prefix): e for name, e in found.items() if name.startswith(prefix)}
+
+    def _probability(self, effect: str) -> float:
+        if effect in self.members:
+            return self.members[effect].probabilities[effect]
+        return max((m.probabilities.get(effect, 0.0) for m in self.members.values()), default=self._as_only(effect))
+
+    def _as_only(self, effect: str) -> float:
+        from dsd_cli.identify.evidence import probabilities
+
+        return probabilities(self.exam.search, self.exam.refit, self.options).get(effect, 0.0)

@@ -1,0 +1,63 @@
+"""How sure: probabilities by resampling the held-out blocks, and what the recordings cannot tell apart.
+
+Each draw weighs the blocks anew (Bayesian bootstrap) and lets the alternatives share one unit of belief by their
+held-out likelihood less their price; the mean over the draws is the probability. So one lucky block does not decide,
+and correlation within blocks does not count as evidence (pseudo-BMA+; Yao et al. 2018).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsd_cli.identify.search import Option, Search
+from dsd_cli.identify.solve import Fit
+from dsd_cli.signals.log import Array
+
+DRAWS, SEED = 400, 20261121
+#: Name of the alternative without any further effect.
+NOTHING = ""
+#: Blocks are unequal witnesses: likelihoods are tempered by this factor before they are compared.
+TEMPER = 0.5
+
+
+@dataclass(frozen=True)
+class Membership:
+    """An effect of the found set against everything that could stand in its place.
+
+    probabilities : effect (or `NOTHING`) -> share of belief. rivals : effects that explain the recordings as well.
+    """
+
+    effect: str
+    probabilities: Mapping[str, float]
+    rivals: tuple[str, ...]
+
+
+def membership(search: Search, whole: Fit, effect_id: str) -> Membership:
+    """Take one effect out of the found set, and let every other effect apply for its place."""
+    member = next(t for t in whole.terms if t.id == effect_id)
+    rest = search.fit(tuple(t for t in whole.terms if t is not member), whole.tap)
+    options = [o for o in search.options(rest) if o.effect != effect_id]
+    own = Option(effect_id, whole, search.evidence(whole))
+    rivals = [o.effect for o in options if o.evidence > search.evidence(rest) and not search.matters(o.fit, whole)]
+    return Membership(effect_id, probabilities(search, rest, [own, *options]), tuple(rivals))
+
+
+def probabilities(search: Search, rest: Fit, options: list[Option]) -> dict[str, float]:
+    """Share of belief of each option, and of none of them (`NOTHING`)."""
+    gains = np.stack([np.zeros(len(rest.losses)), *(search.gains(rest, o.fit) for o in options)])
+    prices = np.array([0.0, *(search.price(o.fit.terms) - search.price(rest.terms) for o in options)])
+    shares = _shares(gains, prices)
+    return dict(zip((NOTHING, *(o.effect for o in options)), shares.tolist(), strict=True))
+
+
+def _shares(gains: Array, prices: Array) -> Array:
+    """gains: nats per block, shape (m, B)."""
+    blocks = gains.shape[1]
+    weights = np.random.default_rng(SEED).dirichlet(np.ones(blocks), DRAWS) * blocks
+    totals = TEMPER * (weights @ gains.T - prices)
+    totals -= totals.max(axis=1, keepdims=True)
+    belief = np.exp(totals)
+    return np.asarray((belief / belief.sum(axis=1, keepdims=True)).mean(axis=0))

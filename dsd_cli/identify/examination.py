@@ -1,0 +1,184 @@
+"""Recordings made ready for questions: equations, held-out blocks, the noise, and the model's own values fitted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from dsd_cli.effects import catalogue, get_effect
+from dsd_cli.errors import DataError, UsageError
+from dsd_cli.identify.bank import Bank, Term, Terms, ranges
+from dsd_cli.identify.blocks import lay_blocks
+from dsd_cli.identify.freeform import FreeformFits, rich_residual
+from dsd_cli.identify.heldout import PlainErrors
+from dsd_cli.identify.noise import noise_rms, whitening_filter
+from dsd_cli.identify.recording import Recording
+from dsd_cli.identify.rows import Equations
+from dsd_cli.identify.scores import Judge
+from dsd_cli.identify.search import Noise, Search
+from dsd_cli.identify.solve import Fit, Solver
+from dsd_cli.identify.values import Scale
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Array
+
+#: Samples of delay that are tried at least, and the share of the shortest stretch that they may take.
+LEAST_DELAYS, MOST_OF_STRETCH = 30, 0.2
+#: A step matters in practice if it takes this share off the held-out error, and so much of the force that moves.
+LEAST_FALL, LEAST_FORCE = 0.015, 0.003
+#: Lags over which the correlation of whitened rows is summed.
+LAGS = 60
+#: Below this share of usable rows there is nothing to learn: the axis stands.
+LEAST_MOVING = 0.02
+
+
+@dataclass(frozen=True)
+class Settings:
+    """window : samples, of the rig's detector; blocks are at least so far apart. effects : candidates; None is all."""
+
+    window: int = 100
+    effects: tuple[str, ...] | None = None
+
+
+class Examination:
+    """Everything that a diagnosis asks of some recordings and a model.
+
+    Raises
+    ------
+    DataError : too short, no motion, or a channel that the model's own effects need is missing.
+    UsageError : recordings with different sample times, a candidate that does not exist.
+    """
+
+    def __init__(
+        self,
+        recordings: Sequence[Recording],
+        model: PlantModel,
+        observer: ObserverSettings,
+        settings: Settings,
+        holdout: Sequence[Recording] = (),
+    ) -> None:
+        _check(recordings, model)
+        self.recordings, self.holdout = tuple(recordings), tuple(holdout)
+        self.model, self.observer = model, replace(observer, sign=1)
+        sample_time = recordings[0].sample_time
+        shortest = max(len(p) for r in recordings for p in r.pieces)
+        wanted = max(LEAST_DELAYS, math.ceil(2.0 * model.delay / sample_time) + 10)
+        self.most_tap = min(wanted, int(MOST_OF_STRETCH * shortest))
+        settling = math.ceil(5.0 * observer.time_constant / sample_time)
+        startup = min(max(self.most_tap, settling), int(MOST_OF_STRETCH * shortest)) + 3
+        self.equations = Equations(recordings, self.observer, startup)
+        self._check_motion()
+        self.gap = max(settings.window, self.most_tap if model.delay > 0 else 0, 1)
+        name = recordings[0].name
+        self.blocks = lay_blocks(self.equations.lengths, -(-self.gap // self.equations.thinning), name)
+        self.scale = Scale(self.observer, sample_time, model.rest_speed)
+        self.base: Terms = tuple(_term(name, values, model.inertia) for name, values in model.effects.items())
+        self.candidates, self.untestable = self._candidates(settings)
+        self.noise = self._whitened(self._first_fit())
+        self.bank = Bank(self.equations)
+        self.plain = PlainErrors(self.equations, self.blocks)
+        self.judge = Judge(self.equations, self.blocks, holdout)
+
+    @cached_property
+    def search(self) -> Search:
+        """Over the candidates, from the model's own effects."""
+        return Search(self.bank, self.blocks, self.base, self.candidates, self.noise, self.practical, self.most_tap)
+
+    @cached_property
+    def refit(self) -> Fit:
+        """The model's own effects with all values free."""
+        solver = Solver(self.bank, self.blocks)
+        return self.search.refined(solver.best(self.base, self._delays(solver)))
+
+    def practical(self, before: Fit, after: Fit) -> bool:
+        """Whether the held-out error falls by an amount that is of use."""
+        was, now = self.plain.rmse(before), self.plain.rmse(after)
+        least = max((1.0 - (1.0 - LEAST_FALL) ** 2) * was**2, (LEAST_FORCE * self.plain.force) ** 2)
+        return was**2 - now**2 > least
+
+    def freeform(self, fit: Fit, whitened: bool = True) -> FreeformFits:
+        """Free-form functions beside a fit; not `whitened`: in the unit of u."""
+        equations = self.equations if whitened else self.equations.unwhitened()
+        return FreeformFits(equations, self.blocks, fit, self.scale.model(fit))
+
+    def noise_of(self, fit: Fit) -> float:
+        """rms of the part of a fit's residual that has the spectrum of measurement noise, unit of u."""
+        return noise_rms(self._by_stretch(self.plain.residual(fit, held_out=False)))
+
+    def _by_stretch(self, plain_rows: Array) -> list[Array]:
+        edges = np.cumsum([len(s.log) - self.equations.startup for s in self.equations.stretches])[:-1]
+        return list(np.split(plain_rows, edges))
+
+    def _first_fit(self) -> Fit:
+        solver = Solver(Bank(self.equations), self.blocks)
+        return solver.best(self.base, self._delays(solver))
+
+    def _delays(self, solver: Solver) -> list[int]:
+        """Whole-sample delays around the best, found from coarse to fine."""
+        step = max(1, self.most_tap // 40)
+        tried = range(0, self.most_tap, step)
+        while True:
+            best = min(tried, key=lambda n: solver.squares(self.base, n, keep=False))
+            if step == 1:
+                return [best]
+            tried = range(max(best - step, 0), min(best + step + 1, self.most_tap), max(step // 4, 1))
+            step = max(step // 4, 1)
+
+    def _whitened(self, first: Fit) -> Noise:
+        """Whitens the rows by the noise that no function of single channels explains."""
+        residual = rich_residual(FreeformFits(self.equations, self.blocks, first, self.scale.model(first)))
+        kept = self.equations.kept
+        edges = np.cumsum(self.equations.lengths)[:-1]
+        self.equations.whiten(whitening_filter(np.split(residual * kept, edges)))
+        white = rich_residual(FreeformFits(self.equations, self.blocks, first, self.scale.model(first))) * kept
+        return Noise(float(np.sum(white**2) / kept.sum()), _inflation(white))
+
+    def _candidates(self, settings: Settings) -> tuple[tuple[str, ...], dict[str, str]]:
+        wanted = settings.effects if settings.effects is not None else tuple(catalogue())
+        missing = {channel: why for r in self.recordings for channel, why in r.missing.items()}
+        testable, untestable = [], {}
+        for name in wanted:
+            reason = next((missing[c] for c in get_effect(name).needs if c in missing), "")
+            if reason:
+                untestable[name] = reason
+            elif name not in self.model.effects:
+                testable.append(name)
+        return tuple(testable), untestable
+
+    def _check_motion(self) -> None:
+        name = self.recordings[0].name
+        if not self.equations.stretches:
+            raise DataError(f"{name}: no stretch is long enough", "a longer log, or a smaller model.delay")
+        if float(np.mean(self.equations.kept)) < LEAST_MOVING or not ranges(self.equations).top_speed > 0.0:
+            raise DataError(f"{name}: the axis does not move", "a log with moves in both directions is needed")
+        if not ranges(self.equations).drive > 0.0:
+            raise DataError(f"{name}: u is 0 throughout", "set signals.u to the column with the control input")
+
+
+def _check(recordings: Sequence[Recording], model: PlantModel) -> None:
+    first = recordings[0]
+    for other in recordings[1:]:
+        if abs(other.sample_time - first.sample_time) > 0.1 * first.sample_time:
+            raise UsageError(
+                f"{other.name}: {other.sample_time:g} s between samples, {first.name} has {first.sample_time:g} s",
+                "fit logs of one rate together",
+            )
+    for recording in recordings:
+        for channel, effect in model.needs().items():
+            if channel in recording.missing:
+                raise DataError(f"{recording.name}: effect {effect} needs {channel}", recording.missing[channel])
+
+
+def _term(name: str, values: object, inertia: float) -> Term:
+    return Term.of(name, get_effect(name).to_columns(values, inertia)[1])  # type: ignore[arg-type]
+
+
+def _inflation(white: Array) -> float:
+    """Rows that count as one: 1 + 2 sum of the autocorrelation, over the lags that slow columns see."""
+    x, n = white, len(white)
+    lags = min(LAGS, n // 4)
+    products = np.array([np.dot(x[: n - k], x[k:]) for k in range(lags)])
+    return float(max(1.0, 1.0 + 2.0 * np.sum(products[1:]) / max(products[0], 1e-300)))

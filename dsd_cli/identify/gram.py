@@ -1,0 +1,61 @@
+"""Inner products of rows per segment: a fit over some segments needs only the sum of their Gram matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from dsd_cli.identify.blocks import Blocks
+from dsd_cli.signals.log import Array
+
+
+class Grams(NamedTuple):
+    """Inner products of y (first) and p columns.
+
+    total : over all rows, shape (p+1, p+1). fitted : per fold, over the rows of the fit that holds it out, shape
+    (K, p+1, p+1). held_out : per block, shape (B, p+1, p+1).
+    """
+
+    total: Array
+    fitted: Array
+    held_out: Array
+
+
+def total_gram(rows: Sequence[Array]) -> Array:
+    """Over all rows, shape (p+1, p+1)."""
+    x = np.stack(rows)
+    return np.asarray(x @ x.T)
+
+
+def grams(rows: Sequence[Array], blocks: Blocks) -> Grams:
+    """All sums that a cross-validated fit needs; `rows` are y and the columns, shape (N,) each."""
+    x = np.stack(rows)
+    parts = (x[:, blocks.segment(i)] for i in range(len(blocks.starts)))
+    segments = np.stack([part @ part.T for part in parts])
+    weights = np.stack([blocks.fitted(fold) for fold in range(blocks.folds)])
+    held_out = segments.reshape(-1, 3, *segments.shape[1:]).sum(axis=1)
+    return Grams(segments.sum(axis=0), np.tensordot(weights, segments, axes=1), held_out)
+
+
+def solve(matrices: Array, ridge: float | Array = 1e-9) -> Array:
+    """Least-squares coefficients for a stack of Gram matrices of (y, columns), shape (M, p).
+
+    `ridge` is added to the columns scaled to unit length (by their mean over the stack, so that a column that one
+    fold never saw is ruled by it); a number or a matrix of shape (p, p).
+    """
+    a, b = matrices[:, 1:, 1:], matrices[:, 1:, 0]
+    size = a.shape[1]
+    if size == 0:
+        return np.zeros((len(matrices), 0))
+    scale = np.sqrt(np.maximum(np.einsum("mii->i", a) / len(a), 1e-300))
+    penalty = ridge * np.eye(size) if np.ndim(ridge) == 0 else ridge
+    normal = a / np.outer(scale, scale) + penalty
+    return np.linalg.solve(normal, (b / scale)[..., None])[..., 0] / scale
+
+
+def squares(matrix: Array, theta: Array) -> float:
+    """Sum of squared residuals of coefficients under one Gram matrix."""
+    weights = np.concatenate([[1.0], -theta])
+    return float(max(weights @ matrix @ weights, 0.0))

@@ -1,0 +1,95 @@
+"""Whether the model's own values are wrong: inertia and delay, freed one at a time, and all values at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from dsd_cli.identify.examination import LEAST_FALL, LEAST_FORCE, Examination
+from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
+from dsd_cli.identify.values import estimates
+from dsd_cli.plant.model import PlantModel
+
+#: A single wrong value reaches at least this share of what freeing all values reaches.
+SHARE_ALONE = 0.5
+#: Golden section steps, and the range over which inertia (factor) is looked for.
+STEPS, WIDEST = 24, 20.0
+
+
+@dataclass(frozen=True)
+class Own:
+    """score : of the model as given. refitted : with all its values fitted. wrong : the value that is off, or ""."""
+
+    score: Score
+    refitted: Score
+    candidates: tuple[Candidate, ...]
+    wrong: str
+    probability: float
+
+
+def own_values(exam: Examination) -> Own:
+    """Scores of the model as given and refitted, and the ranked candidates "inertia" and "delay"."""
+    given, refit = exam.judge.fixed(exam.model), exam.refit
+    folds = [exam.scale.model(refit, fold) for fold in range(exam.blocks.folds)]
+    refitted = exam.judge.fitted(folds, exam.scale.model(refit))
+    values = estimates(refit, exam.bank, exam.blocks, exam.scale, exam.noise.variance * exam.noise.inflation)
+    candidates = tuple(
+        sorted((_alone(exam, name, given, values[name]) for name in (INERTIA, DELAY)), key=lambda c: c.rmse_after)
+    )
+    fall = given.heldout_rmse**2 - refitted.heldout_rmse**2
+    least = max(2.0 * LEAST_FALL * given.heldout_rmse**2, (LEAST_FORCE * exam.plain.force) ** 2)
+    sure = max(_deviations(exam, values), key=lambda pair: pair[1], default=("", 0.0))
+    if fall < least or sure[1] < 4.0:
+        return Own(given, refitted, candidates, "", 0.0)
+    best = candidates[0]
+    reached = given.rmse**2 - best.rmse_after**2
+    wrong = best.effect if reached > SHARE_ALONE * fall else sure[0].split(".")[0]
+    return Own(given, refitted, candidates, wrong, 1.0 - 2.0 * math.erfc(sure[1] / math.sqrt(2.0)) / 2.0)
+
+
+def _deviations(exam: Examination, values: dict[str, Estimate]) -> list[tuple[str, float]]:
+    """How many standard errors each value of the model is off."""
+    from dsd_cli.identify.values import flat
+
+    believed = flat(exam.model)
+    return [
+        (name, abs(e.value - believed[name]) / e.std_error)
+        for name, e in values.items()
+        if name in believed and e.std_error > 0.0
+    ]
+
+
+def _alone(exam: Examination, name: str, given: Score, estimate: Estimate) -> Candidate:
+    """The model with only that value changed, to where the error is least."""
+    model = exam.model
+    if name == INERTIA:
+        centre = math.log(model.inertia)
+        reach = min(math.log(WIDEST), abs(math.log(estimate.value / model.inertia)) + 0.7)
+        make: Callable[[float], PlantModel] = lambda x: replace(model, inertia=math.exp(x))  # noqa: E731
+        low, high = centre - reach, centre + reach
+    else:
+        make = lambda x: replace(model, delay=x)  # noqa: E731
+        low, high = 0.0, max(2.0 * model.delay, estimate.value) + 5.0 * exam.scale.sample_time
+    x = _least(lambda x: exam.judge.fixed(make(x)).rmse, low, high)
+    changed = make(x)
+    score = exam.judge.fixed(changed)
+    value = changed.inertia if name == INERTIA else changed.delay
+    parameters = {name: Estimate(value, estimate.std_error, estimate.unit)}
+    return Candidate(name, score.rmse, given.heldout_rmse, score.heldout_rmse, 0.0, parameters, model=changed)
+
+
+def _least(f: Callable[[float], float], low: float, high: float) -> float:
+    ratio = (math.sqrt(5.0) - 1.0) / 2.0
+    a, b = high - ratio * (high - low), low + ratio * (high - low)
+    fa, fb = f(a), f(b)
+    for _ in range(STEPS):
+        if fa < fb:
+            high, b, fb = b, a, fa
+            a = high - ratio * (high - low)
+            fa = f(a)
+        else:
+            low, a, fa = a, b, fb
+            b = low + ratio * (high - low)
+            fb = f(b)
+    return 0.5 * (low + high)

@@ -1,0 +1,225 @@
+"""Which set of effects explains the recordings: steps forward, back and sideways until nothing gets better.
+
+One effect at a time would name stand-ins (drag for friction plus damping). So the search goes on to the whole set,
+drops what became needless, swaps members for outsiders, and only then is asked which member is worth most on its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsd_cli.effects import Role
+from dsd_cli.identify.bank import Bank, Term, Terms, ranges
+from dsd_cli.identify.blocks import Blocks
+from dsd_cli.identify.rows import Equations
+from dsd_cli.identify.shapes import refined
+from dsd_cli.identify.solve import Fit, Solver
+from dsd_cli.identify.starts import Residual, starts
+
+#: Nats that an effect costs: one of some twenty was chosen; and each shape parameter that was searched.
+CHOICE, SEARCHED = 3.0, 3.0
+#: A step must gain so many nats beyond its price, and so many standard errors over the blocks.
+LEAST_GAIN, LEAST_T = 6.0, 3.0
+#: Effects that are refined in a scan: those whose best start comes within this share of the best gain.
+WORTH_REFINING = 0.5
+MOST_EFFECTS = 8
+
+
+@dataclass(frozen=True)
+class Noise:
+    """variance of a whitened row; inflation: how many rows count as one, because they are not independent."""
+
+    variance: float
+    inflation: float
+
+
+@dataclass(frozen=True)
+class Option:
+    """A set of effects with one more (or another) in it, fitted; `effect` is that one."""
+
+    effect: str
+    fit: Fit
+    evidence: float
+
+
+class Search:
+    """Selections of effects for some equations.
+
+    Parameters
+    ----------
+    base : effects that the model has; they stay.
+    allowed : effects that may be added.
+    practical : whether a step from one fit to another matters in practice, beyond being certain.
+    """
+
+    def __init__(
+        self,
+        bank: Bank,
+        blocks: Blocks,
+        base: Terms,
+        allowed: Sequence[str],
+        noise: Noise,
+        practical: Callable[[Fit, Fit], bool],
+        most_tap: int,
+    ) -> None:
+        self.bank, self.solver = bank, Solver(bank, blocks)
+        self.base, self.allowed, self.noise = base, tuple(allowed), noise
+        self.practical, self.most_tap = practical, most_tap
+        self.ranges = ranges(bank.equations)
+
+    @property
+    def equations(self) -> Equations:
+        """Of the bank."""
+        return self.bank.equations
+
+    # -- evidence --------------------------------------------------------------------------------------------------
+
+    def evidence(self, fit: Fit) -> float:
+        """Held-out log-likelihood (up to a constant) less the price of the effects beyond the model's, nats."""
+        return -fit.loss / (2.0 * self.noise.variance * self.noise.inflation) - self.price(fit.terms)
+
+    def price(self, terms: Terms) -> float:
+        """Nats for having chosen these effects and searched their shapes."""
+        added = [t for t in terms if t.id not in {b.id for b in self.base}]
+        return sum(CHOICE + SEARCHED * t.effect.searched for t in added)
+
+    def gains(self, before: Fit, after: Fit) -> np.ndarray:
+        """Nats per block, shape (B,), without prices."""
+        return (before.losses - after.losses) / (2.0 * self.noise.variance * self.noise.inflation)
+
+    def matters(self, before: Fit, after: Fit) -> bool:
+        """Whether going from one fit to the other is certain and of use."""
+        gain = self.evidence(after) - self.evidence(before)
+        if gain < LEAST_GAIN:
+            return False
+        gains = self.gains(before, after)
+        spread = float(np.std(gains, ddof=1)) * np.sqrt(len(gains))
+        return float(gains.sum()) > LEAST_T * spread / self._strength(len(gains)) and self.practical(before, after)
+
+    def _strength(self, blocks: int) -> float:
+        """With few blocks the spread is not known well enough to ask for much."""
+        return 1.0 if blocks >= 8 else 2.0
+
+    # -- fits ------------------------------------------------------------------------------------------------------
+
+    def fit(self, terms: Terms, near: int) -> Fit:
+        """At the best delay near `near` samples, walking on while the edge of the neighbourhood is best."""
+        tap = near
+        while True:
+            fit = self.solver.best(terms, self.around(tap))
+            if fit.tap in (tap, 0, self.most_tap) or abs(fit.tap - tap) < 1:
+                return fit
+            tap = fit.tap
+
+    def around(self, tap: int) -> list[int]:
+        """The delay and its neighbours, samples."""
+        return [n for n in (tap, tap - 1, tap + 1) if 0 <= n <= self.most_tap]
+
+    def taps_for(self, term: Term, tap: int) -> list[int]:
+        """Delays to try with an effect: a lag has been taken for delay before it was known."""
+        if term.id != "actuator_lag":
+            return self.around(tap)
+        lag = round(term.shape["time_constant"] / self.equations.sample_time)
+        return sorted({max(tap - lag + d, 0) for d in (-1, 0, 1)} | {max(tap - lag // 2, 0)})
+
+    # -- steps -----------------------------------------------------------------------------------------------------
+
+    def options(self, current: Fit, residual: Residual | None = None) -> list[Option]:
+        """Every allowed effect added to `current`, at its best shape; most evidence first."""
+        residual = residual or Residual(self.equations, current)
+        here = {t.id for t in current.terms}
+        found: list[tuple[float, Term, int]] = []
+        for effect_id in self.allowed:
+            if effect_id not in here and effect_id != "external_force":
+                best = self._best_start(current, effect_id, residual)
+                if best is not None:
+                    found.append(best)
+        if not found:
+            return []
+        least = min(squares for squares, _, _ in found)
+        worth = current.squares - WORTH_REFINING * (current.squares - least)
+        options = []
+        for squares, term, tap in found:
+            terms = (*current.terms, term)
+            if squares <= worth and term.items:
+                terms, tap = refined(self, terms, len(terms) - 1, tap)
+            fit = self.fit(terms, tap)
+            options.append(Option(term.id, fit, self.evidence(fit)))
+        return sorted(options, key=lambda o: -o.evidence)
+
+    def _best_start(self, current: Fit, effect_id: str, residual: Residual) -> tuple[float, Term, int] | None:
+        terms = [Term.of(effect_id, shape) for shape in starts(effect_id, self.ranges, residual)]
+        best = None
+        for term in terms:
+            taps = self.taps_for(term, current.tap) if term.effect.role is Role.INPUT else [current.tap]
+            for tap in taps:
+                squares = self.solver.squares((*current.terms, term), tap)
+                if best is None or squares < best[0]:
+                    best = (squares, term, tap)
+        return best
+
+    def run(self, start: Fit, report: Callable[[float], None] = lambda _: None) -> Fit:
+        """The set of effects that nothing betters any more."""
+        current = start
+        for step in range(MOST_EFFECTS):
+            report(step / MOST_EFFECTS)
+            forward = self.preferred([o for o in self.options(current) if self.matters(current, o.fit)])
+            if forward is None:
+                break
+            current = self._settled(forward.fit)
+        return current
+
+    def preferred(self, options: Sequence[Option]) -> Option | None:
+        """The one with most evidence; a cheaper one if the difference does not matter in practice."""
+        if not options:
+            return None
+        best = max(options, key=lambda o: o.evidence)
+        cheaper = [o for o in options if self.price(o.fit.terms) < self.price(best.fit.terms)]
+        as_good = [o for o in cheaper if not self.practical(o.fit, best.fit)]
+        return max(as_good, key=lambda o: o.evidence) if as_good else best
+
+    def _settled(self, fit: Fit) -> Fit:
+        """Shapes refined together, needless members dropped, members swapped for better ones."""
+        for _ in range(3):
+            before = fit
+            fit = self.refined(self._without_needless(self.refined(fit)))
+            if len(self.added(fit.terms)) > 1:
+                fit = self._swapped(fit)
+            if fit.terms == before.terms:
+                break
+        return fit
+
+    def added(self, terms: Terms) -> Terms:
+        """Those that the model does not have."""
+        return tuple(t for t in terms if t.id not in {b.id for b in self.base})
+
+    def refined(self, fit: Fit) -> Fit:
+        """With the shapes of all effects searched around where they are."""
+        terms, tap = fit.terms, fit.tap
+        for i, term in enumerate(terms):
+            if term.items and term.id != "external_force":
+                terms, tap = refined(self, terms, i, tap)
+        if terms == fit.terms:
+            return fit
+        better = self.fit(terms, tap)
+        return better if better.loss < fit.loss else fit
+
+    def _without_needless(self, fit: Fit) -> Fit:
+        for term in self.added(fit.terms):
+            less = self.fit(tuple(t for t in fit.terms if t != term), fit.tap)
+            if not self.matters(less, fit):
+                return self._without_needless(less)
+        return fit
+
+    def _swapped(self, fit: Fit) -> Fit:
+        for term in self.added(fit.terms):
+            rest = self.fit(tuple(t for t in fit.terms if t != term), fit.tap)
+            best = self.preferred(self.options(rest))
+            if best is None or best.effect == term.id or best.evidence < self.evidence(fit) + 1.0:
+                continue
+            if self.price(best.fit.terms) <= self.price(fit.terms) or self.practical(fit, best.fit):
+                return best.fit
+        return fit

@@ -1,0 +1,166 @@
+"""From coefficients of a fit to a plant model, and how sure its values are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dsd_cli.effects import Role
+from dsd_cli.identify.bank import Bank, Terms, inputs_of
+from dsd_cli.identify.blocks import Blocks
+from dsd_cli.identify.gram import grams
+from dsd_cli.identify.results import DELAY, INERTIA, Estimate
+from dsd_cli.identify.solve import Fit
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Array
+
+#: Relative step of numerical derivatives, and how near a bound counts as on it (share of the value).
+STEP, ON_BOUND = 1e-4, 1e-6
+#: Blocks per unknown below which the scatter between blocks is no estimate of a covariance.
+BLOCKS_PER_UNKNOWN = 3
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What turns coefficients into values: observer, sample time (s), and what the fit does not change."""
+
+    observer: ObserverSettings
+    sample_time: float
+    rest_speed: float
+
+    def model(self, fit: Fit, fold: int | None = None) -> PlantModel:
+        """The plant model of a fit (of the fit that holds `fold` out); values are kept within their bounds."""
+        theta = fit.total if fold is None else fit.folds[fold]
+        return _model(self, fit.terms, fit.widths, fit.tap, theta)
+
+
+def _model(scale: Scale, terms: Terms, widths: tuple[int, ...], tap: int, theta: Array) -> PlantModel:
+    gain = max(float(theta[0] + theta[1]), 1e-12)
+    motor = scale.observer.nominal_inertia / gain
+    parts = np.split(theta[2:], np.cumsum(widths)[:-1]) if widths else []
+    loads = sum(float(c[0]) for t, c in zip(terms, parts, strict=True) if t.effect.role is Role.STRUCTURE)
+    inertia = motor * (1.0 + loads)
+    effects: dict[str, Mapping[str, Any]] = {}
+    for term, coefficients in zip(terms, parts, strict=True):
+        unit = 1.0 + loads if term.effect.role is Role.STRUCTURE else gain
+        found = tuple(float(c) / unit for c in coefficients)
+        if term.effect.role is not Role.INPUT and term.effect.memory:
+            found = tuple(max(c, 1e-9) for c in found)  # a level or a share that stands under a fraction bar
+        effects[term.id] = _bounded(term.effect, term.effect.from_columns(found, term.shape, inertia))
+    delay = (tap + float(theta[1]) / gain) * scale.sample_time
+    return PlantModel(inertia, max(delay, 0.0), effects, scale.rest_speed)
+
+
+def _bounded(effect: Any, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values within the bounds of their parameters."""
+    bounds = {p.name: p for p in effect.parameters}
+    return {
+        name: value if bounds[name].listed else float(np.clip(value, bounds[name].lower, bounds[name].upper))
+        for name, value in values.items()
+    }
+
+
+def flat(model: PlantModel) -> dict[str, float]:
+    """inertia, delay and "<effect>.<parameter>" -> value; lists of events are left out."""
+    values = {INERTIA: model.inertia, DELAY: model.delay}
+    for name, parameters in model.effects.items():
+        values |= {f"{name}.{p}": v for p, v in parameters.items() if isinstance(v, float)}
+    return values
+
+
+def estimates(fit: Fit, bank: Bank, blocks: Blocks, scale: Scale, floor: float) -> dict[str, Estimate]:
+    """Every value of the model with its standard error.
+
+    Parameters
+    ----------
+    floor : variance of a whitened row, inflated for correlation: no error is smaller than it implies.
+    """
+    covariance, shapes = _covariance(fit, bank, blocks, floor)
+    values = flat(scale.model(fit))
+
+    def at(change: Array) -> dict[str, float]:
+        theta = fit.total + change[: len(fit.total)]
+        terms = list(fit.terms)
+        for (i, name, value), step in zip(shapes, change[len(fit.total) :], strict=True):
+            terms[i] = type(terms[i]).of(terms[i].id, {**terms[i].shape, name: value * math.exp(step)})
+        return flat(_model(scale, tuple(terms), fit.widths, fit.tap, theta))
+
+    jacobian = _jacobian(at, values, covariance)
+    errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian), 0.0))
+    units = _units(fit.terms)
+    return {
+        name: Estimate(value, float(error), units[name][0], _on_bound(value, *units[name][1:]))
+        for (name, value), error in zip(values.items(), errors, strict=True)
+    }
+
+
+def _jacobian(at: Callable[[Array], dict[str, float]], values: dict[str, float], covariance: Array) -> Array:
+    rows = []
+    for i in range(len(covariance)):
+        step = np.zeros(len(covariance))
+        step[i] = 0.05 * math.sqrt(max(covariance[i, i], 0.0)) or 1e-9
+        up, down = at(step), at(-step)
+        rows.append([(up[name] - down[name]) / (2.0 * step[i]) for name in values])
+    return np.array(rows).T
+
+
+def _units(terms: Terms) -> dict[str, tuple[str, float, float]]:
+    """Value -> (unit, lower, upper)."""
+    units = {INERTIA: ("{u}/({v}/s)", 0.0, math.inf), DELAY: ("s", 0.0, math.inf)}
+    for term in terms:
+        for p in term.effect.parameters:
+            units[f"{term.id}.{p.name}"] = (p.unit, p.lower, p.upper)
+    return units
+
+
+def _on_bound(value: float, lower: float, upper: float) -> bool:
+    """Whether a value stands on a bound (a delay of 0 is none: nothing is earlier)."""
+    span = max(abs(value), 1e-12)
+    return any(math.isfinite(b) and abs(value - b) <= ON_BOUND * span for b in (lower, upper))
+
+
+def _covariance(fit: Fit, bank: Bank, blocks: Blocks, floor: float) -> tuple[Array, list[tuple[int, str, float]]]:
+    """(covariance of coefficients and logarithms of shapes, [(term, shape name, value)]).
+
+    A sandwich over the blocks, which needs nothing to be white; with few blocks the usual one.
+    """
+    rows = [bank.y, *_columns(fit, bank, fit.terms)]
+    shapes = [
+        (i, name, value)
+        for i, term in enumerate(fit.terms)
+        for name, value in term.items
+        if isinstance(value, float) and value > 0.0
+    ]
+    for i, name, value in shapes:
+        ends = []
+        for factor in (1.0 + STEP, 1.0 - STEP):
+            terms = list(fit.terms)
+            terms[i] = type(terms[i]).of(terms[i].id, {**terms[i].shape, name: value * factor})
+            ends.append(fit.total @ np.stack(_columns(fit, bank, tuple(terms))))
+        rows.append((ends[0] - ends[1]) / (2.0 * STEP))
+    found = grams(rows, blocks)
+    normal = found.total[1:, 1:]
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    inverse = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-10) / np.outer(size, size)
+    usual = floor * inverse
+    unknowns = len(normal)
+    if blocks.count < BLOCKS_PER_UNKNOWN * unknowns:
+        return usual, shapes
+    residual = np.concatenate([[1.0], -fit.total, np.zeros(len(shapes))])
+    scores = found.held_out[:, 1:, :] @ residual
+    meat = scores.T @ scores * blocks.count / (blocks.count - unknowns)
+    sandwich = inverse @ meat @ inverse
+    return np.where(np.trace(sandwich) > np.trace(usual), sandwich, usual), shapes
+
+
+def _columns(fit: Fit, bank: Bank, terms: Terms) -> list[Array]:
+    inputs = inputs_of(terms)
+    columns = [bank.drive(inputs, tap, keep=False) for tap in (fit.tap, fit.tap + 1)]
+    for term in terms:
+        if term.effect.role is not Role.INPUT:
+            columns += bank.columns(term, fit.tap, keep=False)
+    return columns
