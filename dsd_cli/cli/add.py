@@ -1,0 +1,71 @@
+"""`dsd add`: take an effect into the model, if it helps."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from dsd_cli.cli.identification import HoldoutOption
+from dsd_cli.cli.options import (
+    CONFIG_FILE,
+    ConfigOption,
+    EffectsFromOption,
+    Format,
+    FormatOption,
+    LogArgument,
+    QuietOption,
+    SetOption,
+)
+
+OutputNeeded = Annotated[
+    str, typer.Option("-o", "--output", metavar="FILE", help="Config to write, may be that of -c; - is stdout.")
+]
+
+
+def add(
+    log: LogArgument,
+    effect: Annotated[str, typer.Argument(metavar="EFFECT", help="Effect to add, see `dsd effects`.")],
+    output: OutputNeeded,
+    config: ConfigOption = CONFIG_FILE,
+    holdout: HoldoutOption = None,
+    form: FormatOption = Format.TABLE,
+    override: SetOption = None,
+    effects_from: EffectsFromOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Add EFFECT to [model], fit all values to LOG again, and write the config with the result.
+
+    Comments and order of the config stay; the old values go into its [[history]]. Nothing is written if the held-out
+    error does not fall.
+    """
+    import sys
+
+    from dsd_cli.cli.identification import check_logs, load_given, print_json, say, warn
+    from dsd_cli.cli.improve_loop import check_outputs, put_config, with_steps
+    from dsd_cli.cli.user_effects import use_effects
+    from dsd_cli.files.config import load_config
+    from dsd_cli.files.config.edit import read_text
+    from dsd_cli.report.ladder import add_json, added_step, print_addition
+
+    apart = holdout or []
+    check_logs([log], apart)
+    use_effects(effects_from)
+    settings = load_config(config, override or ())
+    check_outputs(output, form, [log, *apart])
+    given = load_given(settings, [log], apart)
+
+    from dsd_cli.identify.improve import add_effect
+
+    added = add_effect(
+        given.recordings, given.model, given.observer, effect, given.engine_settings, holdout=given.holdout
+    )
+    text = with_steps(read_text(config), added.before, [added_step(added)], [log])
+    put_config(output, text)
+    warn(quiet, (*given.warnings, *added.warnings))
+    if form is Format.JSON:
+        print_json(add_json(added, [log], apart, output))
+    elif output != "-" or not quiet:
+        print_addition(added, sys.stderr if output == "-" else sys.stdout)
+    if output != "-":
+        say(quiet, f"wrote {output}")

@@ -1,0 +1,70 @@
+"""`dsd diagnose`: which physical effect is missing?"""
+
+from __future__ import annotations
+
+from dsd_cli.cli.identification import HoldoutOption, LogsArgument, PlotOption
+from dsd_cli.cli.options import (
+    CONFIG_FILE,
+    ConfigOption,
+    EffectsFromOption,
+    Format,
+    FormatOption,
+    QuietOption,
+    SetOption,
+)
+
+
+def diagnose(
+    log: LogsArgument,
+    config: ConfigOption = CONFIG_FILE,
+    holdout: HoldoutOption = None,
+    plot: PlotOption = None,
+    form: FormatOption = Format.TABLE,
+    override: SetOption = None,
+    effects_from: EffectsFromOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Say which physical effect, added to [model], predicts best what no fit has seen; or that none is missing.
+
+    Every effect of the catalogue is fitted to LOG together with the values that [model] has, and judged on data that
+    the fit did not see. A wrong inertia or delay is ranked like an effect.
+    """
+    import sys
+    from dataclasses import replace
+
+    from dsd_cli.cli.identification import ShareDone, check_logs, check_plot, load_given, print_json, say, warn
+    from dsd_cli.cli.user_effects import use_effects
+    from dsd_cli.files.config import load_config
+    from dsd_cli.report.diagnosis import DiagnosisReport, print_table, to_json
+
+    apart = holdout or []
+    check_logs(log, apart)
+    use_effects(effects_from)
+    settings = load_config(config, override or ())
+    check_plot(plot, [config, *log, *apart])
+    given = load_given(settings, log, apart)
+
+    from dsd_cli.identify.diagnose import diagnose as run
+
+    with ShareDone(not quiet) as progress:
+        found = run(
+            given.recordings,
+            given.model,
+            given.observer,
+            given.engine_settings,
+            holdout=given.holdout,
+            progress=progress,
+        )
+    report = DiagnosisReport(
+        replace(found, warnings=(*given.warnings, *found.warnings)), given.model, tuple(apart), given.dropped
+    )
+    if plot is not None:
+        from dsd_cli.report.plots_diagnosis import draw, residual_view
+
+        draw(plot, report, residual_view(found, given.model, given.recordings, given.observer))
+        say(quiet, f"{plot}: drawn")
+    warn(quiet, report.result.warnings)
+    if form is Format.JSON:
+        print_json(to_json(report))
+    else:
+        print_table(report, sys.stdout)

@@ -1,0 +1,159 @@
+"""What `dsd diagnose`, `add` and `improve` share: logs and config in, progress and warnings out."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from dsd_cli.files.config import Config
+    from dsd_cli.identify.diagnose import Settings
+    from dsd_cli.identify.recording import Recording
+    from dsd_cli.plant.model import ObserverSettings, PlantModel
+
+LogsArgument = Annotated[list[str], typer.Argument(metavar="LOG...", help="CSV or Parquet files; - is stdin.")]
+HoldoutOption = Annotated[
+    list[str] | None,
+    typer.Option("--holdout", metavar="LOG", help="Log that no fit sees; held-out errors are of it. Repeatable."),
+]
+PlotOption = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Picture to draw (.png).")]
+
+
+@dataclass(frozen=True)
+class Given:
+    """Logs and config as the engine takes them, and what reading them has to say."""
+
+    settings: Config
+    recordings: tuple[Recording, ...]
+    holdout: tuple[Recording, ...]
+    model: PlantModel
+    observer: ObserverSettings
+    dropped: dict[str, int]
+    warnings: tuple[str, ...]
+
+    @property
+    def engine_settings(self) -> Settings:
+        """How the engine shall work."""
+        from dsd_cli.identify.diagnose import Settings
+
+        return Settings(self.settings.detector.window)
+
+
+def check_logs(logs: Sequence[str], holdout: Sequence[str]) -> None:
+    """Each log once.
+
+    Raises
+    ------
+    UsageError : a log is given twice.
+    """
+    from dsd_cli.errors import UsageError
+
+    names = [*logs, *holdout]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise UsageError(f"{twice} is given twice", "each log once; --holdout is a log that the others are not")
+
+
+def check_plot(plot: Path | None, inputs: Iterable[str | Path]) -> None:
+    """Whether the picture can be drawn, before anything is computed.
+
+    Raises
+    ------
+    UsageError : another suffix, one of the inputs, or no matplotlib.
+    DataError : it is a directory, or its folder is not there.
+    """
+    if plot is None:
+        return
+    import importlib.util
+
+    from dsd_cli.errors import DataError, UsageError
+
+    if plot.suffix.lower() != ".png":
+        raise UsageError(f"--plot {plot}: cannot tell what to draw", "end the name in .png")
+    if any(plot.exists() and Path(source).exists() and plot.samefile(source) for source in inputs):
+        raise UsageError(f"{plot}: is the input", "draw to another file")
+    if plot.is_dir():
+        raise DataError(f"{plot}: is a directory")
+    if not plot.absolute().parent.is_dir():
+        raise DataError(f"{plot}: no such folder {plot.absolute().parent}")
+    if importlib.util.find_spec("matplotlib") is None:
+        raise UsageError("--plot needs matplotlib", "pip install matplotlib")
+
+
+def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str]) -> Given:
+    """Read all logs.
+
+    Raises
+    ------
+    DataError, UsageError : see `load_recording`; or [model] has no inertia.
+    """
+    from dsd_cli.cli.plan import observer_settings
+    from dsd_cli.cli.recordings import believed_model, load_recording
+
+    observer, model = observer_settings(config), believed_model(config)
+    loaded = {path: load_recording(path, config) for path in (*logs, *holdout)}
+    dropped: dict[str, int] = {}
+    for one in loaded.values():
+        for reason, count in one.dropped.items():
+            dropped[reason] = dropped.get(reason, 0) + count
+    return Given(
+        config,
+        tuple(loaded[path].recording for path in logs),
+        tuple(loaded[path].recording for path in holdout),
+        model,
+        observer,
+        dropped,
+        tuple(f"{path}: {warning}" for path, one in loaded.items() for warning in one.warnings),
+    )
+
+
+def say(quiet: bool, line: str) -> None:
+    """A message."""
+    if not quiet:
+        typer.echo(line, err=True)
+
+
+def warn(quiet: bool, warnings: Iterable[str]) -> None:
+    """Warnings, one line each."""
+    for warning in warnings:
+        say(quiet, f"dsd: warning: {warning}")
+
+
+def print_json(result: dict[str, Any]) -> None:
+    """On stdout; a NaN is a mistake of ours and fails."""
+    import json
+
+    typer.echo(json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+class ShareDone:
+    """What is being done, and how much of it: on a terminal, from the first second on."""
+
+    def __init__(self, enabled: bool = True) -> None:
+        self._enabled = enabled and sys.stderr.isatty()
+        self._next = time.monotonic() + 1.0
+        self._shown = False
+
+    def __call__(self, what: str, share: float) -> None:
+        if self._enabled and time.monotonic() >= self._next:
+            print(f"\r\033[K{what} {100.0 * share:.0f} %", end="", file=sys.stderr, flush=True)
+            self._next = time.monotonic() + 0.2
+            self._shown = True
+
+    def clear(self) -> None:
+        """Take the line back."""
+        if self._shown:
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
+            self._shown = False
+
+    def __enter__(self) -> ShareDone:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.clear()

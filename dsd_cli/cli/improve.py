@@ -1,0 +1,216 @@
+"""`dsd improve`: diagnose, add, measure again, until nothing significant is left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dsd_cli.cli.identification import HoldoutOption, PlotOption
+from dsd_cli.cli.options import (
+    CONFIG_FILE,
+    ConfigOption,
+    EffectsFromOption,
+    Format,
+    FormatOption,
+    QuietOption,
+    SetOption,
+)
+
+if TYPE_CHECKING:
+    from dsd_cli.cli.identification import Given
+    from dsd_cli.files.config import Config
+    from dsd_cli.identify.results import Ladder
+
+LogsOrNone = Annotated[list[str] | None, typer.Argument(metavar="LOG...", help="CSV or Parquet files; - is stdin.")]
+ConfigOut = Annotated[
+    str | None,
+    typer.Option("-o", "--output", metavar="FILE", help="Config to write, may be that of -c; - is stdout."),
+]
+
+
+def improve(
+    log: LogsOrNone = None,
+    config: ConfigOption = CONFIG_FILE,
+    output: ConfigOut = None,
+    holdout: HoldoutOption = None,
+    auto: Annotated[bool, typer.Option("--auto", help="Do not ask: add what the diagnosis finds.")] = False,
+    plot: PlotOption = None,
+    form: FormatOption = Format.TABLE,
+    history: Annotated[bool, typer.Option("--history", help="Show the steps that the config remembers.")] = False,
+    undo: Annotated[
+        bool, typer.Option("--undo", help="Take the last step back, in the config or into the file of -o.")
+    ] = False,
+    override: SetOption = None,
+    effects_from: EffectsFromOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Improve [model] step by step: diagnose LOG, ask, add the effect, measure again, until nothing is left to add.
+
+    Each step is kept only if the error on data that no fit saw falls. Without -o nothing is written.
+    """
+    from dsd_cli.cli.improve_loop import check_outputs
+    from dsd_cli.cli.user_effects import use_effects
+    from dsd_cli.files.config import load_config
+
+    wanted = Request(config, tuple(log or ()), tuple(holdout or ()), auto, plot, output, form, quiet)
+    if history or undo:
+        wanted.check_config_alone("--history" if history else "--undo", both=history and undo, override=override)
+    else:
+        wanted.check_logs()
+    use_effects(effects_from)
+    settings = load_config(config, override or ())
+    check_outputs(output, form, wanted.inputs)
+    if history:
+        _show_history(settings, wanted)
+    elif undo:
+        _undo(settings, wanted)
+    else:
+        _improve(settings, wanted)
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the command line asks for."""
+
+    config: Path
+    logs: tuple[str, ...]
+    holdout: tuple[str, ...]
+    auto: bool
+    plot: Path | None
+    output: str | None
+    form: Format
+    quiet: bool
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """All logs."""
+        return (*self.logs, *self.holdout)
+
+    def check_config_alone(self, option: str, both: bool, override: list[str] | None) -> None:
+        """--history and --undo look at the config and at nothing else.
+
+        Raises
+        ------
+        UsageError : they are given with something else.
+        """
+        from dsd_cli.errors import UsageError
+
+        if both:
+            raise UsageError("--history and --undo", "give one of them")
+        written = option == "--history" and self.output is not None
+        if self.inputs or self.auto or self.plot or override or written:
+            raise UsageError(f"{option} looks at the config alone", "leave out the log and the other options")
+
+    def check_logs(self) -> None:
+        """There are logs, and somebody to ask.
+
+        Raises
+        ------
+        UsageError : there are not.
+        """
+        import sys
+
+        from dsd_cli.cli.identification import check_logs
+        from dsd_cli.errors import UsageError
+
+        if not self.logs:
+            raise UsageError("LOG is missing", "give the log to improve the model with, or --history or --undo")
+        check_logs(self.logs, self.holdout)
+        terminal = sys.stdin.isatty() and sys.stderr.isatty() and "-" not in self.inputs
+        if not self.auto and not terminal:
+            raise UsageError("no terminal to ask on", "--auto adds what the diagnosis finds without asking")
+
+
+def _improve(settings: Config, wanted: Request) -> None:
+    import sys
+
+    from dsd_cli.cli.identification import check_plot, load_given, print_json, say, warn
+    from dsd_cli.cli.improve_loop import put_config, with_steps
+    from dsd_cli.files.config.edit import read_text
+    from dsd_cli.report.ladder import LadderReport, improve_json, print_ladder
+
+    output, quiet = wanted.output, wanted.quiet
+    check_plot(wanted.plot, [wanted.config, *wanted.inputs])
+    given = load_given(settings, wanted.logs, wanted.holdout)
+    ladder = _run(given, wanted.auto, quiet)
+    report = LadderReport(ladder, wanted.logs, output, given.dropped, given.warnings)
+    text = with_steps(read_text(wanted.config), ladder.steps[0].score, ladder.steps[1:], wanted.logs)
+    if wanted.plot is not None:
+        from dsd_cli.report.plots_ladder import draw
+
+        draw(wanted.plot, report)
+        say(quiet, f"{wanted.plot}: drawn")
+    if output is not None:
+        put_config(output, text)
+    warn(quiet, report.warnings)
+    if wanted.form is Format.JSON:
+        print_json(improve_json(report))
+    elif output != "-" or not quiet:
+        print_ladder(report, sys.stderr if output == "-" else sys.stdout)
+    if output is None:
+        say(quiet, "nothing was written: -o FILE writes the improved config")
+    elif output != "-":
+        say(quiet, f"wrote {output}")
+
+
+def _run(given: Given, auto: bool, quiet: bool) -> Ladder:
+    import sys
+
+    from dsd_cli.cli.identification import ShareDone
+    from dsd_cli.cli.improve_loop import Asker, follow
+    from dsd_cli.identify.improve import improve as run
+    from dsd_cli.identify.results import Step
+    from dsd_cli.report.ladder import step_line
+
+    steps: list[Step] = []
+    with ShareDone(not quiet) as progress:
+
+        def on_step(step: Step) -> None:
+            progress.clear()
+            if not quiet and sys.stderr.isatty():
+                typer.echo(step_line(step, steps[-1] if steps else None), err=True)
+            steps.append(step)
+
+        return run(
+            given.recordings,
+            given.model,
+            given.observer,
+            given.engine_settings,
+            holdout=given.holdout,
+            choose=follow if auto else Asker(progress),
+            on_step=on_step,
+            progress=progress,
+        )
+
+
+def _show_history(settings: Config, wanted: Request) -> None:
+    import sys
+
+    from dsd_cli.cli.identification import print_json
+    from dsd_cli.report.ladder import history_json, print_history
+
+    steps = settings.written.get("history", [])
+    if wanted.form is Format.JSON:
+        print_json(history_json(str(wanted.config), steps))
+    else:
+        print_history(str(wanted.config), steps, sys.stdout)
+
+
+def _undo(settings: Config, wanted: Request) -> None:
+    from dsd_cli.cli.identification import print_json, say
+    from dsd_cli.cli.improve_loop import put_config
+    from dsd_cli.errors import UsageError
+    from dsd_cli.files.config.edit import read_text, undone
+    from dsd_cli.report.ladder import history_json
+
+    steps = settings.written.get("history", [])
+    if not steps:
+        raise UsageError(f"{wanted.config}: no [[history]]", "there is no step to take back")
+    to = wanted.output or str(wanted.config)
+    put_config(to, undone(read_text(wanted.config)))
+    if wanted.form is Format.JSON:
+        print_json({**history_json(to, steps[:-1]), "undone": steps[-1]})
+    say(wanted.quiet, f"wrote {to}: without {steps[-1]['effect']}, as before {steps[-1]['date']}")

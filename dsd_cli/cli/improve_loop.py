@@ -1,0 +1,132 @@
+"""The loop of `dsd improve`: who decides on the next effect, and how its steps get into the config."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from dsd_cli.cli.options import Format
+from dsd_cli.errors import UsageError
+from dsd_cli.identify.results import NONE, UNKNOWN, Diagnosis, Score, Step
+
+if TYPE_CHECKING:
+    from dsd_cli.cli.identification import ShareDone
+    from dsd_cli.files.config import History
+
+
+def check_outputs(output: str | None, form: Format, inputs: Sequence[str]) -> None:
+    """Whether the config can be written, before anything is computed.
+
+    Raises
+    ------
+    UsageError : config and JSON on stdout, or over a log.
+    DataError : the folder is not there or cannot be written to.
+    """
+    from dsd_cli.files.config.edit import check_config_output
+
+    if output == "-" and form is Format.JSON:
+        raise UsageError("-o - and --format json", "stdout can take one of them; name a file with -o")
+    if output is not None:
+        check_config_output(output, inputs)
+
+
+def put_config(output: str, text: str) -> None:
+    """Write the config, whole or not at all, if it is one that `dsd` reads; - is stdout."""
+    from dsd_cli.files.config import parse_config
+    from dsd_cli.files.config.edit import write_text
+
+    parse_config(text, output)
+    if output == "-":
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    else:
+        write_text(output, text)
+
+
+def with_steps(text: str, start: Score, steps: Sequence[Step], logs: Sequence[str]) -> str:
+    """The config after these steps, each in its history."""
+    from dsd_cli.files.config.edit import with_model, with_step
+
+    score = start
+    for step in steps:
+        changed = with_model(text, step.model, step.estimates)
+        text = with_step(changed, _record(step, score, logs), before=text)
+        score = step.score
+    return text
+
+
+def _record(step: Step, before: Score, logs: Sequence[str]) -> History:
+    from dsd_cli.files.config import History
+    from dsd_cli.files.config.edit import now, rounded
+    from dsd_cli.report.ladder import own
+    from dsd_cli.report.names import number_or_none
+
+    estimates = own(step)
+    errors = {name: number_or_none(e.std_error) for name, e in estimates.items()}
+    listed = {k: v for k, v in step.model.effects.get(step.effect, {}).items() if isinstance(v, list | tuple)}
+    values = {
+        name: rounded(e.value, e.std_error) for name, e in estimates.items() if number_or_none(e.value) is not None
+    }
+    return History(
+        effect=step.effect,
+        date=now(),
+        logs=tuple(logs),
+        rmse_before=number_or_none(before.rmse),
+        rmse_after=number_or_none(step.score.rmse),
+        heldout_rmse_before=number_or_none(before.heldout_rmse),
+        heldout_rmse_after=number_or_none(step.score.heldout_rmse),
+        values={**values, **listed},
+        std_errors={name: rounded(e, e) for name, e in errors.items() if e},
+    )
+
+
+def follow(diagnosis: Diagnosis) -> str | None:
+    """--auto: take what the diagnosis finds, until it finds nothing that it can name."""
+    return None if diagnosis.verdict in (NONE, UNKNOWN) else diagnosis.verdict
+
+
+class Asker:
+    """Shows each diagnosis on the terminal and asks what to do."""
+
+    def __init__(self, progress: ShareDone) -> None:
+        self._progress = progress
+
+    def __call__(self, diagnosis: Diagnosis) -> str | None:
+        from dsd_cli.report.diagnosis import DiagnosisReport, print_table
+
+        self._progress.clear()
+        print_table(DiagnosisReport(diagnosis), sys.stderr, brief=True)
+        found = follow(diagnosis)
+        while True:
+            question = f"add {found}? [y]es / [n]o stop / name of another effect: "
+            if found is None:
+                question = "[n]o stop / name of an effect to add all the same: "
+            print(question, end="", file=sys.stderr, flush=True)
+            line = sys.stdin.readline()
+            if not line:
+                print(file=sys.stderr)
+                return None
+            answer = line.strip()
+            if answer.lower() in ("n", "no"):
+                return None
+            if answer.lower() in ("y", "yes") and found is not None:
+                return found
+            if answer and self._can_add(diagnosis, answer):
+                return answer
+
+    @staticmethod
+    def _can_add(diagnosis: Diagnosis, answer: str) -> bool:
+        from dsd_cli.effects import catalogue
+        from dsd_cli.files.config.rules import suggestion
+
+        ranked = {c.effect: c.untestable for c in diagnosis.ranking}
+        if answer in ranked:
+            why = ranked[answer]
+        elif answer in catalogue():
+            why = "it is in the model, or cannot be tried on this log"
+        else:
+            why = f"no such effect; {suggestion(answer, ranked)}"
+        if why:
+            print(f"{answer}: {why}", file=sys.stderr)
+        return not why

@@ -1,0 +1,225 @@
+"""The result of `dsd diagnose` as a sentence, as JSON and as a table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate, Diagnosis, Estimates, Score
+from dsd_cli.plant.model import PlantModel
+from dsd_cli.report.names import (
+    LEGEND,
+    estimate_text,
+    estimates_json,
+    fall_text,
+    listed,
+    number_or_none,
+    values_text,
+)
+
+#: Rows of a table on the screen; the JSON has all.
+MOST_CANDIDATES = 12
+
+
+@dataclass(frozen=True)
+class DiagnosisReport:
+    """A diagnosis and where it came from; `given` is the model as the config has it."""
+
+    result: Diagnosis
+    given: PlantModel | None = None
+    holdout: tuple[str, ...] = ()
+    dropped: Mapping[str, int] = field(default_factory=dict)
+
+
+def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:
+    """The verdict in one plain sentence; `given`: the model whose inertia or delay may be wrong."""
+    sure = f"probability {percent(result.probability)}"
+    if result.verdict == NONE:
+        return f"nothing is missing ({sure}): the held-out error {error(result.refitted.heldout_rmse)} is noise"
+    if result.verdict == UNKNOWN:
+        on = f"; it depends on {listed(result.depends_on)}" if result.depends_on else ""
+        return f"something is missing that no effect of the catalogue explains{on} ({sure})"
+    winner = candidate(result, result.verdict)
+    if winner is None:
+        return f"{result.verdict} is missing ({sure})"
+    values = values_text(winner.parameters)
+    values = f"{values}, " if values else ""
+    falls = f"the held-out error falls from {error(winner.heldout_rmse_before)} to {error(winner.heldout_rmse_after)}"
+    if winner.effect in (INERTIA, DELAY):
+        was = "" if given is None else f" {getattr(given, winner.effect):.4g}"
+        line = f"{winner.effect}{was} of [model] is wrong: {values}{sure}; {falls}"
+    else:
+        line = f"{winner.effect} is missing: {values}{sure}; {falls}"
+    if winner.indistinguishable_from:
+        line += f"; this log cannot tell it from {listed(winner.indistinguishable_from, 'or')}"
+    return line
+
+
+def candidate(result: Diagnosis, effect: str) -> Candidate | None:
+    """The candidate of that id."""
+    return next((c for c in result.ranking if c.effect == effect), None)
+
+
+def to_json(report: DiagnosisReport) -> dict[str, Any]:
+    """The object of the contract."""
+    result = report.result
+    return {
+        "schema_version": 1,
+        "command": "diagnose",
+        "log": one_or_all(result.logs),
+        "holdout": list(report.holdout),
+        "samples": result.samples,
+        "verdict": result.verdict,
+        "probability": number_or_none(result.probability),
+        "verdict_text": verdict_line(result, report.given),
+        **score_json(result.score),
+        "refitted": score_json(result.refitted),
+        "ranking": [_candidate_json(c) for c in result.ranking],
+        "ceiling": {"heldout_rmse": number_or_none(result.ceiling.heldout_rmse), "on": list(result.ceiling.on)},
+        "noise": number_or_none(result.noise),
+        "depends_on": list(result.depends_on),
+        "estimates": estimates_json(result.estimates),
+        "provenance": dict(result.provenance),
+        "advice": list(result.advice),
+        "warnings": list(result.warnings),
+        "dropped": [{"reason": reason, "count": count} for reason, count in report.dropped.items()],
+    }
+
+
+def one_or_all(logs: Sequence[str]) -> str | list[str]:
+    """A single log as its name."""
+    return logs[0] if len(logs) == 1 else list(logs)
+
+
+def score_json(score: Score) -> dict[str, float | None]:
+    """The errors of one model."""
+    return {
+        "rmse": number_or_none(score.rmse),
+        "heldout_rmse": number_or_none(score.heldout_rmse),
+        "fit_percent": number_or_none(score.fit_percent),
+        "relative_error_percent": number_or_none(score.relative_error_percent),
+    }
+
+
+def _candidate_json(one: Candidate) -> dict[str, Any]:
+    out: dict[str, Any] = {
+        "effect": one.effect,
+        "rmse_after": number_or_none(one.rmse_after),
+        "heldout_rmse_before": number_or_none(one.heldout_rmse_before),
+        "heldout_rmse_after": number_or_none(one.heldout_rmse_after),
+        "probability": number_or_none(one.probability),
+        "parameters": estimates_json(one.parameters),
+        "indistinguishable_from": list(one.indistinguishable_from),
+    }
+    if one.untestable:
+        out["not_testable"] = one.untestable
+    if one.note:
+        out["note"] = one.note
+    return out
+
+
+def print_table(report: DiagnosisReport, file: Any, brief: bool = False) -> None:
+    """For a person; `brief`: the verdict and the best candidates only."""
+    from rich.console import Console
+
+    console = Console(file=file, highlight=False, soft_wrap=True)
+    result = report.result
+    console.print(f"[bold]{escaped(verdict_line(result, report.given))}[/bold]")
+    if not brief:
+        console.print(escaped(_first_line(result, report.holdout)))
+    _print_ranking(console, result, 4 if brief else MOST_CANDIDATES)
+    if brief:
+        return
+    for line in _closing_lines(report):
+        console.print(escaped(line))
+
+
+def _first_line(result: Diagnosis, holdout: Sequence[str]) -> str:
+    line = f"{', '.join(result.logs)}: {result.samples:,} samples"
+    if holdout:
+        line += f", held out {', '.join(holdout)}"
+    line += f"; the model as given has rms error {error(result.score.rmse)}"
+    refitted = result.refitted.rmse
+    return line + (f", with its own values fitted {error(refitted)}" if math.isfinite(refitted) else "")
+
+
+def _print_ranking(console: Any, result: Diagnosis, most: int) -> None:
+    tested = [c for c in result.ranking if not c.untestable]
+    if not tested:
+        return
+    before = next((c.heldout_rmse_before for c in tested if math.isfinite(c.heldout_rmse_before)), math.nan)
+    title = f"held-out error with one effect more (without: {error(before)})"
+    table = plain_table(title, "effect", "error", "falls by", "probability")
+    for one in tested[:most]:
+        notes = [one.note] if one.note else []
+        notes += [f"not to be told from {other}" for other in one.indistinguishable_from]
+        table.add_row(
+            named(one.effect, one.parameters, notes),
+            error(one.heldout_rmse_after),
+            fall_text(one.heldout_rmse_before, one.heldout_rmse_after),
+            percent(one.probability),
+        )
+    console.print(table)
+    if len(tested) > most:
+        console.print(f"  and {len(tested) - most} more candidates (--format json lists them)")
+
+
+def _closing_lines(report: DiagnosisReport) -> list[str]:
+    result = report.result
+    lines = []
+    if result.estimates:
+        fitted = (f"{name} {estimate_text(e)}" for name, e in result.estimates.items())
+        lines.append("fitted along: " + ", ".join(fitted))
+    on = f" of {listed(result.ceiling.on)}" if result.ceiling.on else ""
+    if math.isfinite(result.ceiling.heldout_rmse):
+        lines.append(f"ceiling: the best free-form function{on} reaches {error(result.ceiling.heldout_rmse)}")
+    if math.isfinite(result.noise):
+        lines.append(f"noise: {error(result.noise)} (rms of d_hat that no smooth function of anything explains)")
+    sources = [f"{name} {how}" for name, how in result.provenance.items() if how != "logged"]
+    lines += [f"channels: {'; '.join(sources)}"] if sources else []
+    lines += [f"not testable: {c.effect}: {c.untestable}" for c in result.ranking if c.untestable]
+    if report.dropped:
+        counts = ", ".join(f"{reason} {count:,}" for reason, count in report.dropped.items())
+        lines.append(f"rows not taken as they are: {counts}")
+    return [*lines, LEGEND, *(f"-> {advice}" for advice in result.advice)]
+
+
+def plain_table(title: str, *names: str) -> Any:
+    """A table without frame, the first column to the left and wrapped where the terminal is narrow."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, title=escaped(title), title_justify="left", title_style="")
+    for i, name in enumerate(names):
+        table.add_column(name, justify="right" if i else "left", no_wrap=i > 0, overflow="fold")
+    return table
+
+
+def named(effect: str, values: Estimates, notes: Sequence[str] = ()) -> str:
+    """An effect, below it its values and what to know about them: one cell, so that tables stay narrow."""
+    lines = [values_text({name: estimate}) for name, estimate in values.items()]
+    return escaped("\n  ".join([effect, *lines, *notes]))
+
+
+def error(rmse: float) -> str:
+    """An error, three digits."""
+    return f"{rmse:.3g}" if math.isfinite(rmse) else "-"
+
+
+def percent(probability: float) -> str:
+    """Whole percent; a probability is never 0 or 100."""
+    if not math.isfinite(probability):
+        return "-"
+    share = 100.0 * probability
+    if share < 0.5:
+        return "< 1 %"
+    return "> 99 %" if share >= 99.5 else f"{share:.0f} %"
+
+
+def escaped(text: str) -> str:
+    """Safe from rich's markup."""
+    from rich.markup import escape
+
+    return escape(text)

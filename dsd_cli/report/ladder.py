@@ -1,0 +1,217 @@
+"""The results of `dsd add` and `dsd improve`, and the history of a config, as JSON and as tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Addition, Estimate, Estimates, Ladder, Step
+from dsd_cli.report.diagnosis import error, escaped, named, one_or_all, plain_table, score_json, verdict_line
+from dsd_cli.report.names import LEGEND, change_text, estimates_json, fall_text, number_or_none, values_text
+
+#: Characters of the longest bar.
+BAR = 14
+_EIGHTHS = " ▏▎▍▌▋▊▉█"
+
+
+@dataclass(frozen=True)
+class LadderReport:
+    """A ladder and where it came from and went; `config` None: nothing was written."""
+
+    result: Ladder
+    logs: tuple[str, ...]
+    config: str | None = None
+    dropped: Mapping[str, int] = field(default_factory=dict)
+    reading: tuple[str, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Of reading the logs, and of the last diagnosis."""
+        return (*self.reading, *self.result.last.warnings)
+
+
+def improve_json(report: LadderReport) -> dict[str, Any]:
+    """The object of the contract."""
+    result = report.result
+    return {
+        "schema_version": 1,
+        "command": "improve",
+        "log": one_or_all(report.logs),
+        "holdout": list(result.holdout),
+        "ladder": [_step_json(step) for step in result.steps],
+        "verdict": result.verdict,
+        "verdict_text": final_line(result),
+        "stopped": result.stopped,
+        "config": report.config,
+        "warnings": list(report.warnings),
+        "dropped": [{"reason": reason, "count": count} for reason, count in report.dropped.items()],
+    }
+
+
+def _step_json(step: Step) -> dict[str, Any]:
+    return {"step": step.step, "effect": step.effect, **score_json(step.score), "values": estimates_json(own(step))}
+
+
+def own(step: Step) -> Estimates:
+    """The values that a step brought: those of its effect by parameter; after a refit all."""
+    if step.effect in (INERTIA, DELAY):
+        return {k: e for k, e in step.estimates.items() if k == step.effect}
+    mine = {k.partition(".")[2]: e for k, e in step.estimates.items() if k.startswith(f"{step.effect}.")}
+    return mine or ({} if step.step == 0 else dict(step.estimates))
+
+
+def final_line(result: Ladder) -> str:
+    """What was reached, what is left, and why it stopped."""
+    first, last = result.steps[0].score, result.steps[-1].score
+    line = (
+        f"held-out error {error(first.heldout_rmse)} -> {error(last.heldout_rmse)}"
+        f" ({change_text(first.heldout_rmse, last.heldout_rmse)}) in {_count(len(result.steps) - 1)}"
+    )
+    if result.verdict in (NONE, UNKNOWN) or result.verdict == result.last.verdict:
+        line += f"; {verdict_line(result.last)}"
+    return f"{line}; stopped: {result.stopped}" if result.stopped else line
+
+
+def _count(steps: int) -> str:
+    return "1 step" if steps == 1 else f"{steps} steps"
+
+
+def step_line(step: Step, before: Step | None) -> str:
+    """One rung, as it is taken."""
+    fell = f" ({change_text(before.score.heldout_rmse, step.score.heldout_rmse)})" if before else ""
+    values = values_text(own(step)) if before else ""
+    return f"step {step.step}: {step.effect}: held-out error {error(step.score.heldout_rmse)}{fell}" + (
+        f"; {values}" if values else ""
+    )
+
+
+def print_ladder(report: LadderReport, file: Any) -> None:
+    """For a person: a bar per rung."""
+    from rich.console import Console
+
+    console = Console(file=file, highlight=False, soft_wrap=True)
+    result = report.result
+    errors = [step.score.heldout_rmse for step in result.steps]
+    top = max((e for e in errors if math.isfinite(e)), default=math.nan)
+    table = plain_table(f"{', '.join(report.logs)}: held-out error", "step", "error", "", "fell by", "fit")
+    table.columns[2].justify = "left"
+    for i, step in enumerate(result.steps):
+        table.add_row(
+            named(f"{step.step} {step.effect}", own(step)),
+            error(errors[i]),
+            bar(errors[i], top, _encoding(file)),
+            fall_text(errors[i - 1], errors[i]) if i else "",
+            _fit(step.score.fit_percent),
+        )
+    console.print(table)
+    if report.dropped:
+        counts = ", ".join(f"{reason} {count:,}" for reason, count in report.dropped.items())
+        console.print(escaped(f"rows not taken as they are: {counts}"))
+    console.print(LEGEND)
+    console.print(f"[bold]{escaped(final_line(result))}[/bold]")
+
+
+def _fit(percent: float) -> str:
+    return f"{percent:.1f} %" if math.isfinite(percent) else "-"
+
+
+def _encoding(file: Any) -> str:
+    return getattr(file, "encoding", None) or "ascii"
+
+
+def bar(value: float, top: float, encoding: str) -> str:
+    """A bar of length value / top, in eighths of a character where the encoding has them."""
+    if not (math.isfinite(value) and math.isfinite(top)) or top <= 0.0:
+        return ""
+    length = BAR * min(max(value / top, 0.0), 1.0)
+    try:
+        _EIGHTHS.encode(encoding)
+    except (UnicodeEncodeError, LookupError):
+        return "#" * max(round(length), 1)
+    eighths = max(round(8 * length), 1)
+    return _EIGHTHS[-1] * (eighths // 8) + _EIGHTHS[eighths % 8].strip()
+
+
+def add_json(result: Addition, logs: Sequence[str], holdout: Sequence[str], config: str) -> dict[str, Any]:
+    """The object of the contract of `dsd add`."""
+    return {
+        "schema_version": 1,
+        "command": "add",
+        "log": one_or_all(logs),
+        "holdout": list(holdout),
+        "effect": result.effect,
+        "rmse_before": number_or_none(result.before.rmse),
+        "rmse_after": number_or_none(result.after.rmse),
+        "heldout_rmse_before": number_or_none(result.before.heldout_rmse),
+        "heldout_rmse_after": number_or_none(result.after.heldout_rmse),
+        "before": score_json(result.before),
+        "after": score_json(result.after),
+        "parameters": estimates_json(own(added_step(result))),
+        "estimates": estimates_json(result.estimates),
+        "warnings": list(result.warnings),
+        "config": config,
+    }
+
+
+def added_step(result: Addition) -> Step:
+    """An addition as the one rung of a ladder."""
+    return Step(1, result.effect, result.after, result.estimates, result.model)
+
+
+def print_addition(result: Addition, file: Any) -> None:
+    """For a person."""
+    from rich.console import Console
+
+    console = Console(file=file, highlight=False, soft_wrap=True)
+    before, after = result.before, result.after
+    fell = change_text(before.heldout_rmse, after.heldout_rmse)
+    held = f"held-out error {error(before.heldout_rmse)} -> {error(after.heldout_rmse)} ({fell})"
+    console.print(f"[bold]{escaped(f'{result.effect} added: {held}')}[/bold]")
+    table = plain_table("", "", "before", "after")
+    for name, a, b in (
+        ("rms error", error(before.rmse), error(after.rmse)),
+        ("held-out error", error(before.heldout_rmse), error(after.heldout_rmse)),
+        ("fit", _fit(before.fit_percent), _fit(after.fit_percent)),
+        ("error of the net force", _fit(before.relative_error_percent), _fit(after.relative_error_percent)),
+    ):
+        table.add_row(name, a, b)
+    console.print(table)
+    for name, estimate in result.estimates.items():
+        console.print(escaped(f"  {values_text({f'{name} =': estimate})}"))
+    console.print(LEGEND)
+
+
+def history_json(config: str, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The steps that a config remembers; `steps` as its [[history]] has them."""
+    return {"schema_version": 1, "command": "improve", "log": None, "config": config, "history": list(steps)}
+
+
+def print_history(config: str, steps: Sequence[Mapping[str, Any]], file: Any) -> None:
+    """For a person."""
+    from rich.console import Console
+
+    console = Console(file=file, highlight=False, soft_wrap=True)
+    if not steps:
+        console.print(escaped(f"{config}: no steps yet"))
+        return
+    table = plain_table(f"{config}: steps, newest last", "step", "date", "held-out error")
+    for step in steps:
+        before, after = (_given(step.get(f"heldout_rmse_{when}")) for when in ("before", "after"))
+        table.add_row(
+            named(str(step["effect"]), _recorded(step), [f"from {log}" for log in step.get("logs", ())]),
+            str(step["date"]).replace("T", " ")[:16],
+            f"{error(before)} -> {error(after)} ({change_text(before, after)})",
+        )
+    console.print(table)
+
+
+def _given(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _recorded(step: Mapping[str, Any]) -> dict[str, Estimate]:
+    errors = step.get("std_errors", {})
+    numbers = {name: v for name, v in step.get("values", {}).items() if isinstance(v, int | float)}
+    return {name: Estimate(v, errors.get(name, math.nan), "") for name, v in numbers.items()}

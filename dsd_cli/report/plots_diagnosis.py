@@ -1,0 +1,174 @@
+"""The picture of `dsd diagnose --plot`: how far each candidate brings the error down, what the best explains."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsd_cli.effects import Role, get_effect
+from dsd_cli.identify.recording import Recording
+from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Diagnosis
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.plant.prediction import predict_d_hat
+from dsd_cli.report.diagnosis import DiagnosisReport, candidate, error, percent, verdict_line
+from dsd_cli.report.plots_comparison import PREDICTED, RESIDUAL, SHARE, binned_mean
+from dsd_cli.signals.log import Array, Log
+
+#: Bars, and points of the scatter.
+MOST_BARS, POINTS = 14, 6000
+_LABELS = {"t": "time (s)", "u": "u", "velocity": "velocity (rad/s or m/s)", "position": "position (rad or m)"}
+#: Words of `Diagnosis.depends_on` that are channels of a log.
+_CHANNELS = {"velocity": "velocity", "direction": "velocity", "position": "position", "u": "u", "time": "t"}
+#: Time constants of Q, s, until a prediction no longer rests on u before the log.
+_SETTLED = 5.0
+
+
+@dataclass(frozen=True)
+class ResidualView:
+    """What the model leaves, against one channel; arrays of shape (n,).
+
+    `explained` : what the effect of the verdict predicts of it; None without one.
+    """
+
+    on: str
+    x: Array
+    residual: Array
+    effect: str = ""
+    explained: Array | None = None
+
+
+def residual_view(
+    result: Diagnosis, given: PlantModel, recordings: Sequence[Recording], observer: ObserverSettings
+) -> ResidualView:
+    """Residual of the model fitted along with the verdict's effect, but without it, against the channel it needs."""
+    observer = replace(observer, sign=1)  # recordings have the sign of eq. 13
+    winner = candidate(result, result.verdict)
+    model = None if winner is None else winner.model
+    without = result.model if winner is None or model is None else _without(model, winner.effect, given)
+    on = _channel(result, recordings)
+    parts: list[tuple[Array, Array, Array]] = []
+    for piece in (piece for recording in recordings for piece in recording.pieces):
+        settled = _settled(piece, without, observer)
+        left = piece["d_hat"] - predict_d_hat(without, piece, observer)
+        explained = left * 0.0
+        if model is not None:
+            explained = predict_d_hat(model, piece, observer) - predict_d_hat(without, piece, observer)
+        parts.append((piece[on][settled], left[settled], explained[settled]))
+    x, residual, explained = (np.concatenate(part) for part in zip(*parts, strict=True))
+    named = winner.effect if winner is not None and model is not None else ""
+    return ResidualView(on, x, residual, named, explained if named else None)
+
+
+def _without(model: PlantModel, effect: str, given: PlantModel) -> PlantModel:
+    if effect in (INERTIA, DELAY):
+        return model.changed(**{effect: getattr(given, effect)})
+    rest = {name: values for name, values in model.effects.items() if name != effect}
+    return PlantModel(model.inertia, model.delay, rest, model.rest_speed)
+
+
+def _channel(result: Diagnosis, recordings: Sequence[Recording]) -> str:
+    """The channel that the verdict's effect looks at; for a remainder without name, the first that it depends on."""
+    if result.verdict in (INERTIA, DELAY):
+        wanted = ["u"]
+    elif candidate(result, result.verdict) is not None:
+        effect = get_effect(result.verdict)
+        wanted = [*effect.needs, *(["u"] if effect.role in (Role.INPUT, Role.STRUCTURE) else [])]
+    else:
+        wanted = [_CHANNELS[word] for word in result.depends_on if word in _CHANNELS]
+    logs = [piece for recording in recordings for piece in recording.pieces]
+    return next((name for name in wanted if all(name in log for log in logs)), "t")
+
+
+def _settled(piece: Log, model: PlantModel, observer: ObserverSettings) -> slice:
+    seconds = model.delay + _SETTLED * observer.time_constant
+    return slice(min(math.ceil(seconds / piece.sample_time), len(piece) // 2), None)
+
+
+def draw(path: Path, report: DiagnosisReport, view: ResidualView) -> None:
+    """Write the PNG, whole or not at all."""
+    from matplotlib.figure import Figure
+
+    result = report.result
+    tested = [c for c in result.ranking if not c.untestable and math.isfinite(c.heldout_rmse_after)]
+    height = max(4.6, 0.34 * min(len(tested), MOST_BARS) + 2.2)
+    figure = Figure(figsize=(13, height), layout="constrained")
+    bars, residual = figure.subplots(1, 2, width_ratios=[1.0, 1.1])
+    figure.suptitle(_wrapped(verdict_line(result, report.given)), fontsize=11)
+    _draw_bars(bars, result, tested[:MOST_BARS])
+    _draw_residual(residual, view)
+    for axis in (bars, residual):
+        axis.spines[["top", "right"]].set_visible(False)
+    save(figure, path)
+
+
+def _wrapped(text: str) -> str:
+    import textwrap
+
+    return textwrap.fill(text, 125)
+
+
+def _draw_bars(axis: Any, result: Diagnosis, tested: Sequence[Candidate]) -> None:
+    if not tested:
+        axis.text(0.5, 0.5, "no effect could be tested", ha="center", transform=axis.transAxes, color="0.5")
+        return
+    after = [c.heldout_rmse_after for c in tested]
+    colors = [PREDICTED if c.effect == result.verdict else SHARE for c in tested]
+    axis.barh(range(len(tested)), after, color=colors, height=0.7)
+    before = next((c.heldout_rmse_before for c in tested if math.isfinite(c.heldout_rmse_before)), math.nan)
+    top = max([*after, before] if math.isfinite(before) else after)
+    for place, one in enumerate(tested):
+        text = f"{error(one.heldout_rmse_after)}  ({percent(one.probability)})"
+        inside = one.heldout_rmse_after > 0.5 * top  # else right of the bar
+        x = one.heldout_rmse_after + (-0.01 if inside else 0.01) * top
+        axis.text(x, place, text, va="center", ha="right" if inside else "left", fontsize=9, zorder=4)
+    lines = (
+        (before, "without another effect", "-", "#1f5a8c"),
+        (result.ceiling.heldout_rmse, f"ceiling: any function{_of(result)}", "--", "#b2182b"),
+        (result.noise, "noise of d_hat", ":", RESIDUAL),
+    )
+    for x, label, style, color in lines:
+        if math.isfinite(x):
+            axis.axvline(x, ls=style, color=color, lw=1.4, label=label, zorder=3)
+    axis.set_yticks(range(len(tested)), [c.effect for c in tested])
+    axis.invert_yaxis()
+    axis.set_xlim(0.0, 1.06 * top)
+    axis.set_xlabel("held-out error with one effect more (unit of u); in brackets the probability")
+    axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False, fontsize=9)
+
+
+def _of(result: Diagnosis) -> str:
+    return f" of {', '.join(result.ceiling.on)}" if result.ceiling.on else ""
+
+
+def _draw_residual(axis: Any, view: ResidualView) -> None:
+    step = max(len(view.x) // POINTS, 1)
+    axis.axhline(0.0, color="0.6", lw=0.8)
+    axis.plot(view.x[::step], view.residual[::step], ".", color=RESIDUAL, ms=2.5, alpha=0.35, mew=0)
+    if np.ptp(view.x) > 0.0:
+        axis.plot(*binned_mean(view.x, view.residual, 60), color="#1f5a8c", lw=1.8, label="mean of the residual")
+        if view.explained is not None:
+            mean = binned_mean(view.x, view.explained, 60)
+            axis.plot(*mean, color=PREDICTED, lw=1.8, ls="--", label=f"mean of what {view.effect} predicts")
+        axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False, fontsize=9)
+    axis.set_xlabel(_LABELS[view.on])
+    axis.set_ylabel(f"residual without {view.effect}" if view.effect else "residual (unit of u)")
+
+
+def save(figure: Any, path: Path) -> None:
+    """Write a PNG that takes its name when it is whole."""
+    from dsd_cli.errors import DataError
+
+    partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        figure.savefig(partial, format="png", dpi=110)
+        os.replace(partial, path)
+    except OSError as failure:
+        raise DataError(f"{path}: cannot be written ({failure.strerror or failure})") from None
+    finally:
+        partial.unlink(missing_ok=True)

@@ -1,0 +1,98 @@
+"""`dsd add`: the config is written if all went well, and only then."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from dsd_cli.errors import DataError, UsageError
+from dsd_cli.files.config import load_config
+from dsd_cli.files.config.edit import undone
+from tests.cli.engine import CONFIG, START, Engine, engine, files, rig, run
+
+__all__ = ["engine", "rig"]
+
+
+def test_the_new_config_has_the_effect_the_comments_and_the_history(rig: Path, engine: Engine, capsys) -> None:
+    assert run("add", "a.csv", "coulomb_friction", "-o", "better.toml", "--holdout", "b.csv") == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("coulomb_friction added: held-out error 0.402 -> 0.113 (-72 %)")
+    assert err == "dsd: warning: a warning\nwrote better.toml\n"
+    (((recordings, _, _, effect, _), keywords),) = engine.asked
+    assert ([r.name for r in recordings], effect) == (["a.csv"], "coulomb_friction")
+    assert [r.name for r in keywords["holdout"]] == ["b.csv"]
+    text = (rig / "better.toml").read_text()
+    assert text.startswith(CONFIG.replace("inertia = 1.0\ndelay", "inertia = 1.02\ndelay"))
+    config = load_config(rig / "better.toml")
+    assert config.model.effects["coulomb_friction"] == {"level": 0.52}
+    (step,) = config.history
+    assert (step.effect, step.logs) == ("coulomb_friction", ("a.csv",))
+    assert (step.rmse_before, step.rmse_after, step.heldout_rmse_before, step.heldout_rmse_after) == (
+        0.38,
+        0.105,
+        0.402,
+        0.113,
+    )
+    assert (dict(step.values), dict(step.std_errors)) == ({"level": 0.52}, {"level": 0.03})
+    assert undone(text) == CONFIG
+    assert (rig / "dsd.toml").read_text() == CONFIG
+
+
+def test_json(rig: Path, engine: Engine, capsys) -> None:
+    assert run("add", "a.csv", "coulomb_friction", "-o", "better.toml", "--format", "json", "-q") == 0
+    out, err = capsys.readouterr()
+    result = json.loads(out)
+    assert err == ""
+    assert (result["command"], result["log"], result["config"]) == ("add", "a.csv", "better.toml")
+    assert (result["heldout_rmse_before"], result["heldout_rmse_after"]) == (0.402, 0.113)
+    assert result["parameters"]["level"]["value"] == 0.52
+
+
+def test_in_place_and_on_stdout(rig: Path, engine: Engine, capsys) -> None:
+    assert run("add", "a.csv", "coulomb_friction", "-o", "-") == 0
+    out, err = capsys.readouterr()
+    assert undone(out) == CONFIG
+    assert "coulomb_friction added" in err
+    assert run("add", "a.csv", "coulomb_friction", "-o", "-", "-q") == 0
+    assert capsys.readouterr().err == ""
+    assert run("add", "a.csv", "coulomb_friction", "-o", "dsd.toml", "-q") == 0
+    assert tomllib.loads((rig / "dsd.toml").read_text())["model"]["effects"]["coulomb_friction"] == {"level": 0.52}
+    assert files(rig) == START
+
+
+@pytest.mark.parametrize(
+    ("failure", "code"),
+    [(UsageError("coulomb_friction: is in the model"), 2), (DataError("the held-out error does not fall"), 1)],
+)
+def test_nothing_is_written_if_the_effect_does_not_help(
+    rig: Path, engine: Engine, capsys, failure: Exception, code: int
+) -> None:
+    engine.addition = failure
+    assert run("add", "a.csv", "coulomb_friction", "-o", "dsd.toml") == code
+    assert capsys.readouterr() == ("", f"dsd: error: {failure}\n")
+    assert (rig / "dsd.toml").read_text() == CONFIG
+    assert files(rig) == START
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "text"),
+    [
+        (["a.csv", "coulomb_friction"], 2, "-o"),
+        (["a.csv", "-o", "x.toml"], 2, "EFFECT"),
+        (["a.csv", "coulomb_friction", "-o", "a.csv"], 2, "a.csv: is the log"),
+        (["a.csv", "coulomb_friction", "-o", "b.csv", "--holdout", "b.csv"], 2, "b.csv: is the log"),
+        (["a.csv", "coulomb_friction", "-o", "none/x.toml"], 1, "no such folder"),
+        (["a.csv", "coulomb_friction", "-o", "-", "--format", "json"], 2, "stdout can take one of them"),
+        (["a.csv", "coulomb_friction", "-o", "x.toml", "--holdout", "a.csv"], 2, "given twice"),
+    ],
+)
+def test_what_cannot_work_is_one_line(
+    rig: Path, engine: Engine, capsys, arguments: list[str], code: int, text: str
+) -> None:
+    assert run("add", *arguments) == code
+    out, err = capsys.readouterr()
+    assert (out, len(err.splitlines())) == ("", 1)
+    assert text in err
+    assert not engine.asked
+    assert files(rig) == START

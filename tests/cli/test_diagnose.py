@@ -1,0 +1,136 @@
+"""`dsd diagnose`: what goes to the engine, what comes out where, and what is refused."""
+
+import json
+import os
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from dsd_cli.errors import DataError
+from tests.cli.engine import START, Engine, engine, files, rig, run
+from tests.cli.rig import DSD, done, dsd, refused
+from tests.report.examples import DIAGNOSIS
+
+__all__ = ["engine", "rig"]
+
+
+def test_the_engine_gets_all_logs_the_model_and_the_window(rig: Path, engine: Engine, capsys) -> None:
+    assert run("diagnose", "a.csv", "b.csv", "--set", "model.delay=0.02", "--set", "detector.window=77") == 0
+    (((recordings, model, observer, settings), keywords),) = engine.asked
+    assert [r.name for r in recordings] == ["a.csv", "b.csv"]
+    assert (model.delay, dict(model.effects["viscous_friction"])) == (0.02, {"coefficient": 0.3})
+    assert (observer.time_constant, settings.window, keywords["holdout"]) == (0.002, 77, ())
+
+
+def test_the_table_goes_to_stdout_and_warnings_to_stderr(rig: Path, engine: Engine, capsys) -> None:
+    assert run("diagnose", "a.csv", "--holdout", "b.csv") == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("coulomb_friction is missing: level 0.52 +- 0.03 u, probability 97 %")
+    assert "held out b.csv" in out
+    assert "\x1b" not in out + err
+    assert err == "dsd: warning: the log is short\n"
+    assert [r.name for r in engine.asked[0][1]["holdout"]] == ["b.csv"]
+    assert files(rig) == START
+
+
+def test_json_and_quiet(rig: Path, engine: Engine, capsys) -> None:
+    assert run("diagnose", "a.csv", "--format", "json", "--quiet", "--holdout", "b.csv") == 0
+    out, err = capsys.readouterr()
+    result = json.loads(out, parse_constant=pytest.fail)
+    assert err == ""
+    assert (result["command"], result["log"], result["holdout"]) == ("diagnose", "a.csv", ["b.csv"])
+    assert (result["verdict"], result["warnings"]) == ("coulomb_friction", ["the log is short"])
+
+
+def test_a_channel_that_the_config_names_and_the_log_lacks_is_a_warning(rig: Path, engine: Engine, capsys) -> None:
+    assert run("diagnose", "a.csv", "--format", "json", "--set", "signals.position=x") == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["warnings"] == ['a.csv: no column "x" (signals.position)', "the log is short"]
+    assert 'dsd: warning: a.csv: no column "x"' in err
+
+
+def test_the_picture(rig: Path, engine: Engine, capsys) -> None:
+    # the log has no measured speed: the one that was reconstructed will do
+    assert run("diagnose", "a.csv", "--plot", "out.png") == 0
+    assert (rig / "out.png").read_bytes().startswith(b"\x89PNG")
+    assert files(rig) == START | {"out.png"}
+    assert "out.png: drawn" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "text"),
+    [
+        (["a.csv", "a.csv"], 2, "a.csv is given twice"),
+        (["a.csv", "--holdout", "a.csv"], 2, "a.csv is given twice"),
+        (["a.csv", "--plot", "x.jpg"], 2, "end the name in .png"),
+        (["a.csv", "--plot", "none/x.png"], 1, "no such folder"),
+        (["none.csv"], 1, "none.csv"),
+        (["a.csv", "-c", "none.toml"], 2, "no such config file"),
+        (["a.csv", "--format", "csv"], 2, "'csv' is not one of"),
+        (["a.csv", "--set", "model={}"], 2, "[model] inertia is missing"),
+        (["a.csv", "--effects-from", "none.py"], 2, "none.py"),
+        ([], 2, "LOG"),
+    ],
+)
+def test_what_cannot_work_is_one_line(
+    rig: Path, engine: Engine, capsys, arguments: list[str], code: int, text: str
+) -> None:
+    assert run("diagnose", *arguments) == code
+    out, err = capsys.readouterr()
+    assert (out, len(err.splitlines())) == ("", 1)
+    assert text in err
+    assert "unexpected" not in err
+    assert not engine.asked
+    assert files(rig) == START
+
+
+def test_a_failure_of_the_engine_is_one_line_and_draws_nothing(rig: Path, engine: Engine, capsys) -> None:
+    engine.diagnosis = DataError("a.csv: too short", "a longer log is needed")
+    assert run("diagnose", "a.csv", "--plot", "x.png") == 1
+    assert capsys.readouterr() == ("", "dsd: error: a.csv: too short: a longer log is needed\n")
+    assert files(rig) == START
+
+
+def test_what_nobody_knows_is_null(rig: Path, engine: Engine, capsys) -> None:
+    engine.diagnosis = replace(DIAGNOSIS, probability=float("nan"), noise=float("inf"))
+    assert run("diagnose", "a.csv", "--format", "json", "-q") == 0
+    result = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert (result["probability"], result["noise"]) == (None, None)
+
+
+@pytest.fixture(scope="module")
+def servo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated axis with Coulomb friction that the config does not have."""
+    folder = tmp_path_factory.mktemp("servo")
+    done("init", "--template", "servo", "-q", cwd=folder)
+    done("simulate", "-c", "dsd.toml", "-o", "log.csv", "-q", "--duration", 2, cwd=folder)
+    text = (folder / "dsd.toml").read_text()
+    head, rest = text.split("[model.effects.coulomb_friction]\n")
+    (folder / "dsd.toml").write_text(head + rest.split("\n", 1)[1])
+    return folder
+
+
+def test_friction_is_found_by_the_real_command(servo: Path) -> None:
+    result = json.loads(done("diagnose", "log.csv", "--format", "json", cwd=servo).stdout)
+    assert result["verdict"] == "coulomb_friction"
+    level = result["ranking"][0]["parameters"]["level"]
+    assert abs(level["value"] - 0.15) < 0.01
+    assert level["unit"] == "u"
+    assert result["heldout_rmse"] > result["ranking"][0]["heldout_rmse_after"]
+
+
+def test_a_closed_pipe_ends_quietly(servo: Path) -> None:
+    read, closed = os.pipe()
+    os.close(read)
+    ended = subprocess.run(
+        [*DSD, "diagnose", "log.csv", "-q"], stdout=closed, stderr=subprocess.PIPE, text=True, check=False, cwd=servo
+    )
+    os.close(closed)
+    assert (ended.returncode, ended.stderr) == (141, "")
+
+
+def test_a_log_without_u_is_refused(servo: Path, tmp_path: Path) -> None:
+    (tmp_path / "x.csv").write_text("t,d_hat\n0,1\n1,2\n")
+    refused(dsd("diagnose", "x.csv", "-c", servo / "dsd.toml", cwd=tmp_path), 1, 'no column "u"')

@@ -1,0 +1,154 @@
+"""Additions, ladders and histories as JSON, as tables and as a picture."""
+
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from dsd_cli.identify.results import Score, Step
+from dsd_cli.report.ladder import (
+    BAR,
+    LadderReport,
+    add_json,
+    bar,
+    final_line,
+    history_json,
+    improve_json,
+    own,
+    print_addition,
+    print_history,
+    print_ladder,
+    step_line,
+)
+from dsd_cli.report.plots_ladder import draw
+from tests.report.examples import ADDITION, ESTIMATES, GIVEN, INERTIA, LADDER, NAN, STEPS, UNKNOWN
+
+REPORT = LadderReport(LADDER, ("a.csv",), "better.toml", {"gap": 2}, ("a.csv: odd",))
+HISTORY = [
+    {
+        "effect": "coulomb_friction",
+        "date": "2026-01-31T12:00:00Z",
+        "logs": ["a [1].csv"],
+        "heldout_rmse_before": 0.4,
+        "heldout_rmse_after": 0.1,
+        "values": {"level": 0.52, "events": [{"start": 1}]},
+        "std_errors": {"level": 0.03},
+    },
+    {"effect": "refit", "date": "2026-02-01T12:00:00Z"},
+]
+
+
+class Ascii(io.StringIO):
+    encoding = "ascii"
+
+
+class Utf8(io.StringIO):
+    encoding = "utf-8"
+
+
+def test_json_has_the_keys_of_the_contract() -> None:
+    result = json.loads(json.dumps(improve_json(REPORT), allow_nan=False))
+    assert (result["schema_version"], result["command"], result["log"]) == (1, "improve", "a.csv")
+    assert (result["verdict"], result["stopped"]) == ("none", "nothing significant is left")
+    assert (result["config"], result["warnings"]) == ("better.toml", ["a.csv: odd", "the log is short"])
+    assert [(s["step"], s["effect"], s["heldout_rmse"]) for s in result["ladder"]] == [
+        (0, "as given", 0.402),
+        (1, "coulomb_friction", 0.113),
+        (2, "gravity", 0.054),
+    ]
+    assert result["ladder"][1]["rmse"] == 0.105
+    assert result["ladder"][1]["fit_percent"] == 89.5
+    assert result["ladder"][2]["values"]["phase"]["unit"] == "rad"
+    nan = replace(LADDER, steps=(replace(STEPS[0], score=Score(NAN, NAN, NAN, NAN)),))
+    assert improve_json(LadderReport(nan, ("a", "b")))["ladder"][0]["rmse"] is None
+
+
+def test_a_step_owns_the_values_of_its_effect() -> None:
+    assert list(own(STEPS[1])) == ["level"]
+    assert list(own(STEPS[2])) == ["amplitude", "phase"]
+    assert own(replace(STEPS[1], effect="inertia")) == {"inertia": INERTIA}
+    assert own(replace(STEPS[1], effect="refit")) == ESTIMATES
+    assert own(replace(STEPS[0], estimates=ESTIMATES)) == {}
+
+
+def test_lines() -> None:
+    assert step_line(STEPS[0], None) == "step 0: as given: held-out error 0.402"
+    assert step_line(STEPS[1], STEPS[0]) == (
+        "step 1: coulomb_friction: held-out error 0.113 (-72 %); level 0.52 +- 0.03 u"
+    )
+    assert final_line(LADDER) == (
+        "held-out error 0.402 -> 0.054 (-87 %) in 2 steps; nothing is missing (probability 93 %): the held-out error"
+        " 0.054 is noise; stopped: nothing significant is left"
+    )
+    stopped = replace(LADDER, steps=STEPS[:1], verdict="unknown", last=UNKNOWN, stopped="")
+    assert "in 0 steps; something is missing that no effect" in final_line(stopped)
+
+
+@pytest.mark.parametrize(("file", "full", "part"), [(Utf8(), "█", "▉"), (Ascii(), "#", "#")])
+def test_the_ladder_has_bars_that_stdout_can_show(file: io.StringIO, full: str, part: str) -> None:
+    print_ladder(REPORT, file)
+    lines = file.getvalue().splitlines()
+    bars = {line.strip("| ").split()[1]: line.count(full) for line in lines if f" {full}" in line or f" {part}" in line}
+    assert bars == {"as": BAR, "coulomb_friction": 4 if full == "#" else 3, "gravity": 2 if full == "#" else 1}
+    assert any(part in line for line in lines)
+    assert full != "#" or file.getvalue().isascii()
+    text = file.getvalue()
+    assert max(map(len, lines[:-1])) <= 80
+    assert lines[-1] == final_line(LADDER)
+    for expected in ("72 %", "level 0.52 +- 0.03 u", "phase 0.10 +- 0.02 rad", "89.5 %", "gap 2"):
+        assert expected in text
+
+
+@pytest.mark.parametrize(
+    ("value", "top", "encoding", "text"),
+    [
+        (1.0, 1.0, "ascii", "#" * BAR),
+        (0.0, 1.0, "ascii", "#"),
+        (0.0, 1.0, "utf-8", "▏"),
+        (2.0, 1.0, "utf-8", "█" * BAR),
+        (NAN, 1.0, "utf-8", ""),
+        (1.0, 0.0, "utf-8", ""),
+        (1.0, 1.0, "no such", "#" * BAR),
+        (1.0, 1.0, "cp437", "#" * BAR),
+    ],
+)
+def test_bars(value: float, top: float, encoding: str, text: str) -> None:
+    assert bar(value, top, encoding) == text
+
+
+def test_an_addition() -> None:
+    result = json.loads(json.dumps(add_json(ADDITION, ["a.csv"], [], "better.toml"), allow_nan=False))
+    assert (result["command"], result["log"], result["config"]) == ("add", "a.csv", "better.toml")
+    assert [result[k] for k in ("rmse_before", "rmse_after", "heldout_rmse_before", "heldout_rmse_after")] == [
+        0.38,
+        0.105,
+        0.402,
+        0.113,
+    ]
+    assert result["parameters"] == {"level": {"value": 0.52, "std_error": 0.03, "unit": "u", "at_bound": False}}
+    out = io.StringIO()
+    print_addition(ADDITION, out)
+    first, *rest = out.getvalue().splitlines()
+    assert first == "coulomb_friction added: held-out error 0.402 -> 0.113 (-72 %)"
+    assert "  inertia = 1.020 +- 0.002 kg m2" in rest
+
+
+def test_a_history() -> None:
+    out = io.StringIO()
+    print_history("dsd.toml", HISTORY, out)
+    for part in ("2026-01-31 12:00", "0.4 -> 0.1 (-75 %)", "level 0.52 +- 0.03", "from a [1].csv", "refit"):
+        assert part in out.getvalue()
+    empty = io.StringIO()
+    print_history("a [b].toml", [], empty)
+    assert empty.getvalue() == "a [b].toml: no steps yet\n"
+    assert history_json("dsd.toml", HISTORY)["history"] == HISTORY
+
+
+@pytest.mark.parametrize("steps", [1, 2, 3, 9])
+def test_the_picture(steps: int, tmp_path: Path) -> None:
+    more = tuple(Step(i, "gravity", STEPS[2].score, STEPS[2].estimates, GIVEN) for i in range(3, 9))
+    ladder = replace(LADDER, steps=(*STEPS, *more)[:steps])
+    draw(tmp_path / "x.png", LadderReport(ladder, ("a.csv",)))
+    assert [p.name for p in tmp_path.iterdir()] == ["x.png"]
