@@ -1,0 +1,202 @@
+"""`dsd compare`: how well does the model predict, and where does it fail?"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dsd_cli.cli.options import (
+    CONFIG_FILE,
+    ConfigOption,
+    EffectOption,
+    EffectsFromOption,
+    Format,
+    FormatOption,
+    QuietOption,
+    SetOption,
+)
+
+if TYPE_CHECKING:
+    from dsd_cli.cli.recordings import LoadedRecording
+    from dsd_cli.files.config import Config
+    from dsd_cli.identify.evaluation import Evaluation
+    from dsd_cli.identify.forward import Forward
+    from dsd_cli.plant.controllers import ControllerSettings
+    from dsd_cli.report.comparison import Report
+
+
+class Horizon(StrEnum):
+    """How far the model looks ahead."""
+
+    PREDICTION = "prediction"
+    SIMULATION = "simulation"
+
+
+LogsArgument = Annotated[list[str], typer.Argument(metavar="LOG...", help="CSV or Parquet files; - is stdin.")]
+HoldoutOption = Annotated[
+    str | None, typer.Option("--holdout", metavar="LOG", help="Log to be judged apart; --max-rmse then goes by it.")
+]
+HorizonOption = Annotated[
+    Horizon,
+    typer.Option("--horizon", help="Predict d_hat from u and the measured motion, or simulate the motion from u."),
+]
+PlotOption = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Picture to draw (.png).")]
+MaxRmseOption = Annotated[
+    float | None, typer.Option("--max-rmse", metavar="X", help="Check: the rmse is at most this; else exit 3.")
+]
+
+
+def compare(
+    log: LogsArgument,
+    config: ConfigOption = CONFIG_FILE,
+    holdout: HoldoutOption = None,
+    horizon: HorizonOption = Horizon.PREDICTION,
+    plot: PlotOption = None,
+    max_rmse: MaxRmseOption = None,
+    form: FormatOption = Format.TABLE,
+    override: SetOption = None,
+    effect: EffectOption = None,
+    effects_from: EffectsFromOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Say how well [model] predicts LOG, and where and on what its error depends.
+
+    Nothing is fitted: the model is taken as the config has it. With several logs, all of them together.
+    """
+    import sys
+
+    from dsd_cli.cli.recordings import load_recording
+    from dsd_cli.cli.user_effects import use_effects
+    from dsd_cli.files.config import load_config
+    from dsd_cli.report.comparison import to_json
+    from dsd_cli.report.comparison_table import print_table
+
+    _check_options(log, holdout, horizon, plot, max_rmse)
+    use_effects(effects_from)
+    settings = load_config(config, override or (), effect or ())
+    if plot is not None:
+        _check_plot(plot, [config, *log, *([] if holdout is None else [holdout])])
+    loaded = [load_recording(path, settings) for path in log]
+    aside = None if holdout is None else load_recording(holdout, settings)
+    if not quiet:
+        for path, one in zip([*log, holdout], [*loaded, aside], strict=True):
+            for warning in () if one is None else one.warnings:
+                typer.echo(f"dsd: warning: {path}: {warning}", err=True)
+    if horizon is Horizon.PREDICTION:
+        report, evaluation = _predicted(settings, loaded, aside, max_rmse)
+        if plot is not None:
+            _draw(plot, report, evaluation, quiet)
+    else:
+        report = _simulated(settings, loaded, aside, max_rmse)
+    if form is Format.JSON:
+        import json
+
+        typer.echo(json.dumps(to_json(report), indent=2, allow_nan=False))
+    else:
+        print_table(report, sys.stdout)
+    if not report.holds:
+        from dsd_cli.errors import CheckFailed
+
+        raise CheckFailed(f"rmse {report.judged_rmse:.4g} of {report.judged_log} is above --max-rmse {max_rmse:g}")
+
+
+def _check_options(
+    log: list[str], holdout: str | None, horizon: Horizon, plot: Path | None, max_rmse: float | None
+) -> None:
+    import math
+
+    from dsd_cli.errors import UsageError
+
+    if max_rmse is not None and not (math.isfinite(max_rmse) and max_rmse >= 0.0):
+        raise UsageError(f"--max-rmse {max_rmse:g}", "must be a finite number from 0")
+    names = [*log, *([] if holdout is None else [holdout])]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise UsageError(f"{twice} is given twice", "each log once; --holdout is a log that the others are not")
+    if plot is not None and horizon is Horizon.SIMULATION:
+        raise UsageError("--plot", "draws the prediction; leave out --horizon simulation")
+
+
+def _check_plot(plot: Path, inputs: list[str | Path]) -> None:
+    import importlib.util
+
+    from dsd_cli.errors import DataError, UsageError
+
+    if plot.suffix.lower() != ".png":
+        raise UsageError(f"--plot {plot}: cannot tell what to draw", "end the name in .png")
+    if any(plot.exists() and Path(source).exists() and plot.samefile(source) for source in inputs):
+        raise UsageError(f"{plot}: is the input", "draw to another file")
+    if plot.is_dir():
+        raise DataError(f"{plot}: is a directory")
+    if not plot.absolute().parent.is_dir():
+        raise DataError(f"{plot}: no such folder {plot.absolute().parent}")
+    if importlib.util.find_spec("matplotlib") is None:
+        raise UsageError("--plot needs matplotlib", "pip install matplotlib")
+
+
+def _predicted(
+    settings: Config, loaded: list[LoadedRecording], aside: LoadedRecording | None, max_rmse: float | None
+) -> tuple[Report, Evaluation]:
+    from dsd_cli.cli.plan import observer_settings
+    from dsd_cli.cli.recordings import believed_model
+    from dsd_cli.identify.comparison import compare as compare_recordings
+    from dsd_cli.report.comparison import Report
+
+    comparison, evaluation = compare_recordings(
+        [one.recording for one in loaded],
+        believed_model(settings),
+        observer_settings(settings),
+        settings.detector.window,
+        None if aside is None else aside.recording,
+    )
+    return Report(comparison, dropped=_dropped(loaded, aside), max_rmse=max_rmse), evaluation
+
+
+def _simulated(
+    settings: Config, loaded: list[LoadedRecording], aside: LoadedRecording | None, max_rmse: float | None
+) -> Report:
+    from dsd_cli.cli.plan import observer_settings
+    from dsd_cli.cli.recordings import believed_model
+    from dsd_cli.identify.forward import run_forward
+    from dsd_cli.report.comparison import Report
+
+    def run(recordings: list[LoadedRecording]) -> Forward:
+        return run_forward(
+            [one.recording for one in recordings],
+            believed_model(settings),
+            observer_settings(settings),
+            _controller(settings),
+        )
+
+    forward_aside = None if aside is None else run([aside])
+    return Report(run(loaded), forward_aside, dropped=_dropped(loaded, aside), max_rmse=max_rmse)
+
+
+def _controller(settings: Config) -> ControllerSettings | None:
+    if settings.simulate is None:
+        return None
+    from dsd_cli.cli.simulate import simulation_settings
+
+    return simulation_settings(settings).controller
+
+
+def _dropped(loaded: list[LoadedRecording], aside: LoadedRecording | None) -> dict[str, int]:
+    """Rows not taken as they are, of all logs."""
+    total: dict[str, int] = {}
+    for one in [*loaded, *([] if aside is None else [aside])]:
+        for reason, count in one.dropped.items():
+            total[reason] = total.get(reason, 0) + count
+    return total
+
+
+def _draw(plot: Path, report: Report, evaluation: Evaluation, quiet: bool) -> None:
+    from dsd_cli.identify.comparison import Comparison
+    from dsd_cli.report.plots_comparison import draw
+
+    assert isinstance(report.result, Comparison)
+    draw(plot, report.result, evaluation)
+    if not quiet:
+        typer.echo(f"{plot}: drawn", err=True)

@@ -1,0 +1,98 @@
+"""From a log file and a config to a recording: what compare, diagnose, add and improve start from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dsd_cli.files.config import Config
+    from dsd_cli.files.logs import LoadedLog
+    from dsd_cli.identify.recording import Recording
+    from dsd_cli.plant.model import PlantModel
+
+
+@dataclass(frozen=True)
+class LoadedRecording:
+    """A recording, and what reading it has to say.
+
+    `dropped` : reason -> rows that were not taken as they are.
+    """
+
+    recording: Recording
+    dropped: Mapping[str, int]
+    warnings: tuple[str, ...]
+
+
+def load_recording(path: str, config: Config) -> LoadedRecording:
+    """Read a log (- is stdin), with d_hat and the motion that can be had.
+
+    Every channel that the config names may be missing but u (and the time).
+
+    Raises
+    ------
+    DataError : no u, nothing to have d_hat from, too short, or an axis that stands still.
+    UsageError : the config lacks [observer].
+    """
+    from dsd_cli.cli.plan import TIME_SCALE, log_columns, naming, observer_settings
+    from dsd_cli.files.logs import load_log
+    from dsd_cli.identify.recording import prepare
+
+    observer = observer_settings(config)
+    columns = log_columns(config.signals)
+    with naming(path):
+        loaded = load_log(
+            path,
+            columns,
+            {name for name in columns if name not in ("t", "u")},
+            sample_time=config.signals.sample_time,
+            time_scale=TIME_SCALE[config.signals.time_unit],
+        )
+    _check_channels(path, loaded)
+    recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)
+    dropped = {reason: count for reason, count in loaded.dropped.items() if count}
+    return LoadedRecording(recording, dropped, (*loaded.warnings, *_absent(config, columns, loaded)))
+
+
+def believed_model(config: Config) -> PlantModel:
+    """[model], whose inertia must be given.
+
+    Raises
+    ------
+    UsageError : it is not.
+    """
+    from dsd_cli.cli.plan import plant_model
+
+    return plant_model(config, config.require_inertia())
+
+
+#: Squares of larger values overflow.
+_LARGEST = 1e100
+
+
+def _check_channels(path: str, loaded: LoadedLog) -> None:
+    from dsd_cli.errors import DataError
+
+    log = loaded.log
+    if not any(name in log for name in ("d_hat", "velocity", "position")):
+        raise DataError(
+            f"{path}: neither d_hat nor velocity nor position", "set one of them in [signals] to the log's column"
+        )
+    for name, column in log.channels.items():
+        if float(abs(column).max()) > _LARGEST:
+            raise DataError(f"{path}: {name} goes beyond {_LARGEST:g}", "is that its column?")
+    for name in ("position", "velocity"):
+        if name in log and len(log) > 1 and bool((log[name] == log[name][0]).all()):
+            raise DataError(
+                f"{path}: the axis does not move", f"{name} is {log[name][0]:g} in all rows; is that its column?"
+            )
+
+
+def _absent(config: Config, columns: Mapping[str, str], loaded: LoadedLog) -> list[str]:
+    """Channels that the config itself names and the log lacks."""
+    return [
+        f'no column "{column}" (signals.{name})'
+        for name, column in columns.items()
+        if name not in loaded.log and config.says(f"signals.{name}")
+    ]

@@ -1,0 +1,205 @@
+"""The model run forward from where the log begins: open loop under the logged u, and closed through the controller.
+
+A prediction of d_hat sees each force at once; a position is its double integral. In open loop every error of the model,
+and every u that was not quite what reached the axis, therefore adds up without limit; the closed loop holds it down.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from dsd_cli.errors import DataError
+from dsd_cli.identify.evaluation import rms
+from dsd_cli.identify.recording import Recording
+from dsd_cli.plant.controllers import Controller, ControllerSettings, Measured
+from dsd_cli.plant.filtering import delay_taps
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.plant.motion import Actuator, Plant
+from dsd_cli.plant.observer import DisturbanceObserver
+from dsd_cli.plant.prediction import Frame
+from dsd_cli.plant.references import Samples
+from dsd_cli.signals.log import Array, Log
+
+OPEN_LOOP, CLOSED_LOOP = "open_loop", "closed_loop"
+UNITS = {"position": "rad or m", "velocity": "rad/s or m/s"}
+#: A simulated channel this many times beyond the range of the logged one has diverged.
+_DIVERGED = 1e6
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """One channel of a simulation against the log; fit_percent as in `Accuracy`."""
+
+    channel: str
+    unit: str
+    rmse: float
+    fit_percent: float | None
+    vaf_percent: float | None
+    bias: float
+    max_error: float
+
+
+@dataclass(frozen=True)
+class Forward:
+    """Simulations over the logs; `not_closed` says why there is none in closed loop.
+
+    `provenance` : channel -> where it is from, of the first log.
+    """
+
+    logs: tuple[str, ...]
+    samples: int
+    open_loop: tuple[Tracking, ...]
+    closed_loop: tuple[Tracking, ...]
+    not_closed: str = ""
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def main(self) -> tuple[str, Tracking]:
+        """The loop and channel that stand for the whole: closed if there is one, position if there is one."""
+        loop = CLOSED_LOOP if self.closed_loop else OPEN_LOOP
+        return loop, (self.closed_loop or self.open_loop)[0]
+
+
+def run_forward(
+    recordings: Sequence[Recording],
+    model: PlantModel,
+    observer: ObserverSettings,
+    controller: ControllerSettings | None = None,
+) -> Forward:
+    """Simulate every piece from its first position and speed, and compare.
+
+    Raises
+    ------
+    DataError : the simulation diverges, or the logs have neither position nor velocity.
+    """
+    pieces = [piece for recording in recordings for piece in recording.pieces]
+    names = [name for name in UNITS if all(name in piece for piece in pieces)]
+    if "velocity" not in names:
+        raise DataError(f"{recordings[0].name}: no motion to simulate against", "set signals.velocity or .position")
+    not_closed = _not_closed(pieces, controller)
+    runs = [open_loop(piece, model) for piece in pieces]
+    closed: tuple[Tracking, ...] = ()
+    if controller is not None and not not_closed:
+        looped = [closed_loop(piece, model, replace(observer, sign=1), controller) for piece in pieces]
+        closed = _tracking(pieces, looped, names)
+    return Forward(
+        logs=tuple(r.name for r in recordings),
+        samples=sum(map(len, pieces)),
+        open_loop=_tracking(pieces, runs, names),
+        closed_loop=closed,
+        not_closed=not_closed,
+        provenance=dict(recordings[0].provenance),
+    )
+
+
+def _not_closed(pieces: Sequence[Log], controller: ControllerSettings | None) -> str:
+    if controller is None:
+        return "the config has no [simulate.controller]"
+    if any("reference" not in piece for piece in pieces):
+        return "the log has no reference"
+    if not all(Frame(piece).regular for piece in pieces):
+        return "the stamps are irregular, and the controller has a clock"
+    return ""
+
+
+def open_loop(piece: Log, model: PlantModel) -> dict[str, Array]:
+    """Position and velocity under the logged u, shape (n,) each; u before the log is held at u_0."""
+    frame = Frame(piece)
+    drive = frame.mean_u(frame.command(model.effects), model.delay).tolist()
+    times, intervals = piece["t"].tolist(), frame.intervals.tolist()
+    plant, watch = _plant(piece, model), _Watch(piece)
+    for k in range(1, len(times)):
+        watch.guarded(plant, times[k - 1], drive[k], intervals[k])
+        watch.note(plant, times[k])
+    return watch.channels()
+
+
+def closed_loop(
+    piece: Log, model: PlantModel, observer: ObserverSettings, controller: ControllerSettings
+) -> dict[str, Array]:
+    """Position and velocity under the controller's own u, which follows the logged reference."""
+    step = piece.sample_time
+    reference = Samples(tuple(piece["reference"].tolist())).sample(len(piece), step)
+    targets = list(zip(reference.position.tolist(), reference.rate.tolist(), strict=True))
+    times = piece["t"].tolist()
+    plant, watch, actuator = _plant(piece, model), _Watch(piece), Actuator(model)
+    watcher = DisturbanceObserver(observer, step, "velocity", float(piece["d_hat"][0]))
+    law = Controller(controller, observer.nominal_inertia, step)
+    whole, fraction = delay_taps(model.delay, step)
+    before = actuator.drive(times[0] - step, float(piece["u"][0]), step)
+    drive = [before] * (whole + 2)
+    for t, target in zip(times[:-1], targets[:-1], strict=True):
+        d_hat = watcher.observe(plant.velocity)
+        u = law.step(Measured(*target, plant.position, plant.velocity, d_hat))
+        watcher.apply(u)
+        drive.append(actuator.drive(t, u, step))
+        if fraction > 0.0:
+            watch.guarded(plant, t, drive[-2 - whole], fraction * step)
+        watch.guarded(plant, t + fraction * step, drive[-1 - whole], (1.0 - fraction) * step)
+        watch.note(plant, t + step)
+    return watch.channels()
+
+
+def _plant(piece: Log, model: PlantModel) -> Plant:
+    position = float(piece["position"][0]) if "position" in piece else 0.0
+    return Plant(model, position, float(piece["velocity"][0]))
+
+
+class _Watch:
+    """What a simulated plant did, and whether it ran away."""
+
+    def __init__(self, piece: Log) -> None:
+        self.name = piece.source
+        first = (float(piece["position"][0]) if "position" in piece else 0.0, float(piece["velocity"][0]))
+        self.rows = [first]
+        spans = [float(np.abs(piece[name]).max()) for name in UNITS if name in piece]
+        self.limit = _DIVERGED * max(max(spans), 1e-9)
+
+    def guarded(self, plant: Plant, t: float, u: float, duration: float) -> None:
+        """Advance; a force that overflows has diverged."""
+        try:
+            plant.advance(t, u, duration)
+        except (OverflowError, ZeroDivisionError, ValueError):
+            raise self.diverged(t) from None
+
+    def note(self, plant: Plant, t: float) -> None:
+        """One more row."""
+        if not (abs(plant.position) <= self.limit and abs(plant.velocity) <= self.limit):
+            raise self.diverged(t)
+        self.rows.append((plant.position, plant.velocity))
+
+    def diverged(self, t: float) -> DataError:
+        """The error."""
+        return DataError(
+            f"{self.name}: the simulated axis runs away: at t = {t:g} s it is {_DIVERGED:g} times beyond the log",
+            "the model is unstable: check the signs of its effects, the gains, and the sample time",
+        )
+
+    def channels(self) -> dict[str, Array]:
+        """By name, shape (n,)."""
+        position, velocity = np.array(self.rows).T
+        return {"position": position, "velocity": velocity}
+
+
+def _tracking(pieces: Sequence[Log], runs: Sequence[dict[str, Array]], names: Sequence[str]) -> tuple[Tracking, ...]:
+    found = []
+    for name in names:
+        logged = np.concatenate([piece[name] for piece in pieces])
+        error = logged - np.concatenate([run[name] for run in runs])
+        spread = rms(logged - logged.mean())
+        size = rms(error)
+        found.append(
+            Tracking(
+                channel=name,
+                unit=UNITS[name],
+                rmse=size,
+                fit_percent=100.0 * (1.0 - size / spread) if spread > 0.0 else None,
+                vaf_percent=100.0 * (1.0 - float(np.var(error)) / spread**2) if spread > 0.0 else None,
+                bias=float(error.mean()),
+                max_error=float(np.abs(error).max()),
+            )
+        )
+    return tuple(found)

@@ -1,0 +1,211 @@
+"""The result of `dsd compare` as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import PurePath
+from typing import Any
+
+from dsd_cli.identify.comparison import Comparison, LogAccuracy
+from dsd_cli.identify.evaluation import Accuracy
+from dsd_cli.identify.forward import Forward, Tracking
+from dsd_cli.identify.regimes import Where
+from dsd_cli.identify.residuals import ResidualTests
+from dsd_cli.report.comparison import Report
+from dsd_cli.report.conclusions import conclusion, simulation_conclusion
+
+#: Rows of a table on the screen; the JSON has all.
+MOST_DEPENDENCES, MOST_LOGS = 8, 12
+#: Shares below this are not shown on the screen.
+_LEAST_SHOWN = 0.01
+
+
+def print_table(report: Report, file: Any) -> None:
+    """The result for a person."""
+    from rich.console import Console
+
+    console = Console(file=file, highlight=False, soft_wrap=True)
+    result = report.result
+    if isinstance(result, Comparison):
+        _print_comparison(console, result)
+        last = conclusion(result)
+    else:
+        _print_forward(console, result, report.holdout)
+        last = simulation_conclusion(result)
+    if report.dropped:
+        counts = ", ".join(f"{reason} {count:,}" for reason, count in report.dropped.items())
+        console.print(f"rows not taken as they are: {_escaped(counts)}")
+    if report.max_rmse is not None:
+        verdict = "holds" if report.holds else "does not hold"
+        console.print(f"rmse of {_escaped(report.judged_log)} at most {report.max_rmse:g}: {verdict}")
+    console.print(f"[bold]{_escaped(last)}[/bold]")
+
+
+def _print_comparison(console: Any, result: Comparison) -> None:
+    clock = f"{result.accuracy.samples:,} samples judged, {result.sample_time * 1e3:.6g} ms apart"
+    name = result.logs[0] if len(result.logs) == 1 else f"{len(result.logs)} logs"
+    console.print(f"[bold]{_escaped(name)}[/bold]: {clock}")
+    sources = _sources(result.provenance)
+    sources += [f"no {name}: {why}" for name, why in result.missing.items()]
+    if sources:
+        console.print(_escaped("; ".join(sources)))
+    console.print(f"left out: {result.skipped:,} samples, the first {result.lead:g} s (they rest on u before the log)")
+    _print_accuracy(console, result)
+    _print_residual(console, result.residual)
+    _print_where(console, result.where)
+    table = _table("what a function of it explains of the residual (held-out)", "of", "explains")
+    shown = [d for d in result.dependence if d.explains >= _LEAST_SHOWN][:MOST_DEPENDENCES]
+    for one in shown:
+        table.add_row(one.on, _percent(one.explains))
+    if shown:
+        console.print(table)
+    else:
+        why = "no channel explains 1 % of it" if result.dependence else "the log is too short to hold out blocks"
+        console.print(f"dependence of the residual: {why}\n")
+
+
+def _print_accuracy(console: Any, result: Comparison) -> None:
+    columns: list[tuple[str, Accuracy]] = [("all" if len(result.logs) > 1 else "log", result.accuracy)]
+    if result.holdout is not None:
+        columns.append((f"holdout {_short(result.holdout.log)}", result.holdout.accuracy))
+    table = _table("error of the predicted d_hat, e = measured - predicted", "", *(name for name, _ in columns), "unit")
+    rows = (
+        ("rmse", "rmse", "unit of u"),
+        ("fit (0 is a constant)", "fit_percent", "%"),
+        ("variance accounted for", "vaf_percent", "%"),
+        ("bias", "bias", "unit of u"),
+        ("largest error", "max_error", "unit of u"),
+        ("of the net force Jn a", "relative_error_percent", "%"),
+        ("of u: relative force error", "relative_force_error_percent", "%"),
+    )
+    for heading, key, unit in rows:
+        table.add_row(heading, *(_figure(getattr(accuracy, key)) for _, accuracy in columns), unit)
+    table.columns[-1].justify = "left"
+    console.print(table)
+    if len(result.by_log) > 1:
+        _print_logs(console, result.by_log)
+
+
+def _print_logs(console: Any, logs: Sequence[LogAccuracy]) -> None:
+    table = _table("log by log", "log", "samples", "rmse", "fit %", "bias", "largest")
+    for one in logs[:MOST_LOGS]:
+        a = one.accuracy
+        table.add_row(
+            _escaped(_short(one.log)), f"{a.samples:,}", *map(_figure, (a.rmse, a.fit_percent, a.bias, a.max_error))
+        )
+    console.print(table)
+    if len(logs) > MOST_LOGS:
+        console.print(f"  and {len(logs) - MOST_LOGS} more logs (--format json lists them)")
+
+
+def _print_residual(console: Any, tests: ResidualTests) -> None:
+    table = _table("is the residual noise?", "correlation", "largest", "lag ms", "by chance", "at stake", "so it is")
+    table.add_row(
+        "own past",
+        f"{tests.largest:.2f}",
+        f"{tests.largest_lag * 1e3:.4g}",
+        f"±{tests.band:.3f}",
+        _percent(tests.predictable_share),
+        _weight(not tests.white, tests.remembers),
+    )
+    table.add_row(
+        "u before",
+        f"{tests.largest_with_u:.2f}",
+        f"{tests.largest_lag_with_u * 1e3:.4g}",
+        f"±{tests.band_u:.3f}",
+        _percent(tests.largest_with_u**2),
+        _weight(not tests.independent_of_u, tests.follows_u),
+    )
+    table.columns[-1].justify = "left"
+    console.print(table)
+    console.print("  by chance: 99 of 100 correlations of noise lie within; at stake: share of the variance")
+    console.print(f"  beside u, {tests.effective_samples:,.0f} of {tests.samples:,} samples count as independent\n")
+
+
+def _weight(significant: bool, large: bool) -> str:
+    if large:
+        return "there, large"
+    return "there, small" if significant else "chance"
+
+
+def _print_where(console: Any, where: Where) -> None:
+    if where.regimes:
+        table = _table("where the error is", "regime", "of the samples", "of the error", "rmse")
+        for regime in where.regimes:
+            name = f"({regime.regime})" if regime.overlaps else regime.regime
+            shares = (_percent(regime.share_of_samples), _percent(regime.share_of_error))
+            table.add_row(name, *shares, f"{regime.rmse:.3g}")
+        console.print(table)
+    table = _table("the worst part by", "", "from", "to", "of the samples", "of the error", "rmse")
+    parts = (("time, s", where.time), ("velocity", where.velocity), ("position", where.position))
+    for name, bins in parts:
+        if bins:
+            worst = max(bins, key=lambda one: one.share_of_error)
+            shares = (_percent(worst.share_of_samples), _percent(worst.share_of_error))
+            table.add_row(name, f"{worst.start:.4g}", f"{worst.end:.4g}", *shares, f"{worst.rmse:.3g}")
+    band = max(where.frequency, key=lambda one: one.share_of_error)
+    table.add_row(
+        "frequency, Hz", f"{band.start:.4g}", f"{band.end:.4g}", "", _percent(band.share_of_error), f"{band.rmse:.3g}"
+    )
+    console.print(table)
+    if len({one.log for one in where.time}) > 1:
+        worst = max(where.time, key=lambda one: one.share_of_error)
+        console.print(f"  this time is of {_escaped(_short(worst.log))}\n")
+
+
+def _print_forward(console: Any, result: Forward, holdout: Forward | None) -> None:
+    for what, forward in (("", result), ("holdout ", holdout)):
+        if forward is None:
+            continue
+        name = _escaped(what + ", ".join(forward.logs))
+        console.print(f"[bold]{name}[/bold]: {forward.samples:,} samples simulated")
+        sources = [one for one in _sources(forward.provenance) if not one.startswith("d_hat")]
+        if sources:
+            console.print(_escaped("; ".join(sources)))
+        table = _table("logged less simulated", "", "channel", "rmse", "fit %", "largest", "unit")
+        for loop, rows in (("open loop", forward.open_loop), ("closed loop", forward.closed_loop)):
+            for row in rows:
+                table.add_row(loop, *_tracking(row))
+        table.columns[-1].justify = "left"
+        console.print(table)
+        if forward.not_closed:
+            console.print(f"no closed loop: {forward.not_closed}")
+
+
+def _sources(provenance: Mapping[str, str]) -> list[str]:
+    """What was not logged as it is."""
+    return [f"{name} {how}" for name, how in provenance.items() if how != "logged"]
+
+
+def _tracking(row: Tracking) -> tuple[str, ...]:
+    figures = (row.rmse, row.fit_percent, row.max_error)
+    return (row.channel, *("-" if x is None else f"{x:.3g}" for x in figures), row.unit)
+
+
+def _table(title: str, *names: str) -> Any:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left", title_style="")
+    for i, name in enumerate(names):
+        table.add_column(_escaped(name), justify="left" if i == 0 else "right", no_wrap=True)
+    return table
+
+
+def _figure(x: float | None) -> str:
+    return "-" if x is None else f"{x:.4g}"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %"
+
+
+def _short(log: str) -> str:
+    """The name of the file without its folder."""
+    return PurePath(log).name
+
+
+def _escaped(text: str) -> str:
+    from rich.markup import escape
+
+    return escape(text)

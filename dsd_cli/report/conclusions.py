@@ -1,0 +1,56 @@
+"""One plain sentence on what to conclude from a comparison."""
+
+from __future__ import annotations
+
+from dsd_cli.identify.comparison import BIAS, COMMAND, EXACT, MEMORY, NOISE, SHORT, Comparison
+from dsd_cli.identify.forward import OPEN_LOOP, Forward
+from dsd_cli.identify.residuals import LARGE
+
+_NEXT = "`dsd diagnose` says which effect"
+_ON = {
+    "direction": "the direction of motion, as dry friction does",
+    "velocity": "the velocity, as friction does",
+    "position": "the position, as weight, springs and cogging do",
+    "u": "the command, as its limits, a dead zone or a wrong inertia do",
+    "acceleration": "the acceleration, as a wrong inertia does",
+    "time": "the time, as drift, a change of the load or pushes from outside do",
+}
+_OTHER = {
+    MEMORY: "the error depends on no channel, but on its own past: dynamics that the model lacks, noise of the"
+    " measured motion, or forces from outside; `dsd diagnose` tries the effects that remember",
+    COMMAND: f"the error follows u, but is no function of it: a wrong delay or inertia, or a load that swings; {_NEXT}",
+    NOISE: "what is left looks like noise: nothing in this log asks for another effect",
+    EXACT: "the model predicts this log exactly: the error is rounding",
+    SHORT: "the log is too short to say on what the error depends",
+}
+
+
+def conclusion(result: Comparison) -> str:
+    """What the error depends on, and what to do next."""
+    found = result.conclusion
+    if found == BIAS:
+        share = _percent(result.accuracy.bias_share)
+        return f"{share} of the error is a constant, as a weight or an offset of u is: {_NEXT}"
+    if found in _OTHER:
+        return _OTHER[found]
+    explains = max(d.explains for d in result.dependence if d.on == found)
+    on = _ON.get(found, f"{found.replace(' x ', ' and ')} together")
+    constant = result.accuracy.bias_share
+    beside = f", and {_percent(constant)} of the whole is a constant" if constant >= LARGE else ""
+    return f"the error depends on {on} ({_percent(explains)} of its variance){beside}: {_NEXT}"
+
+
+def _percent(share: float) -> str:
+    """Whole percent, but never 100 for what is less."""
+    return f"{100 * share:.0f} %" if share < 0.99 else f"{100 * share:.1f} %"
+
+
+def simulation_conclusion(result: Forward) -> str:
+    """What the numbers of a simulation are worth."""
+    loop, _ = result.main
+    if loop == OPEN_LOOP:
+        return (
+            "in open loop the model integrates every error of its forces twice, so its position drifts away: judge"
+            " the model by --horizon prediction"
+        )
+    return "the controller holds the drift down in closed loop; in open loop the position drifts away in any case"
