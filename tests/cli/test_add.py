@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from dsd_cli.cli.identification import print_json
+from dsd_cli.cli.improve_loop import put_config
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.config import load_config
 from dsd_cli.files.config.edit import undone
@@ -96,3 +98,18 @@ def test_what_cannot_work_is_one_line(
     assert text in err
     assert not engine.asked
     assert files(rig) == START
+
+
+@pytest.mark.parametrize("output", ["x.toml", "dsd.toml", "-"])
+def test_a_config_that_dsd_would_not_read_is_not_written(rig: Path, capsys, output: str) -> None:
+    with pytest.raises(UsageError, match="inertia"):
+        put_config(output, "[model]\ninertia = -1\n")
+    assert capsys.readouterr().out == ""
+    assert (rig / "dsd.toml").read_text() == CONFIG
+    assert files(rig) == START
+
+
+def test_json_with_nan_is_never_printed(capsys) -> None:
+    with pytest.raises(ValueError, match="JSON"):
+        print_json({"x": float("nan")})
+    assert capsys.readouterr().out == ""

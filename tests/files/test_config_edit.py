@@ -80,6 +80,13 @@ def test_values_change_in_place_and_the_new_effect_stands_behind_the_model() -> 
     )
 
 
+def test_a_comment_directly_above_a_header_stays_above_it() -> None:
+    text = "[model]\ninertia = 1.0\n# the grid\n[states]\n"
+    changed = with_model(text, MODEL, ESTIMATES)
+    assert changed.endswith("level = 0.5\n# the grid\n[states]\n")
+    assert undone(with_step(changed, STEP, text)) == text
+
+
 def test_a_step_is_valid_config_and_undone_to_the_byte() -> None:
     changed = with_step(with_model(CONFIG, MODEL, ESTIMATES), STEP, CONFIG)
     config = parse_config(changed)
@@ -145,6 +152,7 @@ WAYS = {
     "quoted": '["model".effects."viscous_friction"]\n"coefficient" = 1 # B\n',
     "crlf": "[model]\r\ninertia = 2 # J\r\n\r\n# grid\r\n[states]\r\n",
     "traps": '[signals]\nu = """\n[model]\ninertia = 3 # no\n"""\nd_hat = \'[x] # "\' # c\n[model]\ninertia = 2\n',
+    "literal traps": "[signals]\nu = '''\n[model]\ninertia = 3 # 'no'\n''''\n[model]\ninertia = 2\n",
     "rest speed": "[model]\nrest_speed = 0.10\n\n",
 }
 

@@ -136,9 +136,16 @@ def test_the_picture_is_a_png_written_whole(result: object, tmp_path: Path) -> N
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_picture_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
+def test_a_picture_that_cannot_be_written_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(DataError, match="cannot be written"):
         draw(tmp_path / "none/x.png", REPORT, residual_view(DIAGNOSIS, GIVEN, [recording()], OBSERVER))
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full)
+    with pytest.raises(DataError, match="No space left"):
+        draw(tmp_path / "x.png", REPORT, residual_view(DIAGNOSIS, GIVEN, [recording()], OBSERVER))
     assert list(tmp_path.iterdir()) == []
 
 
