@@ -7,15 +7,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from dsd_cli.identify.advice import advice_for
-from dsd_cli.identify.evidence import NOTHING, Membership, membership
+from dsd_cli.identify.evidence import NOTHING, Membership, membership, probabilities
 from dsd_cli.identify.examination import Examination, Settings
 from dsd_cli.identify.freeform import loss_of
 from dsd_cli.identify.own_values import Own, own_values
+from dsd_cli.identify.pulses import with_pulses
 from dsd_cli.identify.recording import Recording
-from dsd_cli.identify.results import NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Estimate, Score
+from dsd_cli.identify.results import NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
 from dsd_cli.identify.search import Option
 from dsd_cli.identify.solve import Fit
-from dsd_cli.identify.values import estimates
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 __all__ = ["Settings", "diagnose"]
@@ -24,8 +24,11 @@ __all__ = ["Settings", "diagnose"]
 UNKNOWN_FALL, UNKNOWN_NATS = 0.04, 12.0
 #: ... or if so much of the residual's power does not look like measurement noise.
 STRUCTURED_SHARE = 0.35
-#: An effect that reaches less than this share of what a free-form function reaches is not the answer.
-SHARE_OF_CEILING = 0.3
+#: Effects that take less than this share of the power that a free-form function takes are not the answer.
+SHARE_OF_CEILING = 0.75
+
+#: No verdict is surer than this: the catalogue is not the world.
+SUREST = 0.99
 
 Progress = Callable[[str, float], None]
 
@@ -70,11 +73,13 @@ def diagnose(
     options = exam.search.options(refit)
     report("sets of effects", 0.4)
     whole = exam.search.run(refit, lambda share: report("sets of effects", 0.4 + 0.4 * share))
+    beyond = _beyond(exam, whole)
+    if beyond.unknown and "external_force" in exam.candidates:
+        whole, beyond = _pushed(exam, whole, beyond)
     report("how sure", 0.8)
     found = [t.id for t in exam.search.added(whole.terms)]
     members = {name: membership(exam.search, whole, name) for name in found}
     own = own_values(exam)
-    beyond = _beyond(exam, whole)
     report("done", 1.0)
     return _Verdict(exam, options, whole, members, own, beyond).diagnosis()
 
@@ -83,7 +88,8 @@ def _beyond(exam: Examination, fit: Fit) -> Beyond:
     fits = exam.freeform(fit)
     nats = 2.0 * exam.noise.variance * exam.noise.inflation
     plain = exam.plain.rmse(fit)
-    noise = exam.noise_of(fit)
+    share = exam.structured(fit)
+    noise = plain * math.sqrt(1.0 - share)
     groups = [fits.fit_with(group) for group in fits.groups()]
     if not groups:
         return Beyond((), plain, False, noise)
@@ -93,9 +99,20 @@ def _beyond(exam: Examination, fit: Fit) -> Beyond:
     reached = plain * math.sqrt(unwhitened.fit_with(best.on).loss / max(unwhitened.loss, 1e-300))
     certain = gain > UNKNOWN_NATS and reached < (1.0 - UNKNOWN_FALL) * plain
     large = math.sqrt(max(plain**2 - reached**2, 0.0)) > 0.003 * exam.plain.force
-    structured = noise**2 < (1.0 - STRUCTURED_SHARE) * plain**2 and plain > 0.01 * exam.plain.force
+    structured = share > STRUCTURED_SHARE and math.sqrt(share) * plain > 0.005 * exam.plain.force
     on = best.on if reached < plain else ()
     return Beyond(on, min(reached, plain), (certain and large) or structured, noise)
+
+
+def _pushed(exam: Examination, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
+    """With pulses in time, if they explain everything that no law explains; else as it was."""
+    pulses = with_pulses(exam)
+    if pulses is None:
+        return whole, beyond
+    with_laws = exam.search.run(pulses)
+    then = _beyond(exam, with_laws)
+    better = exam.search.evidence(with_laws) > exam.search.evidence(whole) and exam.practical(whole, with_laws)
+    return (with_laws, then) if better and not then.unknown else (whole, beyond)
 
 
 class _Verdict:
@@ -112,7 +129,14 @@ class _Verdict:
     ) -> None:
         self.exam, self.options, self.whole = exam, options, whole
         self.members, self.own, self.beyond = members, own, beyond
-        self.alone = {o.effect: o for o in options}
+        self.alone = {o.effect: o for o in (*options, *self._events())}
+
+    def _events(self) -> list[Option]:
+        """Pulses alone, where they belong to the answer: they are no candidate of the search."""
+        exam = self.exam
+        pulses = [t for t in exam.search.added(self.whole.terms) if "edges" in t.shape]
+        fits = [(t.id, exam.search.fit((*exam.base, t), self.whole.tap)) for t in pulses]
+        return [Option(name, fit, exam.search.evidence(fit)) for name, fit in fits]
 
     def verdict(self) -> tuple[str, float]:
         """(verdict, probability)."""
@@ -123,7 +147,8 @@ class _Verdict:
             possible = exam.plain.rmse(exam.refit) ** 2 - self.beyond.heldout_rmse**2
             if self.beyond.unknown and fallen < SHARE_OF_CEILING * possible:
                 return UNKNOWN, 1.0 - fallen / possible
-            return best, self.members[best].probabilities[best]
+            known = fallen / possible if self.beyond.unknown else 1.0
+            return best, min(known * self.members[best].probabilities[best], SUREST)
         if self.own.wrong:
             return self.own.wrong, self.own.probability
         if self.beyond.unknown:
@@ -135,9 +160,10 @@ class _Verdict:
         return option.evidence if option is not None else -math.inf
 
     def _nothing(self) -> float:
-        from dsd_cli.identify.evidence import probabilities
-
-        return probabilities(self.exam.search, self.exam.refit, self.options)[NOTHING]
+        """Belief that nothing is missing; effects that would change next to nothing are no alternatives."""
+        exam = self.exam
+        useful = [o for o in self.options if exam.practical(exam.refit, o.fit)]
+        return min(probabilities(exam.search, exam.refit, useful)[NOTHING], SUREST)
 
     def diagnosis(self) -> Diagnosis:
         """The whole answer."""
@@ -147,7 +173,6 @@ class _Verdict:
         ranking = self._ranking(score, refitted)
         named = next((c for c in ranking if c.effect == verdict), None)
         fit = self.alone[verdict].fit if verdict in self.alone else exam.refit
-        values = estimates(fit, exam.bank, exam.blocks, exam.scale, self._floor())
         return Diagnosis(
             logs=tuple(r.name for r in exam.recordings),
             samples=sum(r.samples for r in exam.recordings),
@@ -158,19 +183,17 @@ class _Verdict:
             ranking=ranking,
             ceiling=Ceiling(self.beyond.heldout_rmse, self.beyond.on),
             advice=advice_for(verdict, named, self.beyond.unknown, self.beyond.on, exam.recordings[0].provenance),
-            estimates=values,
+            estimates=exam.estimates(fit),
             model=exam.scale.model(fit),
+            refitted_model=exam.scale.model(exam.refit),
             noise=self.beyond.noise,
             provenance=exam.recordings[0].provenance,
             depends_on=self.beyond.on if self.beyond.unknown else (),
         )
 
-    def _floor(self) -> float:
-        return self.exam.noise.variance * self.exam.noise.inflation
-
     def _ranking(self, score: Score, refitted: Score) -> tuple[Candidate, ...]:
         exam = self.exam
-        found = [self._candidate(o, refitted) for o in self.options]
+        found = [self._candidate(o, refitted) for o in self.alone.values()]
         found.sort(key=lambda c: (-c.probability, c.heldout_rmse_after))
         untestable = [
             Candidate(name, math.nan, math.nan, math.nan, 0.0, {}, untestable=reason)
@@ -182,10 +205,9 @@ class _Verdict:
 
     def _candidate(self, option: Option, refitted: Score) -> Candidate:
         exam = self.exam
-        folds = [exam.scale.model(option.fit, fold) for fold in range(exam.blocks.folds)]
-        total = exam.scale.model(option.fit)
-        score = exam.judge.fitted(folds, total)
-        values = self._values(option)
+        score, everything = exam.score(option.fit), exam.estimates(option.fit)
+        prefix = f"{option.effect}."
+        values = {name.removeprefix(prefix): e for name, e in everything.items() if name.startswith(prefix)}
         rivals = self.members[option.effect].rivals if option.effect in self.members else ()
         note = "; ".join(f"{name} stands on its bound" for name, e in values.items() if e.at_bound)
         return Candidate(
@@ -197,14 +219,10 @@ class _Verdict:
             parameters=values,
             indistinguishable_from=rivals,
             note=note,
-            model=total,
+            model=exam.scale.model(option.fit),
+            score=score,
+            all_values=everything,
         )
-
-    def _values(self, option: Option) -> dict[str, Estimate]:
-        exam = self.exam
-        found = estimates(option.fit, exam.bank, exam.blocks, exam.scale, self._floor())
-        prefix = f"{option.effect}."
-        return {name.removeprefix(prefix): e for name, e in found.items() if name.startswith(prefix)}
 
     def _probability(self, effect: str) -> float:
         if effect in self.members:
@@ -212,6 +230,4 @@ class _Verdict:
         return max((m.probabilities.get(effect, 0.0) for m in self.members.values()), default=self._as_only(effect))
 
     def _as_only(self, effect: str) -> float:
-        from dsd_cli.identify.evidence import probabilities
-
         return probabilities(self.exam.search, self.exam.refit, self.options).get(effect, 0.0)

@@ -15,13 +15,14 @@ from dsd_cli.identify.bank import Bank, Term, Terms, ranges
 from dsd_cli.identify.blocks import lay_blocks
 from dsd_cli.identify.freeform import FreeformFits, rich_residual
 from dsd_cli.identify.heldout import PlainErrors
-from dsd_cli.identify.noise import noise_rms, whitening_filter
+from dsd_cli.identify.noise import structured_share, whitening_filter
 from dsd_cli.identify.recording import Recording
+from dsd_cli.identify.results import Estimate, Score
 from dsd_cli.identify.rows import Equations
 from dsd_cli.identify.scores import Judge
 from dsd_cli.identify.search import Noise, Search
 from dsd_cli.identify.solve import Fit, Solver
-from dsd_cli.identify.values import Scale
+from dsd_cli.identify.values import Scale, estimates
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Array
 
@@ -99,16 +100,26 @@ class Examination:
         least = max((1.0 - (1.0 - LEAST_FALL) ** 2) * was**2, (LEAST_FORCE * self.plain.force) ** 2)
         return was**2 - now**2 > least
 
+    def score(self, fit: Fit) -> Score:
+        """Errors of a fit by the prediction itself."""
+        folds = [self.scale.model(fit, fold) for fold in range(self.blocks.folds)]
+        return self.judge.fitted(folds, self.scale.model(fit))
+
+    def estimates(self, fit: Fit) -> dict[str, Estimate]:
+        """Values of a fit with standard errors."""
+        return estimates(fit, self.bank, self.blocks, self.scale, self.noise.variance * self.noise.inflation)
+
     def freeform(self, fit: Fit, whitened: bool = True) -> FreeformFits:
         """Free-form functions beside a fit; not `whitened`: in the unit of u."""
         equations = self.equations if whitened else self.equations.unwhitened()
         return FreeformFits(equations, self.blocks, fit, self.scale.model(fit))
 
-    def noise_of(self, fit: Fit) -> float:
-        """rms of the part of a fit's residual that has the spectrum of measurement noise, unit of u."""
-        return noise_rms(self._by_stretch(self.plain.residual(fit, held_out=False)))
+    def structured(self, fit: Fit) -> float:
+        """Share of the power of a fit's residual that is no measuring noise by its spectrum."""
+        return structured_share(self.by_stretch(self.plain.residual(fit, held_out=False)))
 
-    def _by_stretch(self, plain_rows: Array) -> list[Array]:
+    def by_stretch(self, plain_rows: Array) -> list[Array]:
+        """Rows that are not thinned, as one array per stretch."""
         edges = np.cumsum([len(s.log) - self.equations.startup for s in self.equations.stretches])[:-1]
         return list(np.split(plain_rows, edges))
 

@@ -16,6 +16,8 @@ from dsd_cli.signals.log import Array
 
 #: Order of the whitening filter, bands of the spectrum, and the least share of the largest density.
 ORDER, BANDS, FLOOR = 24, 64, 1e-4
+#: A band stands out if it has this many times the least density of the bands above it.
+TOLERANCE = 1.6
 
 
 def whitening_filter(residual: Sequence[Array]) -> Array:
@@ -44,12 +46,9 @@ def _density(residual: Sequence[Array]) -> Array:
     return np.median(found, axis=0) if found else np.ones(BANDS)
 
 
-def noise_rms(residual: Sequence[Array]) -> float:
-    """rms of the noise part of these stretches of a residual: what lies under the non-decreasing spectrum."""
+def structured_share(residual: Sequence[Array]) -> float:
+    """Share of the power of these stretches that stands above any non-decreasing spectrum: it is no measuring noise."""
     density = _density(residual)
-    total = np.concatenate(residual)
-    power = float(np.mean(total[total != 0.0] ** 2)) if np.any(total) else 0.0
-    if not density.sum() > 0.0:
-        return float(np.sqrt(power))
     envelope = np.minimum.accumulate(density[::-1])[::-1]
-    return float(np.sqrt(power * envelope.sum() / density.sum()))
+    above = np.maximum(density - TOLERANCE * envelope, 0.0)
+    return float(above.sum() / density.sum()) if density.sum() > 0.0 else 0.0

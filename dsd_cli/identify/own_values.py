@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from dsd_cli.identify.examination import LEAST_FALL, LEAST_FORCE, Examination
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
-from dsd_cli.identify.values import estimates
+from dsd_cli.identify.values import flat
 from dsd_cli.plant.model import PlantModel
 
 #: A single wrong value reaches at least this share of what freeing all values reaches.
@@ -31,9 +31,7 @@ class Own:
 def own_values(exam: Examination) -> Own:
     """Scores of the model as given and refitted, and the ranked candidates "inertia" and "delay"."""
     given, refit = exam.judge.fixed(exam.model), exam.refit
-    folds = [exam.scale.model(refit, fold) for fold in range(exam.blocks.folds)]
-    refitted = exam.judge.fitted(folds, exam.scale.model(refit))
-    values = estimates(refit, exam.bank, exam.blocks, exam.scale, exam.noise.variance * exam.noise.inflation)
+    refitted, values = exam.score(refit), exam.estimates(refit)
     candidates = tuple(
         sorted((_alone(exam, name, given, values[name]) for name in (INERTIA, DELAY)), key=lambda c: c.rmse_after)
     )
@@ -45,13 +43,11 @@ def own_values(exam: Examination) -> Own:
     best = candidates[0]
     reached = given.rmse**2 - best.rmse_after**2
     wrong = best.effect if reached > SHARE_ALONE * fall else sure[0].split(".")[0]
-    return Own(given, refitted, candidates, wrong, 1.0 - 2.0 * math.erfc(sure[1] / math.sqrt(2.0)) / 2.0)
+    return Own(given, refitted, candidates, wrong, min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), 0.99))
 
 
 def _deviations(exam: Examination, values: dict[str, Estimate]) -> list[tuple[str, float]]:
     """How many standard errors each value of the model is off."""
-    from dsd_cli.identify.values import flat
-
     believed = flat(exam.model)
     return [
         (name, abs(e.value - believed[name]) / e.std_error)

@@ -24,6 +24,8 @@ from dsd_cli.signals.log import Array, Log
 REST_DEVIATIONS = 3.0
 #: A plant that sticks creeps: up to this share of its rms speed it is at rest.
 CREEP = 1e-3
+#: The measured acceleration is clear if its noise, as a force, is below this share of the rms of u.
+CLEAR = 0.12
 #: A reconstructed position whose drift is expected to exceed this share of its range is none.
 MOST_DRIFT = 0.2
 
@@ -85,9 +87,10 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
         settings = replace(observer, sign=1)
         pieces = [observe_log(piece, settings) for piece in pieces]
         provenance["d_hat"] = f"computed from {pieces[0].d_hat_source}"
-    pieces, noise, missing = _with_motion(pieces, observer, provenance)
+    pieces, noise, margin, missing = _with_motion(pieces, observer, provenance)
     creep = CREEP * max((float(np.sqrt(np.mean(p["velocity"] ** 2))) for p in pieces if "velocity" in p), default=0.0)
     rest = max(rest_speed, REST_DEVIATIONS * noise, creep)
+    pieces = [_with(p, turning=_turning(p, observer, rest, margin)) for p in pieces]
     return Recording(log.source, tuple(pieces), provenance, missing, rest)
 
 
@@ -108,14 +111,14 @@ def _with(log: Log, **channels: Array) -> Log:
 
 def _with_motion(
     pieces: list[Log], observer: ObserverSettings, provenance: dict[str, str]
-) -> tuple[list[Log], float, dict[str, str]]:
-    """(pieces with velocity and position where they can be had, noise of the velocity, what cannot be had)."""
+) -> tuple[list[Log], float, int, dict[str, str]]:
+    """(pieces with the motion that can be had, noise of the speed, half width of its smoothing, what cannot be had)."""
     logged = pieces[0].channels
     if "position" in logged and "velocity" not in logged:
         found = [smooth(piece["position"], piece["t"]) for piece in pieces]
         provenance |= {"velocity": "from position", "position": _word(found)}
         done = [_with(p, velocity=s.slope, position=s.value) for p, s in zip(pieces, found, strict=True)]
-        return done, max(s.slope_noise for s in found), {}
+        return done, max(s.slope_noise for s in found), _widest(found), {}
     if "velocity" in logged:
         found = [smooth(piece["velocity"], piece["t"]) for piece in pieces]
         provenance["velocity"] = _word(found)
@@ -125,8 +128,29 @@ def _with_motion(
             pieces = [_with(p, position=_integral(p["velocity"], p["t"])) for p in pieces]
         else:
             provenance["position"] = "logged"
-        return pieces, max(s.value_noise for s in found), {}
+        return pieces, max(s.value_noise for s in found), _widest(found), {}
     return _reconstructed(pieces, observer, provenance)
+
+
+def _widest(found: Sequence[Smoothed]) -> int:
+    return max(s.half_width for s in found)
+
+
+def _turning(piece: Log, observer: ObserverSettings, rest_speed: float, margin: int) -> Array:
+    """Acceleration of the intervals that start, stop or turn, and of `margin` beside them; else NaN.
+
+    The smoothing that made the speed has spread each start and stop over so many samples. Where the measured
+    acceleration is mostly noise that of the smoothed speed is taken: friction that explained noise, within its budget,
+    would turn noise into force.
+    """
+    frame = Frame(piece)
+    unclear = np.isfinite(frame.motion(rest_speed).acceleration)
+    wide = np.convolve(unclear, np.ones(2 * margin + 1), "same") > 0.5
+    change = np.diff(piece["velocity"], prepend=piece["velocity"][:1]) / frame.intervals
+    raw = net_force(piece, observer) / observer.nominal_inertia
+    noise = float(np.median(np.abs(raw - change))) * observer.nominal_inertia
+    clear = piece.d_hat_source != "position" and noise < CLEAR * float(np.sqrt(np.mean(piece["u"] ** 2)))
+    return np.where(wide, raw if clear else change, np.nan)
 
 
 def _word(found: Sequence[Smoothed]) -> str:
@@ -140,14 +164,14 @@ def _integral(x: Array, t: Array) -> Array:
 
 def _reconstructed(
     pieces: list[Log], observer: ObserverSettings, provenance: dict[str, str]
-) -> tuple[list[Log], float, dict[str, str]]:
+) -> tuple[list[Log], float, int, dict[str, str]]:
     """Motion from Jn a = Q^-1 d_hat + u, taken to begin at rest.
 
     White noise s on d_hat becomes tau s / Jn on the speed (no drift: Q^-1 is proper in the speed) and a random walk
     of T s / Jn per sample; an offset of d_hat a ramp. A line through the speed is therefore taken out where the ramp
     would be more than the moves: an axis that works comes back.
     """
-    done, noises, drifting = [], [], False
+    done, smoothings, drifting = [], [], False
     for piece in pieces:
         force = net_force(piece, observer)
         intervals = Frame(piece).intervals
@@ -156,15 +180,16 @@ def _reconstructed(
         position = _integral(found.value, piece["t"])
         walk = found.value_noise * piece.sample_time * len(piece) / max(observer.time_constant, piece.sample_time)
         drifting |= walk * piece.sample_time * np.sqrt(len(piece)) > MOST_DRIFT * np.ptp(position)
-        noises.append(found.value_noise)
+        smoothings.append(found)
         done.append(_with(piece, velocity=found.value, position=position))
     provenance["velocity"] = provenance["position"] = "reconstructed from u and d_hat"
+    noise, margin = max(s.value_noise for s in smoothings), _widest(smoothings)
     if not drifting:
-        return done, max(noises), {}
+        return done, noise, margin, {}
     del provenance["position"]
     reason = "the log has no position, and one integrated from u and d_hat would drift away"
     done = [replace(p, channels={k: x for k, x in p.channels.items() if k != "position"}) for p in done]
-    return done, max(noises), {"position": reason}
+    return done, noise, margin, {"position": reason}
 
 
 def net_force(piece: Log, observer: ObserverSettings) -> Array:

@@ -54,6 +54,7 @@ class Candidate:
     indistinguishable_from : effects that explain this log as well.
     untestable : why it could not be tested on this log; then the numbers are NaN and `model` is None.
     note : what to know about the fit: a value on its bound, a fit that did not converge.
+    model, score, all_values : of the model with the effect in it and everything fitted.
     """
 
     effect: str
@@ -66,6 +67,8 @@ class Candidate:
     untestable: str = ""
     note: str = ""
     model: PlantModel | None = None
+    score: Score | None = None
+    all_values: Estimates = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,7 @@ class Diagnosis:
     score : of the model as it stands; `refitted` with its own values fitted to the log.
     ranking : best first; untestable ones last.
     estimates : inertia, delay and the values of the effects that the model has, fitted with the verdict's effect in.
+    model : with the verdict's effect in it; refitted_model : without, its values fitted.
     advice : what to do next, one sentence each.
     depends_on : channels on which an unknown remainder depends.
     noise : rms of d_hat that no smooth function of anything explains, unit of u.
@@ -103,6 +107,7 @@ class Diagnosis:
     advice: tuple[str, ...]
     estimates: Estimates
     model: PlantModel
+    refitted_model: PlantModel
     noise: float
     provenance: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()

@@ -21,8 +21,10 @@ from dsd_cli.identify.starts import Residual, starts
 
 #: Nats that an effect costs: one of some twenty was chosen; and each shape parameter that was searched.
 CHOICE, SEARCHED = 3.0, 3.0
-#: A step must gain so many nats beyond its price, and so many standard errors over the blocks.
-LEAST_GAIN, LEAST_T = 6.0, 3.0
+#: And each pulse in time: its level and the two edges, found among all rows.
+PULSE = 14.0
+#: A step must gain so many nats beyond its price; without its best block, too, and lose little in the others.
+LEAST_GAIN, MOST_LOST = 6.0, 0.3
 #: Effects that are refined in a scan: those whose best start comes within this share of the best gain.
 WORTH_REFINING = 0.5
 MOST_EFFECTS = 8
@@ -84,7 +86,7 @@ class Search:
     def price(self, terms: Terms) -> float:
         """Nats for having chosen these effects and searched their shapes."""
         added = [t for t in terms if t.id not in {b.id for b in self.base}]
-        return sum(CHOICE + SEARCHED * t.effect.searched for t in added)
+        return sum(CHOICE + SEARCHED * t.effect.searched + PULSE * len(t.shape.get("edges", ())) for t in added)
 
     def gains(self, before: Fit, after: Fit) -> np.ndarray:
         """Nats per block, shape (B,), without prices."""
@@ -95,13 +97,7 @@ class Search:
         gain = self.evidence(after) - self.evidence(before)
         if gain < LEAST_GAIN:
             return False
-        gains = self.gains(before, after)
-        spread = float(np.std(gains, ddof=1)) * np.sqrt(len(gains))
-        return float(gains.sum()) > LEAST_T * spread / self._strength(len(gains)) and self.practical(before, after)
-
-    def _strength(self, blocks: int) -> float:
-        """With few blocks the spread is not known well enough to ask for much."""
-        return 1.0 if blocks >= 8 else 2.0
+        return _agreed(self.gains(before, after)) and self.practical(before, after)
 
     # -- fits ------------------------------------------------------------------------------------------------------
 
@@ -223,3 +219,11 @@ class Search:
             if self.price(best.fit.terms) <= self.price(fit.terms) or self.practical(fit, best.fit):
                 return best.fit
         return fit
+
+
+def _agreed(gains: np.ndarray) -> bool:
+    """Whether the blocks agree that it is a gain: not one block alone, and few blocks lose. Gains may be as unequal
+    as they like: a cubic spring shows where the axis goes far."""
+    lost = -float(gains[gains < 0.0].sum())
+    won = float(gains[gains > 0.0].sum())
+    return won - float(gains.max()) - lost > LEAST_GAIN and lost < MOST_LOST * won

@@ -98,6 +98,8 @@ class Solver:
         matrices = np.concatenate([found.total[None], found.fitted])[:, free][:, :, free]
         theta = np.zeros((len(matrices), len(rows) - 1))
         theta[:, [i - 1 for i in free[1:]]] = solve(matrices)
+        for at in _events(terms, widths):
+            theta[:, at] = theta[0, at]
         residual = np.concatenate([np.ones((len(theta) - 1, 1)), -theta[1:]], axis=1)[self.blocks.fold]
         losses = np.einsum("bi,bij,bj->b", residual, found.held_out, residual)
         return Fit(
@@ -115,6 +117,13 @@ class Solver:
             signed += [_not_negative(term, len(columns))] * len(columns)
             widths.append(len(columns))
         return rows, signed, tuple(widths)
+
+
+def _events(terms: Terms, widths: tuple[int, ...]) -> list[int]:
+    """Coefficients of single events: a fold that did not see one cannot know it, so all folds get that of all rows."""
+    starts = np.cumsum([2, *widths])
+    pairs = zip(terms, starts, widths, strict=False)
+    return [i for term, at, width in pairs if "edges" in term.shape for i in range(at, at + width)]
 
 
 def _free(total: Array, signed: list[bool]) -> list[int]:

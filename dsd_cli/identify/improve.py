@@ -1,0 +1,143 @@
+"""Add an effect to the model, and the loop diagnose - choose - add until nothing significant is left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from dsd_cli.effects import get_effect
+from dsd_cli.errors import DataError, UsageError
+from dsd_cli.identify.diagnose import Progress, Settings, diagnose
+from dsd_cli.identify.examination import Examination
+from dsd_cli.identify.own_values import own_values
+from dsd_cli.identify.pulses import with_pulses
+from dsd_cli.identify.recording import Recording
+from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Addition, Candidate, Diagnosis, Ladder, Score, Step
+from dsd_cli.identify.solve import Fit
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+
+__all__ = ["add_effect", "improve"]
+
+#: Rungs of the ladder; nobody believes a model with more parts than that from one rig.
+MOST_STEPS = 10
+AS_GIVEN, REFIT = "as given", "refit"
+
+
+def add_effect(
+    recordings: Sequence[Recording],
+    model: PlantModel,
+    observer: ObserverSettings,
+    effect_id: str,
+    settings: Settings | None = None,
+    holdout: Sequence[Recording] = (),
+) -> Addition:
+    """The model with this effect in it, all values fitted again; "inertia" or "delay" fits the values it has.
+
+    Raises
+    ------
+    UsageError : no such effect, or the model has it.
+    DataError : it cannot be tested on these recordings, or the held-out error does not fall.
+    """
+    own = effect_id in (INERTIA, DELAY)
+    if not own:
+        get_effect(effect_id)
+    if effect_id in model.effects:
+        raise UsageError(f"{effect_id} is in the model already", "`dsd add LOG inertia` fits the values that are there")
+    wanted = () if own else (effect_id,)
+    exam = Examination(recordings, model, observer, replace(settings or Settings(), effects=wanted), holdout)
+    if effect_id in exam.untestable:
+        raise DataError(f"{effect_id} is not testable on {recordings[0].name}", exam.untestable[effect_id])
+    before = own_values(exam)
+    fit = exam.refit if own else _with_effect(exam, effect_id)
+    after = exam.score(fit)
+    if not after.heldout_rmse < (before.score if own else before.refitted).heldout_rmse:
+        raise DataError(
+            f"{effect_id} does not lower the held-out error of {recordings[0].name} "
+            f"({before.refitted.heldout_rmse:.4g} without it, {after.heldout_rmse:.4g} with it)",
+            "nothing was added; `dsd diagnose` ranks what does",
+        )
+    return Addition(effect_id, exam.scale.model(fit), before.score, after, exam.estimates(fit))
+
+
+def _with_effect(exam: Examination, effect_id: str) -> Fit:
+    if effect_id == "external_force":
+        found = with_pulses(exam)
+        if found is None:
+            raise DataError(f"{exam.recordings[0].name}: no pulse stands out of the residual", "nothing was added")
+        return found
+    options = exam.search.options(exam.refit)
+    if not options:
+        raise DataError(
+            f"{effect_id} is not testable on {exam.recordings[0].name}", "the log does not vary where it would show"
+        )
+    return options[0].fit
+
+
+def improve(
+    recordings: Sequence[Recording],
+    model: PlantModel,
+    observer: ObserverSettings,
+    settings: Settings | None = None,
+    holdout: Sequence[Recording] = (),
+    *,
+    choose: Callable[[Diagnosis], str | None],
+    on_step: Callable[[Step], None] = lambda _: None,
+    progress: Progress | None = None,
+) -> Ladder:
+    """Diagnose, add what `choose` says, measure again; every step lowers the held-out error.
+
+    Parameters
+    ----------
+    choose : gets a diagnosis, gives the effect (or value) to take, or None to stop.
+    on_step : told of every rung, the model as given first.
+
+    Raises
+    ------
+    DataError, UsageError : as `diagnose`.
+    """
+    steps: list[Step] = []
+
+    def climb(effect: str, score: Score, found: Diagnosis | Candidate, new: PlantModel) -> None:
+        values = found.estimates if isinstance(found, Diagnosis) else found.all_values
+        steps.append(Step(len(steps), effect, score, values, new))
+        on_step(steps[-1])
+
+    while True:
+        last = diagnose(recordings, model, observer, settings, holdout, progress)
+        if not steps:
+            climb(AS_GIVEN, last.score, last, model)
+        if last.verdict in (NONE, UNKNOWN):
+            return Ladder(tuple(steps), last.verdict, _why(last), last, tuple(r.name for r in holdout))
+        stop = _stop(steps, last)
+        chosen = None if stop else choose(last)
+        if chosen is None:
+            reason = stop or "stopped before the next step was taken"
+            return Ladder(tuple(steps), last.verdict, reason, last, tuple(r.name for r in holdout))
+        taken = next((c for c in last.ranking if c.effect == chosen and c.model is not None), None)
+        if chosen in (INERTIA, DELAY) or chosen in model.effects:
+            model = last.refitted_model
+            climb(chosen, last.refitted, last, model)
+        elif taken is None or taken.model is None or taken.score is None:
+            raise UsageError(f"{chosen} is no candidate here", "take one of the ranking")
+        elif not taken.score.heldout_rmse < steps[-1].score.heldout_rmse:
+            reason = f"{chosen} would not lower the held-out error any more"
+            return Ladder(tuple(steps), last.verdict, reason, last, tuple(r.name for r in holdout))
+        else:
+            model = taken.model
+            climb(chosen, taken.score, taken, model)
+
+
+def _stop(steps: Sequence[Step], last: Diagnosis) -> str:
+    """Why no further step is possible, or ""."""
+    if len(steps) > MOST_STEPS:
+        return f"{MOST_STEPS} steps are taken"
+    if last.verdict in (INERTIA, DELAY) and steps[-1].effect == last.verdict:
+        return f"{last.verdict} was fitted already"
+    return ""
+
+
+def _why(last: Diagnosis) -> str:
+    if last.verdict == NONE:
+        return "nothing significant is left"
+    on = " and ".join(last.depends_on)
+    return "something is left that no effect of the catalogue explains" + (f"; it depends on {on}" if on else "")

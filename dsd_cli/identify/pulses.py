@@ -1,0 +1,123 @@
+"""Rectangular pulses in time: where something pushed the axis, as far as the residual shows it.
+
+A pulse is an event, not a law: it cannot be predicted on a block that was held out. It is looked for only where no law
+explains the recording, it pays for every edge, and it is an answer only if nothing unknown remains.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from dsd_cli.identify.bank import Term
+from dsd_cli.identify.examination import Examination
+from dsd_cli.identify.solve import Fit
+from dsd_cli.signals.log import Array
+
+#: Most pulses, samples of the shortest, and how far its mean stands above the noise of a mean.
+MOST_PULSES, SHORTEST, LEAST_DEVIATIONS = 6, 20, 8.0
+#: A pulse that is weaker than this share of the strongest is part of its edges.
+WEAKEST = 0.1
+ROUNDS = 3
+_ID = "external_force"
+
+
+def with_pulses(exam: Examination) -> Fit | None:
+    """The model's own effects and the pulses that the residual shows; None if it shows none."""
+    fit = exam.refit
+    for _ in range(ROUNDS):
+        edges = _pulses(exam, fit)
+        if not edges:
+            return None
+        term = Term.of(_ID, {"edges": edges})
+        terms = (*(t for t in fit.terms if t.id != _ID), term)
+        fit = exam.search.fit(terms, fit.tap)
+    return _sharpened(exam, fit)
+
+
+def _pulses(exam: Examination, fit: Fit) -> tuple[tuple[float, float], ...]:
+    """(start, end) in s, in the order of time."""
+    found: list[tuple[float, float, float]] = []
+    values = exam.plain.residual(_without_pulses(fit), held_out=False)
+    for stretch, x in zip(exam.equations.stretches, exam.by_stretch(values), strict=True):
+        times = stretch.frame.times[exam.equations.startup :]
+        late = exam.observer.time_constant + 0.5 * stretch.log.sample_time
+        for a, b, level in _strongest(x, exam.gap):
+            found.append((float(times[a] - late), float(times[b] - late), abs(level)))
+    top = max((level for *_, level in found), default=0.0)
+    kept = sorted(found, key=lambda p: -p[2])[:MOST_PULSES]
+    return tuple(sorted((a, b) for a, b, level in kept if level > WEAKEST * top))
+
+
+def _without_pulses(fit: Fit) -> Fit:
+    total = fit.total.copy()
+    at = 2
+    for term, width in zip(fit.terms, fit.widths, strict=True):
+        if term.id == _ID:
+            total[at : at + width] = 0.0
+        at += width
+    return replace(fit, total=total)
+
+
+def _strongest(x: Array, gap: int) -> list[tuple[int, int, float]]:
+    """(first row, row behind the last, level) by matching pursuit over start and length."""
+    left = x - np.median(x)
+    noise = 1.4826 * float(np.median(np.abs(np.diff(left)))) / np.sqrt(2.0)
+    lengths = np.unique(np.geomspace(SHORTEST, max(len(x) // 3, SHORTEST + 1), 24).astype(int))
+    found = []
+    for _ in range(MOST_PULSES):
+        a, b, strength = _best_window(left, lengths)
+        if strength < LEAST_DEVIATIONS * noise or b - a < SHORTEST:
+            break
+        level = float(np.mean(left[a:b]))
+        left = left.copy()
+        left[a:b] -= level
+        found.append((a, b - 1, level))
+    return found
+
+
+def _best_window(x: Array, lengths: Array) -> tuple[int, int, float]:
+    """(start, end, |mean| sqrt(length)) of the window that stands out most, its edges sharpened."""
+    sums = np.concatenate([[0.0], np.cumsum(x)])
+    best = (0, 0, 0.0)
+    for n in lengths:
+        score = np.abs(sums[n:] - sums[:-n]) / np.sqrt(n)
+        k = int(np.argmax(score))
+        if score[k] > best[2]:
+            best = (k, k + int(n), float(score[k]))
+    a, b, _ = best
+    reach = max((b - a) // 4, 1)
+    starts = np.arange(max(a - reach, 0), min(a + reach, b - 1) + 1)
+    ends = np.arange(max(b - reach, a + reach + 1), min(b + reach, len(x)) + 1)
+    lengths2 = np.maximum(ends[None, :] - starts[:, None], 1)
+    score2 = np.abs(sums[ends][None, :] - sums[starts][:, None]) / np.sqrt(lengths2)
+    i, j = np.unravel_index(int(np.argmax(score2)), score2.shape)
+    return int(starts[i]), int(ends[j]), float(score2[i, j])
+
+
+def _sharpened(exam: Examination, fit: Fit) -> Fit:
+    """Every edge moved, by half samples at last, while that lowers the squares."""
+    position = next(i for i, t in enumerate(fit.terms) if t.id == _ID)
+    edges = [list(pair) for pair in fit.terms[position].shape["edges"]]
+
+    def terms() -> tuple[Term, ...]:
+        moved = Term.of(_ID, {"edges": tuple((a, b) for a, b in edges)})
+        return (*fit.terms[:position], moved, *fit.terms[position + 1 :])
+
+    best = exam.search.solver.squares(terms(), fit.tap, keep=False)
+    for pair in edges:
+        for side in (0, 1):
+            step = 8.0 * exam.scale.sample_time
+            while step > 0.3 * exam.scale.sample_time:
+                before = pair[side]
+                for way in (1.0, -1.0):
+                    pair[side] = before + way * step
+                    now = exam.search.solver.squares(terms(), fit.tap, keep=False) if pair[0] < pair[1] else np.inf
+                    if now < best:
+                        best = now
+                        break
+                    pair[side] = before
+                else:
+                    step *= 0.5
+    return exam.search.fit(terms(), fit.tap)
