@@ -14,6 +14,9 @@ from dsd_cli.cli.coercion import use_plain_coercion
 from dsd_cli.cli.lazy import LazyGroup
 from dsd_cli.errors import DsdError
 
+# Small matrices: threads of the linear algebra only wait for each other, by a hundred times where the cores are busy.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 #: What a shell reports for a command ended by SIGINT, and by a closed pipe (SIGPIPE).
 INTERRUPTED, CLOSED_PIPE = 130, 141
 

@@ -106,13 +106,16 @@ def _beyond(exam: Examination, fit: Fit) -> Beyond:
 
 def _pushed(exam: Examination, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
     """With pulses in time, if they explain everything that no law explains; else as it was."""
-    pulses = with_pulses(exam)
-    if pulses is None:
+    pulses = with_pulses(exam, whole)
+    if pulses is None or not exam.practical(whole, pulses):
         return whole, beyond
-    with_laws = exam.search.run(pulses)
-    then = _beyond(exam, with_laws)
-    better = exam.search.evidence(with_laws) > exam.search.evidence(whole) and exam.practical(whole, with_laws)
-    return (with_laws, then) if better and not then.unknown else (whole, beyond)
+    settled = exam.search.settled(pulses)
+    again = with_pulses(exam, settled)  # without the laws that stood in for pulses the edges are clear
+    if again is not None and exam.search.evidence(again) > exam.search.evidence(settled):
+        settled = exam.search.settled(again)
+    then = _beyond(exam, settled)
+    better = exam.search.evidence(settled) > exam.search.evidence(whole) and exam.practical(whole, settled)
+    return (settled, then) if better and not then.unknown else (whole, beyond)
 
 
 class _Verdict:

@@ -61,7 +61,7 @@ def add_effect(
 
 def _with_effect(exam: Examination, effect_id: str) -> Fit:
     if effect_id == "external_force":
-        found = with_pulses(exam)
+        found = with_pulses(exam, exam.refit)
         if found is None:
             raise DataError(f"{exam.recordings[0].name}: no pulse stands out of the residual", "nothing was added")
         return found

@@ -20,12 +20,13 @@ MOST_PULSES, SHORTEST, LEAST_DEVIATIONS = 6, 20, 8.0
 #: A pulse that is weaker than this share of the strongest is part of its edges.
 WEAKEST = 0.1
 ROUNDS = 3
+#: Rows by which the edges of the best window are moved before the next one is looked for.
+MOST_REACH = 200
 _ID = "external_force"
 
 
-def with_pulses(exam: Examination) -> Fit | None:
-    """The model's own effects and the pulses that the residual shows; None if it shows none."""
-    fit = exam.refit
+def with_pulses(exam: Examination, fit: Fit) -> Fit | None:
+    """A fit and the pulses that its residual shows; None if it shows none."""
     for _ in range(ROUNDS):
         edges = _pulses(exam, fit)
         if not edges:
@@ -87,7 +88,7 @@ def _best_window(x: Array, lengths: Array) -> tuple[int, int, float]:
         if score[k] > best[2]:
             best = (k, k + int(n), float(score[k]))
     a, b, _ = best
-    reach = max((b - a) // 4, 1)
+    reach = min(max((b - a) // 4, 1), MOST_REACH)
     starts = np.arange(max(a - reach, 0), min(a + reach, b - 1) + 1)
     ends = np.arange(max(b - reach, a + reach + 1), min(b + reach, len(x)) + 1)
     lengths2 = np.maximum(ends[None, :] - starts[:, None], 1)

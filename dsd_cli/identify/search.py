@@ -71,6 +71,7 @@ class Search:
         self.base, self.allowed, self.noise = base, tuple(allowed), noise
         self.practical, self.most_tap = practical, most_tap
         self.ranges = ranges(bank.equations)
+        self._options: dict[tuple[Terms, int], list[Option]] = {}
 
     @property
     def equations(self) -> Equations:
@@ -123,9 +124,15 @@ class Search:
 
     # -- steps -----------------------------------------------------------------------------------------------------
 
-    def options(self, current: Fit, residual: Residual | None = None) -> list[Option]:
+    def options(self, current: Fit) -> list[Option]:
         """Every allowed effect added to `current`, at its best shape; most evidence first."""
-        residual = residual or Residual(self.equations, current)
+        key = (current.terms, current.tap)
+        if key not in self._options:
+            self._options[key] = self._all_options(current)
+        return self._options[key]
+
+    def _all_options(self, current: Fit) -> list[Option]:
+        residual = Residual(self.equations, current)
         here = {t.id for t in current.terms}
         found: list[tuple[float, Term, int]] = []
         for effect_id in self.allowed:
@@ -165,7 +172,7 @@ class Search:
             forward = self.preferred([o for o in self.options(current) if self.matters(current, o.fit)])
             if forward is None:
                 break
-            current = self._settled(forward.fit)
+            current = self.settled(forward.fit)
         return current
 
     def preferred(self, options: Sequence[Option]) -> Option | None:
@@ -177,7 +184,7 @@ class Search:
         as_good = [o for o in cheaper if not self.practical(o.fit, best.fit)]
         return max(as_good, key=lambda o: o.evidence) if as_good else best
 
-    def _settled(self, fit: Fit) -> Fit:
+    def settled(self, fit: Fit) -> Fit:
         """Shapes refined together, needless members dropped, members swapped for better ones."""
         for _ in range(3):
             before = fit

@@ -7,10 +7,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from dsd_cli.effects.memory import one_pole
 from dsd_cli.signals.log import Array, Log
-
-#: Below this many samples a plain loop is done before scipy.signal is imported (about one second).
-_WORTH_SCIPY = 200_000
 
 #: A delay this close (in samples) to a whole number of samples is a whole number.
 _WHOLE = 1e-9
@@ -28,21 +26,12 @@ def lowpass(x: Array, pole: float, initial: float) -> Array:
     pole : p = exp(-T / tau); 0 is no filter.
     initial : the value before the first sample, for carrying on from an earlier chunk.
     """
-    if len(x) < _WORTH_SCIPY:
-        return lowpass_irregular(x, np.full(len(x), pole), initial)
-    from scipy.signal import lfilter  # late: see _WORTH_SCIPY
-
-    filtered, _ = lfilter([1.0 - pole], [1.0, -pole], x, zi=[pole * initial])
-    return np.asarray(filtered, dtype=np.float64)
+    return lowpass_irregular(x, np.full(len(x), pole), initial)
 
 
 def lowpass_irregular(x: Array, poles: Array, initial: float) -> Array:
     """As `lowpass` with a pole of its own for every sample, p_k = exp(-T_k / tau), shape (n,)."""
-    filtered, y = [], float(initial)
-    for value, pole in zip(x.tolist(), poles.tolist(), strict=True):
-        y = (1.0 - pole) * value + pole * y
-        filtered.append(y)
-    return np.array(filtered, dtype=np.float64)
+    return one_pole(poles, (1.0 - poles) * x, initial)
 
 
 def poles_of(intervals: Iterable[float], time_constant: float) -> Array:

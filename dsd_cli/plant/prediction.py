@@ -120,12 +120,17 @@ class Frame:
         return self.log["t"] if "t" in self.log else self.log.sample_time * np.arange(len(self.log))
 
     def motion(self, rest_speed: float) -> IntervalChannels:
-        """Mean motion per interval; all NaN where neither velocity nor position is logged."""
+        """Mean motion per interval; all NaN where neither velocity nor position is logged.
+
+        A channel "turning" holds the measured acceleration of intervals in which speed and measurement leave open
+        what friction does, NaN elsewhere; it takes the place of the difference of speeds.
+        """
         velocity, position = (self.log.channels.get(name) for name in ("velocity", "position"))
         if velocity is None and position is None:
             unknown = np.full(len(self.log), np.nan)
             return IntervalChannels(unknown, unknown, unknown, unknown)
-        return interval_channels(velocity, position, self.intervals, rest_speed)
+        found = interval_channels(velocity, position, self.intervals, rest_speed)
+        return found._replace(acceleration=self.log["turning"]) if "turning" in self.log else found
 
     def channels(self, drive: Array, motion: IntervalChannels) -> Channels:
         """What effects look at, in the interval that ends at each sample, under that delayed u."""

@@ -52,14 +52,6 @@ def test_step_run_and_chunks_are_the_same_bits(n, cuts, source, irregular, tau, 
     assert np.array_equal(steps, in_chunks(make(), u, x, t, [min(c, n) for c in cuts]))
 
 
-def test_long_arrays_through_scipy_are_the_same_bits(monkeypatch):
-    u, x, _ = signals(5000)
-    plain = DisturbanceObserver(ObserverSettings(), T).run(u, x)
-    monkeypatch.setattr(filtering, "_WORTH_SCIPY", 0)
-    observer = DisturbanceObserver(ObserverSettings(), T)
-    assert np.array_equal(plain, in_chunks(observer, u, x, None, [1, 2, 777]))
-
-
 @pytest.mark.parametrize("tau", [0.0, 0.01])
 def test_agrees_with_plain_loops(tau):
     u, x, _ = signals(300)
