@@ -96,7 +96,7 @@ def _beyond(exam: Examination, fit: Fit) -> Beyond:
     best = loss_of(groups)
     gain = (fit.loss - best.loss) / nats
     unwhitened = exam.freeform(fit, whitened=False)
-    reached = plain * math.sqrt(unwhitened.fit_with(best.on).loss / max(unwhitened.loss, 1e-300))
+    reached = math.sqrt(unwhitened.fit_with(best.on).loss / max(int(exam.equations.kept.sum()), 1))
     certain = gain > UNKNOWN_NATS and reached < (1.0 - UNKNOWN_FALL) * plain
     large = math.sqrt(max(plain**2 - reached**2, 0.0)) > 0.003 * exam.plain.force
     structured = share > STRUCTURED_SHARE and math.sqrt(share) * plain > 0.005 * exam.plain.force

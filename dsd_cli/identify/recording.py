@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from dsd_cli.errors import DataError
+from dsd_cli.identify.reconstruction import drift
 from dsd_cli.identify.smoothing import Smoothed, smooth
 from dsd_cli.plant.filtering import poles_of
 from dsd_cli.plant.model import ObserverSettings
@@ -165,11 +166,10 @@ def _integral(x: Array, t: Array) -> Array:
 def _reconstructed(
     pieces: list[Log], observer: ObserverSettings, provenance: dict[str, str]
 ) -> tuple[list[Log], float, int, dict[str, str]]:
-    """Motion from Jn a = Q^-1 d_hat + u, taken to begin at rest.
+    """Motion from Jn a = Q^-1 d_hat + u.
 
-    White noise s on d_hat becomes tau s / Jn on the speed (no drift: Q^-1 is proper in the speed) and a random walk
-    of T s / Jn per sample; an offset of d_hat a ramp. A line through the speed is therefore taken out where the ramp
-    would be more than the moves: an axis that works comes back.
+    White noise s on d_hat becomes tau s / Jn on the speed (Q^-1 is proper in the speed) and a random walk of T s / Jn
+    per sample. The speed at the start, and a slow drift, are found by `reconstruction.drift`.
     """
     done, smoothings, drifting = [], [], False
     for piece in pieces:
@@ -177,6 +177,7 @@ def _reconstructed(
         intervals = Frame(piece).intervals
         speed = np.cumsum(force * intervals) / observer.nominal_inertia
         found = smooth(speed, piece["t"])
+        found = replace(found, value=found.value - drift(found.value, force, piece))
         position = _integral(found.value, piece["t"])
         walk = found.value_noise * piece.sample_time * len(piece) / max(observer.time_constant, piece.sample_time)
         drifting |= walk * piece.sample_time * np.sqrt(len(piece)) > MOST_DRIFT * np.ptp(position)

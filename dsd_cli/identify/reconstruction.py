@@ -1,0 +1,125 @@
+"""The speed at the start of a log that has neither speed nor position.
+
+Integrating u and d_hat gives the speed but for a constant, and the position but for a ramp. Forces are what tells them:
+friction jumps where the speed is truly zero, and springs, gravity and cogging come back at the same place only if the
+position does not creep. So the constant (and a slow drift) is the one with which functions of speed and position
+explain the net force best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from dsd_cli.signals.log import Array, Log
+
+#: Samples that are averaged, the most averages, and hats over speed (each side of zero) and position.
+AVERAGED, MOST_ROWS, SPEED_HATS, PLACE_HATS = 5, 4000, 6, 24
+#: Offsets that are tried first, as multiples of the speed's standard deviation around its mean; then by golden section.
+REACH, GRID, STEPS = 1.0, 81, 14
+#: Samples over which the net force is averaged, share of the rms speed that counts as one speed, how often it must come
+#: (of the most frequent), and by which factor a speed of rest may explain the force worse than the best constant.
+QUIET, WIDTH, FREQUENT, PREFERENCE = 20, 5e-3, 0.1, 2.0
+#: An axis that works comes back: offsets by which it would travel further than so many times the least are left out.
+MOST_TRAVEL = 1.5
+
+
+def drift(speed: Array, force: Array, piece: Log) -> Array:
+    """What is to be taken off an integrated speed, shape (n,): a constant and a slow ramp."""
+    n, rms = len(speed), float(np.std(speed))
+    if not rms > 0.0:
+        return np.full(n, float(speed[0]))
+    rows = _Rows(speed, force, piece)
+    grid = float(np.mean(speed)) + rms * np.linspace(-REACH, REACH, GRID)
+    rests = _frequent(speed, force, rms)
+    least = min(rows.travel(x) for x in grid)
+    found = {float(x): rows.squares(x) for x in (*grid, *rests) if rows.travel(x) <= MOST_TRAVEL * least}
+    start = min(found, key=lambda x: found[x])
+    rest = min((x for x in rests if x in found), key=lambda x: found[x], default=None)
+    if rest is not None and found[rest] < PREFERENCE * found[start]:
+        return _with_ramp(speed, force, rest, rms)
+    half = float(grid[1] - grid[0])
+    offset = _least(lambda x: rows.squares(x), start - half, start + half)
+    return np.full(n, offset)
+
+
+def _quiet(force: Array) -> Array:
+    """Samples without net force: the axis rests or cruises."""
+    mean = np.abs(np.convolve(force, np.ones(QUIET) / QUIET, "same"))
+    noise = 1.4826 * float(np.median(np.abs(np.diff(force)))) / np.sqrt(2.0 * QUIET)
+    return np.flatnonzero(mean < max(3.0 * noise, float(np.quantile(mean, 0.1))))
+
+
+def _frequent(speed: Array, force: Array, rms: float) -> list[float]:
+    """Speeds at which the axis often is without net force: rest, and usual speeds of its moves."""
+    quiet, width = speed[_quiet(force)], WIDTH * rms
+    levels, counts = np.unique(np.round(quiet / width).astype(np.int64), return_counts=True)
+    often = levels[counts >= FREQUENT * counts.max()] if levels.size else levels
+    return [float(np.median(quiet[np.abs(quiet - level * width) <= width])) for level in often]
+
+
+def _with_ramp(speed: Array, force: Array, rest: float, rms: float) -> Array:
+    """The speed of the rests, as a line where they are spread over the log."""
+    n, quiet = len(speed), _quiet(force)
+    at_rest = quiet[np.abs(speed[quiet] - rest) <= 2.0 * WIDTH * rms]
+    if at_rest.size < 3 or np.ptp(at_rest) < 0.5 * n:
+        return np.full(n, rest)
+    centre = float(at_rest.mean())
+    slope, offset = np.polyfit(at_rest - centre, speed[at_rest], 1)
+    return np.asarray(offset + slope * (np.arange(n) - centre))
+
+
+class _Rows:
+    """Averages over a few samples, for quick fits."""
+
+    def __init__(self, speed: Array, force: Array, piece: Log) -> None:
+        self._every = max(AVERAGED, len(speed) // MOST_ROWS)
+        self._speed, self._time = self._mean(speed), self._mean(piece["t"] - piece["t"][0])
+        self._force, self._u = self._mean(force), self._mean(np.concatenate([piece["u"][:1], piece["u"][:-1]]))
+        self._step = np.diff(self._time, prepend=0.0)
+
+    def _mean(self, x: Array) -> Array:
+        rows = len(x) // self._every
+        return np.asarray(x[: rows * self._every].reshape(rows, self._every).mean(axis=1))
+
+    def travel(self, offset: float) -> float:
+        """Range of the position with that taken off the speed."""
+        return float(np.ptp(np.cumsum((self._speed - offset) * self._step)))
+
+    def squares(self, offset: float) -> float:
+        """What functions of speed and position leave of the net force, with that taken off the speed."""
+        speed = self._speed - offset
+        place = np.cumsum(speed * self._step)
+        columns = [self._u, *_hats(place, PLACE_HATS)]
+        for side in (1.0, -1.0):
+            moving = side * speed > 0.0
+            if moving.sum() > SPEED_HATS:
+                columns += [hat * moving for hat in _hats(side * speed, SPEED_HATS, moving)]
+        x = np.stack(columns)
+        gram = x @ x.T
+        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        weights = np.linalg.solve(gram / np.outer(size, size) + 1e-6 * np.eye(len(x)), (x @ self._force) / size) / size
+        return float(np.sum((self._force - weights @ x) ** 2))
+
+
+def _hats(x: Array, count: int, among: Array | None = None) -> list[Array]:
+    """Linear B-splines over quantiles of x."""
+    knots = np.unique(np.quantile(x if among is None else x[among], np.linspace(0.0, 1.0, count)))
+    return [np.interp(x, knots, unit) for unit in np.eye(len(knots))]
+
+
+def _least(f: Callable[[float], float], low: float, high: float) -> float:
+    ratio = (np.sqrt(5.0) - 1.0) / 2.0
+    a, b = high - ratio * (high - low), low + ratio * (high - low)
+    fa, fb = f(a), f(b)
+    for _ in range(STEPS):
+        if fa < fb:
+            high, b, fb = b, a, fa
+            a = high - ratio * (high - low)
+            fa = f(a)
+        else:
+            low, a, fa = a, b, fb
+            b = low + ratio * (high - low)
+            fb = f(b)
+    return float(0.5 * (low + high))
