@@ -27,6 +27,10 @@ STRUCTURED_SHARE = 0.35
 #: Effects that take less than this share of the power that a free-form function takes are not the answer.
 SHARE_OF_CEILING = 0.75
 
+#: Above this inflation the rows are so dependent that the model misfits somewhere.
+MOST_INFLATION = 3.0
+#: Of effects that explain a recording equally well the one that is met more often is named, the others beside it.
+COMMON = ("coulomb_friction", "viscous_friction", "constant_load", "gravity", "load_friction", "stiffness")
 #: No verdict is surer than this: the catalogue is not the world.
 SUREST = 0.99
 
@@ -78,7 +82,8 @@ def diagnose(
         whole, beyond = _pushed(exam, whole, beyond)
     report("how sure", 0.8)
     found = [t.id for t in exam.search.added(whole.terms)]
-    members = {name: membership(exam.search, whole, name) for name in found}
+    misfit = beyond.unknown or exam.noise.inflation > MOST_INFLATION
+    members = {name: membership(exam.search, whole, name, exam.plain, misfit) for name in found}
     own = own_values(exam)
     report("done", 1.0)
     return _Verdict(exam, options, whole, members, own, beyond).diagnosis()
@@ -132,6 +137,7 @@ class _Verdict:
     ) -> None:
         self.exam, self.options, self.whole = exam, options, whole
         self.members, self.own, self.beyond = members, own, beyond
+        self._named_for: dict[str, str] = {}
         self.alone = {o.effect: o for o in (*options, *self._events())}
 
     def _events(self) -> list[Option]:
@@ -151,7 +157,10 @@ class _Verdict:
             if self.beyond.unknown and fallen < SHARE_OF_CEILING * possible:
                 return UNKNOWN, 1.0 - fallen / possible
             known = fallen / possible if self.beyond.unknown else 1.0
-            return best, min(known * self.members[best].probabilities[best], SUREST)
+            sure = min(known * self.members[best].probabilities[best], SUREST)
+            named = min((best, *self.members[best].rivals), key=_commonness)
+            self._named_for[named] = best
+            return named, sure / (1 + len(self.members[best].rivals)) if named != best else sure
         if self.own.wrong:
             return self.own.wrong, self.own.probability
         if self.beyond.unknown:
@@ -211,7 +220,7 @@ class _Verdict:
         score, everything = exam.score(option.fit), exam.estimates(option.fit)
         prefix = f"{option.effect}."
         values = {name.removeprefix(prefix): e for name, e in everything.items() if name.startswith(prefix)}
-        rivals = self.members[option.effect].rivals if option.effect in self.members else ()
+        rivals = self._rivals(option.effect)
         note = "; ".join(f"{name} stands on its bound" for name, e in values.items() if e.at_bound)
         return Candidate(
             effect=option.effect,
@@ -227,6 +236,13 @@ class _Verdict:
             all_values=everything,
         )
 
+    def _rivals(self, effect: str) -> tuple[str, ...]:
+        """What cannot be told from it on these recordings."""
+        member = self._named_for.get(effect, effect)
+        found = self.members[member].rivals if member in self.members else ()
+        stands_in = (member,) if member != effect else ()
+        return (*stands_in, *(r for r in found if r != effect))
+
     def _probability(self, effect: str) -> float:
         if effect in self.members:
             return self.members[effect].probabilities[effect]
@@ -234,3 +250,8 @@ class _Verdict:
 
     def _as_only(self, effect: str) -> float:
         return probabilities(self.exam.search, self.exam.refit, self.options).get(effect, 0.0)
+
+
+def _commonness(effect: str) -> int:
+    """Place in the list of common effects; behind it for the others."""
+    return COMMON.index(effect) if effect in COMMON else len(COMMON)

@@ -7,11 +7,13 @@ and correlation within blocks does not count as evidence (pseudo-BMA+; Yao et al
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from dsd_cli.identify.heldout import PlainErrors
 from dsd_cli.identify.search import Option, Search
 from dsd_cli.identify.solve import Fit
 from dsd_cli.signals.log import Array
@@ -19,6 +21,9 @@ from dsd_cli.signals.log import Array
 DRAWS, SEED = 400, 20261121
 #: Name of the alternative without any further effect.
 NOTHING = ""
+#: A rival explains this share of the power that the winner explains, and the lead of the winner is doubtful (by so many
+#: standard errors over the blocks); or it explains as much where the model misfits.
+NEARLY, LEAST_T, AS_MUCH = 0.7, 2.5, 0.95
 #: Blocks are unequal witnesses: likelihoods are tempered by this factor before they are compared.
 TEMPER = 0.5
 
@@ -35,14 +40,31 @@ class Membership:
     rivals: tuple[str, ...]
 
 
-def membership(search: Search, whole: Fit, effect_id: str) -> Membership:
-    """Take one effect out of the found set, and let every other effect apply for its place."""
+def membership(search: Search, whole: Fit, effect_id: str, plain: PlainErrors, misfit: bool) -> Membership:
+    """Take one effect out of the found set, and let every other effect apply for its place.
+
+    Parameters
+    ----------
+    misfit : something unknown remains, or rows are far from independent: then a lead in likelihood may be the
+        unknown's, and whatever explains nearly as much stands beside the winner.
+    """
     member = next(t for t in whole.terms if t.id == effect_id)
     rest = search.fit(tuple(t for t in whole.terms if t is not member), whole.tap)
     options = [o for o in search.options(rest) if o.effect != effect_id]
     own = Option(effect_id, whole, search.evidence(whole))
-    rivals = [o.effect for o in options if o.evidence > search.evidence(rest) and not search.matters(o.fit, whole)]
-    return Membership(effect_id, probabilities(search, rest, [own, *options]), tuple(rivals))
+    worth = plain.rmse(rest) ** 2 - plain.rmse(whole) ** 2
+
+    def rivals(option: Option) -> bool:
+        share = (plain.rmse(rest) ** 2 - plain.rmse(option.fit) ** 2) / max(worth, 1e-300)
+        if share < NEARLY or option.evidence <= search.evidence(rest):
+            return False
+        lead = search.gains(option.fit, whole)
+        spread = float(np.std(lead, ddof=1)) * math.sqrt(len(lead))
+        doubtful = float(lead.sum()) < LEAST_T * spread
+        return doubtful or not search.matters(option.fit, whole) or (misfit and share > AS_MUCH)
+
+    found = tuple(o.effect for o in options if rivals(o))
+    return Membership(effect_id, probabilities(search, rest, [own, *options]), found)
 
 
 def probabilities(search: Search, rest: Fit, options: list[Option]) -> dict[str, float]:

@@ -28,8 +28,9 @@ from dsd_cli.signals.log import Array
 
 #: Samples of delay that are tried at least, and the share of the shortest stretch that they may take.
 LEAST_DELAYS, MOST_OF_STRETCH = 30, 0.2
-#: A step matters in practice if it takes this share off the held-out error, and so much of the force that moves.
-LEAST_FALL, LEAST_FORCE = 0.015, 0.003
+#: A step matters in practice if it takes this share off the held-out error, and explains so much of the net force; or
+#: if it explains much of the net force, however loud the measurement noise.
+LEAST_FALL, LEAST_FORCE, MUCH_FORCE = 0.015, 0.003, 0.015
 #: Lags over which the correlation of whitened rows is summed.
 LAGS = 60
 #: Below this share of usable rows there is nothing to learn: the axis stands.
@@ -97,8 +98,9 @@ class Examination:
     def practical(self, before: Fit, after: Fit) -> bool:
         """Whether the held-out error falls by an amount that is of use."""
         was, now = self.plain.rmse(before), self.plain.rmse(after)
-        least = max((1.0 - (1.0 - LEAST_FALL) ** 2) * was**2, (LEAST_FORCE * self.plain.force) ** 2)
-        return was**2 - now**2 > least
+        fall, force = was**2 - now**2, self.plain.force**2
+        seen = fall > (1.0 - (1.0 - LEAST_FALL) ** 2) * was**2 and fall > LEAST_FORCE**2 * force
+        return seen or fall > MUCH_FORCE**2 * force
 
     def score(self, fit: Fit) -> Score:
         """Errors of a fit by the prediction itself."""

@@ -12,8 +12,9 @@ from dsd_cli.signals.log import Array
 
 #: Half widths that are tried, samples; 0 leaves the channel as it is.
 HALF_WIDTHS = (0, 2, 3, 4, 6, 8, 11, 15, 20, 28)
-#: What a smoothing takes out may exceed the noise by this factor before it takes out signal.
-ALLOWED = 1.06
+#: What a smoothing takes out may grow by this factor over narrower ones before it takes out signal; the noise may be
+#: estimated too low by the other, for it is not always white.
+ALLOWED, MISJUDGED = 1.1, 1.4
 #: Steps of the stamps that differ by less than this share are a regular clock, rounded when printed.
 _REGULAR = 0.02
 _ORDER = 3
@@ -41,16 +42,16 @@ def smooth(x: Array, t: Array) -> Smoothed:
     x, t : shape (n,); t in s may be irregular.
     """
     noise, quantised = noise_of(x), encoder_step(x) > 0.0
-    chosen, value = 0, x
+    chosen, value, least = 0, x, MISJUDGED
     for half in HALF_WIDTHS[1:]:
-        if 2 * half + 1 > len(x) // 4:
+        if 2 * half + 1 > len(x) // 4 or not noise > 0.0:
             break
         candidate, _ = _local(x, t, half)
         removed = (x - candidate)[_moving(x)]
-        size = _rms(removed) if quantised else _robust(removed)
-        if size > ALLOWED * noise * _kept(half):
+        size = (_rms(removed) if quantised else _robust(removed)) / (noise * _kept(half))
+        if size > ALLOWED * least:
             break
-        chosen, value = half, candidate
+        chosen, value, least = half, candidate, min(least, max(size, 1.0))
     _, slope = _local(x, t, max(chosen, 1))
     weights, slopes = (_weights(max(chosen, 1), d) for d in (0, 1))
     value_noise = noise * float(np.sqrt(np.sum(weights**2))) if chosen else noise

@@ -86,7 +86,7 @@ def _peaks(power: Array, first: int) -> list[int]:
     """Positions of the highest local maxima over the local background, strongest first."""
     if len(power) < first + 8:
         return []
-    width = max(len(power) // 50, 8)
+    width = min(max(len(power) // 50, 8), (len(power) - 1) // 2)
     background = np.convolve(power, np.ones(2 * width + 1), "same") / (2 * width + 1)
     strength = power / np.maximum(background, 1e-300)
     strength[:first] = 0.0

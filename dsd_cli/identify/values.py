@@ -89,7 +89,7 @@ def estimates(fit: Fit, bank: Bank, blocks: Blocks, scale: Scale, floor: float) 
             terms[i] = type(terms[i]).of(terms[i].id, {**terms[i].shape, name: value * math.exp(step)})
         return flat(_model(scale, tuple(terms), fit.widths, fit.tap, theta))
 
-    jacobian = _jacobian(at, values, covariance)
+    jacobian = _jacobian(at, values, _steps(covariance, len(fit.total)))
     errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian), 0.0))
     units = _units(fit.terms)
     return {
@@ -98,11 +98,18 @@ def estimates(fit: Fit, bank: Bank, blocks: Blocks, scale: Scale, floor: float) 
     }
 
 
-def _jacobian(at: Callable[[Array], dict[str, float]], values: dict[str, float], covariance: Array) -> Array:
+def _steps(covariance: Array, linear: int) -> Array:
+    """A small part of each standard error; of the logarithm of a shape that the log does not tell, a small step."""
+    steps = np.maximum(0.05 * np.sqrt(np.maximum(np.diag(covariance), 0.0)), 1e-9)
+    steps[linear:] = np.minimum(steps[linear:], 0.05)
+    return steps
+
+
+def _jacobian(at: Callable[[Array], dict[str, float]], values: dict[str, float], steps: Array) -> Array:
     rows = []
-    for i in range(len(covariance)):
-        step = np.zeros(len(covariance))
-        step[i] = 0.05 * math.sqrt(max(covariance[i, i], 0.0)) or 1e-9
+    for i in range(len(steps)):
+        step = np.zeros(len(steps))
+        step[i] = steps[i]
         up, down = at(step), at(-step)
         rows.append([(up[name] - down[name]) / (2.0 * step[i]) for name in values])
     return np.array(rows).T
@@ -154,7 +161,8 @@ def _covariance(fit: Fit, bank: Bank, blocks: Blocks, floor: float) -> tuple[Arr
     scores = found.held_out[:, 1:, :] @ residual
     meat = scores.T @ scores * blocks.count / (blocks.count - unknowns)
     sandwich = inverse @ meat @ inverse
-    return np.where(np.trace(sandwich) > np.trace(usual), sandwich, usual), shapes
+    larger = np.sum(np.diag(sandwich) * size**2) > np.sum(np.diag(usual) * size**2)
+    return (sandwich if larger else usual), shapes
 
 
 def _columns(fit: Fit, bank: Bank, terms: Terms) -> list[Array]:
