@@ -13,7 +13,7 @@ from dsd_cli.identify.freeform import loss_of
 from dsd_cli.identify.own_values import Own, own_values
 from dsd_cli.identify.pulses import with_pulses
 from dsd_cli.identify.recording import Recording
-from dsd_cli.identify.results import NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
+from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
 from dsd_cli.identify.search import Option
 from dsd_cli.identify.solve import Fit
 from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -149,23 +149,29 @@ class _Verdict:
 
     def verdict(self) -> tuple[str, float]:
         """(verdict, probability)."""
-        exam = self.exam
+        exam, beyond = self.exam, self.beyond
         if self.members:
             best = max(self.members, key=self._alone_evidence)
-            fallen = exam.plain.rmse(exam.refit) ** 2 - exam.plain.rmse(self.whole) ** 2
-            possible = exam.plain.rmse(exam.refit) ** 2 - self.beyond.heldout_rmse**2
-            if self.beyond.unknown and fallen < SHARE_OF_CEILING * possible:
-                return UNKNOWN, 1.0 - fallen / possible
-            known = fallen / possible if self.beyond.unknown else 1.0
+            known = self._share_of_possible(exam.plain.rmse(exam.refit), exam.plain.rmse(self.whole))
+            if known < SHARE_OF_CEILING:
+                return UNKNOWN, 1.0 - known
             sure = min(known * self.members[best].probabilities[best], SUREST)
             named = min((best, *self.members[best].rivals), key=_commonness)
             self._named_for[named] = best
             return named, sure / (1 + len(self.members[best].rivals)) if named != best else sure
-        if self.own.wrong:
-            return self.own.wrong, self.own.probability
-        if self.beyond.unknown:
+        known = self._share_of_possible(self.own.score.heldout_rmse, self.own.refitted.heldout_rmse)
+        if self.own.wrong and known >= SHARE_OF_CEILING:
+            return self.own.wrong, min(known * self.own.probability, SUREST)
+        if beyond.unknown:
             return UNKNOWN, 0.9
         return NONE, self._nothing()
+
+    def _share_of_possible(self, before: float, after: float) -> float:
+        """How much of the power that could be explained a step explains; 1 where nothing unknown remains."""
+        if not self.beyond.unknown:
+            return 1.0
+        least = min(self.beyond.heldout_rmse, self.beyond.noise)
+        return (before**2 - after**2) / max(before**2 - least**2, 1e-300)
 
     def _alone_evidence(self, name: str) -> float:
         option = self.alone.get(name)
@@ -195,7 +201,7 @@ class _Verdict:
             ranking=ranking,
             ceiling=Ceiling(self.beyond.heldout_rmse, self.beyond.on),
             advice=advice_for(verdict, named, self.beyond.unknown, self.beyond.on, exam.recordings[0].provenance),
-            estimates=exam.estimates(fit),
+            estimates=exam.values(fit).estimates,
             model=exam.scale.model(fit),
             refitted_model=exam.scale.model(exam.refit),
             noise=self.beyond.noise,
@@ -217,11 +223,15 @@ class _Verdict:
 
     def _candidate(self, option: Option, refitted: Score) -> Candidate:
         exam = self.exam
-        score, everything = exam.score(option.fit), exam.estimates(option.fit)
+        score, known = exam.score(option.fit), exam.values(option.fit)
+        everything = known.estimates
         prefix = f"{option.effect}."
         values = {name.removeprefix(prefix): e for name, e in everything.items() if name.startswith(prefix)}
         rivals = self._rivals(option.effect)
-        note = "; ".join(f"{name} stands on its bound" for name, e in values.items() if e.at_bound)
+        if any(name.startswith(prefix) for name in known.tied):
+            rivals = (*rivals, INERTIA)
+        notes = [f"{name} stands on its bound" for name, e in values.items() if e.at_bound]
+        notes += [f"the log does not tell {name}" for name, e in values.items() if math.isnan(e.std_error)]
         return Candidate(
             effect=option.effect,
             rmse_after=score.rmse,
@@ -230,7 +240,7 @@ class _Verdict:
             probability=self._probability(option.effect),
             parameters=values,
             indistinguishable_from=rivals,
-            note=note,
+            note="; ".join(notes),
             model=exam.scale.model(option.fit),
             score=score,
             all_values=everything,

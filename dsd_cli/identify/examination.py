@@ -17,12 +17,12 @@ from dsd_cli.identify.freeform import FreeformFits, rich_residual
 from dsd_cli.identify.heldout import PlainErrors
 from dsd_cli.identify.noise import structured_share, whitening_filter
 from dsd_cli.identify.recording import Recording
-from dsd_cli.identify.results import Estimate, Score
+from dsd_cli.identify.results import Score
 from dsd_cli.identify.rows import Equations
 from dsd_cli.identify.scores import Judge
 from dsd_cli.identify.search import Noise, Search
 from dsd_cli.identify.solve import Fit, Solver
-from dsd_cli.identify.values import Scale, estimates
+from dsd_cli.identify.values import Fitted, Scale, fitted_values
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Array
 
@@ -107,9 +107,9 @@ class Examination:
         folds = [self.scale.model(fit, fold) for fold in range(self.blocks.folds)]
         return self.judge.fitted(folds, self.scale.model(fit))
 
-    def estimates(self, fit: Fit) -> dict[str, Estimate]:
+    def values(self, fit: Fit) -> Fitted:
         """Values of a fit with standard errors."""
-        return estimates(fit, self.bank, self.blocks, self.scale, self.noise.variance * self.noise.inflation)
+        return fitted_values(fit, self.bank, self.blocks, self.scale, self.noise.variance * self.noise.inflation)
 
     def freeform(self, fit: Fit, whitened: bool = True) -> FreeformFits:
         """Free-form functions beside a fit; not `whitened`: in the unit of u."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from dsd_cli.effects import get_effect
+from dsd_cli.effects import catalogue, get_effect
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.diagnose import Progress, Settings, diagnose
 from dsd_cli.identify.examination import Examination
@@ -56,7 +56,7 @@ def add_effect(
             f"({before.refitted.heldout_rmse:.4g} without it, {after.heldout_rmse:.4g} with it)",
             "nothing was added; `dsd diagnose` ranks what does",
         )
-    return Addition(effect_id, exam.scale.model(fit), before.score, after, exam.estimates(fit))
+    return Addition(effect_id, exam.scale.model(fit), before.score, after, exam.values(fit).estimates)
 
 
 def _with_effect(exam: Examination, effect_id: str) -> Fit:
@@ -102,29 +102,40 @@ def improve(
         steps.append(Step(len(steps), effect, score, values, new))
         on_step(steps[-1])
 
+    refused: list[str] = []
+
+    def ladder(reason: str) -> Ladder:
+        return Ladder(tuple(steps), last.verdict, reason, last, tuple(r.name for r in holdout))
+
     while True:
-        last = diagnose(recordings, model, observer, settings, holdout, progress)
+        last = diagnose(recordings, model, observer, _without(settings, refused), holdout, progress)
         if not steps:
             climb(AS_GIVEN, last.score, last, model)
         if last.verdict in (NONE, UNKNOWN):
-            return Ladder(tuple(steps), last.verdict, _why(last), last, tuple(r.name for r in holdout))
+            return ladder(_why(last, refused))
         stop = _stop(steps, last)
         chosen = None if stop else choose(last)
         if chosen is None:
-            reason = stop or "stopped before the next step was taken"
-            return Ladder(tuple(steps), last.verdict, reason, last, tuple(r.name for r in holdout))
-        taken = next((c for c in last.ranking if c.effect == chosen and c.model is not None), None)
+            return ladder(stop or "stopped before the next step was taken")
         if chosen in (INERTIA, DELAY) or chosen in model.effects:
             model = last.refitted_model
             climb(chosen, last.refitted, last, model)
-        elif taken is None or taken.model is None or taken.score is None:
+            continue
+        taken = next((c for c in last.ranking if c.effect == chosen), None)
+        if taken is None or taken.model is None or taken.score is None:
             raise UsageError(f"{chosen} is no candidate here", "take one of the ranking")
-        elif not taken.score.heldout_rmse < steps[-1].score.heldout_rmse:
-            reason = f"{chosen} would not lower the held-out error any more"
-            return Ladder(tuple(steps), last.verdict, reason, last, tuple(r.name for r in holdout))
-        else:
+        if taken.score.heldout_rmse < steps[-1].score.heldout_rmse:
             model = taken.model
             climb(chosen, taken.score, taken, model)
+        else:
+            refused.append(chosen)
+
+
+def _without(settings: Settings | None, refused: Sequence[str]) -> Settings:
+    """Effects that did not lower the held-out error are not asked again."""
+    settings = settings or Settings()
+    wanted = settings.effects if settings.effects is not None else tuple(catalogue())
+    return replace(settings, effects=tuple(name for name in wanted if name not in refused))
 
 
 def _stop(steps: Sequence[Step], last: Diagnosis) -> str:
@@ -136,7 +147,9 @@ def _stop(steps: Sequence[Step], last: Diagnosis) -> str:
     return ""
 
 
-def _why(last: Diagnosis) -> str:
+def _why(last: Diagnosis, refused: Sequence[str]) -> str:
+    if last.verdict == NONE and refused:
+        return f"nothing lowers the held-out error any more ({', '.join(refused)} did not)"
     if last.verdict == NONE:
         return "nothing significant is left"
     on = " and ".join(last.depends_on)

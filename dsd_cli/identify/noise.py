@@ -14,41 +14,53 @@ from scipy.linalg import solve_toeplitz
 
 from dsd_cli.signals.log import Array
 
-#: Order of the whitening filter, bands of the spectrum, and the least share of the largest density.
-ORDER, BANDS, FLOOR = 24, 64, 1e-4
-#: A band stands out if it has this many times the least density of the bands above it.
-TOLERANCE = 1.6
+#: Order of the whitening filter, samples of a segment, and the least share of the largest density.
+ORDER, SEGMENT, FLOOR = 24, 256, 1e-4
+#: Bands of the spectrum; of a short log (fewer segments) they are few, or the least of them would be chance.
+BANDS, FEW_BANDS, FEW_SEGMENTS = 64, 16, 40
+#: A band stands out if it has this many times the least density of the bands above it; with fewer than so many
+#: segments nothing does.
+TOLERANCE, LEAST_SEGMENTS = 1.6, 5
 
 
 def whitening_filter(residual: Sequence[Array]) -> Array:
     """Coefficients a (a_0 = 1) of the filter that whitens the noise in these stretches of a residual, shape (m+1,)."""
-    density = np.minimum.accumulate(_density(residual)[::-1])[::-1]
+    density = _envelope(_density(residual)[0])
     if not density[-1] > 0.0:
         return np.ones(1)
-    density = np.maximum(density, FLOOR * density[-1])
-    frequencies = (np.arange(BANDS) + 0.5) * np.pi / BANDS
-    lags = np.cos(np.outer(np.arange(ORDER + 1), frequencies)) @ density / BANDS
+    density, bands = np.maximum(density, FLOOR * density[-1]), len(density)
+    frequencies = (np.arange(bands) + 0.5) * np.pi / bands
+    lags = np.cos(np.outer(np.arange(ORDER + 1), frequencies)) @ density / bands
     lags[0] *= 1.0 + 1e-9
     return np.concatenate([[1.0], solve_toeplitz(lags[:-1], -lags[1:])])
 
 
-def _density(residual: Sequence[Array]) -> Array:
-    """Power per band of equal width up to half the sample rate, median over segments (transients do not count)."""
-    found = []
-    for x in residual:
-        size = 4 * BANDS
-        for start in range(0, len(x) - size + 1, size // 2):
-            part = x[start : start + size] * np.hanning(size)
-            if np.count_nonzero(x[start : start + size]) < size // 2:
-                continue
-            power = np.abs(np.fft.rfft(part)[1:]) ** 2
-            found.append(power.reshape(BANDS, -1).mean(axis=1))
-    return np.median(found, axis=0) if found else np.ones(BANDS)
-
-
 def structured_share(residual: Sequence[Array]) -> float:
     """Share of the power of these stretches that stands above any non-decreasing spectrum: it is no measuring noise."""
-    density = _density(residual)
-    envelope = np.minimum.accumulate(density[::-1])[::-1]
-    above = np.maximum(density - TOLERANCE * envelope, 0.0)
-    return float(above.sum() / density.sum()) if density.sum() > 0.0 else 0.0
+    density, segments = _density(residual)
+    if segments < LEAST_SEGMENTS or not density.sum() > 0.0:
+        return 0.0
+    above = np.maximum(density - TOLERANCE * _envelope(density), 0.0)
+    return float(above.sum() / density.sum())
+
+
+def _envelope(density: Array) -> Array:
+    """The largest non-decreasing function that is nowhere above it."""
+    return np.asarray(np.minimum.accumulate(density[::-1])[::-1])
+
+
+def _density(residual: Sequence[Array]) -> tuple[Array, int]:
+    """(power per band of equal width up to half the sample rate, median over segments; segments).
+
+    The median, because transients shall not count.
+    """
+    powers = []
+    for x in residual:
+        for start in range(0, len(x) - SEGMENT + 1, SEGMENT // 2):
+            part = x[start : start + SEGMENT]
+            if np.count_nonzero(part) > SEGMENT // 2:
+                powers.append(np.abs(np.fft.rfft(part * np.hanning(SEGMENT))[1:]) ** 2)
+    bands = BANDS if len(powers) >= FEW_SEGMENTS else FEW_BANDS
+    if not powers:
+        return np.ones(bands), 0
+    return np.median(np.array(powers).reshape(len(powers), bands, -1).mean(axis=2), axis=0), len(powers)

@@ -31,7 +31,7 @@ class Own:
 def own_values(exam: Examination) -> Own:
     """Scores of the model as given and refitted, and the ranked candidates "inertia" and "delay"."""
     given, refit = exam.judge.fixed(exam.model), exam.refit
-    refitted, values = exam.score(refit), exam.estimates(refit)
+    refitted, values = exam.score(refit), exam.values(refit).estimates
     candidates = tuple(
         sorted((_alone(exam, name, given, values[name]) for name in (INERTIA, DELAY)), key=lambda c: c.rmse_after)
     )

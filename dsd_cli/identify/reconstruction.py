@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.signals.log import Array, Log
 
@@ -44,7 +45,7 @@ def drift(speed: Array, force: Array, piece: Log) -> Array:
     return np.full(n, offset)
 
 
-def _quiet(force: Array) -> Array:
+def _quiet(force: Array) -> NDArray[np.int_]:
     """Samples without net force: the axis rests or cruises."""
     mean = np.abs(np.convolve(force, np.ones(QUIET) / QUIET, "same"))
     noise = 1.4826 * float(np.median(np.abs(np.diff(force)))) / np.sqrt(2.0 * QUIET)
@@ -103,7 +104,7 @@ class _Rows:
         return float(np.sum((self._force - weights @ x) ** 2))
 
 
-def _hats(x: Array, count: int, among: Array | None = None) -> list[Array]:
+def _hats(x: Array, count: int, among: NDArray[np.bool_] | None = None) -> list[Array]:
     """Linear B-splines over quantiles of x."""
     knots = np.unique(np.quantile(x if among is None else x[among], np.linspace(0.0, 1.0, count)))
     return [np.interp(x, knots, unit) for unit in np.eye(len(knots))]

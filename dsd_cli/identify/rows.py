@@ -130,7 +130,7 @@ class Equations:
         if stretch.frame.regular:
             pole = self.observer.pole(stretch.log.sample_time)
             return np.asarray(lfilter((1.0 - pole) * whitening, [1.0, -pole], x))
-        return np.asarray(lfilter(whitening, [1.0], stretch.frame.filtered(x, self.observer, 0.0)))
+        return np.convolve(stretch.frame.filtered(x, self.observer, 0.0), whitening)[: len(x)]
 
 
 def _stretch(log: Log, rest_speed: float, observer: ObserverSettings, startup: int) -> Stretch:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -28,6 +29,8 @@ LEAST_GAIN, MOST_LOST = 6.0, 0.3
 #: Effects that are refined in a scan: those whose best start comes within this share of the best gain.
 WORTH_REFINING = 0.5
 MOST_EFFECTS = 8
+#: Pairs of effects that are cross-validated, of all that are fitted.
+MOST_PAIRS = 4
 
 
 @dataclass(frozen=True)
@@ -169,11 +172,31 @@ class Search:
         current = start
         for step in range(MOST_EFFECTS):
             report(step / MOST_EFFECTS)
-            forward = self.preferred([o for o in self.options(current) if self.matters(current, o.fit)])
-            if forward is None:
+            options = self.options(current)
+            forward = self.preferred([o for o in options if self.matters(current, o.fit)])
+            reached = [self.settled(forward.fit)] if forward is not None else []
+            pair = self._best_pair(current, options)
+            if pair is not None and (forward is None or self.evidence(pair) > self.evidence(reached[0]) + LEAST_GAIN):
+                reached.append(self.settled(pair))
+            reached = [fit for fit in reached if self.matters(current, fit)]
+            if not reached:
                 break
-            current = self.settled(forward.fit)
+            current = max(reached, key=self.evidence)
         return current
+
+    def _best_pair(self, current: Fit, options: Sequence[Option]) -> Fit | None:
+        """Two effects at once, for each may be hidden behind the other: the best pair at the shapes they have alone."""
+        found = [(o.fit.terms[-1], o.fit.tap) for o in options]
+        pairs = [
+            ((*current.terms, a, b), tap)
+            for (a, tap_a), (b, tap_b) in combinations(found, 2)
+            for tap in dict.fromkeys((tap_a, tap_b))
+        ]
+        if not pairs:
+            return None
+        nats = 2.0 * self.noise.variance * self.noise.inflation
+        ranked = sorted(pairs, key=lambda p: self.solver.squares(*p) / nats + self.price(p[0]))
+        return max((self.fit(terms, tap) for terms, tap in ranked[:MOST_PAIRS]), key=self.evidence)
 
     def preferred(self, options: Sequence[Option]) -> Option | None:
         """The one with most evidence; a cheaper one if the difference does not matter in practice."""

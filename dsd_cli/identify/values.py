@@ -20,6 +20,10 @@ from dsd_cli.signals.log import Array
 
 #: Relative step of numerical derivatives, and how near a bound counts as on it (share of the value).
 STEP, ON_BOUND = 1e-4, 1e-6
+#: An error that is this many times the value is none: the log does not tell the value.
+NOT_TOLD = 1e3
+#: Correlation with the inertia from which on, and relative error above which, a value is known as a ratio only.
+TIED, LEAST_ERROR = 0.97, 0.02
 #: Blocks per unknown below which the scatter between blocks is no estimate of a covariance.
 BLOCKS_PER_UNKNOWN = 3
 
@@ -72,7 +76,15 @@ def flat(model: PlantModel) -> dict[str, float]:
     return values
 
 
-def estimates(fit: Fit, bank: Bank, blocks: Blocks, scale: Scale, floor: float) -> dict[str, Estimate]:
+@dataclass(frozen=True)
+class Fitted:
+    """Values of a fit; `tied` : those of which the log tells only the ratio to the inertia."""
+
+    estimates: dict[str, Estimate]
+    tied: tuple[str, ...]
+
+
+def fitted_values(fit: Fit, bank: Bank, blocks: Blocks, scale: Scale, floor: float) -> Fitted:
     """Every value of the model with its standard error.
 
     Parameters
@@ -90,12 +102,21 @@ def estimates(fit: Fit, bank: Bank, blocks: Blocks, scale: Scale, floor: float) 
         return flat(_model(scale, tuple(terms), fit.widths, fit.tap, theta))
 
     jacobian = _jacobian(at, values, _steps(covariance, len(fit.total)))
-    errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian), 0.0))
+    spread = jacobian @ covariance @ jacobian.T
+    errors = np.sqrt(np.maximum(np.diag(spread), 0.0))
     units = _units(fit.terms)
-    return {
-        name: Estimate(value, float(error), units[name][0], _on_bound(value, *units[name][1:]))
+    found = {
+        name: Estimate(value, _told(value, float(error)), units[name][0], _on_bound(value, *units[name][1:]))
         for (name, value), error in zip(values.items(), errors, strict=True)
     }
+    together = spread[0] / np.maximum(errors * errors[0], 1e-300)
+    doubtful = errors > LEAST_ERROR * np.abs(list(values.values()))
+    return Fitted(found, tuple(n for n, r, d in zip(values, together, doubtful, strict=True) if r > TIED and d)[1:])
+
+
+def _told(value: float, error: float) -> float:
+    """The error; NaN where the log does not tell the value at all."""
+    return error if error < NOT_TOLD * max(abs(value), 1e-12) else math.nan
 
 
 def _steps(covariance: Array, linear: int) -> Array:

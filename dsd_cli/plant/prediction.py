@@ -83,6 +83,7 @@ class Frame:
             raise DataError(f"{log.source}: no u", "the prediction needs the control input; set signals.u")
         self.log, self._lag = log, lag
         self._stamps = irregular_stamps(log)
+        self._poles: dict[float, Array] = {}
         self.intervals = np.full(len(log), log.sample_time)
         if self._stamps is not None:
             self.intervals[1:] = np.diff(self._stamps)
@@ -98,7 +99,7 @@ class Frame:
 
     def command(self, effects: EffectValues) -> Array:
         """u after the input effects, mean over the interval that begins at each sample, before the delay."""
-        command = self.log["u"]
+        command: Array = self.log["u"]
         for name, values in effects.items():
             effect = get_effect(name)
             if effect.role is Role.INPUT:
@@ -172,7 +173,10 @@ class Frame:
         """x through Q, which stood at `initial` before the log."""
         if self._stamps is None:
             return lowpass(x, observer.pole(float(self.intervals[0])), initial)
-        return lowpass_irregular(x, poles_of(self.intervals.tolist(), observer.time_constant), initial)
+        tau = observer.time_constant
+        if tau not in self._poles:
+            self._poles[tau] = poles_of(self.intervals.tolist(), tau)
+        return lowpass_irregular(x, self._poles[tau], initial)
 
 
 def _check_needs(model: PlantModel, log: Log) -> None:
