@@ -1,0 +1,104 @@
+"""Held-out blocks: every row once, and no fitted row within the gap of what is judged, counted row by row."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dsd_cli.errors import DataError
+from dsd_cli.identify.blocks import FOLDS, LONGEST_GAP_SHARE, lay_blocks
+
+LENGTHS = st.lists(st.integers(1, 400), min_size=1, max_size=4)
+
+
+def _laid(lengths, gap, shortest=0):
+    try:
+        return lay_blocks(lengths, gap, "log.csv", shortest)
+    except DataError:
+        return None
+
+
+def _stretch_of_rows(lengths):
+    return [i for i, length in enumerate(lengths) for _ in range(length)]
+
+
+@settings(max_examples=80, deadline=None)
+@given(LENGTHS, st.integers(1, 30))
+def test_every_row_is_in_exactly_one_segment_and_its_block(lengths, gap):
+    blocks = _laid(lengths, gap)
+    if blocks is None:
+        return
+    seen = np.zeros(sum(lengths), dtype=int)
+    block_of = np.full(sum(lengths), -1)
+    assert len(blocks.starts) == 3 * blocks.count
+    for i in range(len(blocks.starts)):
+        rows = blocks.segment(i)
+        assert rows.start <= rows.stop
+        seen[rows] += 1
+        block_of[rows] = i // 3
+    assert blocks.rows == sum(lengths)
+    assert (seen == 1).all()
+    np.testing.assert_array_equal(blocks.block_of_rows(), block_of)
+    stretches = np.array(_stretch_of_rows(lengths))
+    for block in range(blocks.count):
+        assert len(set(stretches[block_of == block])) == 1, "a block over two stretches"
+
+
+@settings(max_examples=80, deadline=None)
+@given(LENGTHS, st.integers(1, 30))
+def test_exactly_the_rows_within_the_gap_of_what_is_held_out_are_left_out(lengths, gap):
+    blocks = _laid(lengths, gap)
+    if blocks is None:
+        return
+    stretches, block_of = np.array(_stretch_of_rows(lengths)), blocks.block_of_rows()
+    places = np.arange(blocks.rows)
+    for fold in range(blocks.folds):
+        weight = blocks.fitted(fold)
+        fitted = np.zeros(blocks.rows)
+        for i, w in enumerate(weight):
+            fitted[blocks.segment(i)] = w
+        held = blocks.fold[block_of] == fold
+        assert held.any()
+        for row in places:
+            beside = held & (stretches == stretches[row]) & (np.abs(places - row) <= gap)
+            assert fitted[row] == (0.0 if beside.any() else 1.0), f"row {row}, fold {fold}"
+
+
+@settings(max_examples=60, deadline=None)
+@given(LENGTHS, st.integers(1, 30))
+def test_folds_take_turns_and_every_block_is_held_out_once(lengths, gap):
+    blocks = _laid(lengths, gap)
+    if blocks is None:
+        return
+    assert 2 <= blocks.folds <= FOLDS
+    assert blocks.fold.tolist() == [b % min(FOLDS, blocks.count) for b in range(blocks.count)]
+    sizes = np.bincount(blocks.block_of_rows())
+    own = [i for i in range(blocks.count) if blocks.before[i] or blocks.after[i]]
+    assert all(sizes[i] >= LONGEST_GAP_SHARE * gap for i in own), "a block that is mostly gap"
+
+
+def test_rows_of_another_stretch_are_no_neighbours():
+    blocks = lay_blocks([60, 60], 20, "log.csv")
+    assert blocks.count == 2
+    np.testing.assert_array_equal(blocks.fitted(0), [0, 0, 0, 1, 1, 1])
+    np.testing.assert_array_equal(blocks.fitted(1), [1, 1, 1, 0, 0, 0])
+
+
+def test_shortest_holds_blocks_up():
+    long = lay_blocks([1000], 5, "log.csv", shortest=250)
+    assert long.count == 4
+    assert np.bincount(long.block_of_rows()).min() >= 250
+
+
+@pytest.mark.parametrize(("lengths", "gap"), [([59], 10), ([1], 1), ([20, 20], 10), ([100], 100)])
+def test_too_short_is_an_error_that_names_the_rows(lengths, gap):
+    with pytest.raises(DataError) as error:
+        lay_blocks(lengths, gap, "log.csv")
+    assert "log.csv" in str(error.value)
+    assert f"{sum(lengths)} usable rows" in str(error.value)
+    assert str(2 * LONGEST_GAP_SHARE * gap) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_the_shortest_log_that_is_long_enough():
+    assert lay_blocks([60], 10, "log.csv").count == 2

@@ -1,0 +1,138 @@
+"""Probabilities: they share one unit of belief, do not depend on order, and one lucky block does not decide."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dsd_cli.identify.evidence import NOTHING, TEMPER, _shares, membership, probabilities
+from dsd_cli.identify.examination import Examination, Settings
+from dsd_cli.identify.search import _agreed
+from tests.identify.comparison_rig import BELIEVED, OBSERVER, recorded
+
+GAINS = st.lists(st.lists(st.floats(-50.0, 50.0), min_size=6, max_size=6), min_size=1, max_size=5)
+
+
+@settings(max_examples=60, deadline=None)
+@given(GAINS, st.floats(0.0, 20.0))
+def test_shares_are_of_one_whole(rows, price):
+    gains = np.array([[0.0] * 6, *rows])
+    shares = _shares(gains, np.array([0.0] + [price] * len(rows)))
+    assert shares.sum() == pytest.approx(1.0)
+    assert (shares >= 0.0).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(GAINS, st.randoms(use_true_random=False))
+def test_the_order_of_the_alternatives_does_not_matter(rows, random):
+    gains = np.array([[0.0] * 6, *rows])
+    prices = np.arange(len(gains), dtype=float)
+    order = list(range(len(gains)))
+    random.shuffle(order)
+    np.testing.assert_allclose(_shares(gains[order], prices[order]), _shares(gains, prices)[order], atol=1e-12)
+
+
+def test_equal_witnesses_give_the_odds_of_their_sum():
+    """Without scatter between blocks every draw is the same: the plain odds, tempered."""
+    gains = np.array([np.zeros(20), np.full(20, 0.3)])
+    shares = _shares(gains, np.array([0.0, 2.0]))
+    assert shares[1] / shares[0] == pytest.approx(np.exp(TEMPER * (20 * 0.3 - 2.0)))
+
+
+@pytest.mark.parametrize("blocks", [10, 20, 40])
+def test_one_lucky_block_does_not_convince(blocks):
+    gains = np.zeros((2, blocks))
+    gains[1] = -0.2
+    gains[1, 3] = 30.0
+    assert _shares(gains, np.array([0.0, 6.0]))[1] < 0.9
+    assert not _agreed(gains[1])
+    spread = np.zeros((2, blocks))
+    spread[1] = gains[1].sum() / blocks
+    assert _shares(spread, np.array([0.0, 6.0]))[1] > _shares(gains, np.array([0.0, 6.0]))[1]
+
+
+def test_a_gain_in_every_block_convinces():
+    rng = np.random.default_rng(1)
+    gains = np.array([np.zeros(20), rng.uniform(1.0, 4.0, 20)])
+    assert _shares(gains, np.array([0.0, 6.0]))[1] > 0.99
+    assert _agreed(gains[1])
+
+
+def test_chance_convinces_nobody():
+    for seed in range(50):
+        gains = np.array([np.zeros(20), np.random.default_rng(seed).normal(0.0, 0.7, 20)])
+        assert _shares(gains, np.array([0.0, 6.0]))[1] < 0.7
+
+
+def test_gains_without_end_do_not_overflow():
+    gains = np.array([np.zeros(8), np.full(8, 1e9), np.full(8, -1e9)])
+    np.testing.assert_allclose(_shares(gains, np.zeros(3)), [0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("gains", "agreed"),
+    [
+        (np.full(20, 1.0), True),
+        (np.full(20, 0.3), False),
+        (np.concatenate([[100.0], np.full(19, 0.1)]), False),
+        (np.concatenate([[100.0], np.full(19, 1.0)]), True),
+        (np.concatenate([np.full(12, 3.0), np.full(8, -2.0)]), False),
+    ],
+)
+def test_blocks_agree_if_more_than_one_gains_and_few_lose(gains, agreed):
+    assert bool(_agreed(gains)) is agreed
+
+
+@pytest.fixture(scope="module")
+def search():
+    hidden = {"coulomb_friction": {"level": 0.08}, "gravity": {"amplitude": 0.15, "phase": 0.3}}
+    effects = ("coulomb_friction", "gravity", "viscous_friction", "stiffness", "constant_load")
+    exam = Examination([recorded(hidden, duration=8.0)], BELIEVED, OBSERVER, Settings(effects=effects))
+    return exam, exam.search.run(exam.refit)
+
+
+def test_probabilities_of_options_and_nothing_sum_to_one_in_any_order(search):
+    exam, _ = search
+    options = exam.search.options(exam.refit)
+    shares = probabilities(exam.search, exam.refit, options)
+    assert set(shares) == {NOTHING, *(o.effect for o in options)}
+    assert sum(shares.values()) == pytest.approx(1.0)
+    backwards = probabilities(exam.search, exam.refit, options[::-1])
+    assert backwards == pytest.approx(shares)
+
+
+def test_nothing_alone_is_certain(search):
+    exam, _ = search
+    assert probabilities(exam.search, exam.refit, []) == {NOTHING: pytest.approx(1.0)}
+
+
+def test_members_of_the_truth_are_found_and_sure(search):
+    exam, whole = search
+    assert {t.id for t in whole.terms} >= {"coulomb_friction", "gravity"}
+    for name in ("coulomb_friction", "gravity"):
+        found = membership(exam.search, whole, name, exam.plain, misfit=False)
+        assert found.effect == name
+        assert sum(found.probabilities.values()) == pytest.approx(1.0)
+        assert found.probabilities[name] > 0.9
+        assert name not in found.rivals
+        assert found.rivals == ()
+
+
+def test_gains_and_evidence_are_those_of_the_losses(search):
+    exam, whole = search
+    scale = 2.0 * exam.noise.variance * exam.noise.inflation
+    gains = exam.search.gains(exam.refit, whole)
+    np.testing.assert_allclose(gains, [(a - b) / scale for a, b in zip(exam.refit.losses, whole.losses, strict=True)])
+    price = exam.search.price(whole.terms)
+    gained = exam.search.evidence(whole) - exam.search.evidence(exam.refit)
+    assert gained == pytest.approx(gains.sum() - price)
+
+
+def test_effects_of_the_model_cost_nothing(search):
+    exam, whole = search
+    believed = replace(BELIEVED, effects={"coulomb_friction": {"level": 0.05}})
+    knowing = Examination(exam.recordings, believed, OBSERVER, Settings(effects=("gravity",)))
+    assert knowing.search.price(knowing.base) == 0.0
+    assert exam.search.price(whole.terms) > exam.search.price(exam.refit.terms) == 0.0

@@ -1,0 +1,178 @@
+"""The ladder: every rung lowers the held-out error, and what cannot be added says why in one line."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from dsd_cli.errors import DataError, UsageError
+from dsd_cli.identify.examination import Settings
+from dsd_cli.identify.improve import MOST_STEPS, add_effect, improve
+from dsd_cli.identify.recording import prepare
+from dsd_cli.identify.results import NONE
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Log
+from tests.oracle.machine_cases import cases
+from tests.oracle.machines import run
+
+CANDIDATES = ("coulomb_friction", "viscous_friction", "gravity", "stiffness", "constant_load", "viscous_asymmetry")
+FEW = Settings(effects=CANDIDATES)
+
+
+def _rig(recording):
+    case = recording.truth
+    observer = ObserverSettings(case.nominal_inertia, case.observer_time_constant)
+    log = Log(recording.channels, case.sample_time, "log.csv")
+    return prepare(log, observer), PlantModel(case.believed_inertia, case.believed_delay, dict(case.base)), observer
+
+
+@pytest.fixture(scope="module")
+def pair():
+    return _rig(run(cases(("coulomb_friction", "gravity"), [2], duration=5.0))[0])
+
+
+@pytest.fixture(scope="module")
+def nothing():
+    return _rig(run(cases("none", [1], duration=5.0))[0])
+
+
+@pytest.fixture(scope="module")
+def ladder(pair):
+    recording, model, observer = pair
+    told = []
+    found = improve([recording], model, observer, FEW, choose=lambda d: d.verdict, on_step=told.append)
+    return found, told
+
+
+def test_both_hidden_effects_are_taken_and_then_nothing(ladder, pair):
+    found, _ = ladder
+    assert {step.effect for step in found.steps[1:]} == {"coulomb_friction", "gravity"}
+    assert found.verdict == NONE
+    assert found.stopped == "nothing significant is left"
+    assert found.last.verdict == NONE
+    assert found.steps[-1].model.effects.keys() == {*pair[1].effects, "coulomb_friction", "gravity"}
+
+
+def test_the_held_out_error_falls_on_every_rung(ladder):
+    found, _ = ladder
+    errors = [step.score.heldout_rmse for step in found.steps]
+    assert all(after < before for before, after in pairwise(errors))
+    assert [step.step for step in found.steps] == list(range(len(found.steps)))
+    assert found.steps[0].effect == "as given"
+    assert errors[-1] < 1.4 * found.last.noise  # rows of starts and stops are in it
+
+
+def test_every_rung_is_told_when_it_is_taken(ladder):
+    found, told = ladder
+    assert tuple(told) == found.steps
+
+
+def test_the_ladder_ends_where_the_chooser_says(pair):
+    recording, model, observer = pair
+    found = improve([recording], model, observer, FEW, choose=lambda d: None)
+    assert [step.effect for step in found.steps] == ["as given"]
+    assert found.verdict in ("coulomb_friction", "gravity")
+    assert "stopped" in found.stopped
+    assert found.steps[0].model == model
+
+
+def test_another_effect_than_the_verdict_may_be_chosen(pair):
+    recording, model, observer = pair
+    wishes = iter(["gravity"])
+    found = improve([recording], model, observer, FEW, choose=lambda d: next(wishes, None))
+    assert [step.effect for step in found.steps] == ["as given", "gravity"]
+    assert found.steps[1].score.heldout_rmse < found.steps[0].score.heldout_rmse
+
+
+def test_an_effect_that_is_no_candidate_is_refused(pair):
+    recording, model, observer = pair
+    with pytest.raises(UsageError, match="cogging"):
+        improve([recording], model, observer, FEW, choose=lambda d: "cogging")
+
+
+def test_a_log_without_anything_missing_is_left_alone(nothing):
+    recording, model, observer = nothing
+    asked = []
+    found = improve([recording], model, observer, FEW, choose=lambda d: asked.append(d) or d.verdict)
+    assert found.verdict == NONE
+    assert len(found.steps) == 1
+    assert asked == []
+
+
+def test_the_ladder_is_no_longer_than_it_may_be(ladder):
+    assert len(ladder[0].steps) <= MOST_STEPS + 1
+
+
+def test_adding_the_true_effect_lowers_both_errors_and_refits_all(pair):
+    recording, model, observer = pair
+    found = add_effect([recording], model, observer, "coulomb_friction")
+    assert found.effect == "coulomb_friction"
+    assert found.after.heldout_rmse < found.before.heldout_rmse
+    assert found.after.rmse < found.before.rmse
+    assert found.model.effects.keys() == {*model.effects, "coulomb_friction"}
+    assert {"inertia", "delay", "coulomb_friction.level"} <= found.estimates.keys()
+    assert found.estimates["coulomb_friction.level"].value == found.model.effects["coulomb_friction"]["level"]
+    again = add_effect([recording], model, observer, "coulomb_friction")
+    assert (again.after, again.model) == (found.after, found.model)
+
+
+def test_an_effect_of_the_model_cannot_be_added(pair):
+    recording, model, observer = pair
+    has = PlantModel(model.inertia, model.delay, {"coulomb_friction": {"level": 0.1}})
+    with pytest.raises(UsageError, match="coulomb_friction is in the model already"):
+        add_effect([recording], has, observer, "coulomb_friction")
+
+
+def test_an_effect_that_does_not_exist_cannot_be_added(pair):
+    recording, model, observer = pair
+    with pytest.raises(UsageError, match="phlogiston"):
+        add_effect([recording], model, observer, "phlogiston")
+
+
+def test_pulses_are_not_added_where_there_are_none(nothing):
+    recording, model, observer = nothing
+    with pytest.raises(DataError, match="pulse") as error:
+        add_effect([recording], model, observer, "external_force")
+    assert "\n" not in str(error.value)
+
+
+def test_an_effect_whose_channel_is_missing_says_which(pair):
+    recording, model, observer = pair
+    without = recording.__class__(
+        recording.name,
+        tuple(_without_position(piece) for piece in recording.pieces),
+        recording.provenance,
+        {"position": "the log has no position"},
+        recording.rest_speed,
+    )
+    with pytest.raises(DataError, match=r"gravity is not testable on log\.csv: the log has no position"):
+        add_effect([without], model, observer, "gravity")
+
+
+def _without_position(piece):
+    kept = {name: x for name, x in piece.channels.items() if name != "position"}
+    return Log(kept, piece.sample_time, piece.source, piece.d_hat_source)
+
+
+@pytest.mark.parametrize("factor", [0.6, 1.5])
+def test_a_wrong_inertia_is_put_right(nothing, factor):
+    recording, model, observer = nothing
+    wrong = PlantModel(factor * model.inertia, model.delay, dict(model.effects))
+    found = add_effect([recording], wrong, observer, "inertia")
+    assert found.model.inertia == pytest.approx(model.inertia, rel=0.02)
+    assert found.after.heldout_rmse < 0.7 * found.before.heldout_rmse
+    assert found.model.effects.keys() == model.effects.keys()
+
+
+def test_what_was_fitted_holds_on_a_log_that_it_never_saw(pair):
+    recording, model, observer = pair
+    half = len(recording.pieces[0]) // 2
+    whole = recording.pieces[0]
+    parts = [{name: x[a:b] for name, x in whole.channels.items()} for a, b in ((0, half), (half, None))]
+    first, second = (
+        recording.__class__(n, (Log(p, whole.sample_time, n),), recording.provenance, {}, recording.rest_speed)
+        for n, p in zip(("first.csv", "second.csv"), parts, strict=True)
+    )
+    found = add_effect([first], model, observer, "coulomb_friction", holdout=[second])
+    assert found.after.heldout_rmse < found.before.heldout_rmse
+    assert np.isfinite([found.after.rmse, found.after.heldout_rmse, found.after.fit_percent]).all()
