@@ -1,4 +1,4 @@
-"""Values of models out of coefficients: there and back, and standard errors that cover the truth as often as they say."""
+"""Values of models out of coefficients: there and back, and standard errors that cover the truth as they should."""
 
 from dataclasses import replace
 
