@@ -156,9 +156,9 @@ class _Verdict:
             if known < SHARE_OF_CEILING:
                 return UNKNOWN, 1.0 - known
             sure = min(known * self.members[best].probabilities[best], SUREST)
-            named = min((best, *self.members[best].rivals), key=_commonness)
+            named = min((best, *self.members[best].alike), key=_commonness)
             self._named_for[named] = best
-            return named, sure / (1 + len(self.members[best].rivals)) if named != best else sure
+            return named, sure / (1 + len(self.members[best].alike)) if named != best else sure
         known = self._share_of_possible(self.own.score.heldout_rmse, self.own.refitted.heldout_rmse)
         if self.own.wrong and known >= SHARE_OF_CEILING:
             return self.own.wrong, min(known * self.own.probability, SUREST)

@@ -32,12 +32,14 @@ TEMPER = 0.5
 class Membership:
     """An effect of the found set against everything that could stand in its place.
 
-    probabilities : effect (or `NOTHING`) -> share of belief. rivals : effects that explain the recordings as well.
+    probabilities : effect (or `NOTHING`) -> share of belief. rivals : effects that explain the recordings as well;
+    alike : those of them whose likelihood is less, but by no more than the model misfits anyway.
     """
 
     effect: str
     probabilities: Mapping[str, float]
     rivals: tuple[str, ...]
+    alike: tuple[str, ...] = ()
 
 
 def membership(search: Search, whole: Fit, effect_id: str, plain: PlainErrors, misfit: bool) -> Membership:
@@ -54,17 +56,20 @@ def membership(search: Search, whole: Fit, effect_id: str, plain: PlainErrors, m
     own = Option(effect_id, whole, search.evidence(whole))
     worth = plain.rmse(rest) ** 2 - plain.rmse(whole) ** 2
 
+    def share(option: Option) -> float:
+        return (plain.rmse(rest) ** 2 - plain.rmse(option.fit) ** 2) / max(worth, 1e-300)
+
     def rivals(option: Option) -> bool:
-        share = (plain.rmse(rest) ** 2 - plain.rmse(option.fit) ** 2) / max(worth, 1e-300)
-        if share < NEARLY or option.evidence <= search.evidence(rest):
+        if share(option) < NEARLY or option.evidence <= search.evidence(rest):
             return False
         lead = search.gains(option.fit, whole)
         spread = float(np.std(lead, ddof=1)) * math.sqrt(len(lead))
-        doubtful = float(lead.sum()) < LEAST_T * spread
-        return doubtful or not search.matters(option.fit, whole) or (misfit and share > AS_MUCH)
+        return float(lead.sum()) < LEAST_T * spread or not search.matters(option.fit, whole)
 
-    found = tuple(o.effect for o in options if rivals(o))
-    return Membership(effect_id, probabilities(search, rest, [own, *options]), found)
+    alike = [o.effect for o in options if misfit and share(o) > AS_MUCH and o.evidence > search.evidence(rest)]
+    found = dict.fromkeys([*alike, *(o.effect for o in options if rivals(o))])
+    shares = probabilities(search, rest, [own, *options])
+    return Membership(effect_id, shares, tuple(found), tuple(alike))
 
 
 def probabilities(search: Search, rest: Fit, options: list[Option]) -> dict[str, float]:

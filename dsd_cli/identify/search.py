@@ -26,7 +26,8 @@ CHOICE, SEARCHED = 3.0, 3.0
 PULSE = 14.0
 #: A step must gain so many nats beyond its price; without its best block, too, and lose little in the others.
 LEAST_GAIN, MOST_LOST = 6.0, 0.3
-#: Effects that are refined in a scan: those whose best start comes within this share of the best gain.
+#: Effects that are refined in a scan: those whose best start comes within this share of the best gain, and loads on
+#: the motor, whose best shape is narrow.
 WORTH_REFINING = 0.5
 MOST_EFFECTS = 8
 #: Pairs of effects that are cross-validated, of all that are fitted.
@@ -150,7 +151,7 @@ class Search:
         options = []
         for squares, term, tap in found:
             terms = (*current.terms, term)
-            if squares <= worth and term.items:
+            if term.items and (squares <= worth or term.effect.role is Role.STRUCTURE):
                 terms, tap = refined(self, terms, len(terms) - 1, tap)
             fit = self.fit(terms, tap)
             options.append(Option(term.id, fit, self.evidence(fit)))

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
 #: Half width of the bracket (natural logarithm) by what is searched: lines of a spectrum are narrow.
 BRACKET = 0.8
 STEPS = 9
+#: With several parameters they are searched in turn, in so many rounds of narrower brackets, until a round gains less
+#: than this share; those that matter less come last.
+ROUNDS, SHRINK, ENOUGH = 5, 0.7, 1e-3
+BROAD = ("damping",)
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
@@ -21,12 +25,15 @@ def refined(search: Search, terms: Terms, i: int, tap: int) -> tuple[Terms, int]
     """(terms with effect number i at its best shape, best delay); the squares over all rows are what counts."""
     term = terms[i]
     names = [name for name, value in term.items if isinstance(value, float) and value > 0.0]
+    names.sort(key=lambda name: name in BROAD)
     best, best_squares = term, search.solver.squares(terms, tap)
-    rounds = 1 if len(names) == 1 else 2
-    for turn in range(rounds):
+    for turn in range(1 if len(names) == 1 else ROUNDS):
+        before = best_squares
         for name in names:
-            half = _half_width(search, term, name) * (0.5**turn)
+            half = _half_width(search, term, name) * (SHRINK**turn)
             best, best_squares, tap = _along(search, (terms, i, tap), (best, best_squares), (name, half))
+        if best_squares > (1.0 - ENOUGH) * before:
+            break
     return (*terms[:i], best, *terms[i + 1 :]), tap
 
 

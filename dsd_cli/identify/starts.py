@@ -14,6 +14,8 @@ from dsd_cli.signals.log import Array
 LINES, BINS = 4, 4096
 #: A line has at least this many periods in the log (in the travel), else it is a trend.
 LEAST_PERIODS = 2.5
+#: Damping ratio with which the search for a ringing load begins.
+RINGING = 0.05
 
 
 def starts(effect_id: str, found: Ranges, residual: Residual) -> list[Shape]:
@@ -22,7 +24,12 @@ def starts(effect_id: str, found: Ranges, residual: Residual) -> list[Shape]:
         return [{"frequency": f} for f in residual.lines_in_time()]
     if effect_id == "cogging":
         return [{"periods": n} for n in residual.lines_over_position()]
-    return Term(effect_id).effect.starts(found)
+    known = Term(effect_id).effect.starts(found)
+    if effect_id == "flexible_coupling":
+        # a load that is hardly damped rings: its line lies at or above the frequency that it has alone
+        lines = [f * below for f in residual.lines_in_time() for below in (1.0, 0.8)]
+        known = [*known, *({"frequency": f, "damping": RINGING} for f in lines)]
+    return known
 
 
 class Residual:
