@@ -67,8 +67,6 @@ def advice_for(
     rivals = named.indistinguishable_from if named is not None else ()
     for rival in rivals:
         lines.append(f"{verdict} or {rival}? {EXPERIMENTS.get(frozenset((verdict, rival)), _GENERAL)}")
-    if verdict == INERTIA:
-        lines.append("the log tells J per unit of u only: a wrong gain of u looks just like a wrong inertia")
     if verdict == UNKNOWN:
         on = " and ".join(depends_on)
         lines.append(f"look at the residual over {on} (dsd compare --plot)" if on else "look at the residual over time")
@@ -77,6 +75,11 @@ def advice_for(
         lines.append("this is not all: something else remains that no effect of the catalogue explains")
     if verdict not in (NONE, UNKNOWN, INERTIA, DELAY) and not lines:
         lines.append(f"dsd add LOG {verdict} puts it into the model")
+    if verdict != NONE:
+        lines.append(
+            "inertia and forces are per unit of u: where u is no torque or force (volts, amperes), J is known only up "
+            "to the gain of the drive, and a wrong gain looks just like a wrong inertia"
+        )
     if "reconstructed" in provenance.get("velocity", ""):
         lines.append("speed and position were reconstructed from u and d_hat: log the position to be surer")
     return tuple(lines)

@@ -178,10 +178,11 @@ class _Verdict:
         return option.evidence if option is not None else -math.inf
 
     def _nothing(self) -> float:
-        """Belief that nothing is missing; effects that would change next to nothing are no alternatives."""
+        """Belief that nothing is missing. Effects that would change next to nothing are no alternatives, and those that
+        would have not convinced block by block: at most an even chance."""
         exam = self.exam
         useful = [o for o in self.options if exam.practical(exam.refit, o.fit)]
-        return min(probabilities(exam.search, exam.refit, useful)[NOTHING], SUREST)
+        return min(0.5 + 0.5 * probabilities(exam.search, exam.refit, useful)[NOTHING], SUREST)
 
     def diagnosis(self) -> Diagnosis:
         """The whole answer."""

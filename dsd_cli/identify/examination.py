@@ -16,7 +16,7 @@ from dsd_cli.identify.blocks import lay_blocks
 from dsd_cli.identify.freeform import FreeformFits, rich_residual
 from dsd_cli.identify.heldout import PlainErrors
 from dsd_cli.identify.noise import structured_share, whitening_filter
-from dsd_cli.identify.recording import Recording
+from dsd_cli.identify.recording import Recording, shifted
 from dsd_cli.identify.results import Score
 from dsd_cli.identify.rows import Equations
 from dsd_cli.identify.scores import Judge
@@ -33,6 +33,10 @@ LEAST_DELAYS, MOST_OF_STRETCH = 30, 0.2
 LEAST_FALL, LEAST_FORCE, MUCH_FORCE = 0.015, 0.003, 0.015
 #: Lags over which the correlation of whitened rows is summed.
 LAGS = 60
+#: Rounds in which the shapes of the model's own effects are searched, and the gain below which they are found.
+MOST_REFINEMENTS, STALLED = 6, 1e-3
+#: Motion below this share of the largest position or speed is rounding.
+ROUNDING = 1e-7
 #: Below this share of usable rows there is nothing to learn: the axis stands.
 LEAST_MOVING = 0.02
 
@@ -63,8 +67,9 @@ class Examination:
         holdout: Sequence[Recording] = (),
     ) -> None:
         _check(recordings, model)
-        self.recordings, self.holdout = tuple(recordings), tuple(holdout)
         self.model, self.observer = model, replace(observer, sign=1)
+        recordings = [_without_load(r, model, self.observer) for r in recordings]
+        self.recordings, self.holdout = tuple(recordings), tuple(holdout)
         sample_time = recordings[0].sample_time
         shortest = max(len(p) for r in recordings for p in r.pieces)
         wanted = max(LEAST_DELAYS, math.ceil(2.0 * model.delay / sample_time) + 10)
@@ -93,7 +98,13 @@ class Examination:
     def refit(self) -> Fit:
         """The model's own effects with all values free."""
         solver = Solver(self.bank, self.blocks)
-        return self.search.refined(solver.best(self.base, self._delays(solver)))
+        fit = solver.best(self.base, self._delays(solver))
+        for _ in range(MOST_REFINEMENTS):
+            better = self.search.refined(fit)
+            if better.squares > (1.0 - STALLED) * fit.squares:
+                return better
+            fit = better
+        return fit
 
     def practical(self, before: Fit, after: Fit) -> bool:
         """Whether the held-out error falls by an amount that is of use."""
@@ -155,17 +166,30 @@ class Examination:
         testable, untestable = [], {}
         for name in wanted:
             reason = next((missing[c] for c in get_effect(name).needs if c in missing), "")
+            if name == "external_force" and len(self.recordings) > 1:
+                reason = "a push belongs to one log; diagnose the logs one by one"
+            if name == "constant_load" and any(_speed_open(r, self.model) for r in self.recordings):
+                reason = "the log has no speed, and a constant added to the reconstructed one looks just like a load"
             if reason:
                 untestable[name] = reason
             elif name not in self.model.effects:
                 testable.append(name)
         return tuple(testable), untestable
 
+    def _moves(self) -> bool:
+        """Whether position and speed change by more than rounding."""
+        for piece in (s.log for s in self.equations.stretches):
+            if "velocity" in piece and float(np.abs(piece["velocity"]).max()) > 0.0:
+                place = piece["position"] if "position" in piece else np.cumsum(piece["velocity"])
+                if float(np.ptp(place)) > ROUNDING * max(float(np.abs(place).max()), 1e-300):
+                    return True
+        return False
+
     def _check_motion(self) -> None:
         name = self.recordings[0].name
         if not self.equations.stretches:
             raise DataError(f"{name}: no stretch is long enough", "a longer log, or a smaller model.delay")
-        if float(np.mean(self.equations.kept)) < LEAST_MOVING or not ranges(self.equations).top_speed > 0.0:
+        if float(np.mean(self.equations.kept)) < LEAST_MOVING or not self._moves():
             raise DataError(f"{name}: the axis does not move", "a log with moves in both directions is needed")
         if not ranges(self.equations).drive > 0.0:
             raise DataError(f"{name}: u is 0 throughout", "set signals.u to the column with the control input")
@@ -195,3 +219,26 @@ def _inflation(white: Array) -> float:
     lags = min(LAGS, n // 4)
     products = np.array([np.dot(x[: n - k], x[k:]) for k in range(lags)])
     return float(max(1.0, 1.0 + 2.0 * np.sum(products[1:]) / max(products[0], 1e-300)))
+
+
+def _speed_open(recording: Recording, model: PlantModel) -> bool:
+    """Whether a constant of the speed acts like a constant load: with damping, where the speed was reconstructed."""
+    return "reconstructed" in recording.provenance.get("velocity", "") and _DAMPING in model.effects
+
+
+_DAMPING = "viscous_friction"
+
+
+def _without_load(recording: Recording, model: PlantModel, observer: ObserverSettings) -> Recording:
+    """The reconstructed speed such that the model's damping needs no constant load beside it."""
+    if not _speed_open(recording, model):
+        return recording
+    for _ in range(2):
+        equations = Equations([recording], observer, LEAST_DELAYS + 3)
+        terms = (Term(_DAMPING), Term("constant_load"))
+        solver = Solver(Bank(equations), lay_blocks(equations.lengths, 1, recording.name))
+        fit = solver.best(terms, range(LEAST_DELAYS))
+        damping, load = (float(fit.coefficients(t)[0]) for t in terms)
+        if damping > 0.0:
+            recording = shifted(recording, -load / damping)
+    return recording

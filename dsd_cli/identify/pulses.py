@@ -7,6 +7,7 @@ explains the recording, it pays for every edge, and it is an answer only if noth
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -34,7 +35,18 @@ def with_pulses(exam: Examination, fit: Fit) -> Fit | None:
         term = Term.of(_ID, {"edges": edges})
         terms = (*(t for t in fit.terms if t.id != _ID), term)
         fit = exam.search.fit(terms, fit.tap)
-    return _sharpened(exam, fit)
+    return _sharpened(exam, _strong_only(exam, fit))
+
+
+def _strong_only(exam: Examination, fit: Fit) -> Fit:
+    """Without the pulses that turned out weak beside the others when all were fitted together."""
+    term = next(t for t in fit.terms if t.id == _ID)
+    levels = np.abs(fit.coefficients(term))
+    pairs = zip(term.shape["edges"], levels, strict=True)
+    kept = tuple(edges for edges, level in pairs if level > WEAKEST * levels.max())
+    if len(kept) == len(levels):
+        return fit
+    return exam.search.fit(tuple(Term.of(_ID, {"edges": kept}) if t is term else t for t in fit.terms), fit.tap)
 
 
 def _pulses(exam: Examination, fit: Fit) -> tuple[tuple[float, float], ...]:
@@ -48,7 +60,14 @@ def _pulses(exam: Examination, fit: Fit) -> tuple[tuple[float, float], ...]:
             found.append((float(times[a] - late), float(times[b] - late), abs(level)))
     top = max((level for *_, level in found), default=0.0)
     kept = sorted(found, key=lambda p: -p[2])[:MOST_PULSES]
-    return tuple(sorted((a, b) for a, b, level in kept if level > WEAKEST * top))
+    return _apart(sorted((a, b) for a, b, level in kept if level > WEAKEST * top))
+
+
+def _apart(windows: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    """Windows that overlap, cut at each other's edges: two pushes on top of each other are three levels."""
+    edges = sorted({edge for window in windows for edge in window})
+    inside = [(a, b) for a, b in pairwise(edges) if any(start <= a and b <= end for start, end in windows)]
+    return tuple(inside)
 
 
 def _without_pulses(fit: Fit) -> Fit:

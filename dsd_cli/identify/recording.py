@@ -61,6 +61,17 @@ class Recording:
         return self.pieces[0].sample_time
 
 
+def shifted(recording: Recording, speed: float) -> Recording:
+    """A reconstructed motion with that added to its speed, rad/s or m/s."""
+    pieces = []
+    for piece in recording.pieces:
+        changed = {"velocity": piece["velocity"] + speed}
+        if "position" in piece:
+            changed["position"] = piece["position"] + speed * (piece["t"] - piece["t"][0])
+        pieces.append(_with(piece, **changed))
+    return replace(recording, pieces=tuple(pieces))
+
+
 def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), rest_speed: float = 0.0) -> Recording:
     """The log in stretches, with d_hat and the motion.
 

@@ -139,8 +139,9 @@ def _stretch(log: Log, rest_speed: float, observer: ObserverSettings, startup: i
     clear = np.isfinite(motion.sign) & ~np.isfinite(motion.acceleration)
     if "velocity" not in log and "position" not in log:
         clear[:] = True
+    sign = np.where(clear, motion.sign, 0.0)  # of each interval; only what d_hat shows averages two of them
     if log.d_hat_source == "position":
         clear[1:] &= clear[:-1].copy()
     clear[:startup] = False
     force = net_force(log, observer)
-    return Stretch(log, frame, motion, force, clear.astype(np.float64), np.where(clear, motion.sign, 0.0))
+    return Stretch(log, frame, motion, force, clear.astype(np.float64), sign)

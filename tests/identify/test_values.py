@@ -12,7 +12,7 @@ from dsd_cli.identify.examination import Examination, Settings
 from dsd_cli.identify.recording import prepare
 from dsd_cli.identify.rows import Equations
 from dsd_cli.identify.solve import Solver
-from dsd_cli.identify.values import Scale, estimates, flat
+from dsd_cli.identify.values import Scale, fitted_values, flat
 from dsd_cli.plant.controllers import ControllerSettings, Gains
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import predict_d_hat
@@ -139,7 +139,7 @@ def test_values_stay_within_their_bounds_and_say_when_they_stand_there():
     model = scale.model(pressed)
     assert model.effects["coulomb_friction"]["level"] == 0.0
     assert model.effects["presliding_friction"]["level"] > 0.0
-    found = estimates(pressed, bank, blocks, scale, 1e-6)
+    found = fitted_values(pressed, bank, blocks, scale, 1e-6).estimates
     assert found["coulomb_friction.level"].at_bound
     assert not found["inertia"].at_bound
     assert not found["delay"].at_bound
@@ -154,7 +154,7 @@ def test_more_noise_makes_larger_errors_in_proportion():
         equations = Equations([recording], OBSERVER, 40)
         bank, blocks = Bank(equations), lay_blocks(equations.lengths, 50, "x")
         fit = Solver(bank, blocks).best(terms, range(5))
-        found = estimates(fit, bank, blocks, Scale(OBSERVER, T, 0.0), fit.squares / equations.kept.sum())
+        found = fitted_values(fit, bank, blocks, Scale(OBSERVER, T, 0.0), fit.squares / equations.kept.sum()).estimates
         sizes.append({key: e.std_error for key, e in found.items()})
     for key in sizes[0]:
         assert sizes[1][key] / sizes[0][key] == pytest.approx(2.0, rel=0.2), key
@@ -164,7 +164,7 @@ def test_more_noise_makes_larger_errors_in_proportion():
 def test_every_value_has_a_unit_and_a_finite_error(name):
     recording = prepare(simulated(SETS[name]), OBSERVER)
     exam = Examination([recording], PlantModel(J, DELAY, SETS[name]), OBSERVER, Settings(window=50, effects=()))
-    found = exam.estimates(exam.refit)
+    found = exam.fitted_values(exam.refit).estimates
     assert found.keys() == flat(PlantModel(J, DELAY, SETS[name])).keys()
     for key, e in found.items():
         assert np.isfinite(e.value), key

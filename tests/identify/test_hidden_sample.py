@@ -1,0 +1,38 @@
+"""A sample of the study of hidden effects (`python -m bench hidden`), small enough for every run of the tests.
+
+Targets are the study's: of the plain single effects 95 % are named, and nothing is found where nothing is missing.
+"""
+
+from bench import hidden_score as score
+from bench.hidden_cases import SENSINGS, Job
+from bench.hidden_run import Row, batch_rows
+from tests.oracle.machine_cases import EFFECT_IDS
+
+SEED = 1
+MOTION_SENSINGS = ("all", "velocity", "position")
+SINGLES = [
+    Job("singles", (name,), SEED, "plain", MOTION_SENSINGS[k % len(MOTION_SENSINGS)])
+    for k, name in enumerate(EFFECT_IDS)
+]
+CLEAN = [Job("none", (), seed, sensing=SENSINGS[seed % len(SENSINGS)]) for seed in range(6)]
+LEAST_RIGHT, MOST_ERROR = 0.95, 1.05
+
+
+def described(rows: list[Row]) -> list[str]:
+    return [f"{r['call']} -> {r['verdict']} {r['probability']:.2f}, ties {r.get('ties', [])}" for r in rows]
+
+
+def test_a_sample_of_hidden_effects() -> None:
+    """One test, so that the machines are integrated once, in one batch."""
+    rows = batch_rows([*SINGLES, *CLEAN])
+    crashed = [f"{r['call']}: {r['error']}" for r in rows if "error" in r]
+    assert not crashed
+    alarms = [r for r in rows if r["part"] == "none" and r["verdict"] != "none"]
+    assert not alarms, described(alarms)
+    alone = score.counted(r for r in rows if r["part"] == "singles")
+    assert len(alone) >= 0.9 * len(SINGLES), "the sample is to hold effects that matter and can be tested"
+    named = [r for r in alone if score.right(r)]
+    assert len(named) >= LEAST_RIGHT * len(alone), described([r for r in alone if not score.right(r)])
+    ratios = score.quantiles([r["after"] / r["floor"] for r in named])
+    assert ratios is not None
+    assert ratios["median"] <= MOST_ERROR, ratios
