@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup demo test check bench clean
+.PHONY: setup demo test check bench bench-hidden clean
 
 setup: $(STAMP)
 
@@ -30,6 +30,13 @@ check: setup
 bench: setup
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[bench]"
 	$(BIN)/python -m bench
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench hidden --seeds 1
+
+# the study of docs/hidden.md in full: an hour or more
+bench-hidden: setup
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[bench]"
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench hidden --seeds 4
+	$(BIN)/python -m bench hidden --page
 
 clean:
 	rm -rf $(VENV) build dist out *.egg-info dsd_cli/detect/_kernel*.so dsd_cli/effects/_memory*.so

@@ -1,10 +1,14 @@
-"""`python -m bench [--rows N] [--repeats N]`: a table on stdout, and bench/results/latest.json."""
+"""`python -m bench [--rows N] [--repeats N]`: a table on stdout, and bench/results/latest.json.
+
+`python -m bench hidden` is the study of hidden effects, see bench/hidden.py.
+"""
 
 from __future__ import annotations
 
 import argparse
 import json
 import platform
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,6 +29,11 @@ def measured(folder: Path, rows: int, repeats: int) -> Iterator[Line]:
 
 
 def main() -> None:
+    if sys.argv[1:2] == ["hidden"]:
+        from bench import hidden
+
+        hidden.main(sys.argv[2:])
+        return
     parser = argparse.ArgumentParser(prog="python -m bench")
     parser.add_argument("--rows", type=int, default=10_000_000)
     parser.add_argument("--repeats", type=int, default=5)
