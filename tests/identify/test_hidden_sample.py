@@ -14,7 +14,7 @@ SINGLES = [
     Job("singles", (name,), SEED, "plain", MOTION_SENSINGS[k % len(MOTION_SENSINGS)])
     for k, name in enumerate(EFFECT_IDS)
 ]
-CLEAN = [Job("none", (), seed, sensing=SENSINGS[seed % len(SENSINGS)]) for seed in range(6)]
+CLEAN = [Job("none", (), seed, sensing=SENSINGS[seed % len(SENSINGS)]) for seed in range(len(SENSINGS))]
 LEAST_RIGHT, MOST_ERROR = 0.95, 1.05
 
 
