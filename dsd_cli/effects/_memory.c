@@ -86,7 +86,7 @@ static double pull_at(const Coupling *c, const Motor *m, double s, double positi
 
 /* one interval by classical Runge-Kutta steps of at most so many radians of the load's own oscillation; a contact begins
  * and ends within a step, so a gap needs shorter ones */
-#define STEP 0.05
+#define STEP 0.2
 #define STEP_WITH_GAP 0.0125
 #define MOST_STEPS 10000.0
 

@@ -28,7 +28,7 @@ COMPILED = _find_compiled()
 #: jump would be at another instant for every step length.
 FULL_DAMPING = 0.1
 #: Runge-Kutta steps of the load are at most this long, in radians of its own oscillation.
-STEP = 0.05
+STEP = 0.2
 #: And with a gap: a contact begins and ends within a step.
 STEP_WITH_GAP = 0.0125
 #: And no interval is cut into more steps than this.

@@ -82,7 +82,8 @@ def diagnose(
         whole, beyond = _pushed(exam, whole, beyond)
     report("how sure", 0.8)
     found = [t.id for t in exam.search.added(whole.terms)]
-    misfit = beyond.unknown or exam.noise.inflation > MOST_INFLATION
+    reconstructed = any("reconstructed" in r.provenance.get("velocity", "") for r in exam.recordings)
+    misfit = beyond.unknown or reconstructed or exam.noise.inflation > MOST_INFLATION
     members = {name: membership(exam.search, whole, name, exam.plain, misfit) for name in found}
     own = own_values(exam)
     report("done", 1.0)
@@ -140,6 +141,9 @@ class _Verdict:
         self._named_for: dict[str, str] = {}
         self.alone = {o.effect: o for o in (*options, *self._events())}
 
+        self.named, self.sure = "", 0.0
+        self.named, self.sure = self.verdict()
+
     def _events(self) -> list[Option]:
         """Pulses alone, where they belong to the answer: they are no candidate of the search."""
         exam = self.exam
@@ -155,10 +159,13 @@ class _Verdict:
             known = self._share_of_possible(exam.plain.rmse(exam.refit), exam.plain.rmse(self.whole))
             if known < SHARE_OF_CEILING:
                 return UNKNOWN, 1.0 - known
-            sure = min(known * self.members[best].probabilities[best], SUREST)
-            named = min((best, *self.members[best].alike), key=_commonness)
+            group = (best, *self.members[best].alike)
+            belief = self.members[best].probabilities
+            named = min(group, key=_commonness)
             self._named_for[named] = best
-            return named, sure / (1 + len(self.members[best].alike)) if named != best else sure
+            tied = (best, *self.members[best].rivals)
+            shared = sum(belief.get(name, 0.0) for name in tied) / len(tied)
+            return named, min(known * max(belief.get(named, 0.0), shared), SUREST)
         known = self._share_of_possible(self.own.score.heldout_rmse, self.own.refitted.heldout_rmse)
         if self.own.wrong and known >= SHARE_OF_CEILING:
             return self.own.wrong, min(known * self.own.probability, SUREST)
@@ -187,7 +194,7 @@ class _Verdict:
     def diagnosis(self) -> Diagnosis:
         """The whole answer."""
         exam = self.exam
-        verdict, probability = self.verdict()
+        verdict, probability = self.named, self.sure
         score, refitted = self.own.score, self.own.refitted
         ranking = self._ranking(score, refitted)
         named = next((c for c in ranking if c.effect == verdict), None)
@@ -255,6 +262,8 @@ class _Verdict:
         return (*stands_in, *(r for r in found if r != effect))
 
     def _probability(self, effect: str) -> float:
+        if effect == self.named:
+            return self.sure
         if effect in self.members:
             return self.members[effect].probabilities[effect]
         return max((m.probabilities.get(effect, 0.0) for m in self.members.values()), default=self._as_only(effect))

@@ -23,7 +23,7 @@ DRAWS, SEED = 400, 20261121
 NOTHING = ""
 #: A rival explains this share of the power that the winner explains, and the lead of the winner is doubtful (by so many
 #: standard errors over the blocks); or it explains as much where the model misfits.
-NEARLY, LEAST_T, AS_MUCH = 0.7, 2.5, 0.95
+NEARLY, LEAST_T, AS_MUCH = 0.7, 2.5, 0.9
 #: Blocks are unequal witnesses: likelihoods are tempered by this factor before they are compared.
 TEMPER = 0.5
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import solve_toeplitz
 
 from dsd_cli.signals.log import Array
 
@@ -32,7 +31,9 @@ def whitening_filter(residual: Sequence[Array]) -> Array:
     frequencies = (np.arange(bands) + 0.5) * np.pi / bands
     lags = np.cos(np.outer(np.arange(ORDER + 1), frequencies)) @ density / bands
     lags[0] *= 1.0 + 1e-9
-    return np.concatenate([[1.0], solve_toeplitz(lags[:-1], -lags[1:])])
+    order = np.arange(ORDER)
+    toeplitz = lags[np.abs(order[:, None] - order[None, :])]
+    return np.concatenate([[1.0], np.linalg.solve(toeplitz, -lags[1:])])
 
 
 def structured_share(residual: Sequence[Array]) -> float:

@@ -6,11 +6,16 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from dsd_cli.effects import get_effect
+from dsd_cli.identify.bank import Term
 from dsd_cli.identify.examination import LEAST_FALL, LEAST_FORCE, Examination
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
+from dsd_cli.identify.search import LEAST_GAIN
+from dsd_cli.identify.shapes import refined
 from dsd_cli.identify.values import flat
 from dsd_cli.plant.model import PlantModel
 
+LAG = "actuator_lag"
 #: A single wrong value reaches at least this share of what freeing all values reaches.
 SHARE_ALONE = 0.5
 #: Golden section steps, and the range over which inertia (factor) is looked for.
@@ -42,8 +47,25 @@ def own_values(exam: Examination) -> Own:
         return Own(given, refitted, candidates, "", 0.0)
     best = candidates[0]
     reached = given.rmse**2 - best.rmse_after**2
+    if best.effect == DELAY and _lag_explains_it(exam):
+        candidates = (replace(best, indistinguishable_from=(LAG,)), *candidates[1:])
     wrong = best.effect if reached > SHARE_ALONE * fall else sure[0].split(".")[0]
     return Own(given, refitted, candidates, wrong, min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), 0.99))
+
+
+def _lag_explains_it(exam: Examination) -> bool:
+    """Whether a lag of the actuator explains the recordings as well as another delay does."""
+    if LAG not in exam.candidates:
+        return False
+    search, believed = exam.search, round(exam.model.delay / exam.scale.sample_time)
+    terms = [Term.of(LAG, shape) for shape in get_effect(LAG).starts(search.ranges)]
+    taps = search.around(min(believed, exam.most_tap))
+    tried = [(search.solver.squares((*exam.base, t), n, keep=False), t, n) for t in terms for n in taps]
+    least, term, tap = min(tried, key=lambda found: found[0])
+    found, _ = refined(search, (*exam.base, term), len(exam.base), tap)
+    least = min(least, *(search.solver.squares(found, n, keep=False) for n in taps))
+    nats = 2.0 * exam.noise.variance * exam.noise.inflation
+    return (least - exam.refit.squares) / nats < LEAST_GAIN
 
 
 def _deviations(exam: Examination, values: dict[str, Estimate]) -> list[tuple[str, float]]:

@@ -20,6 +20,8 @@ from dsd_cli.signals.log import Array
 MOST_PULSES, SHORTEST, LEAST_DEVIATIONS = 6, 20, 8.0
 #: A pulse that is weaker than this share of the strongest is part of its edges.
 WEAKEST = 0.1
+#: Neighbours whose levels differ by less than this share are one pulse.
+SAME_LEVEL = 0.2
 ROUNDS = 3
 #: Rows by which the edges of the best window are moved before the next one is looked for.
 MOST_REACH = 200
@@ -39,11 +41,18 @@ def with_pulses(exam: Examination, fit: Fit) -> Fit | None:
 
 
 def _strong_only(exam: Examination, fit: Fit) -> Fit:
-    """Without the pulses that turned out weak beside the others when all were fitted together."""
+    """Without the pulses that turned out weak when all were fitted together; neighbours of one level made one."""
     term = next(t for t in fit.terms if t.id == _ID)
-    levels = np.abs(fit.coefficients(term))
-    pairs = zip(term.shape["edges"], levels, strict=True)
-    kept = tuple(edges for edges, level in pairs if level > WEAKEST * levels.max())
+    levels = fit.coefficients(term)
+    merged: list[tuple[float, float, float]] = []
+    for (a, b), level in zip(term.shape["edges"], levels.tolist(), strict=True):
+        if abs(level) < WEAKEST * np.abs(levels).max():
+            continue
+        if merged and merged[-1][1] == a and abs(merged[-1][2] - level) < SAME_LEVEL * abs(level):
+            merged[-1] = (merged[-1][0], b, level)
+        else:
+            merged.append((a, b, level))
+    kept = tuple((a, b) for a, b, _ in merged)
     if len(kept) == len(levels):
         return fit
     return exam.search.fit(tuple(Term.of(_ID, {"edges": kept}) if t is term else t for t in fit.terms), fit.tap)

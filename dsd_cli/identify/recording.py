@@ -113,7 +113,7 @@ _SHORTEST = 50
 def _part(log: Log, a: int, b: int) -> Log:
     channels = {name: x[a:b] for name, x in log.channels.items()}
     if "t" not in channels:
-        channels["t"] = log.sample_time * np.arange(a, b)
+        channels["t"] = np.asarray(log.sample_time * np.arange(a, b), dtype=np.float64)
     return replace(log, channels=channels)
 
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from dsd_cli.effects import Channels
 from dsd_cli.identify.blocks import Blocks
@@ -127,10 +126,8 @@ class Equations:
         return np.concatenate([x[self.startup :: step] for x in parts])
 
     def _seen(self, stretch: Stretch, x: Array, whitening: Array) -> Array:
-        if stretch.frame.regular:
-            pole = self.observer.pole(stretch.log.sample_time)
-            return np.asarray(lfilter((1.0 - pole) * whitening, [1.0, -pole], x))
-        return np.convolve(stretch.frame.filtered(x, self.observer, 0.0), whitening)[: len(x)]
+        seen = stretch.frame.filtered(x, self.observer, 0.0)
+        return seen if len(whitening) == 1 else np.convolve(seen, whitening)[: len(x)]
 
 
 def _stretch(log: Log, rest_speed: float, observer: ObserverSettings, startup: int) -> Stretch:

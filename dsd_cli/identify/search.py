@@ -26,9 +26,9 @@ CHOICE, SEARCHED = 3.0, 3.0
 PULSE = 14.0
 #: A step must gain so many nats beyond its price; without its best block, too, and lose little in the others.
 LEAST_GAIN, MOST_LOST = 6.0, 0.3
-#: Effects that are refined in a scan: those whose best start comes within this share of the best gain, and loads on
-#: the motor, whose best shape is narrow.
-WORTH_REFINING = 0.5
+#: Effects that are refined in a scan: those whose best start comes within this share of the best gain; loads on the
+#: motor earlier, for their best shape is narrow.
+WORTH_REFINING, WORTH_FOR_LOADS = 0.5, 0.04
 MOST_EFFECTS = 8
 #: Pairs of effects that are cross-validated, of all that are fitted.
 MOST_PAIRS = 4
@@ -147,11 +147,13 @@ class Search:
         if not found:
             return []
         least = min(squares for squares, _, _ in found)
-        worth = current.squares - WORTH_REFINING * (current.squares - least)
+        worth, worth_load = (
+            current.squares - share * (current.squares - least) for share in (WORTH_REFINING, WORTH_FOR_LOADS)
+        )
         options = []
         for squares, term, tap in found:
             terms = (*current.terms, term)
-            if term.items and (squares <= worth or term.effect.role is Role.STRUCTURE):
+            if term.items and squares <= (worth_load if term.effect.role is Role.STRUCTURE else worth):
                 terms, tap = refined(self, terms, len(terms) - 1, tap)
             fit = self.fit(terms, tap)
             options.append(Option(term.id, fit, self.evidence(fit)))

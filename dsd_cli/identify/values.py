@@ -116,7 +116,7 @@ def fitted_values(fit: Fit, bank: Bank, blocks: Blocks, scale: Scale, floor: flo
 
 def _told(value: float, error: float) -> float:
     """The error; NaN where the log does not tell the value at all."""
-    return error if error < NOT_TOLD * max(abs(value), 1e-12) else math.nan
+    return error if value == 0.0 or error < NOT_TOLD * abs(value) else math.nan
 
 
 def _steps(covariance: Array, linear: int) -> Array:

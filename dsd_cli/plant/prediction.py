@@ -118,7 +118,9 @@ class Frame:
     @property
     def times(self) -> Array:
         """Stamps of the log, s."""
-        return self.log["t"] if "t" in self.log else self.log.sample_time * np.arange(len(self.log))
+        if "t" in self.log:
+            return self.log["t"]
+        return np.asarray(self.log.sample_time * np.arange(len(self.log)), dtype=np.float64)
 
     def motion(self, rest_speed: float) -> IntervalChannels:
         """Mean motion per interval; all NaN where neither velocity nor position is logged.

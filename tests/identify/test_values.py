@@ -106,7 +106,7 @@ def coverage():
         bank, blocks = Bank(equations), lay_blocks(equations.lengths, 50, "x")
         fit = Solver(bank, blocks).best(terms, range(5))
         floor = fit.squares / equations.kept.sum()
-        for key, e in estimates(fit, bank, blocks, scale, floor).items():
+        for key, e in fitted_values(fit, bank, blocks, scale, floor).estimates.items():
             found.setdefault(key, []).append((e.value - true[key]) / e.std_error)
     return {key: np.array(x) for key, x in found.items()}
 
@@ -164,7 +164,7 @@ def test_more_noise_makes_larger_errors_in_proportion():
 def test_every_value_has_a_unit_and_a_finite_error(name):
     recording = prepare(simulated(SETS[name]), OBSERVER)
     exam = Examination([recording], PlantModel(J, DELAY, SETS[name]), OBSERVER, Settings(window=50, effects=()))
-    found = exam.fitted_values(exam.refit).estimates
+    found = exam.values(exam.refit).estimates
     assert found.keys() == flat(PlantModel(J, DELAY, SETS[name])).keys()
     for key, e in found.items():
         assert np.isfinite(e.value), key

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsd_cli.errors import DataError
-from dsd_cli.plant import filtering
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.observer import DisturbanceObserver, observe_log
 from dsd_cli.signals.log import Log
