@@ -220,7 +220,7 @@ class _Verdict:
     def _ranking(self, score: Score, refitted: Score) -> tuple[Candidate, ...]:
         exam = self.exam
         found = [self._candidate(o, refitted) for o in self.alone.values()]
-        found.sort(key=lambda c: (-c.probability, c.heldout_rmse_after))
+        found.sort(key=lambda c: (c.effect != self.named, -c.probability, c.heldout_rmse_after))
         untestable = [
             Candidate(name, math.nan, math.nan, math.nan, 0.0, {}, untestable=reason)
             for name, reason in exam.untestable.items()

@@ -119,8 +119,10 @@ class Examination:
         return self.judge.fitted(folds, self.scale.model(fit))
 
     def values(self, fit: Fit) -> Fitted:
-        """Values of a fit with standard errors."""
-        return fitted_values(fit, self.bank, self.blocks, self.scale, self.noise.variance * self.noise.inflation)
+        """Values of a fit with standard errors; what is left beyond noise counts as correlated over `LAGS` rows."""
+        beyond = max(fit.squares / int(self.equations.kept.sum()) - self.noise.variance, 0.0)
+        floor = self.noise.variance * self.noise.inflation + beyond * LAGS
+        return fitted_values(fit, self.bank, self.blocks, self.scale, floor)
 
     def freeform(self, fit: Fit, whitened: bool = True) -> FreeformFits:
         """Free-form functions beside a fit; not `whitened`: in the unit of u."""
