@@ -102,7 +102,7 @@ def freeform_columns(inputs: Sequence[Inputs], channels: Sequence[str], hats: in
     hats : per channel; by default `HATS` for one and `HATS_IN_PAIR` for each of two.
     """
     count = hats or (HATS if len(channels) == 1 else HATS_IN_PAIR)
-    bases = [_basis(inputs, channel, min(count, TIME_HATS) if channel == "time" else count) for channel in channels]
+    bases = [one_basis(inputs, channel, min(count, TIME_HATS) if channel == "time" else count) for channel in channels]
     raw, penalty = bases[0]
     for values, other in bases[1:]:
         penalty = np.kron(penalty, np.eye(len(other))) + np.kron(np.eye(len(penalty)), other)
@@ -128,7 +128,7 @@ def seen_columns(x: Array, piece: Inputs) -> Array:
     return out
 
 
-def _basis(inputs: Sequence[Inputs], channel: str, count: int) -> tuple[list[Array], Array]:
+def one_basis(inputs: Sequence[Inputs], channel: str, count: int) -> tuple[list[Array], Array]:
     """(unit functions of the channel per piece, shape (n_i, c) summing to 1; penalty on their bends)."""
     if channel not in ("velocity", "direction"):
         knots = _knots(np.concatenate([piece.values[channel] for piece in inputs]), count)

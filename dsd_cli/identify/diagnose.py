@@ -33,6 +33,8 @@ MOST_INFLATION = 3.0
 COMMON = ("coulomb_friction", "viscous_friction", "constant_load", "gravity", "load_friction", "stiffness")
 #: No verdict is surer than this: the catalogue is not the world.
 SUREST = 0.99
+#: "Nothing is missing" is not surer than this where some effects could not be tested.
+NOT_ALL_TESTED = 0.8
 
 Progress = Callable[[str, float], None]
 
@@ -189,7 +191,8 @@ class _Verdict:
         would have not convinced block by block: at most an even chance."""
         exam = self.exam
         useful = [o for o in self.options if exam.practical(exam.refit, o.fit)]
-        return min(0.5 + 0.5 * probabilities(exam.search, exam.refit, useful)[NOTHING], SUREST)
+        surest = SUREST if not exam.untestable else NOT_ALL_TESTED
+        return min(0.5 + 0.5 * probabilities(exam.search, exam.refit, useful)[NOTHING], surest)
 
     def diagnosis(self) -> Diagnosis:
         """The whole answer."""

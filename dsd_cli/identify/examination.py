@@ -31,6 +31,8 @@ LEAST_DELAYS, MOST_OF_STRETCH = 30, 0.2
 #: A step matters in practice if it takes this share off the held-out error, and explains so much of the net force; or
 #: if it explains much of the net force, however loud the measurement noise.
 LEAST_FALL, LEAST_FORCE, MUCH_FORCE = 0.015, 0.003, 0.015
+#: A fit leaves much if its squares are this many times what functions of single channels leave.
+MUCH_LEFT = 1.3
 #: Lags over which the correlation of whitened rows is summed.
 LAGS = 60
 #: Rounds in which the shapes of the model's own effects are searched, and the gain below which they are found.
@@ -232,15 +234,20 @@ _DAMPING = "viscous_friction"
 
 
 def _without_load(recording: Recording, model: PlantModel, observer: ObserverSettings) -> Recording:
-    """The reconstructed speed such that the model's damping needs no constant load beside it."""
+    """The reconstructed speed such that the model's damping needs no constant load beside it.
+
+    Only where such a load explains what there is to explain: if another effect is missing, the load stands in for it.
+    """
     if not _speed_open(recording, model):
         return recording
     for _ in range(2):
         equations = Equations([recording], observer, LEAST_DELAYS + 3)
-        terms = (Term(_DAMPING), Term("constant_load"))
-        solver = Solver(Bank(equations), lay_blocks(equations.lengths, 1, recording.name))
-        fit = solver.best(terms, range(LEAST_DELAYS))
-        damping, load = (float(fit.coefficients(t)[0]) for t in terms)
-        if damping > 0.0:
-            recording = shifted(recording, -load / damping)
+        damping, load = Term(_DAMPING), Term("constant_load")
+        blocks = lay_blocks(equations.lengths, 1, recording.name)
+        fit = Solver(Bank(equations), blocks).best((damping, load), range(LEAST_DELAYS))
+        least = float(np.sum(rich_residual(FreeformFits(equations, blocks, fit, PlantModel())) ** 2))
+        coefficient = float(fit.coefficients(damping)[0])
+        if fit.squares > MUCH_LEFT * least or not coefficient > 0.0:
+            return recording
+        recording = shifted(recording, -float(fit.coefficients(load)[0]) / coefficient)
     return recording

@@ -14,7 +14,7 @@ import numpy as np
 from dsd_cli.effects import Role
 from dsd_cli.identify.bank import drive, inputs_of, raw_columns
 from dsd_cli.identify.blocks import Blocks
-from dsd_cli.identify.dependence import Inputs, _basis
+from dsd_cli.identify.dependence import Inputs, one_basis
 from dsd_cli.identify.dependence import inputs_of as channels_of
 from dsd_cli.identify.gram import Grams, grams, solve, total_gram
 from dsd_cli.identify.rows import Equations
@@ -135,7 +135,7 @@ def loss_of(found: Sequence[Freeform]) -> Freeform:
 
 def basis(inputs: Sequence[Inputs], channels: Sequence[str], count: int) -> tuple[list[Array], Array]:
     """Unit functions of the channels (tensor product of two), per piece (n_i, c), and the penalty on their bends."""
-    bases = [_basis(inputs, channel, count) for channel in channels]
+    bases = [one_basis(inputs, channel, count) for channel in channels]
     raw, penalty = bases[0]
     for values, other in bases[1:]:
         penalty = np.kron(penalty, np.eye(len(other))) + np.kron(np.eye(len(penalty)), other)
