@@ -68,6 +68,7 @@ def compare(
     """
     import sys
 
+    from dsd_cli.cli.identification import check_plot
     from dsd_cli.cli.recordings import load_recording
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
@@ -77,8 +78,7 @@ def compare(
     _check_options(log, holdout, horizon, plot, max_rmse)
     use_effects(effects_from)
     settings = load_config(config, override or (), effect or ())
-    if plot is not None:
-        _check_plot(plot, [config, *log, *([] if holdout is None else [holdout])])
+    check_plot(plot, [config, *log, *([] if holdout is None else [holdout])])
     loaded = [load_recording(path, settings) for path in log]
     aside = None if holdout is None else load_recording(holdout, settings)
     if not quiet:
@@ -108,33 +108,14 @@ def _check_options(
 ) -> None:
     import math
 
+    from dsd_cli.cli.identification import check_logs
     from dsd_cli.errors import UsageError
 
     if max_rmse is not None and not (math.isfinite(max_rmse) and max_rmse >= 0.0):
         raise UsageError(f"--max-rmse {max_rmse:g}", "must be a finite number from 0")
-    names = [*log, *([] if holdout is None else [holdout])]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise UsageError(f"{twice} is given twice", "each log once; --holdout is a log that the others are not")
+    check_logs(log, [] if holdout is None else [holdout])
     if plot is not None and horizon is Horizon.SIMULATION:
         raise UsageError("--plot", "draws the prediction; leave out --horizon simulation")
-
-
-def _check_plot(plot: Path, inputs: list[str | Path]) -> None:
-    import importlib.util
-
-    from dsd_cli.errors import DataError, UsageError
-
-    if plot.suffix.lower() != ".png":
-        raise UsageError(f"--plot {plot}: cannot tell what to draw", "end the name in .png")
-    if any(plot.exists() and Path(source).exists() and plot.samefile(source) for source in inputs):
-        raise UsageError(f"{plot}: is the input", "draw to another file")
-    if plot.is_dir():
-        raise DataError(f"{plot}: is a directory")
-    if not plot.absolute().parent.is_dir():
-        raise DataError(f"{plot}: no such folder {plot.absolute().parent}")
-    if importlib.util.find_spec("matplotlib") is None:
-        raise UsageError("--plot needs matplotlib", "pip install matplotlib")
 
 
 def _predicted(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dsd_cli.cli.options import EffectsFromOption
+from dsd_cli.signals.units import LEGEND, in_words
 
 if TYPE_CHECKING:
     from dsd_cli.effects import Effect, Parameter
@@ -20,11 +21,6 @@ class CatalogueFormat(StrEnum):
     TABLE = "table"
     JSON = "json"
     MARKDOWN = "markdown"
-
-
-#: The placeholders of `Parameter.unit`, in words.
-_UNITS = {"({v})": "v", "({q})": "q", "{u}": "u", "{v}": "v", "{q}": "q"}
-_LEGEND = "Units: u is the unit of the control input; v is rad/s or m/s; q is rad or m."
 
 
 def effects(
@@ -46,13 +42,6 @@ def effects(
         typer.echo("\n".join(_in_full(chosen[0])))
     else:
         _print_table(chosen)
-
-
-def _unit(parameter: Parameter) -> str:
-    unit = parameter.unit
-    for placeholder, word in _UNITS.items():
-        unit = unit.replace(placeholder, word)
-    return unit
 
 
 def _range(parameter: Parameter) -> str:
@@ -83,24 +72,24 @@ def _print_table(chosen: list[Effect]) -> None:
     for heading in ("law", "parameters [unit]", "needs", "pattern in the residual"):
         table.add_column(heading)
     for effect in chosen:
-        parameters = "\n".join(f"{p.name} [{_unit(p)}]" for p in effect.parameters)
+        parameters = "\n".join(f"{p.name} [{in_words(p.unit)}]" for p in effect.parameters)
         cells = (effect.id, effect.law, parameters, _channels(effect), effect.pattern)
         table.add_row(*map(Text, cells))
     console = Console()
     console.print(table)
-    console.print(Text(f"{_LEGEND}\n`dsd effects ID` shows one in full."))
+    console.print(Text(f"{LEGEND}\n`dsd effects ID` shows one in full."))
 
 
 def _in_full(effect: Effect) -> list[str]:
     lines = [effect.id, f"  {effect.summary}", f"  law       {effect.law}  ({effect.role.value})"]
     lines += [
-        f"  parameter {p.name} [{_unit(p)}], {_range(p)}: {p.meaning}{'' if p.linear else ' (shape)'}"
+        f"  parameter {p.name} [{in_words(p.unit)}], {_range(p)}: {p.meaning}{'' if p.linear else ' (shape)'}"
         for p in effect.parameters
     ]
     lines += [f"  needs     {_channels(effect)}", f"  pattern   {effect.pattern}", "", "  in dsd.toml:"]
     lines += [f"  [model.effects.{effect.id}]"]
     lines += [f"  {p.name} = ..." for p in effect.parameters]
-    return [*lines, "", _LEGEND]
+    return [*lines, "", LEGEND]
 
 
 def _print_json(chosen: list[Effect]) -> None:
@@ -120,7 +109,7 @@ def _as_json(effect: Effect) -> dict[str, Any]:
         bounds = {k: v if math.isfinite(v) else None for k, v in (("lower", p.lower), ("upper", p.upper))}
         return {
             "name": p.name,
-            "unit": _unit(p),
+            "unit": in_words(p.unit),
             "meaning": p.meaning,
             **bounds,
             "linear": p.linear,
@@ -146,7 +135,7 @@ def markdown(chosen: list[Effect]) -> str:
         "What `dsd effects --format markdown` prints; a test keeps this page current. An effect is used by naming it",
         "in the config, `[model.effects.<id>]` with a value for each parameter, or with `--effect id:parameter=value`.",
         "",
-        _LEGEND,
+        LEGEND,
         "*applied* is a force on the plant. *friction* is a budget: at rest it holds against any force up to its",
         "level. *input* changes the command before the delay. *structure* hangs a load on the motor, a share s of",
         "the whole inertia J. A *shape* parameter is not a factor of the force. An effect of your own, the same kind",
@@ -157,7 +146,7 @@ def markdown(chosen: list[Effect]) -> str:
         lines += [f"- Law: `{effect.law}` ({effect.role.value})", f"- Needs: {_channels(effect)}"]
         lines += [f"- Pattern: {effect.pattern}", "", "| parameter | unit | range | meaning |", "|---|---|---|---|"]
         lines += [
-            f"| `{p.name}` | {_unit(p)} | {_range(p)} | {p.meaning}{'' if p.linear else ' (shape)'} |"
+            f"| `{p.name}` | {in_words(p.unit)} | {_range(p)} | {p.meaning}{'' if p.linear else ' (shape)'} |"
             for p in effect.parameters
         ]
     return "\n".join(lines) + "\n"

@@ -102,11 +102,8 @@ def freeform_columns(inputs: Sequence[Inputs], channels: Sequence[str], hats: in
     hats : per channel; by default `HATS` for one and `HATS_IN_PAIR` for each of two.
     """
     count = hats or (HATS if len(channels) == 1 else HATS_IN_PAIR)
-    bases = [one_basis(inputs, channel, min(count, TIME_HATS) if channel == "time" else count) for channel in channels]
-    raw, penalty = bases[0]
-    for values, other in bases[1:]:
-        penalty = np.kron(penalty, np.eye(len(other))) + np.kron(np.eye(len(penalty)), other)
-        raw = [np.einsum("ni,nj->nij", a, b).reshape(len(a), -1) for a, b in zip(raw, values, strict=True)]
+    counts = [min(count, TIME_HATS) if channel == "time" else count for channel in channels]
+    raw, penalty = basis(inputs, channels, counts)
     if {"velocity", "direction"} & set(channels):
         top = max(float(np.abs(piece.held).max()) for piece in inputs)
         if top > 0.0:
@@ -128,7 +125,17 @@ def seen_columns(x: Array, piece: Inputs) -> Array:
     return out
 
 
-def one_basis(inputs: Sequence[Inputs], channel: str, count: int) -> tuple[list[Array], Array]:
+def basis(inputs: Sequence[Inputs], channels: Sequence[str], counts: Sequence[int]) -> tuple[list[Array], Array]:
+    """Unit functions of the channels (tensor product of two), per piece (n_i, c), and the penalty on their bends."""
+    bases = [_basis(inputs, channel, count) for channel, count in zip(channels, counts, strict=True)]
+    raw, penalty = bases[0]
+    for values, other in bases[1:]:
+        penalty = np.kron(penalty, np.eye(len(other))) + np.kron(np.eye(len(penalty)), other)
+        raw = [np.einsum("ni,nj->nij", a, b).reshape(len(a), -1) for a, b in zip(raw, values, strict=True)]
+    return raw, penalty
+
+
+def _basis(inputs: Sequence[Inputs], channel: str, count: int) -> tuple[list[Array], Array]:
     """(unit functions of the channel per piece, shape (n_i, c) summing to 1; penalty on their bends)."""
     if channel not in ("velocity", "direction"):
         knots = _knots(np.concatenate([piece.values[channel] for piece in inputs]), count)

@@ -14,7 +14,7 @@ import numpy as np
 from dsd_cli.effects import Role
 from dsd_cli.identify.bank import drive, inputs_of, raw_columns
 from dsd_cli.identify.blocks import Blocks
-from dsd_cli.identify.dependence import Inputs, one_basis
+from dsd_cli.identify.dependence import Inputs, basis
 from dsd_cli.identify.dependence import inputs_of as channels_of
 from dsd_cli.identify.gram import Grams, grams, solve, total_gram
 from dsd_cli.identify.rows import Equations
@@ -91,10 +91,10 @@ class FreeformFits:
         """Hats per interval of each stretch, shape (n, c), and the penalty on their bends, (c, c)."""
         if on == ("time",):
             count = max(self.blocks.count // BLOCKS_PER_TIME_HAT, 3)
-            return basis(self.pieces, on, count)
+            return basis(self.pieces, on, [count])
         if on == ("position",):
-            return basis(self.pieces, on, FINE_HATS)
-        return basis(self.pieces, on, HATS if len(on) == 1 else HATS_IN_PAIR)
+            return basis(self.pieces, on, [FINE_HATS])
+        return basis(self.pieces, on, [HATS] if len(on) == 1 else [HATS_IN_PAIR] * len(on))
 
 
 def _losses(theta: Array, found: Grams, blocks: Blocks) -> Array:
@@ -131,13 +131,3 @@ def rich_residual(fits: FreeformFits) -> Array:
 def loss_of(found: Sequence[Freeform]) -> Freeform:
     """The one with the least held-out loss."""
     return min(found, key=lambda f: f.loss)
-
-
-def basis(inputs: Sequence[Inputs], channels: Sequence[str], count: int) -> tuple[list[Array], Array]:
-    """Unit functions of the channels (tensor product of two), per piece (n_i, c), and the penalty on their bends."""
-    bases = [one_basis(inputs, channel, count) for channel in channels]
-    raw, penalty = bases[0]
-    for values, other in bases[1:]:
-        penalty = np.kron(penalty, np.eye(len(other))) + np.kron(np.eye(len(penalty)), other)
-        raw = [np.einsum("ni,nj->nij", a, b).reshape(len(a), -1) for a, b in zip(raw, values, strict=True)]
-    return raw, penalty

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.bank import Term
 from dsd_cli.identify.examination import LEAST_FALL, LEAST_FORCE, Examination
+from dsd_cli.identify.golden import golden_section
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
 from dsd_cli.identify.search import LEAST_GAIN
 from dsd_cli.identify.shapes import refined
@@ -89,25 +90,9 @@ def _alone(exam: Examination, name: str, given: Score, estimate: Estimate) -> Ca
     else:
         make = lambda x: replace(model, delay=x)  # noqa: E731
         low, high = 0.0, max(2.0 * model.delay, estimate.value) + 5.0 * exam.scale.sample_time
-    x = _least(lambda x: exam.judge.fixed(make(x)).rmse, low, high)
+    x = golden_section(lambda x: exam.judge.fixed(make(x)).rmse, low, high, STEPS)
     changed = make(x)
     score = exam.judge.fixed(changed)
     value = changed.inertia if name == INERTIA else changed.delay
     parameters = {name: Estimate(value, estimate.std_error, estimate.unit)}
     return Candidate(name, score.rmse, given.heldout_rmse, score.heldout_rmse, 0.0, parameters, model=changed)
-
-
-def _least(f: Callable[[float], float], low: float, high: float) -> float:
-    ratio = (math.sqrt(5.0) - 1.0) / 2.0
-    a, b = high - ratio * (high - low), low + ratio * (high - low)
-    fa, fb = f(a), f(b)
-    for _ in range(STEPS):
-        if fa < fb:
-            high, b, fb = b, a, fa
-            a = high - ratio * (high - low)
-            fa = f(a)
-        else:
-            low, a, fa = a, b, fb
-            b = low + ratio * (high - low)
-            fb = f(b)
-    return 0.5 * (low + high)

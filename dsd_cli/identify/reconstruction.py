@@ -8,11 +8,10 @@ explain the net force best.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
+from dsd_cli.identify.golden import golden_section
 from dsd_cli.signals.log import Array, Log
 
 #: Samples that are averaged, the most averages, and hats over speed (each side of zero) and position.
@@ -41,7 +40,7 @@ def drift(speed: Array, force: Array, piece: Log) -> Array:
     if rest is not None and found[rest] < PREFERENCE * found[start]:
         return _with_ramp(speed, force, rest, rms)
     half = float(grid[1] - grid[0])
-    offset = _least(lambda x: rows.squares(x), start - half, start + half)
+    offset = golden_section(rows.squares, start - half, start + half, STEPS)
     return np.full(n, offset)
 
 
@@ -108,19 +107,3 @@ def _hats(x: Array, count: int, among: NDArray[np.bool_] | None = None) -> list[
     """Linear B-splines over quantiles of x."""
     knots = np.unique(np.quantile(x if among is None else x[among], np.linspace(0.0, 1.0, count)))
     return [np.interp(x, knots, unit) for unit in np.eye(len(knots))]
-
-
-def _least(f: Callable[[float], float], low: float, high: float) -> float:
-    ratio = (np.sqrt(5.0) - 1.0) / 2.0
-    a, b = high - ratio * (high - low), low + ratio * (high - low)
-    fa, fb = f(a), f(b)
-    for _ in range(STEPS):
-        if fa < fb:
-            high, b, fb = b, a, fa
-            a = high - ratio * (high - low)
-            fa = f(a)
-        else:
-            low, a, fa = a, b, fb
-            b = low + ratio * (high - low)
-            fb = f(b)
-    return float(0.5 * (low + high))

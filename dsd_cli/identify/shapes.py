@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.bank import Term, Terms
+from dsd_cli.identify.golden import golden_section
 
 if TYPE_CHECKING:
     from dsd_cli.identify.search import Search
@@ -18,7 +19,6 @@ STEPS = 9
 #: than this share; those that matter less come last.
 ROUNDS, SHRINK, ENOUGH = 5, 0.7, 1e-3
 BROAD = ("damping",)
-_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
 def refined(search: Search, terms: Terms, i: int, tap: int) -> tuple[Terms, int]:
@@ -68,17 +68,7 @@ def _along(
     low, high = max(centre - half, math.log(least)), min(centre + half, math.log(most))
     if not low < high:
         return best[0], best[1], tap
-    a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-    fa, fb = squares(a), squares(b)
-    for _ in range(STEPS):
-        if fa < fb:
-            high, b, fb = b, a, fa
-            a = high - _GOLDEN * (high - low)
-            fa = squares(a)
-        else:
-            low, a, fa = a, b, fb
-            b = low + _GOLDEN * (high - low)
-            fb = squares(b)
+    golden_section(squares, low, high, STEPS)
     value, term, n = min(found, key=lambda f: f[0])
     return term, value, n
 

@@ -68,6 +68,7 @@ DIAGNOSIS = Diagnosis(
     advice=("`dsd add a.csv coulomb_friction` takes it in",),
     estimates={"inertia": INERTIA, "viscous_friction.coefficient": VISCOUS, "coulomb_friction.level": LEVEL},
     model=FRICTION,
+    refitted_model=GIVEN,
     noise=0.1,
     provenance={"u": "logged", "velocity": "reconstructed from u and d_hat"},
     warnings=("the log is short",),
