@@ -28,18 +28,20 @@ time_constant = 0.02
 [model]
 inertia = 95
 """
-#: u in volts, so J is in V s2/rad. The servo's velocity column is filtered and late.
+#: u in volts, so J is in V s2/rad. The servo's velocity column is filtered and late: the position alone is used.
 XL330 = """
 [signals]
 time = "t_s"
 u = "u_V"
-velocity = "velocity_rad_s"
+velocity = ""
 position = "position_rad"
 [observer]
-nominal_inertia = 0.09
-time_constant = 0.1
+nominal_inertia = 0.07
+time_constant = 0.03
+[detector]
+window = 100
 [model]
-inertia = 0.09
+inertia = 0.07
 """
 PENDULUM = """
 [signals]
@@ -50,14 +52,22 @@ position = "position_rad"
 [observer]
 nominal_inertia = 0.15
 time_constant = 0.05
+[detector]
+window = 50
 [model]
 inertia = 0.15
 """
+#: The same with the torque that was asked for.
+COMMANDED = PENDULUM.replace("torque_meas_Nm", "torque_cmd_Nm")
 #: Start values only: the command fits them.
 GRAVITY = """
 [model.effects.gravity]
 amplitude = 3.0
 phase = 0.0
+"""
+COULOMB = """
+[model.effects.coulomb_friction]
+level = 0.1
 """
 #: m g l of the XL330's pendulum, 0.49 kg at 0.100 m, N m; its total inertia, kg m2.
 XL330_MGL, XL330_INERTIA = 0.4805, 6.7e-3
@@ -185,32 +195,85 @@ def model_toml(model: dict) -> str:
 @pytest.fixture(scope="module")
 def xl330(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, dict]:
     if os.environ.get("DSD_SLOW") != "1":
-        pytest.skip("the ladder of twelve runs takes minutes (set DSD_SLOW=1)")
+        pytest.skip("the ladder of twelve runs takes a minute (set DSD_SLOW=1); its first two steps are tested without")
     return improve(tmp_path_factory.mktemp("xl330"), xl330_runs(), XL330)
 
 
-def test_xl330_lacks_gravity_first_and_j_is_per_volt(tmp_path):
-    result = diagnose(tmp_path, xl330_runs(), XL330)
-    assert result["verdict"] == "gravity"
-    assert len(result["log"]) == 12
-    assert result["estimates"]["inertia"]["unit"] == "u/(v/s)"
+@pytest.fixture(scope="module")
+def xl330_steps(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, dict]:
+    """Diagnoses of the bare mass and of the mass with gravity: the first two steps of the ladder."""
+    folder = tmp_path_factory.mktemp("xl330_steps")
+    return diagnose(folder, xl330_runs(), XL330), diagnose(folder, xl330_runs(), XL330 + GRAVITY)
 
 
-def test_xl330_ladder_is_gravity_then_viscous_friction(xl330):
-    """A regression on force leaves about 3.5, 1.5 and 1.0 V; d_hat carries that divided by J/Jn."""
+def scaled_inertia(inertia: float, gravity: float) -> float:
+    """J in kg m2, from values per volt and the known weight."""
+    return inertia * XL330_MGL / gravity
+
+
+def test_xl330_lacks_gravity_then_viscous_friction(xl330_steps):
+    first, second = xl330_steps
+    assert len(first["log"]) == 12
+    assert [first["verdict"], second["verdict"]] == ["gravity", "viscous_friction"]
+
+
+def test_xl330_gravity_or_a_spring_is_a_tie_that_is_stated(xl330_steps):
+    """The arm moves by 70 degrees at most."""
+    first, _ = xl330_steps
+    assert "stiffness" in named(first, "gravity")["indistinguishable_from"]
+    assert any("half a turn" in line for line in first["advice"])
+
+
+def test_xl330_inertia_is_said_to_be_per_volt(xl330_steps):
+    for result in xl330_steps:
+        assert result["estimates"]["inertia"]["unit"] == "u/(v/s)"
+        assert any("known only up to the gain of the drive" in line for line in result["advice"])
+
+
+def test_xl330_heldout_error_falls_as_in_a_regression(xl330_steps):
+    """3.5, 1.5 and 1.0 V were measured with a quick regression."""
+    first, second = xl330_steps
+    errors = [
+        first["heldout_rmse"],
+        named(first, "gravity")["heldout_rmse_after"],
+        named(second, "viscous_friction")["heldout_rmse_after"],
+    ]
+    assert falls(errors)
+    assert errors[0] == pytest.approx(3.5, rel=0.1)
+    assert errors[1] <= 1.5
+    assert errors[2] <= 1.0
+
+
+@missed("J is too large until friction is in: as force, gravity leaves 3.0 V and viscous friction 1.2 V")
+def test_xl330_error_as_force_falls_as_in_a_regression(xl330_steps):
+    """d_hat carries the force error times Jn / J."""
+    first, second = xl330_steps
+    errors = [
+        named(result, result["verdict"])["heldout_rmse_after"] * result["estimates"]["inertia"]["value"] / 0.07
+        for result in (first, second)
+    ]
+    assert errors[0] <= 1.5
+    assert errors[1] <= 1.0
+
+
+def test_xl330_inertia_scaled_by_the_known_weight_after_two_steps(xl330_steps):
+    _, second = xl330_steps
+    values = second["estimates"]
+    found = scaled_inertia(values["inertia"]["value"], values["gravity.amplitude"]["value"])
+    assert found == pytest.approx(XL330_INERTIA, rel=0.1)
+
+
+def test_xl330_ladder_is_gravity_viscous_friction_dry_friction(xl330):
     result, _ = xl330
     assert effects(result)[:2] == ["gravity", "viscous_friction"]
+    assert effects(result)[2] in DRY
     assert falls(held_out(result))
-    relative = [step["relative_error_percent"] / 100 for step in result["ladder"][:3]]
-    force = [3.5 * r / relative[0] for r in relative]
-    assert force == pytest.approx([3.5, 1.5, 1.0], rel=0.15)
 
 
-@missed("feedback biases J upwards: 13 to 24 % too large")
-def test_xl330_inertia_scaled_by_the_known_weight(xl330):
+def test_xl330_inertia_scaled_by_the_known_weight_at_the_end(xl330):
     _, model = xl330
-    scaled = model["inertia"] * XL330_MGL / model["effects"]["gravity"]["amplitude"]
-    assert scaled == pytest.approx(XL330_INERTIA, rel=0.1)
+    found = scaled_inertia(model["inertia"], model["effects"]["gravity"]["amplitude"])
+    assert found == pytest.approx(XL330_INERTIA, rel=0.1)
 
 
 # -- DFKI -----------------------------------------------------------------------------------------------------------
@@ -225,14 +288,16 @@ def test_ddp_lacks_gravity_then_dry_friction(tmp_path):
     assert ratio == pytest.approx(DFKI_MGL / DFKI_INERTIA, rel=0.1)  # the pendulum's own frequency
 
 
-@missed("Stribeck friction is named, which the log cannot tell from Coulomb friction")
 def test_dircol_lacks_gravity_then_dry_friction(tmp_path):
-    result, _ = improve(tmp_path, [recording("dfki_pendulum/dircol.csv")], PENDULUM)
+    result, model = improve(tmp_path, [recording("dfki_pendulum/dircol.csv")], PENDULUM)
     assert effects(result)[0] == "gravity"
     assert effects(result)[1] in DRY
+    assert falls(held_out(result))
+    ratio = model["effects"]["gravity"]["amplitude"] / model["inertia"]
+    assert ratio == pytest.approx(DFKI_MGL / DFKI_INERTIA, rel=0.1)
 
 
-@missed("the tie of Coulomb and load-dependent friction is not stated")
+@missed("Coulomb friction is named, its tie with load-dependent friction is not stated")
 @pytest.mark.parametrize("run", ["ddp", "dircol"])
 def test_coulomb_or_load_friction_is_a_tie_that_is_stated(run, tmp_path):
     result = diagnose(tmp_path, [recording(f"dfki_pendulum/{run}.csv")], PENDULUM + GRAVITY)
@@ -250,17 +315,39 @@ def test_swing_up_lacks_gravity_and_shows_its_frequency(tmp_path):
     assert ratio == pytest.approx(DFKI_MGL / DFKI_INERTIA, rel=0.1)
 
 
-@missed("it is not said that inertia and gravity cannot be separated")
-def test_swing_up_cannot_separate_inertia_and_gravity(tmp_path):
-    result = diagnose(tmp_path, [swing_up(tmp_path)], PENDULUM.replace("torque_meas_Nm", "torque_cmd_Nm"))
+@pytest.fixture(scope="module")
+def commanded(tmp_path_factory: pytest.TempPathFactory) -> dict:
+    folder = tmp_path_factory.mktemp("commanded")
+    return diagnose(folder, [swing_up(folder)], COMMANDED)
+
+
+@missed("with no friction in the model u itself tells J, and nothing hints at friction")
+def test_swing_up_of_a_bare_mass_cannot_separate_inertia_and_gravity(commanded):
+    assert commanded["verdict"] == "gravity"
+    assert not_separated(commanded)
+
+
+@pytest.mark.parametrize("config", [PENDULUM, COMMANDED], ids=["measured", "commanded"])
+def test_swing_up_with_friction_cannot_separate_inertia_and_gravity(config, tmp_path):
+    """The controller pushes along the motion: Coulomb friction is the same as less u, hence as more J and more G."""
+    result = diagnose(tmp_path, [swing_up(tmp_path)], config + COULOMB)
     assert result["verdict"] == "gravity"
-    assert "inertia" in named(result, "gravity")["indistinguishable_from"] or any(
-        "inertia" in line and "gravity" in line for line in result["advice"]
-    )
+    assert not_separated(result)
+    inertia = result["estimates"]["inertia"]
+    assert inertia["std_error"] is None or inertia["std_error"] > abs(inertia["value"] - DFKI_INERTIA)
+
+
+def not_separated(result: dict) -> bool:
+    stated = "inertia" in named(result, "gravity")["indistinguishable_from"]
+    return stated and any("gravity or inertia?" in line for line in result["advice"])
 
 
 @missed("the motion of the swing-up does not tell the delay to 5 ms")
-def test_swing_up_command_acts_one_sample_late(tmp_path):
-    config = PENDULUM.replace("torque_meas_Nm", "torque_cmd_Nm")
-    _, model = improve(tmp_path, [swing_up(tmp_path)], config)
-    assert model["delay"] == pytest.approx(0.005, abs=0.0025)
+def test_swing_up_command_acts_one_sample_late(commanded):
+    assert commanded["estimates"]["delay"]["value"] == pytest.approx(0.005, abs=0.0025)
+
+
+def test_swing_up_does_not_claim_to_know_the_delay(commanded):
+    delay = commanded["estimates"]["delay"]
+    assert delay["std_error"] > 0.005
+    assert delay["value"] == pytest.approx(0.005, abs=2.0 * delay["std_error"])
