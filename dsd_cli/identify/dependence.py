@@ -243,16 +243,12 @@ def held_out_folds(rows: int, gap: int) -> list[list[tuple[slice, slice]]]:
 
 
 def dependence(evaluation: Evaluation, window: int) -> tuple[Dependence, ...]:
-    """Every channel, and the pairs that explain more than their channels; the largest share first, never below 0.
+    """Every channel, and pairs that explain more than their channels; largest share first, none below 0; () if too short.
 
     Parameters
     ----------
     window : samples over which the rig's detector averages; the gap to held-out blocks, where the log is long enough;
         else the time that Q and the delay need.
-
-    Returns
-    -------
-    () where the log is too short to hold out blocks.
     """
     parts = [part for stretch in evaluation.stretches for part in _chunks(stretch, evaluation)]
     inputs = [inputs_of(s.log, s.model, evaluation.observer, s.first) for s in parts]

@@ -157,10 +157,12 @@ class _Verdict:
         """(verdict, probability)."""
         exam, beyond = self.exam, self.beyond
         if self.members:
-            best = max(self.members, key=self._alone_evidence)
+            best = max(self.members, key=self._worth)
+            if not self._lowers(best):
+                return UNKNOWN, 0.5
             known = self._share_of_possible(exam.plain.rmse(exam.refit), exam.plain.rmse(self.whole))
             if known < SHARE_OF_CEILING:
-                return UNKNOWN, 1.0 - known
+                return UNKNOWN, min(1.0 - max(known, 0.0), SUREST)
             group = (best, *self.members[best].alike)
             belief = self.members[best].probabilities
             named = min(group, key=_commonness)
@@ -181,6 +183,16 @@ class _Verdict:
             return 1.0
         least = min(self.beyond.heldout_rmse, self.beyond.noise)
         return (before**2 - after**2) / max(before**2 - least**2, 1e-300)
+
+    def _lowers(self, name: str) -> bool:
+        """Whether the effect alone lowers the held-out error that is shown."""
+        option = self.alone.get(name)
+        after = self.exam.score(option.fit).heldout_rmse if option is not None else math.inf
+        return after < self.own.refitted.heldout_rmse
+
+    def _worth(self, name: str) -> tuple[bool, float]:
+        """Effects that lower the held-out error by themselves come first."""
+        return self._lowers(name), self._alone_evidence(name)
 
     def _alone_evidence(self, name: str) -> float:
         option = self.alone.get(name)
@@ -268,7 +280,7 @@ class _Verdict:
         if effect == self.named:
             return self.sure
         if effect in self.members:
-            return self.members[effect].probabilities[effect]
+            return min(self.members[effect].probabilities[effect], SUREST)
         return max((m.probabilities.get(effect, 0.0) for m in self.members.values()), default=self._as_only(effect))
 
     def _as_only(self, effect: str) -> float:

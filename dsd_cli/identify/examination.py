@@ -26,8 +26,8 @@ from dsd_cli.identify.values import Fitted, Scale, fitted_values
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Array
 
-#: Samples of delay that are tried at least, and the share of the shortest stretch that they may take.
-LEAST_DELAYS, MOST_OF_STRETCH = 30, 0.2
+#: Samples of delay that are tried at least, the share of the longest stretch that they may take, and the longest in s.
+LEAST_DELAYS, MOST_OF_STRETCH, LONGEST_DELAY = 30, 0.2, 1.0
 #: A step matters in practice if it takes this share off the held-out error, and explains so much of the net force; or
 #: if it explains much of the net force, however loud the measurement noise.
 LEAST_FALL, LEAST_FORCE, MUCH_FORCE = 0.015, 0.003, 0.015
@@ -68,28 +68,37 @@ class Examination:
         settings: Settings,
         holdout: Sequence[Recording] = (),
     ) -> None:
-        _check(recordings, model)
+        _check((*recordings, *holdout), model)
         self.model, self.observer = model, replace(observer, sign=1)
         recordings = [_without_load(r, model, self.observer) for r in recordings]
         self.recordings, self.holdout = tuple(recordings), tuple(holdout)
         sample_time = recordings[0].sample_time
-        shortest = max(len(p) for r in recordings for p in r.pieces)
-        wanted = max(LEAST_DELAYS, math.ceil(2.0 * model.delay / sample_time) + 10)
-        self.most_tap = min(wanted, int(MOST_OF_STRETCH * shortest))
-        settling = math.ceil(5.0 * observer.time_constant / sample_time)
-        startup = min(max(self.most_tap, settling), int(MOST_OF_STRETCH * shortest)) + 3
-        self.equations = Equations(recordings, self.observer, startup)
-        self._check_motion()
-        self.gap = max(settings.window, self.most_tap if model.delay > 0 else 0, 1)
-        name = recordings[0].name
-        self.blocks = lay_blocks(self.equations.lengths, -(-self.gap // self.equations.thinning), name)
         self.scale = Scale(self.observer, sample_time, model.rest_speed)
         self.base: Terms = tuple(_term(name, values, model.inertia) for name, values in model.effects.items())
         self.candidates, self.untestable = self._candidates(settings)
+        self._lay_out(settings, max(LEAST_DELAYS, math.ceil(2.0 * model.delay / sample_time) + 10))
         self.noise = self._whitened(self._first_fit())
         self.bank = Bank(self.equations)
         self.plain = PlainErrors(self.equations, self.blocks)
         self.judge = Judge(self.equations, self.blocks, holdout)
+
+    def _lay_out(self, settings: Settings, wanted: int) -> None:
+        """Equations and blocks for delays of up to `wanted` samples; of more, while the longest is the best."""
+        longest = int(MOST_OF_STRETCH * max(len(p) for r in self.recordings for p in r.pieces))
+        settling = math.ceil(5.0 * self.observer.time_constant / self.scale.sample_time)
+        while True:
+            self.most_tap = min(wanted, longest)
+            startup = min(max(self.most_tap, settling), longest) + 3
+            self.equations = Equations(self.recordings, self.observer, startup)
+            self._check_used()
+            self.gap = max(settings.window, self.most_tap if self.model.delay > 0.0 else 0, 1)
+            gap, name = -(-self.gap // self.equations.thinning), self.recordings[0].name
+            self.blocks = lay_blocks(self.equations.lengths, gap, name)
+            if self.most_tap >= min(longest, int(LONGEST_DELAY / self.scale.sample_time)):
+                return
+            if self._first_fit().tap < self.most_tap - 3:
+                return
+            wanted = 2 * self.most_tap
 
     @cached_property
     def search(self) -> Search:
@@ -166,7 +175,7 @@ class Examination:
 
     def _candidates(self, settings: Settings) -> tuple[tuple[str, ...], dict[str, str]]:
         wanted = settings.effects if settings.effects is not None else tuple(catalogue())
-        missing = {channel: why for r in self.recordings for channel, why in r.missing.items()}
+        missing = {channel: why for r in (*self.recordings, *self.holdout) for channel, why in r.missing.items()}
         testable, untestable = [], {}
         for name in wanted:
             reason = next((missing[c] for c in get_effect(name).needs if c in missing), "")
@@ -189,8 +198,15 @@ class Examination:
                     return True
         return False
 
-    def _check_motion(self) -> None:
+    def _check_used(self) -> None:
         name = self.recordings[0].name
+        short = [
+            r.name for r in self.recordings if not any(p is s.log for p in r.pieces for s in self.equations.stretches)
+        ]
+        if short and self.equations.stretches:
+            raise DataError(
+                f"{short[0]}: no stretch is longer than {2 * self.equations.startup} samples", "leave it out"
+            )
         if not self.equations.stretches:
             raise DataError(f"{name}: no stretch is long enough", "a longer log, or a smaller model.delay")
         if float(np.mean(self.equations.kept)) < LEAST_MOVING or not self._moves():

@@ -20,7 +20,7 @@ __all__ = ["add_effect", "improve"]
 
 #: Rungs of the ladder; nobody believes a model with more parts than that from one rig.
 MOST_STEPS = 10
-AS_GIVEN, REFIT = "as given", "refit"
+AS_GIVEN = "as given"
 
 
 def add_effect(
@@ -118,6 +118,8 @@ def improve(
         if chosen is None:
             return ladder(stop or "stopped before the next step was taken")
         if chosen in (INERTIA, DELAY) or chosen in model.effects:
+            if not last.refitted.heldout_rmse < steps[-1].score.heldout_rmse:
+                return ladder(f"{chosen} is fitted already: the held-out error does not fall")
             model = last.refitted_model
             climb(chosen, last.refitted, last, model)
             continue

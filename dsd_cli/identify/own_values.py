@@ -19,8 +19,8 @@ from dsd_cli.plant.model import PlantModel
 LAG = "actuator_lag"
 #: A single wrong value reaches at least this share of what freeing all values reaches.
 SHARE_ALONE = 0.5
-#: Golden section steps, and the range over which inertia (factor) is looked for.
-STEPS, WIDEST = 24, 20.0
+#: Golden section steps.
+STEPS = 30
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,9 @@ def own_values(exam: Examination) -> Own:
     if best.effect == DELAY and _lag_explains_it(exam):
         candidates = (replace(best, indistinguishable_from=(LAG,)), *candidates[1:])
     wrong = best.effect if reached > SHARE_ALONE * fall else sure[0].split(".")[0]
-    return Own(given, refitted, candidates, wrong, min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), 0.99))
+    sure_of_it = min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), 0.99)
+    candidates = tuple(replace(c, probability=sure_of_it if c.effect == wrong else 0.0) for c in candidates)
+    return Own(given, refitted, candidates, wrong, sure_of_it)
 
 
 def _lag_explains_it(exam: Examination) -> bool:
@@ -84,7 +86,7 @@ def _alone(exam: Examination, name: str, given: Score, estimate: Estimate) -> Ca
     model = exam.model
     if name == INERTIA:
         centre = math.log(model.inertia)
-        reach = min(math.log(WIDEST), abs(math.log(estimate.value / model.inertia)) + 0.7)
+        reach = abs(math.log(estimate.value / model.inertia)) + 0.7
         make: Callable[[float], PlantModel] = lambda x: replace(model, inertia=math.exp(x))  # noqa: E731
         low, high = centre - reach, centre + reach
     else:

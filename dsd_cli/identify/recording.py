@@ -27,6 +27,8 @@ REST_DEVIATIONS = 3.0
 CREEP = 1e-3
 #: The measured acceleration is clear if its noise, as a force, is below this share of the rms of u.
 CLEAR = 0.12
+#: Share of the power of d_hat that motion and u must explain before their signs are believed.
+CLEAR_SIGNS = 0.8
 #: A reconstructed position whose drift is expected to exceed this share of its range is none.
 MOST_DRIFT = 0.2
 
@@ -99,6 +101,7 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
         settings = replace(observer, sign=1)
         pieces = [observe_log(piece, settings) for piece in pieces]
         provenance["d_hat"] = f"computed from {pieces[0].d_hat_source}"
+    _check_signs(pieces, replace(observer, sign=1), log.source)
     pieces, noise, margin, missing = _with_motion(pieces, observer, provenance)
     creep = CREEP * max((float(np.sqrt(np.mean(p["velocity"] ** 2))) for p in pieces if "velocity" in p), default=0.0)
     rest = max(rest_speed, REST_DEVIATIONS * noise, creep)
@@ -202,6 +205,37 @@ def _reconstructed(
     reason = "the log has no position, and one integrated from u and d_hat would drift away"
     done = [replace(p, channels={k: x for k, x in p.channels.items() if k != "position"}) for p in done]
     return done, noise, margin, {"position": reason}
+
+
+def _check_signs(pieces: Sequence[Log], observer: ObserverSettings, name: str) -> None:
+    """A logged d_hat must be Q { Jn a } - Q u with the a of the logged motion.
+
+    Raises
+    ------
+    DataError : a sign is wrong, as far as noise lets it be seen.
+    """
+    if not any(channel in pieces[0] for channel in ("velocity", "position")) or pieces[0].d_hat_source != "logged":
+        return
+    d_hat, force, drive = (np.concatenate(parts) for parts in zip(*(_sides(p, observer) for p in pieces), strict=True))
+    x = np.stack([force, drive])
+    (g, h), *_ = np.linalg.lstsq(x.T, d_hat, rcond=None)
+    left = float(np.sum((d_hat - g * force - h * drive) ** 2))
+    if left > (1.0 - CLEAR_SIGNS) * float(np.sum(d_hat**2)) or (g > 0.0 > h):
+        return
+    if g < 0.0 < h:
+        raise DataError(f"{name}: d_hat has the other sign than its velocity or position", "set observer.sign")
+    wrong = "velocity or position" if g < 0.0 else "u"
+    raise DataError(f"{name}: {wrong} has the other sign than the other channels", f"turn the sign of {wrong}")
+
+
+def _sides(piece: Log, observer: ObserverSettings) -> tuple[Array, Array, Array]:
+    """(d_hat, Q { Jn a } from the motion, Q u), without the samples in which they settle."""
+    bare = replace(piece, channels={k: x for k, x in piece.channels.items() if k != "d_hat"})
+    observed = observe_log(bare, observer)
+    frame = Frame(observed)
+    drive = frame.seen(frame.mean_u(piece["u"], 0.0), observer)
+    first = min(int(5.0 * observer.time_constant / piece.sample_time) + 3, len(piece) // 2)
+    return piece["d_hat"][first:], (observed["d_hat"] + drive)[first:], drive[first:]
 
 
 def net_force(piece: Log, observer: ObserverSettings) -> Array:

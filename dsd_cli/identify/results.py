@@ -34,7 +34,7 @@ Estimates = Mapping[str, Estimate]
 class Score:
     """Errors of one model, rms in the unit of u: on what it was fitted to, and on blocks that no fit saw.
 
-    force_error_percent : 100 rms(residual in force units) / rms(force that moves the plant).
+    relative_error_percent : 100 rms(error) / rms(net force Jn a as the observer sees it, d_hat + Q u).
     """
 
     rmse: float
@@ -49,7 +49,8 @@ class Candidate:
 
     Attributes
     ----------
-    probability : that this is the effect to add next (all candidates, none and unknown sum to 1).
+    probability : that it is part of what is missing, against whatever else could stand in its place; several effects
+        can be missing at once, so these do not sum to 1.
     parameters : of this effect alone, by parameter name.
     indistinguishable_from : effects that explain this log as well.
     untestable : why it could not be tested on this log; then the numbers are NaN and `model` is None.

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from dsd_cli.errors import DataError
 from dsd_cli.identify.blocks import Blocks
 from dsd_cli.identify.recording import Recording
 from dsd_cli.identify.results import Score
@@ -27,7 +28,13 @@ class Judge:
         self._rest = max(r.rest_speed for r in equations.recordings)
         self._fold = blocks.fold[equations.block_of_plain_rows(blocks)]
         self._pieces = [(s.log, equations.startup) for s in equations.stretches]
-        self._force = _seen_drive(self._pieces, self.observer)
+        self._force = _net_force(self._pieces, self.observer)
+        self._holdout = [(p, equations.startup) for r in self.holdout for p in r.pieces if len(p) > equations.startup]
+        if self.holdout and not self._holdout:
+            raise DataError(
+                f"{self.holdout[0].name}: not longer than the {equations.startup} samples that a prediction settles in",
+                "hold out a longer log",
+            )
 
     def fixed(self, model: PlantModel) -> Score:
         """Of a model whose values no fit of these recordings chose."""
@@ -41,14 +48,13 @@ class Judge:
         errors, measured = self._errors(self._pieces, total)
         rmse = _rms(errors)
         if self.holdout:
-            pieces = [(p, self.equations.startup) for r in self.holdout for p in r.pieces]
-            held = _rms(self._errors([(p, n) for p, n in pieces if len(p) > n], total)[0])
+            held = _rms(self._errors(self._holdout, total)[0])
         elif of_fold(0) is total:
             held = rmse
         else:
             held = self._held_out(of_fold)
         spread = _rms(measured - measured.mean())
-        relative = rmse * total.motor_inertia / self.observer.nominal_inertia / max(self._force, 1e-300)
+        relative = rmse / max(self._force, 1e-300)
         fit = 100.0 * (1.0 - rmse / spread) if spread > 0.0 else math.nan
         return Score(rmse, held, fit, 100.0 * relative)
 
@@ -68,12 +74,12 @@ class Judge:
         return d_hat - np.concatenate(predicted), d_hat
 
 
-def _seen_drive(pieces: Sequence[tuple], observer: ObserverSettings) -> float:
-    """rms of u as the observer sees it, unit of u."""
+def _net_force(pieces: Sequence[tuple], observer: ObserverSettings) -> float:
+    """rms of Jn a as the observer sees it, d_hat + Q u, unit of u."""
     parts = []
     for log, first in pieces:
         frame = Frame(log)
-        parts.append(frame.seen(frame.mean_u(log["u"], 0.0), observer)[first:])
+        parts.append((log["d_hat"] + frame.seen(frame.mean_u(log["u"], 0.0), observer))[first:])
     return _rms(np.concatenate(parts))
 
 

@@ -111,7 +111,8 @@ def fitted_values(fit: Fit, bank: Bank, blocks: Blocks, scale: Scale, floor: flo
     }
     together = spread[0] / np.maximum(errors * errors[0], 1e-300)
     doubtful = errors > LEAST_ERROR * np.abs(list(values.values()))
-    return Fitted(found, tuple(n for n, r, d in zip(values, together, doubtful, strict=True) if r > TIED and d)[1:])
+    told = zip(values, np.abs(together), doubtful, strict=True)
+    return Fitted(found, tuple(name for name, r, d in told if r > TIED and d and name not in (INERTIA, DELAY)))
 
 
 def _told(value: float, error: float) -> float:
