@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.effects.base import Channels, Effect, Role
+from dsd_cli.effects.base import Channels, Effect, Ranges, Role
 from dsd_cli.effects.catalogue import catalogue
 from dsd_cli.errors import UsageError
 
@@ -48,7 +48,7 @@ def _run(path: Path) -> ModuleType:
     module.__file__ = str(path)
     try:
         exec(compile(source, str(path), "exec"), module.__dict__)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise UsageError(f"{path}{_line(error, path)}: {_said(error)}") from None
     return module
 
@@ -80,6 +80,10 @@ def _effects_of(module: ModuleType, path: Path) -> list[Effect]:
     return found
 
 
+#: What a log of a small servo might contain.
+_RANGES = Ranges(1.0, 3.0, 6.0, 0.5, 2.0, 1e-3, 10.0)
+
+
 def _try_out(effect: Effect, path: Path) -> None:
     """One array per coefficient, for rows and for a single instant.
 
@@ -97,6 +101,7 @@ def _try_out(effect: Effect, path: Path) -> None:
         columns, _ = effect.run(channels, shape)
         single, _ = effect.run(instant, shape)
         back = effect.from_columns(coefficients, shape)
+        starts = [dict(start) for start in effect.starts(_RANGES)]
     except Exception as error:
         raise UsageError(f"{path}{_line(error, path)}: effect '{effect.id}': {_said(error)}") from None
     wanted = 1 if effect.role is Role.INPUT else len(coefficients)
@@ -110,6 +115,13 @@ def _try_out(effect: Effect, path: Path) -> None:
     if any(np.ndim(column) for column in single):
         raise UsageError(f"{where}: a column is an array where the channels are numbers", "use NumPy functions only")
     _check_inverse(values, back, where)
+    unknown = set(effect.needs) - set(Channels._fields)
+    if unknown:
+        raise UsageError(f"{where}: needs {', '.join(sorted(unknown))}", "channels are " + ", ".join(Channels._fields))
+    if any(set(start) != set(shape) for start in starts):
+        raise UsageError(
+            f"{where}: starts must give a value for {', '.join(shape)}", "starts=lambda ranges: [{...}, ...]"
+        )
 
 
 def _check_inverse(values: Mapping[str, Any], back: Mapping[str, Any], where: str) -> None:

@@ -74,7 +74,7 @@ def advice_for(
     elif verdict != NONE and more_unknown:
         lines.append("this is not all: something else remains that no effect of the catalogue explains")
     if verdict not in (NONE, UNKNOWN, INERTIA, DELAY) and not lines:
-        lines.append(f"dsd add LOG {verdict} puts it into the model")
+        lines.append(f"dsd add LOG {verdict} -o FILE puts it into the model")
     if verdict != NONE:
         lines.append(
             "inertia and forces are per unit of u: where u is no torque or force (volts, amperes), J is known only up "

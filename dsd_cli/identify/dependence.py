@@ -243,7 +243,7 @@ def held_out_folds(rows: int, gap: int) -> list[list[tuple[slice, slice]]]:
 
 
 def dependence(evaluation: Evaluation, window: int) -> tuple[Dependence, ...]:
-    """Every channel, and pairs that explain more than their channels; largest share first, none below 0; () if too short.
+    """Every channel, and pairs that explain more than theirs; largest share first, none below 0; () if too short.
 
     Parameters
     ----------

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from dsd_cli.identify.advice import advice_for
+from dsd_cli.identify.beyond import Beyond, beyond_of, pushed
 from dsd_cli.identify.evidence import NOTHING, Membership, membership, probabilities
 from dsd_cli.identify.examination import Examination, Settings
-from dsd_cli.identify.freeform import loss_of
 from dsd_cli.identify.own_values import Own, own_values
-from dsd_cli.identify.pulses import with_pulses
 from dsd_cli.identify.recording import Recording
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
 from dsd_cli.identify.search import Option
@@ -20,13 +19,11 @@ from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 __all__ = ["Settings", "diagnose"]
 
-#: Something unknown is there if a free-form function takes this share off the held-out error, for certain.
-UNKNOWN_FALL, UNKNOWN_NATS = 0.04, 12.0
-#: ... or if so much of the residual's power does not look like measurement noise.
-STRUCTURED_SHARE = 0.35
 #: Effects that take less than this share of the power that a free-form function takes are not the answer.
 SHARE_OF_CEILING = 0.75
 
+#: An effect is named only if it takes this share off the held-out error by itself.
+LEAST_ALONE = 0.005
 #: Above this inflation the rows are so dependent that the model misfits somewhere.
 MOST_INFLATION = 3.0
 #: Of effects that explain a recording equally well the one that is met more often is named, the others beside it.
@@ -37,16 +34,6 @@ SUREST = 0.99
 NOT_ALL_TESTED = 0.8
 
 Progress = Callable[[str, float], None]
-
-
-@dataclass(frozen=True)
-class Beyond:
-    """What lies beyond a fit: the best free-form function, and whether there is something unknown."""
-
-    on: tuple[str, ...]
-    heldout_rmse: float
-    unknown: bool
-    noise: float
 
 
 def diagnose(
@@ -79,9 +66,9 @@ def diagnose(
     options = exam.search.options(refit)
     report("sets of effects", 0.4)
     whole = exam.search.run(refit, lambda share: report("sets of effects", 0.4 + 0.4 * share))
-    beyond = _beyond(exam, whole)
-    if beyond.unknown and "external_force" in exam.candidates:
-        whole, beyond = _pushed(exam, whole, beyond)
+    beyond = beyond_of(exam, whole)
+    if "external_force" in exam.candidates:
+        whole, beyond = pushed(exam, whole, beyond)
     report("how sure", 0.8)
     found = [t.id for t in exam.search.added(whole.terms)]
     reconstructed = any("reconstructed" in r.provenance.get("velocity", "") for r in exam.recordings)
@@ -90,40 +77,6 @@ def diagnose(
     own = own_values(exam)
     report("done", 1.0)
     return _Verdict(exam, options, whole, members, own, beyond).diagnosis()
-
-
-def _beyond(exam: Examination, fit: Fit) -> Beyond:
-    fits = exam.freeform(fit)
-    nats = 2.0 * exam.noise.variance * exam.noise.inflation
-    plain = exam.plain.rmse(fit)
-    share = exam.structured(fit)
-    noise = plain * math.sqrt(1.0 - share)
-    groups = [fits.fit_with(group) for group in fits.groups()]
-    if not groups:
-        return Beyond((), plain, False, noise)
-    best = loss_of(groups)
-    gain = (fit.loss - best.loss) / nats
-    unwhitened = exam.freeform(fit, whitened=False)
-    reached = math.sqrt(unwhitened.fit_with(best.on).loss / max(int(exam.equations.kept.sum()), 1))
-    certain = gain > UNKNOWN_NATS and reached < (1.0 - UNKNOWN_FALL) * plain
-    large = math.sqrt(max(plain**2 - reached**2, 0.0)) > 0.003 * exam.plain.force
-    structured = share > STRUCTURED_SHARE and math.sqrt(share) * plain > 0.005 * exam.plain.force
-    on = best.on if reached < plain else ()
-    return Beyond(on, min(reached, plain), (certain and large) or structured, noise)
-
-
-def _pushed(exam: Examination, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
-    """With pulses in time, if they explain everything that no law explains; else as it was."""
-    pulses = with_pulses(exam, whole)
-    if pulses is None or not exam.practical(whole, pulses):
-        return whole, beyond
-    settled = exam.search.settled(pulses)
-    again = with_pulses(exam, settled)  # without the laws that stood in for pulses the edges are clear
-    if again is not None and exam.search.evidence(again) > exam.search.evidence(settled):
-        settled = exam.search.settled(again)
-    then = _beyond(exam, settled)
-    better = exam.search.evidence(settled) > exam.search.evidence(whole) and exam.practical(whole, settled)
-    return (settled, then) if better and not then.unknown else (whole, beyond)
 
 
 class _Verdict:
@@ -188,7 +141,7 @@ class _Verdict:
         """Whether the effect alone lowers the held-out error that is shown."""
         option = self.alone.get(name)
         after = self.exam.score(option.fit).heldout_rmse if option is not None else math.inf
-        return after < self.own.refitted.heldout_rmse
+        return after < (1.0 - LEAST_ALONE) * self.own.refitted.heldout_rmse
 
     def _worth(self, name: str) -> tuple[bool, float]:
         """Effects that lower the held-out error by themselves come first."""
@@ -235,7 +188,7 @@ class _Verdict:
     def _ranking(self, score: Score, refitted: Score) -> tuple[Candidate, ...]:
         exam = self.exam
         found = [self._candidate(o, refitted) for o in self.alone.values()]
-        found.sort(key=lambda c: (c.effect != self.named, -c.probability, c.heldout_rmse_after))
+        found.sort(key=lambda c: (c.effect != self.named, c.heldout_rmse_after))
         untestable = [
             Candidate(name, math.nan, math.nan, math.nan, 0.0, {}, untestable=reason)
             for name, reason in exam.untestable.items()

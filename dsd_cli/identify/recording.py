@@ -27,8 +27,8 @@ REST_DEVIATIONS = 3.0
 CREEP = 1e-3
 #: The measured acceleration is clear if its noise, as a force, is below this share of the rms of u.
 CLEAR = 0.12
-#: Share of the power of d_hat that motion and u must explain before their signs are believed.
-CLEAR_SIGNS = 0.8
+#: Standard errors by which signs must be clear before they are believed, where so many rows count as one.
+CLEAR_SIGNS, CORRELATED = 8.0, 50.0
 #: A reconstructed position whose drift is expected to exceed this share of its range is none.
 MOST_DRIFT = 0.2
 
@@ -101,7 +101,8 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
         settings = replace(observer, sign=1)
         pieces = [observe_log(piece, settings) for piece in pieces]
         provenance["d_hat"] = f"computed from {pieces[0].d_hat_source}"
-    _check_signs(pieces, replace(observer, sign=1), log.source)
+    if "d_hat" in log:
+        _check_signs(pieces, replace(observer, sign=1), log.source)
     pieces, noise, margin, missing = _with_motion(pieces, observer, provenance)
     creep = CREEP * max((float(np.sqrt(np.mean(p["velocity"] ** 2))) for p in pieces if "velocity" in p), default=0.0)
     rest = max(rest_speed, REST_DEVIATIONS * noise, creep)
@@ -214,13 +215,14 @@ def _check_signs(pieces: Sequence[Log], observer: ObserverSettings, name: str) -
     ------
     DataError : a sign is wrong, as far as noise lets it be seen.
     """
-    if not any(channel in pieces[0] for channel in ("velocity", "position")) or pieces[0].d_hat_source != "logged":
+    if not any(channel in pieces[0] for channel in ("velocity", "position")):
         return
     d_hat, force, drive = (np.concatenate(parts) for parts in zip(*(_sides(p, observer) for p in pieces), strict=True))
     x = np.stack([force, drive])
     (g, h), *_ = np.linalg.lstsq(x.T, d_hat, rcond=None)
-    left = float(np.sum((d_hat - g * force - h * drive) ** 2))
-    if left > (1.0 - CLEAR_SIGNS) * float(np.sum(d_hat**2)) or (g > 0.0 > h):
+    variance = CORRELATED * float(np.mean((d_hat - g * force - h * drive) ** 2))
+    errors = np.sqrt(np.maximum(variance * np.diag(np.linalg.pinv(x @ x.T)), 1e-300))
+    if (g > 0.0 > h) or min(abs(g) / errors[0], abs(h) / errors[1]) < CLEAR_SIGNS:
         return
     if g < 0.0 < h:
         raise DataError(f"{name}: d_hat has the other sign than its velocity or position", "set observer.sign")
@@ -230,7 +232,10 @@ def _check_signs(pieces: Sequence[Log], observer: ObserverSettings, name: str) -
 
 def _sides(piece: Log, observer: ObserverSettings) -> tuple[Array, Array, Array]:
     """(d_hat, Q { Jn a } from the motion, Q u), without the samples in which they settle."""
-    bare = replace(piece, channels={k: x for k, x in piece.channels.items() if k != "d_hat"})
+    motion = {name: x for name, x in piece.channels.items() if name != "d_hat"}
+    if piece.d_hat_source == "position" and "position" in motion:
+        motion.pop("velocity", None)
+    bare = replace(piece, channels=motion, d_hat_source="logged")
     observed = observe_log(bare, observer)
     frame = Frame(observed)
     drive = frame.seen(frame.mean_u(piece["u"], 0.0), observer)

@@ -109,7 +109,8 @@ def fitted_values(fit: Fit, bank: Bank, blocks: Blocks, scale: Scale, floor: flo
         name: Estimate(value, _told(value, float(error)), units[name][0], _on_bound(value, *units[name][1:]))
         for (name, value), error in zip(values.items(), errors, strict=True)
     }
-    together = spread[0] / np.maximum(errors * errors[0], 1e-300)
+    with np.errstate(over="ignore", invalid="ignore"):
+        together = spread[0] / np.maximum(errors * errors[0], 1e-300)
     doubtful = errors > LEAST_ERROR * np.abs(list(values.values()))
     told = zip(values, np.abs(together), doubtful, strict=True)
     return Fitted(found, tuple(name for name, r, d in told if r > TIED and d and name not in (INERTIA, DELAY)))
