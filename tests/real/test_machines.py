@@ -167,18 +167,13 @@ def test_emps_has_the_published_mass_and_friction(emps):
         assert found["constant_load"]["force"] == pytest.approx(3.1648, rel=0.05)
 
 
-def test_emps_relative_force_error_is_as_low_as_published(emps):
-    result, model = emps
-    published = 3.11 if "viscous_asymmetry" in model["effects"] else 4.08
-    assert result["ladder"][-1]["relative_error_percent"] <= published
-
-
 def test_emps_compare_says_what_the_config_leaves(emps, tmp_path):
-    """The written config, judged by another command, leaves what the ladder says."""
+    """The written config, judged by another command, leaves what the ladder says, and no more than was published."""
     result, model = emps
     (tmp_path / "dsd.toml").write_text(EMPS.split("[model]")[0] + model_toml(model))
     compared = dsd(tmp_path, "compare", recording("emps/emps_train.csv"))
-    assert compared["relative_force_error_percent"] <= 3.11
+    published = 3.11 if "viscous_asymmetry" in model["effects"] else 4.08  # rms of the force error over that of u
+    assert compared["relative_force_error_percent"] <= published
     assert compared["rmse"] == pytest.approx(result["ladder"][-1]["rmse"], rel=0.1)
 
 
