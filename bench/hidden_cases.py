@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from dsd_cli.identify.recording import Recording, prepare
+from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.oracle import machines

@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from bench.hidden_cases import Job, prepared
-from dsd_cli.identify.diagnose import Settings, diagnose
 from dsd_cli.identify.improve import improve
 from dsd_cli.identify.results import DELAY, INERTIA, Diagnosis, Estimate
+from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.model import PlantModel
 from tests.oracle import machines
 

@@ -22,8 +22,8 @@ from dsd_cli.cli.options import (
 if TYPE_CHECKING:
     from dsd_cli.cli.recordings import LoadedRecording
     from dsd_cli.files.config import Config
-    from dsd_cli.identify.evaluation import Evaluation
-    from dsd_cli.identify.forward import Forward
+    from dsd_cli.identify.compare.evaluation import Evaluation
+    from dsd_cli.identify.compare.forward import Forward
     from dsd_cli.plant.controllers import ControllerSettings
     from dsd_cli.report.comparison import Report
 
@@ -123,7 +123,7 @@ def _predicted(
 ) -> tuple[Report, Evaluation]:
     from dsd_cli.cli.plan import observer_settings
     from dsd_cli.cli.recordings import believed_model
-    from dsd_cli.identify.comparison import compare as compare_recordings
+    from dsd_cli.identify.compare.comparison import compare as compare_recordings
     from dsd_cli.report.comparison import Report
 
     comparison, evaluation = compare_recordings(
@@ -141,7 +141,7 @@ def _simulated(
 ) -> Report:
     from dsd_cli.cli.plan import observer_settings
     from dsd_cli.cli.recordings import believed_model
-    from dsd_cli.identify.forward import run_forward
+    from dsd_cli.identify.compare.forward import run_forward
     from dsd_cli.report.comparison import Report
 
     def run(recordings: list[LoadedRecording]) -> Forward:
@@ -174,7 +174,7 @@ def _dropped(loaded: list[LoadedRecording], aside: LoadedRecording | None) -> di
 
 
 def _draw(plot: Path, report: Report, evaluation: Evaluation, quiet: bool) -> None:
-    from dsd_cli.identify.comparison import Comparison
+    from dsd_cli.identify.compare.comparison import Comparison
     from dsd_cli.report.plots_comparison import draw
 
     assert isinstance(report.result, Comparison)

@@ -44,7 +44,7 @@ def diagnose(
     check_plot(plot, [config, *log, *apart])
     given = load_given(settings, log, apart)
 
-    from dsd_cli.identify.diagnose import diagnose as run
+    from dsd_cli.identify.verdict.diagnose import diagnose as run
 
     with ShareDone(not quiet) as progress:
         found = run(

@@ -13,8 +13,8 @@ import typer
 
 if TYPE_CHECKING:
     from dsd_cli.files.config import Config
-    from dsd_cli.identify.diagnose import Settings
-    from dsd_cli.identify.recording import Recording
+    from dsd_cli.identify.recordings.recording import Recording
+    from dsd_cli.identify.verdict.diagnose import Settings
     from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 LogsArgument = Annotated[list[str], typer.Argument(metavar="LOG...", help="CSV or Parquet files; - is stdin.")]
@@ -40,7 +40,7 @@ class Given:
     @property
     def engine_settings(self) -> Settings:
         """How the engine shall work."""
-        from dsd_cli.identify.diagnose import Settings
+        from dsd_cli.identify.verdict.diagnose import Settings
 
         return Settings(self.settings.detector.window)
 

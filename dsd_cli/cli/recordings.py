@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from dsd_cli.files.config import Config
     from dsd_cli.files.logs import LoadedLog
-    from dsd_cli.identify.recording import Recording
+    from dsd_cli.identify.recordings.recording import Recording
     from dsd_cli.plant.model import PlantModel
 
 
@@ -37,7 +37,7 @@ def load_recording(path: str, config: Config) -> LoadedRecording:
     """
     from dsd_cli.cli.plan import TIME_SCALE, log_columns, naming, observer_settings
     from dsd_cli.files.logs import load_log
-    from dsd_cli.identify.recording import prepare
+    from dsd_cli.identify.recordings.recording import prepare
 
     observer = observer_settings(config)
     columns = log_columns(config.signals)

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 from dsd_cli.effects import catalogue, get_effect
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.identify.diagnose import Progress, Settings, diagnose
-from dsd_cli.identify.examination import Examination
-from dsd_cli.identify.own_values import own_values
-from dsd_cli.identify.pulses import with_pulses
-from dsd_cli.identify.recording import Recording
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Addition, Candidate, Diagnosis, Ladder, Score, Step
-from dsd_cli.identify.solve import Fit
+from dsd_cli.identify.search.pulses import with_pulses
+from dsd_cli.identify.verdict.diagnose import Progress, Settings, diagnose
+from dsd_cli.identify.verdict.examination import Examination
+from dsd_cli.identify.verdict.own_values import own_values
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 __all__ = ["add_effect", "improve"]

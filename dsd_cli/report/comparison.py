@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from dsd_cli.identify.comparison import Comparison
-from dsd_cli.identify.forward import Forward
-from dsd_cli.identify.regimes import Where
-from dsd_cli.identify.residuals import LARGE
+from dsd_cli.identify.compare.comparison import Comparison
+from dsd_cli.identify.compare.forward import Forward
+from dsd_cli.identify.compare.regimes import Where
+from dsd_cli.identify.compare.residuals import LARGE
 from dsd_cli.report.conclusions import conclusion, simulation_conclusion
 
 

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
-from dsd_cli.identify.comparison import Comparison, LogAccuracy
-from dsd_cli.identify.evaluation import Accuracy
-from dsd_cli.identify.forward import Forward, Tracking
-from dsd_cli.identify.regimes import Where
-from dsd_cli.identify.residuals import ResidualTests
+from dsd_cli.identify.compare.comparison import Comparison, LogAccuracy
+from dsd_cli.identify.compare.evaluation import Accuracy
+from dsd_cli.identify.compare.forward import Forward, Tracking
+from dsd_cli.identify.compare.regimes import Where
+from dsd_cli.identify.compare.residuals import ResidualTests
 from dsd_cli.report.comparison import Report
 from dsd_cli.report.conclusions import conclusion, simulation_conclusion
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dsd_cli.identify.comparison import BIAS, COMMAND, EXACT, MEMORY, NOISE, SHORT, Comparison
-from dsd_cli.identify.forward import OPEN_LOOP, Forward
-from dsd_cli.identify.residuals import LARGE
+from dsd_cli.identify.compare.comparison import BIAS, COMMAND, EXACT, MEMORY, NOISE, SHORT, Comparison
+from dsd_cli.identify.compare.forward import OPEN_LOOP, Forward
+from dsd_cli.identify.compare.residuals import LARGE
 
 _NEXT = "`dsd diagnose` says which effect"
 _ON = {

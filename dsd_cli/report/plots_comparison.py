@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.identify.comparison import Comparison
-from dsd_cli.identify.evaluation import Evaluation
+from dsd_cli.identify.compare.comparison import Comparison
+from dsd_cli.identify.compare.evaluation import Evaluation
 from dsd_cli.report.conclusions import conclusion
 from dsd_cli.signals.log import Array
 

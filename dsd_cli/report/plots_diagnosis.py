@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.effects import Role, get_effect
-from dsd_cli.identify.recording import Recording
+from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Diagnosis
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import predict_d_hat

@@ -82,7 +82,7 @@ def _answer(answer: Any) -> Any:
 def engine(monkeypatch: pytest.MonkeyPatch) -> Engine:
     """In place of `identify.diagnose` and `identify.improve`."""
     stub = Engine()
-    monkeypatch.setattr("dsd_cli.identify.diagnose.diagnose", stub.diagnose)
+    monkeypatch.setattr("dsd_cli.identify.verdict.diagnose.diagnose", stub.diagnose)
     module = ModuleType("dsd_cli.identify.improve")
     module.add_effect, module.improve = stub.add_effect, stub.improve
     monkeypatch.setitem(sys.modules, "dsd_cli.identify.improve", module)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsd_cli.identify.recording import Recording, prepare
+from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.plant.controllers import ControllerSettings, Gains
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.references import Multisine, Trapezoids

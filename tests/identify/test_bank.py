@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsd_cli.identify.bank import Bank, Term, drive, inputs_of, ranges, raw_columns
-from dsd_cli.identify.recording import prepare
-from dsd_cli.identify.rows import Equations
+from dsd_cli.identify.fit.bank import Bank, Term, drive, inputs_of, ranges, raw_columns
+from dsd_cli.identify.fit.rows import Equations
+from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.signals.log import Log
 from tests.identify.comparison_rig import MOVES, OBSERVER, T, recorded
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.blocks import FOLDS, LONGEST_GAP_SHARE, lay_blocks
+from dsd_cli.identify.fit.blocks import FOLDS, LONGEST_GAP_SHARE, lay_blocks
 
 LENGTHS = st.lists(st.integers(1, 400), min_size=1, max_size=4)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.evaluation import accuracy, evaluate
-from dsd_cli.identify.recording import prepare
+from dsd_cli.identify.compare.evaluation import accuracy, evaluate
+from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.identify.comparison_rig import BELIEVED, OBSERVER, T, recorded, rng

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dsd_cli.identify.comparison import compare
-from dsd_cli.identify.dependence import (
+from dsd_cli.identify.compare.comparison import compare
+from dsd_cli.identify.compare.dependence import (
     Columns,
     dependence,
     explained_share,
@@ -13,7 +13,7 @@ from dsd_cli.identify.dependence import (
     inputs_of,
     seen_columns,
 )
-from dsd_cli.identify.evaluation import evaluate
+from dsd_cli.identify.compare.evaluation import evaluate
 from dsd_cli.plant.model import PlantModel
 from tests.identify.comparison_rig import BELIEVED, MOVES, OBSERVER, recorded, rng
 
@@ -129,8 +129,8 @@ def test_a_fit_that_saw_what_it_is_judged_on_would_explain_noise():
 def test_a_long_log_is_read_in_chunks_with_the_same_answer(monkeypatch):
     recording = recorded({"viscous_friction": {"coefficient": 0.02}})
     whole = _shares(recording)
-    monkeypatch.setattr("dsd_cli.identify.dependence.MOST_ROWS", 4000)
-    monkeypatch.setattr("dsd_cli.identify.dependence.CHUNK", 500)
+    monkeypatch.setattr("dsd_cli.identify.compare.dependence.MOST_ROWS", 4000)
+    monkeypatch.setattr("dsd_cli.identify.compare.dependence.CHUNK", 500)
     chunks = _shares(recording)
     assert chunks["velocity"] == pytest.approx(whole["velocity"], abs=0.05)
 

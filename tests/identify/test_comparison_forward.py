@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.forward import closed_loop, open_loop, run_forward
+from dsd_cli.identify.compare.forward import closed_loop, open_loop, run_forward
 from dsd_cli.plant.controllers import ControllerSettings, Gains
 from dsd_cli.plant.model import PlantModel
 from tests.identify.comparison_rig import BELIEVED, CONTROLLER, MOVES, OBSERVER, T, recorded

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dsd_cli.identify.residuals import residual_tests
+from dsd_cli.identify.compare.residuals import residual_tests
 from tests.identify.comparison_rig import rng
 
 N, LAGS, SEEDS = 3000, 60, 300

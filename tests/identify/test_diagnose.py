@@ -8,10 +8,10 @@ import pytest
 
 from dsd_cli.effects import catalogue
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.identify.diagnose import diagnose
-from dsd_cli.identify.examination import Settings
-from dsd_cli.identify.recording import prepare
+from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN
+from dsd_cli.identify.verdict.diagnose import diagnose
+from dsd_cli.identify.verdict.examination import Settings
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.oracle.machine_cases import cases

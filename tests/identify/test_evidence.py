@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsd_cli.identify.evidence import NOTHING, TEMPER, _shares, membership, probabilities
-from dsd_cli.identify.examination import Examination, Settings
-from dsd_cli.identify.search import _agreed
+from dsd_cli.identify.search.sets import _agreed
+from dsd_cli.identify.verdict.evidence import NOTHING, TEMPER, _shares, membership, probabilities
+from dsd_cli.identify.verdict.examination import Examination, Settings
 from tests.identify.comparison_rig import BELIEVED, OBSERVER, recorded
 
 GAINS = st.lists(st.lists(st.floats(-50.0, 50.0), min_size=6, max_size=6), min_size=1, max_size=5)

@@ -8,8 +8,8 @@ import pytest
 
 from dsd_cli.effects import catalogue
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.identify.bank import drive
-from dsd_cli.identify.examination import LEAST_FALL, Examination, Settings, _inflation
+from dsd_cli.identify.fit.bank import drive
+from dsd_cli.identify.verdict.examination import LEAST_FALL, Examination, Settings, _inflation
 from dsd_cli.plant.model import PlantModel
 from tests.identify.comparison_rig import BELIEVED, MOVES, OBSERVER, T, recorded
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from dsd_cli.identify.bank import Term
-from dsd_cli.identify.examination import Examination, Settings
-from dsd_cli.identify.freeform import loss_of, rich_residual
+from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.verdict.examination import Examination, Settings
+from dsd_cli.identify.verdict.freeform import loss_of, rich_residual
 from tests.identify.comparison_rig import BELIEVED, OBSERVER, recorded
 
 LAWS = {

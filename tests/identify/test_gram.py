@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsd_cli.identify.blocks import lay_blocks
-from dsd_cli.identify.gram import grams, solve, squares, total_gram
+from dsd_cli.identify.fit.blocks import lay_blocks
+from dsd_cli.identify.fit.gram import grams, solve, squares, total_gram
 
 
 def _rows(seed, rows, columns, spread=0.0):

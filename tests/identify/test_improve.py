@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.identify.examination import Settings
 from dsd_cli.identify.improve import MOST_STEPS, add_effect, improve
-from dsd_cli.identify.recording import prepare
+from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.results import NONE
+from dsd_cli.identify.verdict.examination import Settings
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.oracle.machine_cases import cases

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from dsd_cli.identify.noise import ORDER, structured_share, whitening_filter
+from dsd_cli.identify.fit.noise import ORDER, structured_share, whitening_filter
 
 ROWS, SEEDS, LAGS = 12_000, 30, 20
 POLE = np.exp(-0.1)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from dsd_cli.identify.examination import Examination, Settings
-from dsd_cli.identify.pulses import MOST_PULSES, _strongest, with_pulses
-from dsd_cli.identify.recording import prepare
+from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.search.pulses import MOST_PULSES, _strongest, with_pulses
+from dsd_cli.identify.verdict.examination import Examination, Settings
 from dsd_cli.signals.log import Log
 from tests.identify.comparison_rig import BELIEVED, OBSERVER, T, recorded
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.recording import CREEP, REST_DEVIATIONS, net_force, prepare
+from dsd_cli.identify.recordings.recording import CREEP, REST_DEVIATIONS, net_force, prepare
 from dsd_cli.plant.controllers import ControllerSettings, Gains
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.references import Multisine, Trapezoids

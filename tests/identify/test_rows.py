@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from dsd_cli.effects import Role, get_effect
-from dsd_cli.identify import rows as rows_module
-from dsd_cli.identify.bank import Term, drive, inputs_of, raw_columns
-from dsd_cli.identify.blocks import lay_blocks
-from dsd_cli.identify.recording import prepare
-from dsd_cli.identify.rows import Equations
+from dsd_cli.identify.fit import rows as rows_module
+from dsd_cli.identify.fit.bank import Term, drive, inputs_of, raw_columns
+from dsd_cli.identify.fit.blocks import lay_blocks
+from dsd_cli.identify.fit.rows import Equations
+from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.plant.controllers import ControllerSettings, Gains
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import predict_d_hat

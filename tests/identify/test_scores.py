@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from dsd_cli.identify.examination import Examination, Settings
+from dsd_cli.identify.verdict.examination import Examination, Settings
 from dsd_cli.plant.prediction import predict_d_hat
 from tests.identify.comparison_rig import BELIEVED, MOVES, OBSERVER, recorded
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsd_cli.identify.bank import Term
-from dsd_cli.identify.examination import Examination, Settings
-from dsd_cli.identify.search import LEAST_GAIN, Noise
+from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.search.sets import LEAST_GAIN, Noise
+from dsd_cli.identify.verdict.examination import Examination, Settings
 from tests.identify.comparison_rig import BELIEVED, OBSERVER, recorded
 
 NAMES = ("coulomb_friction", "viscous_friction", "quadratic_drag", "viscous_asymmetry", "stiffness", "constant_load")

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dsd_cli.effects import Role
-from dsd_cli.identify.bank import Term
-from dsd_cli.identify.examination import Examination, Settings
-from dsd_cli.identify.shapes import BRACKET, _limits, refined
+from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.search.shapes import BRACKET, _limits, refined
+from dsd_cli.identify.verdict.examination import Examination, Settings
 from tests.identify.comparison_rig import BELIEVED, OBSERVER, recorded
 
 HIDDEN = {

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsd_cli.identify.smoothing import ALLOWED, HALF_WIDTHS, encoder_step, noise_of, smooth
+from dsd_cli.identify.recordings.smoothing import ALLOWED, HALF_WIDTHS, encoder_step, noise_of, smooth
 
 T = 0.001
 t = T * np.arange(4000)

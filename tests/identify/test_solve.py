@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsd_cli.identify.bank import Term
-from dsd_cli.identify.blocks import lay_blocks
-from dsd_cli.identify.solve import Solver, delay_of
+from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.blocks import lay_blocks
+from dsd_cli.identify.fit.solve import Solver, delay_of
 
 ROWS, GAP = 300, 7
 VISCOUS, COULOMB, LOAD, GRAVITY = (

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from dsd_cli.identify.bank import ranges
-from dsd_cli.identify.examination import Examination, Settings
-from dsd_cli.identify.starts import LINES, Residual, starts
+from dsd_cli.identify.fit.bank import ranges
+from dsd_cli.identify.search.starts import LINES, Residual, starts
+from dsd_cli.identify.verdict.examination import Examination, Settings
 from tests.identify.comparison_rig import BELIEVED, MOVES, OBSERVER, recorded
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from dsd_cli.effects import get_effect
-from dsd_cli.identify.bank import Bank, Term
-from dsd_cli.identify.blocks import lay_blocks
-from dsd_cli.identify.examination import Examination, Settings
-from dsd_cli.identify.recording import prepare
-from dsd_cli.identify.rows import Equations
-from dsd_cli.identify.solve import Solver
-from dsd_cli.identify.values import Scale, fitted_values, flat
+from dsd_cli.identify.fit.bank import Bank, Term
+from dsd_cli.identify.fit.blocks import lay_blocks
+from dsd_cli.identify.fit.rows import Equations
+from dsd_cli.identify.fit.solve import Solver
+from dsd_cli.identify.fit.values import Scale, fitted_values, flat
+from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.verdict.examination import Examination, Settings
 from dsd_cli.plant.controllers import ControllerSettings, Gains
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import predict_d_hat

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsd_cli.identify.recording import Recording
+from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import (
     Addition,
     Candidate,

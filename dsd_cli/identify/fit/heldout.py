@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from dsd_cli.effects import Role
-from dsd_cli.identify.bank import Term, Terms, drive, inputs_of, raw_columns
-from dsd_cli.identify.blocks import Blocks
-from dsd_cli.identify.rows import Equations
-from dsd_cli.identify.solve import Fit
+from dsd_cli.identify.fit.bank import Term, Terms, drive, inputs_of, raw_columns
+from dsd_cli.identify.fit.blocks import Blocks
+from dsd_cli.identify.fit.rows import Equations
+from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.signals.log import Array
 
 

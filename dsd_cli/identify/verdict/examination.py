@@ -11,18 +11,18 @@ import numpy as np
 
 from dsd_cli.effects import catalogue, get_effect
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.identify.bank import Bank, Term, Terms, ranges
-from dsd_cli.identify.blocks import lay_blocks
-from dsd_cli.identify.freeform import FreeformFits, rich_residual
-from dsd_cli.identify.heldout import PlainErrors
-from dsd_cli.identify.noise import structured_share, whitening_filter
-from dsd_cli.identify.recording import Recording, shifted
+from dsd_cli.identify.fit.bank import Bank, Term, Terms, ranges
+from dsd_cli.identify.fit.blocks import lay_blocks
+from dsd_cli.identify.fit.heldout import PlainErrors
+from dsd_cli.identify.fit.noise import structured_share, whitening_filter
+from dsd_cli.identify.fit.rows import Equations
+from dsd_cli.identify.fit.scores import Judge
+from dsd_cli.identify.fit.solve import Fit, Solver
+from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values
+from dsd_cli.identify.recordings.recording import Recording, shifted
 from dsd_cli.identify.results import Score
-from dsd_cli.identify.rows import Equations
-from dsd_cli.identify.scores import Judge
-from dsd_cli.identify.search import Noise, Search
-from dsd_cli.identify.solve import Fit, Solver
-from dsd_cli.identify.values import Fitted, Scale, fitted_values
+from dsd_cli.identify.search.sets import Noise, Search
+from dsd_cli.identify.verdict.freeform import FreeformFits, rich_residual
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Array
 

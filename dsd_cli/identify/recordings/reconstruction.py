@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.identify.golden import golden_section
+from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.signals.log import Array, Log
 
 #: Samples that are averaged, the most averages, and hats over speed (each side of zero) and position.

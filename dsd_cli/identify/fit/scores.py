@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.blocks import Blocks
-from dsd_cli.identify.recording import Recording
+from dsd_cli.identify.fit.blocks import Blocks
+from dsd_cli.identify.fit.rows import Equations
+from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Score
-from dsd_cli.identify.rows import Equations
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import Frame, predict_d_hat
 from dsd_cli.signals.log import Array

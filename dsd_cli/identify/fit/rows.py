@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.effects import Channels
-from dsd_cli.identify.blocks import Blocks
-from dsd_cli.identify.recording import Recording, net_force
+from dsd_cli.identify.fit.blocks import Blocks
+from dsd_cli.identify.recordings.recording import Recording, net_force
 from dsd_cli.plant.filtering import two_interval_mean
 from dsd_cli.plant.forces import IntervalChannels
 from dsd_cli.plant.model import ObserverSettings

@@ -7,13 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from dsd_cli.effects import get_effect
-from dsd_cli.identify.bank import Term
-from dsd_cli.identify.examination import LEAST_FALL, LEAST_FORCE, Examination
-from dsd_cli.identify.golden import golden_section
+from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.golden import golden_section
+from dsd_cli.identify.fit.values import flat
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
-from dsd_cli.identify.search import LEAST_GAIN
-from dsd_cli.identify.shapes import refined
-from dsd_cli.identify.values import flat
+from dsd_cli.identify.search.sets import LEAST_GAIN
+from dsd_cli.identify.search.shapes import refined
+from dsd_cli.identify.verdict.examination import LEAST_FALL, LEAST_FORCE, Examination
 from dsd_cli.plant.model import PlantModel
 
 LAG = "actuator_lag"

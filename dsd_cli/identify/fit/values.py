@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.effects import Role
-from dsd_cli.identify.bank import Bank, Terms, inputs_of
-from dsd_cli.identify.blocks import Blocks
-from dsd_cli.identify.gram import grams
+from dsd_cli.identify.fit.bank import Bank, Terms, inputs_of
+from dsd_cli.identify.fit.blocks import Blocks
+from dsd_cli.identify.fit.gram import grams
+from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.results import DELAY, INERTIA, Estimate
-from dsd_cli.identify.solve import Fit
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Array
 

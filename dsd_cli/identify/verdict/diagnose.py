@@ -6,15 +6,15 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from dsd_cli.identify.advice import advice_for
-from dsd_cli.identify.beyond import Beyond, beyond_of, pushed
-from dsd_cli.identify.evidence import NOTHING, Membership, membership, probabilities
-from dsd_cli.identify.examination import Examination, Settings
-from dsd_cli.identify.own_values import Own, own_values
-from dsd_cli.identify.recording import Recording
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
-from dsd_cli.identify.search import Option
-from dsd_cli.identify.solve import Fit
+from dsd_cli.identify.search.sets import Option
+from dsd_cli.identify.verdict.advice import advice_for
+from dsd_cli.identify.verdict.beyond import Beyond, beyond_of, pushed
+from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
+from dsd_cli.identify.verdict.examination import Examination, Settings
+from dsd_cli.identify.verdict.own_values import Own, own_values
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 __all__ = ["Settings", "diagnose"]

@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.reconstruction import drift
-from dsd_cli.identify.smoothing import Smoothed, smooth
+from dsd_cli.identify.recordings.reconstruction import drift
+from dsd_cli.identify.recordings.smoothing import Smoothed, smooth
 from dsd_cli.plant.filtering import poles_of
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.observer import observe_log

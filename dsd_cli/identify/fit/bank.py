@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.effects import Effect, Ranges, Role, Shape, get_effect
-from dsd_cli.identify.rows import Equations
+from dsd_cli.identify.fit.rows import Equations
 from dsd_cli.signals.log import Array
 
 

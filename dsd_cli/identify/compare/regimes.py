@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.identify.evaluation import Evaluation, Stretch
-from dsd_cli.identify.motion import acceleration
+from dsd_cli.identify.compare.evaluation import Evaluation, Stretch
+from dsd_cli.identify.recordings.motion import acceleration
 from dsd_cli.signals.log import Array
 
 Mask = NDArray[np.bool_]

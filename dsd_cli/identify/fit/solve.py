@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsd_cli.effects import Role
-from dsd_cli.identify.bank import Bank, Term, Terms, inputs_of
-from dsd_cli.identify.blocks import Blocks
-from dsd_cli.identify.gram import Grams, grams, solve, squares, total_gram
+from dsd_cli.identify.fit.bank import Bank, Term, Terms, inputs_of
+from dsd_cli.identify.fit.blocks import Blocks
+from dsd_cli.identify.fit.gram import Grams, grams, solve, squares, total_gram
 from dsd_cli.signals.log import Array
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.identify.blocks import Blocks
+from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.signals.log import Array
 
 

@@ -6,11 +6,11 @@ import math
 from typing import TYPE_CHECKING
 
 from dsd_cli.effects import Role, get_effect
-from dsd_cli.identify.bank import Term, Terms
-from dsd_cli.identify.golden import golden_section
+from dsd_cli.identify.fit.bank import Term, Terms
+from dsd_cli.identify.fit.golden import golden_section
 
 if TYPE_CHECKING:
-    from dsd_cli.identify.search import Search
+    from dsd_cli.identify.search.sets import Search
 
 #: Half width of the bracket (natural logarithm) by what is searched: lines of a spectrum are narrow.
 BRACKET = 0.8

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from dsd_cli.effects import Ranges, Role, Shape
-from dsd_cli.identify.bank import Term, drive, raw_columns
-from dsd_cli.identify.rows import Equations
-from dsd_cli.identify.solve import Fit
+from dsd_cli.identify.fit.bank import Term, drive, raw_columns
+from dsd_cli.identify.fit.rows import Equations
+from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.signals.log import Array
 
 #: Lines of a spectrum that are followed up, and bins over the position.
@@ -75,7 +75,7 @@ class Residual:
 
 def residual_of(equations: Equations, fit: Fit) -> Array:
     """y less what the fit explains, as the observer sees it, of all stretches from `startup` on."""
-    from dsd_cli.identify.bank import inputs_of
+    from dsd_cli.identify.fit.bank import inputs_of
 
     inputs = inputs_of(fit.terms)
     left = equations.plain_measured()

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.identify.evaluation import Evaluation, Stretch
-from dsd_cli.identify.motion import acceleration
+from dsd_cli.identify.compare.evaluation import Evaluation, Stretch
+from dsd_cli.identify.recordings.motion import acceleration
 from dsd_cli.plant.filtering import poles_of
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import Frame

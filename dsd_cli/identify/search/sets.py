@@ -13,12 +13,12 @@ from itertools import combinations
 import numpy as np
 
 from dsd_cli.effects import Role
-from dsd_cli.identify.bank import Bank, Term, Terms, ranges
-from dsd_cli.identify.blocks import Blocks
-from dsd_cli.identify.rows import Equations
-from dsd_cli.identify.shapes import refined
-from dsd_cli.identify.solve import Fit, Solver
-from dsd_cli.identify.starts import Residual, starts
+from dsd_cli.identify.fit.bank import Bank, Term, Terms, ranges
+from dsd_cli.identify.fit.blocks import Blocks
+from dsd_cli.identify.fit.rows import Equations
+from dsd_cli.identify.fit.solve import Fit, Solver
+from dsd_cli.identify.search.shapes import refined
+from dsd_cli.identify.search.starts import Residual, starts
 
 #: Nats that an effect costs: one of some twenty was chosen; and each shape parameter that was searched.
 CHOICE, SEARCHED = 3.0, 3.0

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsd_cli.effects import Role
-from dsd_cli.identify.bank import drive, inputs_of, raw_columns
-from dsd_cli.identify.blocks import Blocks
-from dsd_cli.identify.dependence import Inputs, basis
-from dsd_cli.identify.dependence import inputs_of as channels_of
-from dsd_cli.identify.gram import Grams, grams, solve, total_gram
-from dsd_cli.identify.rows import Equations
-from dsd_cli.identify.solve import Fit
+from dsd_cli.identify.compare.dependence import Inputs, basis
+from dsd_cli.identify.compare.dependence import inputs_of as channels_of
+from dsd_cli.identify.fit.bank import drive, inputs_of, raw_columns
+from dsd_cli.identify.fit.blocks import Blocks
+from dsd_cli.identify.fit.gram import Grams, grams, solve, total_gram
+from dsd_cli.identify.fit.rows import Equations
+from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from dsd_cli.identify.examination import Examination
-from dsd_cli.identify.freeform import loss_of
-from dsd_cli.identify.pulses import with_pulses
-from dsd_cli.identify.solve import Fit
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.search.pulses import with_pulses
+from dsd_cli.identify.verdict.examination import Examination
+from dsd_cli.identify.verdict.freeform import loss_of
 
 #: Something unknown is there if a free-form function takes this share off the held-out error, for certain.
 UNKNOWN_FALL, UNKNOWN_NATS = 0.04, 12.0

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dsd_cli.identify.heldout import PlainErrors
-from dsd_cli.identify.search import Option, Search
-from dsd_cli.identify.solve import Fit
+from dsd_cli.identify.fit.heldout import PlainErrors
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.signals.log import Array
 
 DRAWS, SEED = 400, 20261121

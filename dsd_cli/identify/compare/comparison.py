@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from dsd_cli.identify.dependence import Dependence, dependence
-from dsd_cli.identify.evaluation import Accuracy, Evaluation, accuracy, evaluate
-from dsd_cli.identify.recording import Recording
-from dsd_cli.identify.regimes import Where, where
-from dsd_cli.identify.residuals import LARGE, ResidualTests, residual_tests
+from dsd_cli.identify.compare.dependence import Dependence, dependence
+from dsd_cli.identify.compare.evaluation import Accuracy, Evaluation, accuracy, evaluate
+from dsd_cli.identify.compare.regimes import Where, where
+from dsd_cli.identify.compare.residuals import LARGE, ResidualTests, residual_tests
+from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 #: Fewest lags of the residual's correlations.

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.evaluation import rms
-from dsd_cli.identify.recording import Recording
+from dsd_cli.identify.compare.evaluation import rms
+from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.controllers import Controller, ControllerSettings, Measured
 from dsd_cli.plant.filtering import delay_taps
 from dsd_cli.plant.model import ObserverSettings, PlantModel

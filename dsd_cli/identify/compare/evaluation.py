@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.recording import Recording
+from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import Frame, predict_d_hat
 from dsd_cli.signals.log import Array, Log

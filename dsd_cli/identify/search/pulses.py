@@ -11,9 +11,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from dsd_cli.identify.bank import Term
-from dsd_cli.identify.examination import Examination
-from dsd_cli.identify.solve import Fit
+from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.verdict.examination import Examination
 from dsd_cli.signals.log import Array
 
 #: Most pulses, samples of the shortest, and how far its mean stands above the noise of a mean.

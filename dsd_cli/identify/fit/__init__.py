@@ -1,0 +1,1 @@
+"""The force balance as equations: columns, noise, held-out blocks, solution."""

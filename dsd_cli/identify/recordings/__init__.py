@@ -1,0 +1,1 @@
+"""A log made ready for identification."""

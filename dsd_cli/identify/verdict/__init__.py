@@ -1,0 +1,1 @@
+"""What is to be said: remainder, ties, probability, advice."""
