@@ -17,7 +17,6 @@ from dsd_cli.plant.model import PlantModel
 from tests.oracle import machines
 
 Row = dict[str, Any]
-WINDOW = 100
 #: Logs that one process makes together (the generator's cost grows slower than their number).
 BATCH = 14
 WORKERS = 2
@@ -58,9 +57,14 @@ def _row(job: Job, found: machines.Recording) -> Row:
 def _diagnosed(job: Job, found: machines.Recording) -> Row:
     begin = time.perf_counter()
     recording, model, observer = prepared(found)
-    answer = diagnose([recording], model, observer, Settings(WINDOW))
+    answer = diagnose([recording], model, observer, Settings())
     seconds = time.perf_counter() - begin
-    return _answer(answer, job.truth) | {"seconds": seconds, "values": _values(answer, found, job.truth)}
+    own = {INERTIA: answer.estimates[INERTIA].value / found.truth.inertia - 1.0}
+    return _answer(answer, job.truth) | {
+        "seconds": seconds,
+        "values": _values(answer, found, job.truth),
+        "own_error": own,
+    }
 
 
 def _answer(answer: Diagnosis, truth: str) -> Row:
@@ -78,6 +82,8 @@ def _answer(answer: Diagnosis, truth: str) -> Row:
         "refitted": answer.refitted.heldout_rmse,
         "after": after,
         "ceiling": answer.ceiling.heldout_rmse,
+        "sensor": answer.floor,
+        "band_hz": answer.band_hz,
         "on": list(answer.depends_on),
     }
 
@@ -130,7 +136,7 @@ def _climbed(job: Job, found: machines.Recording) -> Row:
         asked.append(answer)
         return answer.verdict
 
-    ladder = improve([recording], model, observer, Settings(WINDOW), choose=take)
+    ladder = improve([recording], model, observer, Settings(), choose=take)
     first = asked[0] if asked else ladder.last
     return {
         "seconds": (time.perf_counter() - begin) / max(len(ladder.steps), 1),

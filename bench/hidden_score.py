@@ -78,7 +78,7 @@ def _effect(rows: Sequence[Row]) -> dict[str, Any]:
     return {
         "top1": share(rows, right),
         "tied": share(rows, tied),
-        "error_ratio": quantiles([r["after"] / r["floor"] for r in named]),
+        "error_ratio": quantiles([r["after"] / r["sensor"] for r in named]),
         "values": share(values, lambda v: abs(v["error"]) <= DEVIATIONS * v["std_error"]),
     }
 

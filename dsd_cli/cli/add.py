@@ -46,7 +46,7 @@ def add(
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
     from dsd_cli.files.config.edit import read_text
-    from dsd_cli.report.ladder import add_json, added_step, print_addition
+    from dsd_cli.report.ladder import AdditionReport, add_json, added_step, print_addition
 
     apart = holdout or []
     check_logs([log], apart)
@@ -55,17 +55,20 @@ def add(
     check_outputs(output, form, [log, *apart])
     given = load_given(settings, [log], apart)
 
+    from dsd_cli.identify.compare.evaluation import force_view
     from dsd_cli.identify.improve import add_effect
 
     added = add_effect(
         given.recordings, given.model, given.observer, effect, given.engine_settings, holdout=given.holdout
     )
+    view = force_view(given.recordings, given.model)
+    report = AdditionReport(added, (log,), tuple(apart), output, view.log)
     text = with_steps(read_text(config), added.before, [added_step(added)], [log])
     put_config(output, text)
     warn(quiet, (*given.warnings, *added.warnings))
     if form is Format.JSON:
-        print_json(add_json(added, [log], apart, output))
+        print_json(add_json(report))
     elif output != "-" or not quiet:
-        print_addition(added, sys.stderr if output == "-" else sys.stdout)
+        print_addition(report, sys.stderr if output == "-" else sys.stdout)
     if output != "-":
         say(quiet, f"wrote {output}")

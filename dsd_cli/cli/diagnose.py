@@ -61,7 +61,7 @@ def diagnose(
     if plot is not None:
         from dsd_cli.report.plots_diagnosis import draw, residual_view
 
-        draw(plot, report, residual_view(found, given.model, given.recordings, given.observer))
+        draw(plot, report, residual_view(found, given.model, given.recordings))
         say(quiet, f"{plot}: drawn")
     warn(quiet, report.result.warnings)
     if form is Format.JSON:

@@ -42,7 +42,7 @@ class Given:
         """How the engine shall work."""
         from dsd_cli.identify.verdict.diagnose import Settings
 
-        return Settings(self.settings.detector.window)
+        return Settings()
 
 
 def check_logs(logs: Sequence[str], holdout: Sequence[str]) -> None:

@@ -1,6 +1,6 @@
 """What physics exists: one file = one effect; the catalogue finds them by looking into this folder."""
 
-from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, Values
+from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, SpectralLines, Values
 from dsd_cli.effects.catalogue import catalogue, get_effect, register, unregister
 from dsd_cli.effects.user import load_effects
 
@@ -11,6 +11,7 @@ __all__ = [
     "Ranges",
     "Role",
     "Shape",
+    "SpectralLines",
     "Values",
     "catalogue",
     "get_effect",

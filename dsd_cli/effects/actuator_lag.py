@@ -41,4 +41,5 @@ EFFECT = Effect(
     columns=_columns,
     starts=_starts,
     memory=True,
+    lateness=lambda shape: float(shape["time_constant"]),
 )

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -54,7 +54,7 @@ class Ranges(NamedTuple):
     """What a log contains, for choosing starting shapes: SI units, u in the user's unit.
 
     speed : rms speed while moving; top_speed : largest; travel : range of the position; drive : rms of u; top_drive :
-    largest |u|; sample_time and duration in s.
+    largest |u| but for rare spikes; sample_time and duration in s.
     """
 
     speed: float
@@ -84,6 +84,20 @@ class Parameter:
     listed: bool = False
 
 
+class SpectralLines(Protocol):
+    """The strongest lines of a residual: Hz over time, rad per unit of position over the position."""
+
+    @property
+    def over_time(self) -> tuple[float, ...]: ...
+
+    @property
+    def over_position(self) -> tuple[float, ...]: ...
+
+
+def _no_seeds(_: SpectralLines) -> list[Shape]:
+    return []
+
+
 def _one_start(_: Ranges) -> list[Shape]:
     return [{}]
 
@@ -105,6 +119,11 @@ class Effect:
     split : values -> (coefficients, shape); by default linear parameters and the others. Effects whose coefficients
         are not parameters (amplitude and phase -> sine and cosine) give their own, and `join` undoes it.
     memory : the columns depend on earlier rows.
+    seeds : (lines of the residual) -> further shapes to start from.
+    lateness : shape -> s by which the effect makes a command late, so that a search moves the delay along with it.
+    periods : (shape, ranges) -> periods of it in the log: it is told to about that share of itself.
+    broad : shape parameters that matter less than the others.
+    rarity : of effects that explain a log alike, the one that is met more often (0) is named before a rarer one.
     """
 
     id: str
@@ -119,6 +138,11 @@ class Effect:
     split: Callable[[Values, float], tuple[tuple[float, ...], Shape]] | None = None
     join: Callable[[tuple[float, ...], Shape, float], Values] | None = None
     memory: bool = False
+    seeds: Callable[[SpectralLines], list[Shape]] = field(default=_no_seeds)
+    lateness: Callable[[Shape], float] | None = None
+    periods: Callable[[Shape, Ranges], float] | None = None
+    broad: tuple[str, ...] = ()
+    rarity: int = 6
 
     @property
     def searched(self) -> int:

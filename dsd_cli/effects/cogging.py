@@ -53,6 +53,8 @@ EFFECT = Effect(
     needs=("position",),
     columns=_columns,
     starts=_starts,
+    seeds=lambda lines: [{"periods": n} for n in lines.over_position],
+    periods=lambda shape, ranges: shape["periods"] * ranges.travel / (2.0 * np.pi),
     split=_split,
     join=_join,
 )

@@ -21,4 +21,5 @@ EFFECT = Effect(
     ),
     needs=(),
     columns=_columns,
+    rarity=2,
 )

@@ -19,4 +19,5 @@ EFFECT = Effect(
     parameters=(Parameter("level", "{u}", "Fc, the friction force while moving", lower=0.0),),
     needs=("velocity",),
     columns=_columns,
+    rarity=0,
 )

@@ -4,8 +4,11 @@ import math
 from itertools import product
 from typing import Any
 
-from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, Values, log_spaced
+from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, SpectralLines, Values, log_spaced
 from dsd_cli.effects.memory import Coupling, Load, load_acceleration
+
+#: Damping ratio with which the search for a ringing load begins.
+RINGING = 0.05
 
 
 def _columns(channels: Channels, shape: Shape, state: Load | None) -> tuple[tuple[Any, ...], Load]:
@@ -20,6 +23,11 @@ def _starts(ranges: Ranges) -> list[Shape]:
         return []
     frequencies = log_spaced(max(2.0 / ranges.duration, 1.0), 0.2 / ranges.sample_time, 10)
     return [{"frequency": f, "damping": zeta} for f, zeta in product(frequencies, (0.02, 0.2))]
+
+
+def _seeds(lines: SpectralLines) -> list[Shape]:
+    """A load that is hardly damped rings: its line lies at or above the frequency that it has alone."""
+    return [{"frequency": f * below, "damping": RINGING} for f in lines.over_time for below in (1.0, 0.8)]
 
 
 def _split(values: Values, _: float) -> tuple[tuple[float, ...], Shape]:
@@ -49,6 +57,8 @@ EFFECT = Effect(
     needs=("position",),
     columns=_columns,
     starts=_starts,
+    seeds=_seeds,
+    broad=("damping",),
     split=_split,
     join=_join,
     memory=True,

@@ -33,4 +33,5 @@ EFFECT = Effect(
     columns=_columns,
     split=_split,
     join=_join,
+    rarity=3,
 )

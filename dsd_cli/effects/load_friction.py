@@ -20,4 +20,5 @@ EFFECT = Effect(
     parameters=(Parameter("coefficient", "1", "mu, friction per transmitted force", lower=0.0, upper=1.0),),
     needs=("velocity", "u"),
     columns=_columns,
+    rarity=4,
 )

@@ -53,6 +53,8 @@ EFFECT = Effect(
     needs=(),
     columns=_columns,
     starts=_starts,
+    seeds=lambda lines: [{"frequency": f} for f in lines.over_time],
+    periods=lambda shape, ranges: shape["frequency"] * ranges.duration,
     split=_split,
     join=_join,
 )

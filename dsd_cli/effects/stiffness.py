@@ -18,4 +18,5 @@ EFFECT = Effect(
     parameters=(Parameter("coefficient", "{u}/({q})", "k, force per position"),),
     needs=("position",),
     columns=_columns,
+    rarity=5,
 )

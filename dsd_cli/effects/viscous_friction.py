@@ -19,4 +19,5 @@ EFFECT = Effect(
     parameters=(Parameter("coefficient", "{u}/({v})", "B, force per speed", lower=0.0),),
     needs=("velocity",),
     columns=_columns,
+    rarity=1,
 )

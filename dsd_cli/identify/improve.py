@@ -7,12 +7,13 @@ from dataclasses import replace
 
 from dsd_cli.effects import catalogue, get_effect
 from dsd_cli.errors import DataError, UsageError
+from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Addition, Candidate, Diagnosis, Ladder, Score, Step
 from dsd_cli.identify.search.pulses import with_pulses
+from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import Progress, Settings, diagnose
-from dsd_cli.identify.verdict.examination import Examination
 from dsd_cli.identify.verdict.own_values import own_values
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
@@ -44,32 +45,32 @@ def add_effect(
     if effect_id in model.effects:
         raise UsageError(f"{effect_id} is in the model already", "`dsd add LOG inertia` fits the values that are there")
     wanted = () if own else (effect_id,)
-    exam = Examination(recordings, model, observer, replace(settings or Settings(), effects=wanted), holdout)
-    if effect_id in exam.untestable:
-        raise DataError(f"{effect_id} is not testable on {recordings[0].name}", exam.untestable[effect_id])
-    before = own_values(exam)
-    fit = exam.refit if own else _with_effect(exam, effect_id)
-    after = exam.score(fit)
+    problem = pose(recordings, model, replace(settings or Settings(), effects=wanted), holdout)
+    if effect_id in problem.untestable:
+        raise DataError(f"{effect_id} is not testable on {recordings[0].name}", problem.untestable[effect_id])
+    search = Search(problem)
+    before = own_values(search)
+    fit = search.refit if own else _with_effect(search, effect_id)
+    after = problem.score(fit)
     if not after.heldout_rmse < (before.score if own else before.refitted).heldout_rmse:
         raise DataError(
             f"{effect_id} does not lower the held-out error of {recordings[0].name} "
             f"({before.refitted.heldout_rmse:.4g} without it, {after.heldout_rmse:.4g} with it)",
             "nothing was added; `dsd diagnose` ranks what does",
         )
-    return Addition(effect_id, exam.scale.model(fit), before.score, after, exam.values(fit).estimates)
+    return Addition(effect_id, problem.scale.model(fit), before.score, after, problem.values(fit).estimates)
 
 
-def _with_effect(exam: Examination, effect_id: str) -> Fit:
+def _with_effect(search: Search, effect_id: str) -> Fit:
+    name = search.problem.recordings[0].name
     if effect_id == "external_force":
-        found = with_pulses(exam, exam.refit)
+        found = with_pulses(search, search.refit)
         if found is None:
-            raise DataError(f"{exam.recordings[0].name}: no pulse stands out of the residual", "nothing was added")
+            raise DataError(f"{name}: no pulse stands out of the residual", "nothing was added")
         return found
-    options = exam.search.options(exam.refit)
+    options = search.options(search.refit)
     if not options:
-        raise DataError(
-            f"{effect_id} is not testable on {exam.recordings[0].name}", "the log does not vary where it would show"
-        )
+        raise DataError(f"{effect_id} is not testable on {name}", "the log does not vary where it would show")
     return options[0].fit
 
 

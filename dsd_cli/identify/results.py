@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -32,9 +33,10 @@ Estimates = Mapping[str, Estimate]
 
 @dataclass(frozen=True)
 class Score:
-    """Errors of one model, rms in the unit of u: on what it was fitted to, and on blocks that no fit saw.
+    """rms of the residual r of the balance of forces within the band, unit of u: on what the model was fitted to, and
+    on blocks that no fit saw.
 
-    relative_error_percent : 100 rms(error) / rms(net force Jn a as the observer sees it, d_hat + Q u).
+    fit_percent : 100 (1 - |r| / |u - mean u|). relative_error_percent : 100 rms(r) / rms(u), of u within the band.
     """
 
     rmse: float
@@ -94,7 +96,9 @@ class Diagnosis:
     model : with the verdict's effect in it; refitted_model : without, its values fitted.
     advice : what to do next, one sentence each.
     depends_on : channels on which an unknown remainder depends.
-    noise : rms of d_hat that no smooth function of anything explains, unit of u.
+    noise : rms of r that no smooth function of anything explains, unit of u.
+    found : the whole set of effects that the search found; the verdict is the one of them that is worth most alone.
+    band_hz, floor : end of the band in which forces were balanced, Hz; rms of r that the sensor alone leaves in it.
     """
 
     logs: tuple[str, ...]
@@ -110,6 +114,9 @@ class Diagnosis:
     model: PlantModel
     refitted_model: PlantModel
     noise: float
+    found: tuple[str, ...] = ()
+    band_hz: float = math.nan
+    floor: float = math.nan
     provenance: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     depends_on: tuple[str, ...] = ()

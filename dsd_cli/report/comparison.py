@@ -7,10 +7,12 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from dsd_cli.identify.compare.comparison import Comparison
+from dsd_cli.identify.compare.evaluation import Force
 from dsd_cli.identify.compare.forward import Forward
 from dsd_cli.identify.compare.regimes import Where
 from dsd_cli.identify.compare.residuals import LARGE
 from dsd_cli.report.conclusions import conclusion, simulation_conclusion
+from dsd_cli.report.names import balance_json
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,12 @@ class Report:
 def to_json(report: Report) -> dict[str, Any]:
     """The object of the contract."""
     result = report.result
-    out: dict[str, Any] = {"schema_version": 1, "command": "compare", "log": result.logs[0], "logs": list(result.logs)}
+    out: dict[str, Any] = {
+        "schema_version": 1,
+        "command": "compare",
+        "log": list(result.logs),
+        "logs": list(result.logs),
+    }
     out |= _prediction(result) if isinstance(result, Comparison) else _simulation(result, report.holdout)
     if report.max_rmse is not None:
         out["check"] = {"max_rmse": report.max_rmse, "rmse": report.judged_rmse, "holds": report.holds}
@@ -59,12 +66,21 @@ def _prediction(result: Comparison) -> dict[str, Any]:
     return {
         "horizon": "prediction",
         "split": "all",
+        "force": _force(result.force.log),
+        "no_force": result.force.missing or None,
         **asdict(result.accuracy),
         "skipped_samples": result.skipped,
         "skipped_seconds": result.lead,
         "sample_time": result.sample_time,
         "by_log": [{"log": one.log, **asdict(one.accuracy)} for one in result.by_log],
-        "holdout": None if aside is None else {"split": "holdout", "log": aside.log, **asdict(aside.accuracy)},
+        "holdout": None
+        if aside is None
+        else {
+            "split": "holdout",
+            "log": aside.log,
+            "force": _force(result.force.holdout),
+            **asdict(aside.accuracy),
+        },
         "residual": asdict(result.residual)
         | {"large_share": LARGE, "remembers": result.residual.remembers, "follows_u": result.residual.follows_u},
         **_where(result.where),
@@ -74,6 +90,10 @@ def _prediction(result: Comparison) -> dict[str, Any]:
         "channels": dict(result.provenance),
         "missing": dict(result.missing),
     }
+
+
+def _force(force: Force | None) -> dict[str, Any] | None:
+    return None if force is None else asdict(force) | balance_json(force.band_hz, force.floor)
 
 
 def _where(where: Where) -> dict[str, Any]:

@@ -7,12 +7,13 @@ from pathlib import PurePath
 from typing import Any
 
 from dsd_cli.identify.compare.comparison import Comparison, LogAccuracy
-from dsd_cli.identify.compare.evaluation import Accuracy
+from dsd_cli.identify.compare.evaluation import Accuracy, Force
 from dsd_cli.identify.compare.forward import Forward, Tracking
 from dsd_cli.identify.compare.regimes import Where
 from dsd_cli.identify.compare.residuals import ResidualTests
 from dsd_cli.report.comparison import Report
 from dsd_cli.report.conclusions import conclusion, simulation_conclusion
+from dsd_cli.report.names import FORCE_UNIT, force_error
 
 #: Rows of a table on the screen; the JSON has all.
 MOST_DEPENDENCES, MOST_LOGS = 8, 12
@@ -50,6 +51,7 @@ def _print_comparison(console: Any, result: Comparison) -> None:
     if sources:
         console.print(_escaped("; ".join(sources)))
     console.print(f"left out: {result.skipped:,} samples, the first {result.lead:g} s (they rest on u before the log)")
+    _print_force(console, result)
     _print_accuracy(console, result)
     _print_residual(console, result.residual)
     _print_where(console, result.where)
@@ -62,6 +64,28 @@ def _print_comparison(console: Any, result: Comparison) -> None:
     else:
         why = "no channel explains 1 % of it" if result.dependence else "the log is too short to hold out blocks"
         console.print(f"dependence of the residual: {why}\n")
+
+
+def _print_force(console: Any, result: Comparison) -> None:
+    view = result.force
+    if view.log is not None:
+        columns: list[tuple[str, Force]] = [("all" if len(result.logs) > 1 else "log", view.log)]
+        if result.holdout is not None and view.holdout is not None:
+            columns.append((f"holdout {_short(result.holdout.log)}", view.holdout))
+        title = f"{force_error(view.log.band_hz)}, r = u - (J a - forces)"
+        table = _table(title, "", *(name for name, _ in columns), "unit")
+        rows = (
+            ("rmse", "rmse", FORCE_UNIT),
+            ("fit (0 is a constant)", "fit_percent", "%"),
+            ("of u", "relative_error_percent", "%"),
+            ("floor: the sensor's noise", "floor", FORCE_UNIT),
+        )
+        for heading, key, unit in rows:
+            table.add_row(heading, *(_figure(getattr(force, key)) for _, force in columns), unit)
+        table.columns[-1].justify = "left"
+        console.print(table)
+    if view.missing:
+        console.print(f"no force error: {_escaped(view.missing)}")
 
 
 def _print_accuracy(console: Any, result: Comparison) -> None:

@@ -10,10 +10,13 @@ from typing import Any
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate, Diagnosis, Estimates, Score
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.report.names import (
+    FORCE_UNIT,
     LEGEND,
+    balance_json,
     estimate_text,
     estimates_json,
     fall_text,
+    force_error,
     listed,
     number_or_none,
     values_text,
@@ -36,17 +39,20 @@ class DiagnosisReport:
 def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:
     """The verdict in one plain sentence; `given`: the model whose inertia or delay may be wrong."""
     sure = f"probability {percent(result.probability)}"
+    held = f"the held-out {force_error(result.band_hz)}"
     if result.verdict == NONE:
-        return f"nothing is missing ({sure}): the held-out error {error(result.refitted.heldout_rmse)} is noise"
+        return f"nothing is missing ({sure}): {held}, {error(result.refitted.heldout_rmse)} ({FORCE_UNIT}), is noise"
     if result.verdict == UNKNOWN:
         on = f"; it depends on {listed(result.depends_on)}" if result.depends_on else ""
-        return f"something is missing that no effect of the catalogue explains{on} ({sure})"
+        left = f"{held} is {error(result.refitted.heldout_rmse)} ({FORCE_UNIT})"
+        return f"something is missing that no effect of the catalogue explains{on} ({sure}): {left}"
     winner = candidate(result, result.verdict)
     if winner is None:
         return f"{result.verdict} is missing ({sure})"
     values = values_text(winner.parameters)
     values = f"{values}, " if values else ""
-    falls = f"the held-out error falls from {error(winner.heldout_rmse_before)} to {error(winner.heldout_rmse_after)}"
+    before, after = error(winner.heldout_rmse_before), error(winner.heldout_rmse_after)
+    falls = f"{held} falls from {before} to {after} ({FORCE_UNIT})"
     if winner.effect in (INERTIA, DELAY):
         was = "" if given is None else f" {getattr(given, winner.effect):.4g}"
         line = f"{winner.effect}{was} of [model] is wrong: {values}{sure}; {falls}"
@@ -68,13 +74,15 @@ def to_json(report: DiagnosisReport) -> dict[str, Any]:
     return {
         "schema_version": 1,
         "command": "diagnose",
-        "log": one_or_all(result.logs),
+        "log": list(result.logs),
         "holdout": list(report.holdout),
         "samples": result.samples,
         "verdict": result.verdict,
         "probability": number_or_none(result.probability),
         "verdict_text": verdict_line(result, report.given),
+        "found": list(result.found),
         **score_json(result.score),
+        **balance_json(result.band_hz, result.floor),
         "refitted": score_json(result.refitted),
         "ranking": [_candidate_json(c) for c in result.ranking],
         "ceiling": {"heldout_rmse": number_or_none(result.ceiling.heldout_rmse), "on": list(result.ceiling.on)},
@@ -86,11 +94,6 @@ def to_json(report: DiagnosisReport) -> dict[str, Any]:
         "warnings": list(result.warnings),
         "dropped": [{"reason": reason, "count": count} for reason, count in report.dropped.items()],
     }
-
-
-def one_or_all(logs: Sequence[str]) -> str | list[str]:
-    """A single log as its name."""
-    return logs[0] if len(logs) == 1 else list(logs)
 
 
 def score_json(score: Score) -> dict[str, float | None]:
@@ -140,7 +143,9 @@ def _first_line(result: Diagnosis, holdout: Sequence[str]) -> str:
     line = f"{', '.join(result.logs)}: {result.samples:,} samples"
     if holdout:
         line += f", held out {', '.join(holdout)}"
-    line += f"; the model as given has rms error {error(result.score.rmse)}"
+    line += (
+        f"; the model as given leaves a {force_error(result.band_hz)} of {error(result.score.rmse)} ({FORCE_UNIT}, rms)"
+    )
     refitted = result.refitted.rmse
     return line + (f", with its own values fitted {error(refitted)}" if math.isfinite(refitted) else "")
 
@@ -150,7 +155,7 @@ def _print_ranking(console: Any, result: Diagnosis, most: int) -> None:
     if not tested:
         return
     before = next((c.heldout_rmse_before for c in tested if math.isfinite(c.heldout_rmse_before)), math.nan)
-    title = f"held-out error with one effect more (without: {error(before)})"
+    title = f"held-out {force_error(result.band_hz)} with one effect more (without: {error(before)})"
     table = plain_table(title, "effect", "error", "falls by", "probability")
     for one in tested[:most]:
         notes = [one.note] if one.note else []
@@ -169,6 +174,8 @@ def _print_ranking(console: Any, result: Diagnosis, most: int) -> None:
 def _closing_lines(report: DiagnosisReport) -> list[str]:
     result = report.result
     lines = []
+    if len(result.found) > 1:
+        lines.append(f"found together: {listed(result.found)}")
     if result.estimates:
         fitted = (f"{name} {estimate_text(e)}" for name, e in result.estimates.items())
         lines.append("fitted along: " + ", ".join(fitted))
@@ -176,7 +183,9 @@ def _closing_lines(report: DiagnosisReport) -> list[str]:
     if math.isfinite(result.ceiling.heldout_rmse):
         lines.append(f"ceiling: the best free-form function{on} reaches {error(result.ceiling.heldout_rmse)}")
     if math.isfinite(result.noise):
-        lines.append(f"noise: {error(result.noise)} (rms of d_hat that no smooth function of anything explains)")
+        lines.append(f"noise: {error(result.noise)} (force that no smooth function of anything explains, rms)")
+    if math.isfinite(result.floor):
+        lines.append(f"floor: {error(result.floor)} (what the noise of the sensor alone would leave in the band)")
     sources = [f"{name} {how}" for name, how in result.provenance.items() if how != "logged"]
     lines += [f"channels: {'; '.join(sources)}"] if sources else []
     lines += [f"not testable: {c.effect}: {c.untestable}" for c in result.ranking if c.untestable]

@@ -7,9 +7,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from dsd_cli.identify.compare.evaluation import Force
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Addition, Estimate, Estimates, Ladder, Step
-from dsd_cli.report.diagnosis import error, escaped, named, one_or_all, plain_table, score_json, verdict_line
-from dsd_cli.report.names import LEGEND, change_text, estimates_json, fall_text, number_or_none, values_text
+from dsd_cli.report.diagnosis import error, escaped, named, plain_table, score_json, verdict_line
+from dsd_cli.report.names import (
+    FORCE_UNIT,
+    LEGEND,
+    balance_json,
+    change_text,
+    estimates_json,
+    fall_text,
+    force_error,
+    number_or_none,
+    values_text,
+)
 
 #: Characters of the longest bar.
 BAR = 14
@@ -38,8 +49,9 @@ def improve_json(report: LadderReport) -> dict[str, Any]:
     return {
         "schema_version": 1,
         "command": "improve",
-        "log": one_or_all(report.logs),
+        "log": list(report.logs),
         "holdout": list(result.holdout),
+        **balance_json(result.last.band_hz, result.last.floor),
         "ladder": [_step_json(step) for step in result.steps],
         "verdict": result.verdict,
         "verdict_text": final_line(result),
@@ -65,9 +77,10 @@ def own(step: Step) -> Estimates:
 def final_line(result: Ladder) -> str:
     """What was reached, what is left, and why it stopped."""
     first, last = result.steps[0].score, result.steps[-1].score
+    fell = change_text(first.heldout_rmse, last.heldout_rmse)
     line = (
-        f"held-out error {error(first.heldout_rmse)} -> {error(last.heldout_rmse)}"
-        f" ({change_text(first.heldout_rmse, last.heldout_rmse)}) in {_count(len(result.steps) - 1)}"
+        f"held-out {force_error(result.last.band_hz)}: {error(first.heldout_rmse)} -> {error(last.heldout_rmse)}"
+        f" {FORCE_UNIT} ({fell}) in {_count(len(result.steps) - 1)}"
     )
     if result.verdict in (NONE, UNKNOWN) or result.verdict == result.last.verdict:
         line += f"; {verdict_line(result.last)}"
@@ -82,7 +95,7 @@ def step_line(step: Step, before: Step | None) -> str:
     """One rung, as it is taken."""
     fell = f" ({change_text(before.score.heldout_rmse, step.score.heldout_rmse)})" if before else ""
     values = values_text(own(step)) if before else ""
-    return f"step {step.step}: {step.effect}: held-out error {error(step.score.heldout_rmse)}{fell}" + (
+    return f"step {step.step}: {step.effect}: held-out force error {error(step.score.heldout_rmse)}{fell}" + (
         f"; {values}" if values else ""
     )
 
@@ -95,7 +108,8 @@ def print_ladder(report: LadderReport, file: Any) -> None:
     result = report.result
     errors = [step.score.heldout_rmse for step in result.steps]
     top = max((e for e in errors if math.isfinite(e)), default=math.nan)
-    table = plain_table(f"{', '.join(report.logs)}: held-out error", "step", "error", "", "fell by", "fit")
+    held = f"held-out {force_error(result.last.band_hz)} ({FORCE_UNIT})"
+    table = plain_table(f"{', '.join(report.logs)}: {held}", "step", "error", "", "fell by", "fit")
     table.columns[2].justify = "left"
     for i, step in enumerate(result.steps):
         table.add_row(
@@ -134,24 +148,47 @@ def bar(value: float, top: float, encoding: str) -> str:
     return _EIGHTHS[-1] * (eighths // 8) + _EIGHTHS[eighths % 8].strip()
 
 
-def add_json(result: Addition, logs: Sequence[str], holdout: Sequence[str], config: str) -> dict[str, Any]:
+@dataclass(frozen=True)
+class AdditionReport:
+    """An addition and where it came from and went; `force` : the balance of forces of the model without it."""
+
+    result: Addition
+    logs: tuple[str, ...]
+    holdout: tuple[str, ...]
+    config: str
+    force: Force | None = None
+
+    @property
+    def band_hz(self) -> float:
+        """End of the band, Hz; NaN where it is not known."""
+        return math.nan if self.force is None else self.force.band_hz
+
+    @property
+    def floor(self) -> float:
+        """What the sensor alone would leave, unit of u; NaN where it is not known."""
+        return math.nan if self.force is None else self.force.floor
+
+
+def add_json(report: AdditionReport) -> dict[str, Any]:
     """The object of the contract of `dsd add`."""
+    result = report.result
     return {
         "schema_version": 1,
         "command": "add",
-        "log": one_or_all(logs),
-        "holdout": list(holdout),
+        "log": list(report.logs),
+        "holdout": list(report.holdout),
         "effect": result.effect,
         "rmse_before": number_or_none(result.before.rmse),
         "rmse_after": number_or_none(result.after.rmse),
         "heldout_rmse_before": number_or_none(result.before.heldout_rmse),
         "heldout_rmse_after": number_or_none(result.after.heldout_rmse),
+        **balance_json(report.band_hz, report.floor),
         "before": score_json(result.before),
         "after": score_json(result.after),
         "parameters": estimates_json(own(added_step(result))),
         "estimates": estimates_json(result.estimates),
         "warnings": list(result.warnings),
-        "config": config,
+        "config": report.config,
     }
 
 
@@ -160,21 +197,22 @@ def added_step(result: Addition) -> Step:
     return Step(1, result.effect, result.after, result.estimates, result.model)
 
 
-def print_addition(result: Addition, file: Any) -> None:
+def print_addition(report: AdditionReport, file: Any) -> None:
     """For a person."""
     from rich.console import Console
 
     console = Console(file=file, highlight=False, soft_wrap=True)
+    result = report.result
     before, after = result.before, result.after
     fell = change_text(before.heldout_rmse, after.heldout_rmse)
-    held = f"held-out error {error(before.heldout_rmse)} -> {error(after.heldout_rmse)} ({fell})"
-    console.print(f"[bold]{escaped(f'{result.effect} added: {held}')}[/bold]")
+    held = f"held-out {force_error(report.band_hz)}: {error(before.heldout_rmse)} -> {error(after.heldout_rmse)}"
+    console.print(f"[bold]{escaped(f'{result.effect} added: {held} {FORCE_UNIT} ({fell})')}[/bold]")
     table = plain_table("", "", "before", "after")
     for name, a, b in (
-        ("rms error", error(before.rmse), error(after.rmse)),
-        ("held-out error", error(before.heldout_rmse), error(after.heldout_rmse)),
+        ("force error, rms", error(before.rmse), error(after.rmse)),
+        ("held-out, rms", error(before.heldout_rmse), error(after.heldout_rmse)),
         ("fit", _fit(before.fit_percent), _fit(after.fit_percent)),
-        ("error of the net force", _fit(before.relative_error_percent), _fit(after.relative_error_percent)),
+        ("of u", _fit(before.relative_error_percent), _fit(after.relative_error_percent)),
     ):
         table.add_row(name, a, b)
     console.print(table)
@@ -185,7 +223,7 @@ def print_addition(result: Addition, file: Any) -> None:
 
 def history_json(config: str, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """The steps that a config remembers; `steps` as its [[history]] has them."""
-    return {"schema_version": 1, "command": "improve", "log": None, "config": config, "history": list(steps)}
+    return {"schema_version": 1, "command": "improve", "log": [], "config": config, "history": list(steps)}
 
 
 def print_history(config: str, steps: Sequence[Mapping[str, Any]], file: Any) -> None:

@@ -10,10 +10,13 @@ from dsd_cli.identify.results import DELAY, INERTIA, Estimate, Estimates
 from dsd_cli.signals.units import LEGEND, in_words
 
 __all__ = [
+    "FORCE_UNIT",
     "LEGEND",
+    "balance_json",
     "estimate_text",
     "estimates_json",
     "fall_text",
+    "force_error",
     "in_words",
     "listed",
     "number_or_none",
@@ -22,6 +25,8 @@ __all__ = [
 
 #: Digits of a value whose error is not known, and of an error.
 DIGITS = 4
+#: Of errors of the balance of forces, as no log says what its u is measured in.
+FORCE_UNIT = "unit of u"
 
 
 def estimate_text(estimate: Estimate, unit: bool = True) -> str:
@@ -58,6 +63,16 @@ def estimates_json(estimates: Estimates) -> dict[str, Any]:
         }
         for name, e in estimates.items()
     }
+
+
+def force_error(band_hz: float) -> str:
+    """`force error below 31 Hz`: what an error is of; without the band where it is not known."""
+    return f"force error below {band_hz:.3g} Hz" if math.isfinite(band_hz) else "force error"
+
+
+def balance_json(band_hz: float, floor: float) -> dict[str, Any]:
+    """What errors of the balance of forces are measured in, up to where, and what the sensor alone would leave."""
+    return {"unit": FORCE_UNIT, "band_hz": number_or_none(band_hz), "floor": number_or_none(floor)}
 
 
 def number_or_none(value: float) -> float | None:

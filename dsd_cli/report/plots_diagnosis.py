@@ -5,35 +5,39 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dsd_cli.effects import Role, get_effect
+from dsd_cli.errors import DataError
+from dsd_cli.identify.fit.bank import Bank
+from dsd_cli.identify.fit.equations import equations_of
+from dsd_cli.identify.fit.values import coefficients_of, terms_of
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Diagnosis
-from dsd_cli.plant.model import ObserverSettings, PlantModel
-from dsd_cli.plant.prediction import predict_d_hat
+from dsd_cli.plant.model import PlantModel
 from dsd_cli.report.diagnosis import DiagnosisReport, candidate, error, percent, verdict_line
+from dsd_cli.report.names import FORCE_UNIT, force_error
 from dsd_cli.report.plots_comparison import PREDICTED, RESIDUAL, SHARE, binned_mean
-from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.log import Array
 
 #: Bars, and points of the scatter.
 MOST_BARS, POINTS = 14, 6000
+#: Samples after the delay with which the first row begins: a row looks at one step of delay more.
+_LATER = 50
 _LABELS = {"t": "time (s)", "u": "u", "velocity": "velocity (rad/s or m/s)", "position": "position (rad or m)"}
 #: Words of `Diagnosis.depends_on` that are channels of a log.
 _CHANNELS = {"velocity": "velocity", "direction": "velocity", "position": "position", "u": "u", "time": "t"}
-#: Time constants of Q, s, until a prediction no longer rests on u before the log.
-_SETTLED = 5.0
 
 
 @dataclass(frozen=True)
 class ResidualView:
-    """What the model leaves, against one channel; arrays of shape (n,).
+    """What the model leaves of the balance of forces (unit of u, in the band), against one channel; shape (n,).
 
-    `explained` : what the effect of the verdict predicts of it; None without one.
+    `explained` : what the effect of the verdict takes of it; None without one.
     """
 
     on: str
@@ -43,26 +47,35 @@ class ResidualView:
     explained: Array | None = None
 
 
-def residual_view(
-    result: Diagnosis, given: PlantModel, recordings: Sequence[Recording], observer: ObserverSettings
-) -> ResidualView:
-    """Residual of the model fitted along with the verdict's effect, but without it, against the channel it needs."""
-    observer = replace(observer, sign=1)  # recordings have the sign of eq. 13
+def residual_view(result: Diagnosis, given: PlantModel, recordings: Sequence[Recording]) -> ResidualView:
+    """Residual of the model fitted along with the verdict's effect, but without it, against the channel it needs.
+
+    Raises
+    ------
+    DataError : the recordings are too short for a balance.
+    """
     winner = candidate(result, result.verdict)
     model = None if winner is None else winner.model
     without = result.model if winner is None or model is None else _without(model, winner.effect, given)
     on = _channel(result, recordings)
-    parts: list[tuple[Array, Array, Array]] = []
-    for piece in (piece for recording in recordings for piece in recording.pieces):
-        settled = _settled(piece, without, observer)
-        left = piece["d_hat"] - predict_d_hat(without, piece, observer)
-        explained = left * 0.0
-        if model is not None:
-            explained = predict_d_hat(model, piece, observer) - predict_d_hat(without, piece, observer)
-        parts.append((piece[on][settled], left[settled], explained[settled]))
-    x, residual, explained = (np.concatenate(part) for part in zip(*parts, strict=True))
-    named = winner.effect if winner is not None and model is not None else ""
-    return ResidualView(on, x, residual, named, explained if named else None)
+    latest = max(m.delay for m in (without, model) if m is not None)
+    equations = equations_of(recordings, math.ceil(latest / recordings[0].sample_time) + _LATER)
+    if not equations.stretches:
+        raise DataError(f"{recordings[0].name}: too short for a picture", "log longer")
+    bank, kept = Bank(equations), equations.kept
+    x = equations.of_rows([stretch.log[on] for stretch in equations.stretches])[kept]
+    residual = _balance(bank, without)[kept]
+    if winner is None or model is None:
+        return ResidualView(on, x, residual)
+    return ResidualView(on, x, residual, winner.effect, residual - _balance(bank, model)[kept])
+
+
+def _balance(bank: Bank, model: PlantModel) -> Array:
+    """r of every row."""
+    terms = terms_of(model)
+    tap, theta = coefficients_of(model, terms, bank.tap_time)
+    drive, *columns = bank.design(terms, tap).rows
+    return np.asarray(drive - theta @ np.stack(columns))
 
 
 def _without(model: PlantModel, effect: str, given: PlantModel) -> PlantModel:
@@ -83,11 +96,6 @@ def _channel(result: Diagnosis, recordings: Sequence[Recording]) -> str:
         wanted = [_CHANNELS[word] for word in result.depends_on if word in _CHANNELS]
     logs = [piece for recording in recordings for piece in recording.pieces]
     return next((name for name in wanted if all(name in log for log in logs)), "t")
-
-
-def _settled(piece: Log, model: PlantModel, observer: ObserverSettings) -> slice:
-    seconds = model.delay + _SETTLED * observer.time_constant
-    return slice(min(math.ceil(seconds / piece.sample_time), len(piece) // 2), None)
 
 
 def draw(path: Path, report: DiagnosisReport, view: ResidualView) -> None:
@@ -130,7 +138,8 @@ def _draw_bars(axis: Any, result: Diagnosis, tested: Sequence[Candidate]) -> Non
     lines = (
         (before, "without another effect", "-", "#1f5a8c"),
         (result.ceiling.heldout_rmse, f"ceiling: any function{_of(result)}", "--", "#b2182b"),
-        (result.noise, "noise of d_hat", ":", RESIDUAL),
+        (result.noise, "noise", ":", RESIDUAL),
+        (result.floor, "what the sensor alone leaves", "-.", RESIDUAL),
     )
     for x, label, style, color in lines:
         if math.isfinite(x):
@@ -138,7 +147,9 @@ def _draw_bars(axis: Any, result: Diagnosis, tested: Sequence[Candidate]) -> Non
     axis.set_yticks(range(len(tested)), [c.effect for c in tested])
     axis.invert_yaxis()
     axis.set_xlim(0.0, 1.06 * top)
-    axis.set_xlabel("held-out error with one effect more (unit of u); in brackets the probability")
+    axis.set_xlabel(
+        f"held-out {force_error(result.band_hz)} with one effect more ({FORCE_UNIT}); in brackets the probability"
+    )
     axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False, fontsize=9)
 
 
@@ -157,13 +168,13 @@ def _draw_residual(axis: Any, view: ResidualView) -> None:
             axis.plot(*mean, color=PREDICTED, lw=1.8, ls="--", label=f"mean of what {view.effect} predicts")
         axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False, fontsize=9)
     axis.set_xlabel(_LABELS[view.on])
-    axis.set_ylabel(f"residual without {view.effect}" if view.effect else "residual (unit of u)")
+    axis.set_ylabel(
+        f"force residual without {view.effect} ({FORCE_UNIT})" if view.effect else f"force residual ({FORCE_UNIT})"
+    )
 
 
 def save(figure: Any, path: Path) -> None:
     """Write a PNG that takes its name when it is whole."""
-    from dsd_cli.errors import DataError
-
     partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         figure.savefig(partial, format="png", dpi=110)

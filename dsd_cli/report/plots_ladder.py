@@ -9,7 +9,7 @@ from typing import Any
 
 from dsd_cli.identify.results import Step
 from dsd_cli.report.ladder import LadderReport, final_line, own
-from dsd_cli.report.names import change_text, values_text
+from dsd_cli.report.names import FORCE_UNIT, change_text, force_error, values_text
 from dsd_cli.report.plots_comparison import MEASURED, PREDICTED, RESIDUAL, SHARE
 from dsd_cli.report.plots_diagnosis import save
 
@@ -28,7 +28,7 @@ def draw(path: Path, report: LadderReport) -> None:
     figure.suptitle(textwrap.fill(f"{logs}: {final_line(report.result)}", 95 if len(steps) < 5 else 130), fontsize=11)
     _draw_steps(axis, steps)
     _draw_levels(axis, report)
-    axis.set_ylabel("held-out error (unit of u)")
+    axis.set_ylabel(f"held-out {force_error(report.result.last.band_hz)} ({FORCE_UNIT})")
     axis.set_xlim(-0.6, len(steps) - 0.4)
     axis.spines[["top", "right"]].set_visible(False)
     save(figure, path)
@@ -63,7 +63,8 @@ def _draw_levels(axis: Any, report: LadderReport) -> None:
     on = f" of {', '.join(last.ceiling.on)}" if last.ceiling.on else ""
     levels = (
         (last.ceiling.heldout_rmse, f"ceiling: any function{on}", "--", "#b2182b"),
-        (last.noise, "noise of d_hat", ":", RESIDUAL),
+        (last.noise, "noise", ":", RESIDUAL),
+        (last.floor, "what the sensor alone leaves", "-.", RESIDUAL),
     )
     for level, label, style, color in levels:
         if math.isfinite(level):

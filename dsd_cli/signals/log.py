@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal
 
@@ -69,3 +69,8 @@ class Log:
 
     def __len__(self) -> int:
         return next(iter(self.channels.values())).size if self.channels else 0
+
+
+def with_channels(log: Log, **channels: Array) -> Log:
+    """The log with these channels in place or added, shape (n,) each."""
+    return replace(log, channels={**log.channels, **channels})

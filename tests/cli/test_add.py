@@ -12,6 +12,7 @@ from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.config import load_config
 from dsd_cli.files.config.edit import undone
 from tests.cli.engine import CONFIG, START, Engine, engine, files, rig, run
+from tests.cli.rig import done
 
 __all__ = ["engine", "rig"]
 
@@ -19,7 +20,7 @@ __all__ = ["engine", "rig"]
 def test_the_new_config_has_the_effect_the_comments_and_the_history(rig: Path, engine: Engine, capsys) -> None:
     assert run("add", "a.csv", "coulomb_friction", "-o", "better.toml", "--holdout", "b.csv") == 0
     out, err = capsys.readouterr()
-    assert out.startswith("coulomb_friction added: held-out error 0.402 -> 0.113 (-72 %)")
+    assert out.startswith("coulomb_friction added: held-out force error")
     assert err == "dsd: warning: a warning\nwrote better.toml\n"
     (((recordings, _, _, effect, _), keywords),) = engine.asked
     assert ([r.name for r in recordings], effect) == (["a.csv"], "coulomb_friction")
@@ -46,7 +47,7 @@ def test_json(rig: Path, engine: Engine, capsys) -> None:
     out, err = capsys.readouterr()
     result = json.loads(out)
     assert err == ""
-    assert (result["command"], result["log"], result["config"]) == ("add", "a.csv", "better.toml")
+    assert (result["command"], result["log"], result["config"]) == ("add", ["a.csv"], "better.toml")
     assert (result["heldout_rmse_before"], result["heldout_rmse_after"]) == (0.402, 0.113)
     assert result["parameters"]["level"]["value"] == 0.52
 
@@ -113,3 +114,23 @@ def test_json_with_nan_is_never_printed(capsys) -> None:
     with pytest.raises(ValueError, match="JSON"):
         print_json({"x": float("nan")})
     assert capsys.readouterr().out == ""
+
+
+def test_the_real_command_names_the_band_and_the_floor_that_compare_names(tmp_path: Path) -> None:
+    """A servo whose dry friction the config lacks: errors before and after in the same band, that of the log."""
+    done("init", "--template", "servo", "-q", cwd=tmp_path)
+    done("simulate", "-c", "dsd.toml", "-o", "log.csv", "-q", "--duration", 2, cwd=tmp_path)
+    head, rest = (tmp_path / "dsd.toml").read_text().split("[model.effects.coulomb_friction]\n")
+    (tmp_path / "dsd.toml").write_text(head + rest.split("\n", 1)[1])
+    said = done("compare", "log.csv", "--format", "json", cwd=tmp_path).stdout
+    force = json.loads(said)["force"]
+    said = done("add", "log.csv", "coulomb_friction", "-o", "new.toml", "--format", "json", cwd=tmp_path).stdout
+    result = json.loads(said)
+    assert result["log"] == ["log.csv"]
+    assert {key: result[key] for key in ("unit", "band_hz", "floor")} == {
+        key: force[key] for key in ("unit", "band_hz", "floor")
+    }
+    assert result["rmse_before"] == pytest.approx(force["rmse"], rel=1e-9)
+    after = json.loads(done("compare", "log.csv", "-c", "new.toml", "--format", "json", cwd=tmp_path).stdout)["force"]
+    assert after["rmse"] == pytest.approx(result["rmse_after"], rel=0.01)  # values in the file are rounded
+    assert after["rmse"] < 0.1 * force["rmse"]

@@ -54,6 +54,7 @@ KEYS = {
     "rmse", "fit_percent", "vaf_percent", "bias", "max_error", "relative_error_percent",
     "relative_force_error_percent", "samples", "horizon", "residual", "where", "dependence", "split",
     "where_time", "where_velocity", "where_position", "where_frequency", "log", "logs", "schema_version", "command",
+    "force", "no_force",
 }  # fmt: skip
 
 
@@ -76,7 +77,7 @@ def found(*arguments, cwd):
 def test_json_has_the_keys_of_the_contract(rig):
     answer = found("a.csv", "-c", "believed.toml", cwd=rig)
     assert set(answer) >= KEYS
-    assert (answer["schema_version"], answer["command"], answer["log"]) == (1, "compare", "a.csv")
+    assert (answer["schema_version"], answer["command"], answer["log"]) == (1, "compare", ["a.csv"])
     assert (answer["horizon"], answer["split"], answer["holdout"]) == ("prediction", "all", None)
     assert answer["samples"] + answer["skipped_samples"] == 4000
     assert set(answer["residual"]) >= {"white", "independent_of_u", "effective_samples", "predictable_share"}
@@ -109,6 +110,72 @@ def test_the_numbers_are_those_of_the_log_itself(rig):
     assert answer["rmse"] == pytest.approx(np.sqrt(np.mean(errors**2)), rel=1e-9)
     assert answer["bias"] == pytest.approx(errors.mean(), rel=1e-9)
     assert answer["max_error"] == pytest.approx(np.abs(errors).max(), rel=1e-9)
+
+
+def in_band(x, hz, step=0.001):
+    """x up to the middle of the low-pass's slope, by the Fourier transform; the ends, which it wraps, are cut off."""
+    spectrum = np.fft.rfft(x)
+    spectrum[np.fft.rfftfreq(len(x), step) > 1.5 * hz] = 0.0
+    return np.fft.irfft(spectrum, len(x))[200:-200]
+
+
+def test_the_force_error_is_that_of_the_log_itself(rig):
+    """Against the log's own columns: r = u(t - L) - J a, with the mean of a over two intervals from the position."""
+    force = found("a.csv", "-c", "short.toml", cwd=rig)["force"]
+    log = read_labels(rig / "a.csv")
+    mean_u = 0.5 * (log["u"][:-1] + log["u"][1:])  # over the two intervals beside sample k + 1
+    a = np.diff(log["position"], 2) / 0.001**2
+    late = mean_u[: len(a)][:-2]  # 2 ms
+    r, u = (in_band(x, force["band_hz"]) for x in (late - 0.01 * a[2:], late))
+    assert force["rmse"] == pytest.approx(np.sqrt(np.mean(r**2)), rel=0.03)
+    assert force["relative_error_percent"] == pytest.approx(100 * np.sqrt(np.mean(r**2) / np.mean(u**2)), rel=0.03)
+    spread = np.sqrt(np.mean((u - u.mean()) ** 2))
+    assert force["fit_percent"] == pytest.approx(100 * (1 - np.sqrt(np.mean(r**2)) / spread), abs=2.0)
+    assert force["unit"] == "unit of u"
+
+
+def test_the_force_error_says_what_is_missing_and_no_observer_changes_it(rig):
+    believed, true = (found("a.csv", "-c", f"{name}.toml", cwd=rig)["force"] for name in ("believed", "true"))
+    assert believed["rmse"] == pytest.approx(0.15, rel=0.1)  # the level of the friction that it lacks
+    assert true["rmse"] < 0.1 * believed["rmse"]
+    assert believed["band_hz"] == true["band_hz"]
+    other = ["--set", "observer.time_constant=0.1", "--set", "observer.nominal_inertia=3", "--set", 'signals.d_hat=""']
+    plain = ["--set", 'signals.d_hat=""']
+    sets = [found("a.csv", "-c", "believed.toml", *more, cwd=rig) for more in (plain, other)]
+    for key in ("rmse", "fit_percent", "relative_error_percent", "band_hz", "floor"):
+        assert sets[1]["force"][key] == pytest.approx(sets[0]["force"][key], rel=1e-9)
+    assert sets[1]["rmse"] != pytest.approx(sets[0]["rmse"], rel=0.1)
+
+
+def test_the_holdout_has_its_force_error_in_the_same_band(rig):
+    answer = found("a.csv", "-c", "believed.toml", "--holdout", "b.csv", cwd=rig)
+    assert answer["holdout"]["force"]["band_hz"] == answer["force"]["band_hz"]
+    assert answer["holdout"]["force"]["rmse"] == pytest.approx(0.15, rel=0.1)
+    assert answer["holdout"]["force"]["rmse"] != answer["force"]["rmse"]
+    text = done("compare", "a.csv", "-c", "believed.toml", "--holdout", "b.csv", cwd=rig).stdout
+    lines = text.splitlines()
+    title = next(i for i, line in enumerate(lines) if line.startswith("force error below "))
+    assert title < next(i for i, line in enumerate(lines) if line.startswith("error of the predicted d_hat"))
+    assert "holdout b.csv" in lines[title + 2]
+
+
+def test_a_log_too_short_for_a_balance_has_no_force_error_and_says_why(rig):
+    log = read_labels(rig / "a.csv")
+    write(rig, "brief.csv", {name: log[name][300:390] for name in ("t", "u", "d_hat", "velocity", "position")})
+    answer = found("brief.csv", "-c", "believed.toml", cwd=rig)
+    assert answer["force"] is None
+    assert "brief.csv: too short" in answer["no_force"]
+    assert answer["rmse"] > 0.0
+    text = done("compare", "brief.csv", "-c", "believed.toml", cwd=rig).stdout
+    assert f"no force error: {answer['no_force']}" in text
+    aside = found("a.csv", "-c", "believed.toml", "--holdout", "brief.csv", cwd=rig)
+    assert aside["force"]["rmse"] > 0.0
+    assert aside["holdout"]["force"] is None
+    assert "brief.csv" in aside["no_force"]
+    write(rig, "rest.csv", {name: log[name][:190] for name in ("t", "u", "d_hat")})
+    resting = found("rest.csv", "-c", "true.toml", cwd=rig)
+    assert resting["force"] is None
+    assert "rest.csv: the axis does not move" in resting["no_force"]
 
 
 def test_set_and_effect_reach_the_model(rig):

@@ -16,12 +16,12 @@ from tests.report.examples import DIAGNOSIS
 __all__ = ["engine", "rig"]
 
 
-def test_the_engine_gets_all_logs_the_model_and_the_window(rig: Path, engine: Engine, capsys) -> None:
-    assert run("diagnose", "a.csv", "b.csv", "--set", "model.delay=0.02", "--set", "detector.window=77") == 0
+def test_the_engine_gets_all_logs_and_the_model(rig: Path, engine: Engine, capsys) -> None:
+    assert run("diagnose", "a.csv", "b.csv", "--set", "model.delay=0.02") == 0
     (((recordings, model, observer, settings), keywords),) = engine.asked
     assert [r.name for r in recordings] == ["a.csv", "b.csv"]
     assert (model.delay, dict(model.effects["viscous_friction"])) == (0.02, {"coefficient": 0.3})
-    assert (observer.time_constant, settings.window, keywords["holdout"]) == (0.002, 77, ())
+    assert (observer.time_constant, settings.effects, keywords["holdout"]) == (0.002, None, ())
 
 
 def test_the_table_goes_to_stdout_and_warnings_to_stderr(rig: Path, engine: Engine, capsys) -> None:
@@ -40,7 +40,7 @@ def test_json_and_quiet(rig: Path, engine: Engine, capsys) -> None:
     out, err = capsys.readouterr()
     result = json.loads(out, parse_constant=pytest.fail)
     assert err == ""
-    assert (result["command"], result["log"], result["holdout"]) == ("diagnose", "a.csv", ["b.csv"])
+    assert (result["command"], result["log"], result["holdout"]) == ("diagnose", ["a.csv"], ["b.csv"])
     assert (result["verdict"], result["warnings"]) == ("coulomb_friction", ["the log is short"])
 
 
@@ -119,6 +119,28 @@ def test_friction_is_found_by_the_real_command(servo: Path) -> None:
     assert abs(level["value"] - 0.15) < 0.01
     assert level["unit"] == "u"
     assert result["heldout_rmse"] > result["ranking"][0]["heldout_rmse_after"]
+    assert "coulomb_friction" in result["found"]
+    assert result["unit"] == "unit of u"
+    assert 2.0 <= result["band_hz"] <= 125.0  # of 1 kHz, at most an eighth
+    assert 0.0 < result["floor"] <= result["ranking"][0]["heldout_rmse_after"]
+
+
+def test_the_observer_plays_no_role_where_d_hat_is_computed(servo: Path) -> None:
+    """d_hat from the position by three observers: verdict, values and errors are the same to rounding."""
+    words, numbers = [], []
+    for tau, nominal in ((0.001, 0.01), (0.02, 1.0), (0.2, 1e-4)):
+        own = (f"observer.time_constant={tau}", f"observer.nominal_inertia={nominal}", 'signals.d_hat=""')
+        said = done("diagnose", "log.csv", "--format", "json", *(x for one in own for x in ("--set", one)), cwd=servo)
+        result = json.loads(said.stdout)
+        first = result["ranking"][0]
+        level = first["parameters"]["level"]
+        words.append((result["verdict"], result["found"], [one["effect"] for one in result["ranking"]]))
+        errors = [result[key] for key in ("rmse", "heldout_rmse", "band_hz", "floor", "noise")]
+        numbers.append([*errors, first["heldout_rmse_after"], level["value"], level["std_error"]])
+    assert words[0][0] == "coulomb_friction"
+    assert words[1] == words[0] == words[2]
+    assert numbers[1] == pytest.approx(numbers[0], rel=1e-6)
+    assert numbers[2] == pytest.approx(numbers[0], rel=1e-6)
 
 
 def test_a_closed_pipe_ends_quietly(servo: Path) -> None:

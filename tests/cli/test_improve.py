@@ -34,8 +34,10 @@ def test_auto_follows_the_diagnosis_and_writes_every_step(rig: Path, engine: Eng
     assert run("improve", "a.csv", "b.csv", "--auto", "-o", "better.toml") == 0
     out, err = capsys.readouterr()
     assert engine.chosen == ["coulomb_friction", "coulomb_friction"]
-    assert out.splitlines()[0] == "a.csv, b.csv: held-out error"
-    assert out.splitlines()[-1].startswith("held-out error 0.402 -> 0.054 (-87 %) in 2 steps; nothing is missing")
+    assert out.splitlines()[0] == "a.csv, b.csv: held-out force error below 31.4 Hz (unit of u)"
+    assert out.splitlines()[-1].startswith(
+        "held-out force error below 31.4 Hz: 0.402 -> 0.054 unit of u (-87 %) in 2 steps; nothing is missing"
+    )
     assert err == "dsd: warning: the log is short\nwrote better.toml\n"
     config = load_config(rig / "better.toml")
     assert set(config.model.effects) == {"viscous_friction", "coulomb_friction", "gravity"}
@@ -72,7 +74,7 @@ def test_config_on_stdout_and_picture(rig: Path, engine: Engine, capsys) -> None
     out, err = capsys.readouterr()
     assert out.startswith("# my rig\n")
     assert "[[history]]" in out
-    assert "held-out error 0.402 -> 0.054" in err
+    assert "held-out force error below 31.4 Hz: 0.402 -> 0.054" in err
     assert (rig / "x.png").read_bytes().startswith(b"\x89PNG")
     assert files(rig) == START | {"x.png"}
 
@@ -89,7 +91,7 @@ def test_a_person_is_asked_and_can_name_another_effect(
     assert "viscous_friction: it is in the model" in text
     assert "gravity: the log has no position" in text
     assert "coulomb_friction is missing: level" in text
-    assert "step 1: coulomb_friction: held-out error 0.113 (-72 %); level 0.52 +- 0.03 u" in text
+    assert "step 1: coulomb_friction: held-out force error 0.113 (-72 %); level 0.52 +- 0.03 u" in text
     assert "[y]es" not in capsys.readouterr().out
 
 
@@ -181,7 +183,7 @@ def test_history_and_undo(rig: Path, engine: Engine, capsys) -> None:
         assert part in out
     assert run("improve", "--history", "--format", "json") == 0
     result = json.loads(capsys.readouterr().out)
-    assert (result["log"], [step["effect"] for step in result["history"]]) == (None, ["coulomb_friction", "gravity"])
+    assert (result["log"], [step["effect"] for step in result["history"]]) == ([], ["coulomb_friction", "gravity"])
     assert run("improve", "--undo", "-o", "one.toml", "--format", "json") == 0
     result = json.loads(capsys.readouterr().out)
     assert (result["undone"]["effect"], len(result["history"])) == ("gravity", 1)

@@ -95,9 +95,22 @@ def test_too_short_is_an_error_that_names_the_rows(lengths, gap):
     with pytest.raises(DataError) as error:
         lay_blocks(lengths, gap, "log.csv")
     assert "log.csv" in str(error.value)
-    assert f"{sum(lengths)} usable rows" in str(error.value)
+    assert f"{sum(lengths)} independent equations" in str(error.value)
     assert str(2 * LONGEST_GAP_SHARE * gap) in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@settings(max_examples=30, deadline=None)
+@given(LENGTHS, st.integers(1, 30))
+def test_rows_of_blocks_and_of_fits_are_counted(lengths, gap):
+    blocks = _laid(lengths, gap)
+    if blocks is None:
+        return
+    block_of = blocks.block_of_rows()
+    assert blocks.block_rows().tolist() == [int(np.sum(block_of == b)) for b in range(blocks.count)]
+    for fold, count in enumerate(blocks.fitted_rows()):
+        rows = [blocks.segment(i) for i, w in enumerate(blocks.fitted(fold)) if w > 0.0]
+        assert count == sum(r.stop - r.start for r in rows)
 
 
 def test_the_shortest_log_that_is_long_enough():

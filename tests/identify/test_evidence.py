@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.search.sets import _agreed
 from dsd_cli.identify.verdict.evidence import NOTHING, TEMPER, _shares, membership, probabilities
-from dsd_cli.identify.verdict.examination import Examination, Settings
-from tests.identify.comparison_rig import BELIEVED, OBSERVER, recorded
+from dsd_cli.plant.references import Multisine
+from tests.identify.search_rig import BELIEVED, posed
 
 GAINS = st.lists(st.lists(st.floats(-50.0, 50.0), min_size=6, max_size=6), min_size=1, max_size=5)
 
@@ -85,34 +86,35 @@ def test_blocks_agree_if_more_than_one_gains_and_few_lose(gains, agreed):
     assert bool(_agreed(gains)) is agreed
 
 
+NAMES = ("coulomb_friction", "gravity", "viscous_friction", "stiffness", "constant_load")
+
+
 @pytest.fixture(scope="module")
 def search():
-    hidden = {"coulomb_friction": {"level": 0.08}, "gravity": {"amplitude": 0.15, "phase": 0.3}}
-    effects = ("coulomb_friction", "gravity", "viscous_friction", "stiffness", "constant_load")
-    exam = Examination([recorded(hidden, duration=8.0)], BELIEVED, OBSERVER, Settings(effects=effects))
-    return exam, exam.search.run(exam.refit)
+    found = posed({"coulomb_friction": {"level": 0.08}, "gravity": {"amplitude": 0.15, "phase": 0.3}}, NAMES)
+    return found, found.run(found.refit)
 
 
 def test_probabilities_of_options_and_nothing_sum_to_one_in_any_order(search):
-    exam, _ = search
-    options = exam.search.options(exam.refit)
-    shares = probabilities(exam.search, exam.refit, options)
+    search, _ = search
+    options = search.options(search.refit)
+    shares = probabilities(search, search.refit, options)
     assert set(shares) == {NOTHING, *(o.effect for o in options)}
     assert sum(shares.values()) == pytest.approx(1.0)
-    backwards = probabilities(exam.search, exam.refit, options[::-1])
+    backwards = probabilities(search, search.refit, options[::-1])
     assert backwards == pytest.approx(shares)
 
 
 def test_nothing_alone_is_certain(search):
-    exam, _ = search
-    assert probabilities(exam.search, exam.refit, []) == {NOTHING: pytest.approx(1.0)}
+    search, _ = search
+    assert probabilities(search, search.refit, []) == {NOTHING: pytest.approx(1.0)}
 
 
 def test_members_of_the_truth_are_found_and_sure(search):
-    exam, whole = search
+    search, whole = search
     assert {t.id for t in whole.terms} >= {"coulomb_friction", "gravity"}
     for name in ("coulomb_friction", "gravity"):
-        found = membership(exam.search, whole, name, exam.plain, misfit=False)
+        found = membership(search, whole, name, misfit=False)
         assert found.effect == name
         assert sum(found.probabilities.values()) == pytest.approx(1.0)
         assert found.probabilities[name] > 0.9
@@ -120,19 +122,30 @@ def test_members_of_the_truth_are_found_and_sure(search):
         assert found.rivals == ()
 
 
+def test_an_effect_that_explains_as_much_is_a_rival_where_the_model_misfits():
+    """Over a few degrees a spring and gravity are one and the same."""
+    small = Multisine((0.7, 1.7, 3.1, 5.3), 0.05, seed=3)
+    search = posed({"stiffness": {"coefficient": 0.4}}, ("stiffness", "gravity", "cogging"), reference=small)
+    whole = search.fit((Term("stiffness"),), search.refit.tap)
+    found = membership(search, whole, "stiffness", misfit=True)
+    assert "gravity" in found.rivals
+    assert "gravity" in found.alike
+
+
 def test_gains_and_evidence_are_those_of_the_losses(search):
-    exam, whole = search
-    scale = 2.0 * exam.noise.variance * exam.noise.inflation
-    gains = exam.search.gains(exam.refit, whole)
-    np.testing.assert_allclose(gains, [(a - b) / scale for a, b in zip(exam.refit.losses, whole.losses, strict=True)])
-    price = exam.search.price(whole.terms)
-    gained = exam.search.evidence(whole) - exam.search.evidence(exam.refit)
+    search, whole = search
+    scale = 2.0 * search.noise.variance * search.noise.inflation
+    gains = search.gains(search.refit, whole)
+    losses = zip(search.refit.losses, whole.losses, strict=True)
+    np.testing.assert_allclose(gains, [(a - b) / scale for a, b in losses])
+    price = search.price(whole.terms)
+    gained = search.evidence(whole) - search.evidence(search.refit)
     assert gained == pytest.approx(gains.sum() - price)
 
 
 def test_effects_of_the_model_cost_nothing(search):
-    exam, whole = search
+    search, whole = search
     believed = replace(BELIEVED, effects={"coulomb_friction": {"level": 0.05}})
-    knowing = Examination(exam.recordings, believed, OBSERVER, Settings(effects=("gravity",)))
-    assert knowing.search.price(knowing.base) == 0.0
-    assert exam.search.price(whole.terms) > exam.search.price(exam.refit.terms) == 0.0
+    knowing = posed({}, ("gravity",), believed, duration=4.0)
+    assert knowing.price(knowing.base) == 0.0
+    assert search.price(whole.terms) > search.price(search.refit.terms) == 0.0

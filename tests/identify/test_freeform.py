@@ -1,12 +1,18 @@
 """Free-form functions beside the model: they reach what the law would, on rows that they did not see."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dsd_cli.identify.fit.bank import Term
-from dsd_cli.identify.verdict.examination import Examination, Settings
-from dsd_cli.identify.verdict.freeform import loss_of, rich_residual
-from tests.identify.comparison_rig import BELIEVED, OBSERVER, recorded
+from dsd_cli.identify.fit.freeform import Freeform, freeform_fits, loss_of, rich_residual
+from dsd_cli.identify.fit.problem import Settings, pose
+from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.plant.simulation import Measurement, SimulationSettings, simulate
+from dsd_cli.signals.log import Log
+from tests.identify.comparison_rig import BELIEVED, CONTROLLER, OBSERVER, SINES, T, recorded
 
 LAWS = {
     "viscous_friction": ({"coefficient": 0.03}, "velocity"),
@@ -15,42 +21,118 @@ LAWS = {
 }
 
 
+def _fits(problem, fit):
+    """Made of plain rows, judged on whitened ones."""
+    fits = freeform_fits(problem.errors.bank, problem.blocks, fit, problem.solver.inertia)
+    return replace(fits, equations=problem.equations)
+
+
+def _recording(effects):
+    """40 s of u and of a speed with noise."""
+    settings = SimulationSettings(
+        model=replace(BELIEVED, effects=effects),
+        duration=40.0,
+        sample_time=T,
+        observer=OBSERVER,
+        controller=CONTROLLER,
+        reference=SINES,
+        measurement=Measurement(velocity_noise=2e-3, seed=1),
+    )
+    log = simulate(settings)
+    return prepare(Log({n: log[n] for n in ("t", "u", "velocity")}, T, "x"), OBSERVER)
+
+
 @pytest.fixture(scope="module", params=LAWS)
 def hidden(request):
+    """(problem, fit without the law, fit with it, channel)."""
     values, channel = LAWS[request.param]
-    exam = Examination([recorded({request.param: values}, duration=8.0)], BELIEVED, OBSERVER, Settings(effects=()))
-    return exam, request.param, channel
+    problem = pose([_recording({request.param: values})], BELIEVED, Settings(effects=()))
+    tap = round(BELIEVED.delay / problem.solver.bank.tap_time)
+    return problem, problem.solver.fit((), tap), problem.solver.fit((Term(request.param),), tap), channel
+
+
+def _single(fits):
+    return [fits.fit_with(group) for group in fits.groups() if len(group) == 1]
 
 
 def test_the_function_of_the_right_channel_comes_near_the_law(hidden):
-    exam, name, channel = hidden
-    fits = exam.freeform(exam.refit)
-    law = exam.search.fit((Term(name),), exam.refit.tap)
-    free = fits.fit_with((channel,))
+    problem, bare, law, channel = hidden
+    free = _fits(problem, bare).fit_with((channel,))
     assert free.on == (channel,)
     assert free.loss == pytest.approx(float(free.losses.sum()))
-    taken = (exam.refit.loss - free.loss) / (exam.refit.loss - law.loss)
-    assert 0.9 < taken < 1.02
-    singles = [fits.fit_with(group) for group in fits.groups() if len(group) == 1]
-    assert loss_of(singles).on == (channel,)
+    assert free.gain == pytest.approx(float(free.without.sum()) - free.loss)
+    taken = free.gain / (float(free.without.sum()) - law.loss)
+    assert 0.95 < taken < 1.05
+    assert loss_of(_single(_fits(problem, bare))).on == (channel,)
 
 
 def test_beside_the_law_nothing_is_left_to_reach(hidden):
-    exam, name, _ = hidden
-    fits = exam.freeform(exam.search.fit((Term(name),), exam.refit.tap))
-    assert all(fits.fit_with(group).loss > 0.97 * fits.loss for group in fits.groups() if len(group) == 1)
+    problem, bare, law, _ = hidden
+    for found in _single(_fits(problem, law)):
+        assert found.gain < 0.03 * (bare.loss - law.loss)
 
 
-def test_the_rich_residual_is_the_noise(hidden):
-    exam, name, _ = hidden
-    law = exam.search.fit((Term(name),), exam.refit.tap)
-    left = rich_residual(exam.freeform(exam.refit))[exam.equations.kept]
-    assert np.mean(left**2) < 1.1 * law.squares / exam.equations.kept.sum()
+def test_without_a_function_it_is_the_forward_fit(hidden):
+    """Held-out squares of least squares for J0 a on explicit rows, fold by fold."""
+    problem, bare, _, channel = hidden
+    rows = np.stack(problem.solver.bank.design(bare.terms, bare.tap).rows)
+    target, columns, blocks = problem.solver.inertia * rows[1], np.delete(rows, 1, axis=0), problem.blocks
+    block_of, weight = blocks.block_of_rows(), np.zeros(blocks.rows)
+    without = _fits(problem, bare).fit_with((channel,)).without
+    for fold in range(blocks.folds):
+        for i, w in enumerate(blocks.fitted(fold)):
+            weight[blocks.segment(i)] = w
+        theta = np.linalg.lstsq(columns[:, weight > 0.0].T, target[weight > 0.0], rcond=None)[0]
+        for b in np.flatnonzero(blocks.fold == fold):
+            left = (target - theta @ columns)[block_of == b]
+            assert without[b] == pytest.approx(float(left @ left), rel=1e-5)
+
+
+@pytest.mark.xfail(strict=True, reason="a bank in the unit of u does not know the whitening: the gain is no nats")
+def test_as_it_is_made_it_is_judged_on_whitened_rows(hidden):
+    problem, bare, _, channel = hidden
+    made = freeform_fits(problem.errors.bank, problem.blocks, bare, problem.solver.inertia).fit_with((channel,))
+    np.testing.assert_allclose(made.losses, _fits(problem, bare).fit_with((channel,)).losses, rtol=1e-6)
+
+
+def test_the_rich_residual_is_no_more_than_the_noise(hidden):
+    problem, bare, law, _ = hidden
+    kept = problem.errors.equations.kept
+    left = rich_residual(_fits(problem, bare))[kept]
+    noise = problem.errors.residual(law, held_out=False)[kept]
+    assert np.mean(left**2) < 1.1 * np.mean(noise**2)
+
+
+def test_hats_over_a_channel_add_up_to_one_where_nothing_holds(hidden):
+    problem, bare, _, _ = hidden
+    columns, penalty = _fits(problem, bare).columns(("position",))
+    np.testing.assert_allclose(sum(columns), 1.0, atol=1e-9)
+    assert penalty.shape == (len(columns),) * 2
+
+
+def test_pulses_keep_their_level_in_every_fold():
+    """They are taken off the target, so that a fold that did not see one is not at a loss."""
+    problem = pose([recorded(duration=8.0)], BELIEVED, Settings(effects=()))
+    pulse = Term.of("external_force", {"edges": ((3.0, 3.3),)})
+    fit = problem.solver.fit((pulse,), Search(problem).refit.tap)
+    fits = _fits(problem, fit)
+    rows = problem.errors.bank.design(fit.terms, fit.tap).rows
+    assert len(fits.base) == 3
+    np.testing.assert_allclose(fits.base[0], problem.solver.inertia * rows[1] + fit.forward[3] * rows[3], atol=1e-12)
 
 
 def test_only_channels_that_vary_are_tried(hidden):
-    exam, _, _ = hidden
-    groups = exam.freeform(exam.refit).groups()
+    problem, bare, _, _ = hidden
+    groups = _fits(problem, bare).groups()
     assert ("velocity",) in groups
     assert ("time",) in groups
     assert all(len(set(group)) == len(group) for group in groups)
+    fits = _fits(problem, bare)
+    still = replace(fits.pieces[0], values={**fits.pieces[0].values, "position": np.ones(len(fits.pieces[0].sign))})
+    assert not any("position" in group for group in replace(fits, pieces=[still]).groups())
+
+
+def test_the_one_that_gains_most_is_chosen():
+    zeros = np.zeros(2)
+    found = [Freeform((name,), zeros + loss, zeros + 5.0) for name, loss in (("a", 4.0), ("b", 1.0), ("c", 3.0))]
+    assert loss_of(found).on == ("b",)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsd_cli.identify.fit.blocks import lay_blocks
-from dsd_cli.identify.fit.gram import grams, solve, squares, total_gram
+from dsd_cli.identify.fit.gram import grams, solve, squares, total_gram, without_noise
 
 
 def _rows(seed, rows, columns, spread=0.0):
@@ -100,3 +100,70 @@ def test_squares_are_those_of_the_rows_and_never_negative():
     assert squares(total_gram(list(rows)), theta) == pytest.approx(wanted)
     exact = np.vstack([theta @ rows[1:], rows[1:]])
     assert 0.0 <= squares(total_gram(list(exact)), theta) < 1e-10
+
+
+# -- noise in the columns ---------------------------------------------------------------------------------------------
+
+
+def _covariance(seed, columns, noisy, size):
+    """Covariance of noise in `noisy` of the columns, of about that standard deviation, and its root."""
+    rng = np.random.default_rng(seed)
+    root = np.zeros((columns, columns))
+    root[np.ix_(noisy, noisy)] = size * (np.eye(len(noisy)) + 0.4 * rng.normal(size=(len(noisy), len(noisy))))
+    return root @ root.T, root
+
+
+def test_the_gram_without_noise_is_that_of_the_clean_columns_in_the_mean():
+    """300 draws of noise of known covariance in two of three columns; the mean is known to a fraction of its bias."""
+    clean = _rows(11, 400, 3)
+    noise, root = _covariance(12, 3, [0, 2], 0.4)
+    rng, wanted = np.random.default_rng(13), total_gram(list(clean))
+    found = []
+    for _ in range(300):
+        rows = clean.copy()
+        rows[1:] += root @ rng.normal(size=(3, 400))
+        found.append(without_noise(total_gram(list(rows)), noise, 400))
+    mean, error = np.mean(found, axis=0), np.std(found, axis=0) / np.sqrt(len(found))
+    assert (np.abs(mean - wanted) <= 4.5 * error + 1e-9).all()
+    bias = 400 * noise[np.ix_([0, 2], [0, 2])]
+    assert (np.abs(bias).max() > 8.0 * error).all(), "else bias would not be seen"
+
+
+def test_coefficients_without_noise_are_unbiased_and_with_it_they_are_not():
+    """300 draws: noise of a third of a column pulls its coefficient down by a tenth; the correction puts that right."""
+    rng, both = np.random.default_rng(14), []
+    x = rng.normal(size=(2, 400))
+    noise = np.diag([0.1, 0.0])
+    for _ in range(300):
+        y = np.array([2.0, -1.0]) @ x + 0.2 * rng.normal(size=400)
+        seen = x + np.sqrt(noise) @ rng.normal(size=(2, 400))
+        gram = total_gram([y, *seen])
+        both.append([solve(gram[None])[0], solve(without_noise(gram, noise, 400)[None])[0]])
+    plain, corrected = np.mean(both, axis=0)
+    error = np.std(both, axis=0)[1] / np.sqrt(300)
+    assert plain[0] < 2.0 * 0.93
+    assert (np.abs(corrected - [2.0, -1.0]) < 4.0 * error + 0.002).all()
+
+
+def test_each_matrix_loses_the_noise_of_its_own_rows():
+    rows = _rows(15, 300, 2)
+    noise = np.diag([0.01, 0.0])
+    parts = np.stack([total_gram(list(rows[:, :100])), total_gram(list(rows[:, 100:]))])
+    found = without_noise(parts, noise, np.array([100, 200]))
+    np.testing.assert_allclose(
+        parts - found, np.array([100, 200])[:, None, None] * np.pad(noise, ((1, 0), (1, 0))), atol=1e-9
+    )
+
+
+def test_no_more_than_half_of_a_column_is_taken_and_y_is_left_alone():
+    rows = _rows(16, 200, 2)
+    gram = total_gram(list(rows))
+    found = without_noise(gram, np.diag([50.0, 0.0]), 200)
+    assert found[1, 1] == pytest.approx(0.5 * gram[1, 1])
+    found[1, 1] = gram[1, 1]
+    np.testing.assert_array_equal(found, gram)
+
+
+def test_without_noise_nothing_changes():
+    gram = total_gram(list(_rows(17, 100, 2)))
+    np.testing.assert_array_equal(without_noise(gram, np.zeros((2, 2)), 100), gram)

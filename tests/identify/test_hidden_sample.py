@@ -5,7 +5,7 @@ Targets are the study's: of the plain single effects 95 % are named, and nothing
 
 from bench import hidden_score as score
 from bench.hidden_cases import SENSINGS, Job
-from bench.hidden_run import Row, batch_rows
+from bench.hidden_run import ANGLE, Row, batch_rows
 from tests.oracle.machine_cases import EFFECT_IDS
 
 SEED = 1
@@ -15,7 +15,10 @@ SINGLES = [
     for k, name in enumerate(EFFECT_IDS)
 ]
 CLEAN = [Job("none", (), seed, sensing=SENSINGS[seed % len(SENSINGS)]) for seed in range(len(SENSINGS))]
+#: Held-out error with the effect in, over what the sensor alone leaves in the band.
 LEAST_RIGHT, MOST_ERROR = 0.95, 1.05
+#: Share by which a value may be wrong (rad for an angle), and of values that may be further off.
+FAR, MOST_FAR = 0.03, 0.1
 
 
 def described(rows: list[Row]) -> list[str]:
@@ -33,6 +36,17 @@ def test_a_sample_of_hidden_effects() -> None:
     assert len(alone) >= 0.9 * len(SINGLES), "the sample is to hold effects that matter and can be tested"
     named = [r for r in alone if score.right(r)]
     assert len(named) >= LEAST_RIGHT * len(alone), described([r for r in alone if not score.right(r)])
-    ratios = score.quantiles([r["after"] / r["floor"] for r in named])
+    ratios = score.quantiles([r["after"] / r["sensor"] for r in named])
     assert ratios is not None
     assert ratios["median"] <= MOST_ERROR, ratios
+    _values_are_right(named)
+
+
+def _values_are_right(named: list[Row]) -> None:
+    """Values of effects and the inertia of the machines, against the generator's."""
+    values = [(r["call"], v) for r in named for v in r["values"]]
+    far = [(call, v) for call, v in values if abs(v["error"]) > FAR * max(abs(v["true"]), v["name"] == ANGLE)]
+    assert len(far) <= MOST_FAR * len(values), far
+    inertias = {r["call"]: r["own_error"]["inertia"] for r in named}
+    far_ones = {call: error for call, error in inertias.items() if abs(error) > FAR}
+    assert len(far_ones) <= MOST_FAR * len(inertias), far_ones

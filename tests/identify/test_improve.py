@@ -1,15 +1,17 @@
 """The ladder: every rung lowers the held-out error, and what cannot be added says why in one line."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError, UsageError
+from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.improve import MOST_STEPS, add_effect, improve
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.results import NONE
-from dsd_cli.identify.verdict.examination import Settings
+from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.oracle.machine_cases import cases
@@ -138,13 +140,8 @@ def test_pulses_are_not_added_where_there_are_none(nothing):
 
 def test_an_effect_whose_channel_is_missing_says_which(pair):
     recording, model, observer = pair
-    without = recording.__class__(
-        recording.name,
-        tuple(_without_position(piece) for piece in recording.pieces),
-        recording.provenance,
-        {"position": "the log has no position"},
-        recording.rest_speed,
-    )
+    pieces = tuple(_without_position(piece) for piece in recording.pieces)
+    without = replace(recording, pieces=pieces, missing={"position": "the log has no position"})
     with pytest.raises(DataError, match=r"gravity is not testable on log\.csv: the log has no position"):
         add_effect([without], model, observer, "gravity")
 
@@ -170,9 +167,26 @@ def test_what_was_fitted_holds_on_a_log_that_it_never_saw(pair):
     whole = recording.pieces[0]
     parts = [{name: x[a:b] for name, x in whole.channels.items()} for a, b in ((0, half), (half, None))]
     first, second = (
-        recording.__class__(n, (Log(p, whole.sample_time, n),), recording.provenance, {}, recording.rest_speed)
+        replace(recording, name=n, pieces=(Log(p, whole.sample_time, n),))
         for n, p in zip(("first.csv", "second.csv"), parts, strict=True)
     )
     found = add_effect([first], model, observer, "coulomb_friction", holdout=[second])
     assert found.after.heldout_rmse < found.before.heldout_rmse
     assert np.isfinite([found.after.rmse, found.after.heldout_rmse, found.after.fit_percent]).all()
+
+
+def test_what_does_not_lower_the_held_out_error_is_not_added(nothing):
+    """Where nothing is missing an effect may help by chance; what does not is refused in one line."""
+    recording, model, observer = nothing
+    bare = pose([recording], model, Settings(effects=()))
+    refit = bare.score(Search(bare).refit).heldout_rmse
+    said = {}
+    for name in (n for n in CANDIDATES if n not in model.effects):
+        try:
+            assert add_effect([recording], model, observer, name).after.heldout_rmse < refit
+        except DataError as error:
+            said[name] = str(error)
+    assert said
+    for name, text in said.items():
+        assert text.startswith(f"{name} does not lower the held-out error of log.csv")
+        assert "\n" not in text

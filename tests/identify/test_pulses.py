@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.recordings.recording import prepare
-from dsd_cli.identify.search.pulses import MOST_PULSES, _strongest, with_pulses
-from dsd_cli.identify.verdict.examination import Examination, Settings
+from dsd_cli.identify.search.pulses import MOST_PULSES, _apart, _strongest, with_pulses
+from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Log
-from tests.identify.comparison_rig import BELIEVED, OBSERVER, T, recorded
+from tests.identify.search_rig import BELIEVED, OBSERVER, T, posed
 
 
 def _planted(seed, rows=6000, level=1.0, pulses=3, signs=None):
@@ -25,9 +26,9 @@ def _planted(seed, rows=6000, level=1.0, pulses=3, signs=None):
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_pulses_in_a_residual_are_found_to_within_two_samples(seed):
+def test_pulses_in_a_residual_are_found_to_within_two_rows(seed):
     x, truth = _planted(seed, level=6.0, signs=(1.0, -1.0, 1.0))
-    found = sorted(_strongest(x, 100))
+    found = sorted(_strongest(x))
     clear = [p for p in found if abs(p[2]) > 3.0]
     assert len(clear) == len(truth)
     for (a, b, level), (start, end, height) in zip(clear, truth, strict=True):
@@ -43,7 +44,7 @@ def test_what_the_pulses_add_up_to_is_what_was_planted(seed):
     wanted, added = np.zeros(len(x)), np.zeros(len(x))
     for start, end, height in truth:
         wanted[start:end] += height
-    for a, b, level in _strongest(x, 100):
+    for a, b, level in _strongest(x):
         added[a : b + 1] += level
     steps = {edge for start, end, _ in truth for edge in (start, end)}
     away = np.array([all(abs(k - edge) > 2 for edge in steps) for k in range(len(x))])
@@ -52,20 +53,27 @@ def test_what_the_pulses_add_up_to_is_what_was_planted(seed):
 
 
 def test_noise_alone_shows_no_pulse_in_any_of_many_seeds():
-    assert [seed for seed in range(200) if _strongest(np.random.default_rng(seed).normal(size=5000), 100)] == []
+    assert [seed for seed in range(200) if _strongest(np.random.default_rng(seed).normal(size=5000))] == []
 
 
 def test_an_offset_is_no_pulse():
     for seed in range(20):
-        assert _strongest(np.random.default_rng(seed).normal(size=4000) + 7.0, 100) == []
+        assert _strongest(np.random.default_rng(seed).normal(size=4000) + 7.0) == []
 
 
 def test_no_more_than_a_handful_are_taken():
     x, _ = _planted(1, rows=12_000, level=8.0, pulses=12)
-    assert len(_strongest(x, 100)) <= MOST_PULSES
+    assert len(_strongest(x)) <= MOST_PULSES
+
+
+def test_windows_that_overlap_are_cut_at_each_others_edges():
+    assert _apart([(0.0, 4.0), (1.0, 2.0)]) == ((0.0, 1.0), (1.0, 2.0), (2.0, 4.0))
+    assert _apart([(0.0, 1.0), (3.0, 4.0)]) == ((0.0, 1.0), (3.0, 4.0))
+    assert _apart([]) == ()
 
 
 PUSHES = [{"start": 3.0, "end": 4.1, "force": 0.3}, {"start": 7.0, "end": 7.6, "force": -0.2}]
+NOISE = 0.002  # rad/s
 
 
 @pytest.fixture(scope="module")
@@ -78,38 +86,44 @@ def pushed():
     held = np.concatenate([np.full(3, u[0]), u])
     drive = (1 - late) * held[3 - whole : 3 - whole + rows] + late * held[2 - whole : 2 - whole + rows]
     force = sum(p["force"] * ((t >= p["start"] - 1e-9) & (t < p["end"] - 1e-9)) for p in PUSHES)
-    velocity = np.concatenate([[0.0], np.cumsum((drive + force)[:-1]) * T / J])
-    pole, d_hat, state = np.exp(-T / OBSERVER.time_constant), np.zeros(rows), 0.0
-    for k in range(1, rows):
-        raw = OBSERVER.nominal_inertia * (velocity[k] - velocity[k - 1]) / T - u[k - 1]
-        state = pole * state + (1 - pole) * raw
-        d_hat[k] = state
-    d_hat = d_hat + 0.02 * rng.normal(size=rows)
-    recording = prepare(Log({"t": t, "u": u, "velocity": velocity, "d_hat": d_hat}, T, "log.csv"), OBSERVER)
-    return Examination([recording], BELIEVED, OBSERVER, Settings(effects=("external_force",)))
+    velocity = np.concatenate([[0.0], np.cumsum((drive + force)[:-1]) * T / J]) + NOISE * rng.normal(size=rows)
+    recording = prepare(Log({"t": t, "u": u, "velocity": velocity}, T, "log.csv"), OBSERVER)
+    return Search(pose([recording], BELIEVED, Settings(effects=("external_force",))))
 
 
 def test_pulses_of_a_simulated_push_come_back_with_their_times_and_forces(pushed):
     fit = with_pulses(pushed, pushed.refit)
     assert fit is not None
-    events = pushed.scale.model(fit).effects["external_force"]["events"]
+    events = pushed.problem.scale.model(fit).effects["external_force"]["events"]
     assert len(events) == len(PUSHES)
     for event, push in zip(sorted(events, key=lambda e: e["start"]), PUSHES, strict=True):
         assert event["start"] == pytest.approx(push["start"], abs=2.0 * T)
         assert event["end"] == pytest.approx(push["end"], abs=2.0 * T)
         assert event["force"] == pytest.approx(push["force"], rel=0.05)
     assert fit.loss < 0.5 * pushed.refit.loss
-    assert pushed.search.evidence(fit) > pushed.search.evidence(pushed.refit)
+    assert pushed.evidence(fit) > pushed.evidence(pushed.refit)
+
+
+def test_beside_pulses_the_inertia_is_that_of_the_axis(pushed):
+    fit = with_pulses(pushed, pushed.refit)
+    assert pushed.problem.scale.model(fit).inertia == pytest.approx(BELIEVED.inertia, rel=0.01)
+    assert pushed.problem.scale.model(fit).delay == pytest.approx(BELIEVED.delay, abs=2e-4)
 
 
 def test_a_log_without_pushes_has_no_pulses():
-    for seed in range(6):
-        exam = Examination([recorded(seed=seed, duration=5.0)], BELIEVED, OBSERVER, Settings())
-        assert with_pulses(exam, exam.refit) is None
+    found = [posed(seed=seed, duration=5.0) for seed in range(6)]
+    assert [with_pulses(search, search.refit) for search in found] == [None] * 6
 
 
 def test_every_edge_has_its_price(pushed):
     fit = with_pulses(pushed, pushed.refit)
     (term,) = fit.terms
     one = type(term).of(term.id, {"edges": term.shape["edges"][:1]})
-    assert pushed.search.price(fit.terms) > pushed.search.price((one,)) + 10.0
+    assert pushed.price(fit.terms) > pushed.price((one,)) + 10.0
+
+
+def test_a_level_is_that_of_all_rows_in_every_fold(pushed):
+    """The fold that did not see a push cannot know it, and is not to be punished for it."""
+    fit = with_pulses(pushed, pushed.refit)
+    at = fit.columns_of(fit.terms[0])
+    np.testing.assert_array_equal(fit.folds[:, at], np.tile(fit.total[at], (len(fit.folds), 1)))

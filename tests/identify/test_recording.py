@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.recordings.recording import CREEP, REST_DEVIATIONS, net_force, prepare
+from dsd_cli.identify.recordings.recording import CREEP, REST_DEVIATIONS, prepare
+from dsd_cli.identify.recordings.sensor import net_force
 from dsd_cli.plant.controllers import ControllerSettings, Gains
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.references import Multisine, Trapezoids
@@ -195,3 +196,52 @@ def test_too_few_samples_are_an_error(rows):
     log = Log({"u": np.ones(rows), "velocity": np.ones(rows)}, T, "log.csv")
     with pytest.raises(DataError, match=f"{rows} samples"):
         prepare(log, OBSERVER)
+
+
+@pytest.mark.parametrize("names", [("d_hat", "velocity"), ("d_hat", "velocity", "position")])
+@pytest.mark.parametrize(
+    ("turned", "said"),
+    [
+        (("d_hat",), "set observer.sign"),
+        (("u",), "u has the other sign"),
+        (("velocity", "position"), "velocity or position has the other sign"),
+    ],
+)
+def test_a_wrong_sign_is_seen_and_named(noisy, names, turned, said):
+    log = only(noisy, *names)
+    wrong = {name: -x if name in turned else x for name, x in log.channels.items()}
+    with pytest.raises(DataError, match=said) as error:
+        prepare(replace(log, channels=wrong), OBSERVER)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05, 5.0])
+def test_right_signs_are_never_refused(exact, noise):
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        loud = {n: exact[n] + noise * np.std(exact[n]) * rng.normal(size=len(exact)) for n in ("d_hat", "velocity")}
+        log = only(exact, "d_hat", "velocity")
+        assert prepare(replace(log, channels={**log.channels, **loud}), OBSERVER).samples == len(log)
+
+
+def test_jittered_stamps_are_put_onto_a_regular_clock(exact):
+    """The motion between the samples is that of the axis, to the accuracy of a spline over its bends."""
+    rng = np.random.default_rng(1)
+    t, q = exact["t"], exact["position"]
+    stamps = t + np.concatenate([[0.0], 0.3 * T * rng.uniform(-1, 1, len(t) - 2), [0.0]])
+    fine = np.interp(stamps, t, q)
+    found = prepare(Log({"t": stamps, "u": exact["u"], "position": fine}, T, "log.csv"), OBSERVER)
+    piece = found.pieces[0]
+    np.testing.assert_allclose(np.diff(piece["t"]), found.sample_time, rtol=1e-9)
+    assert np.std(piece["position"] - np.interp(piece["t"], t, q)) < 1e-4 * np.std(q)
+
+
+def test_the_acceleration_is_that_of_the_axis_whatever_is_logged(exact):
+    """Slow enough for means over one interval and two to be alike; steps of friction are left out."""
+    wanted = np.gradient(exact["velocity"], exact["t"])
+    calm = np.abs(np.gradient(wanted, exact["t"])) < 0.05 * np.abs(np.gradient(wanted, exact["t"])).max()
+    calm = np.convolve(~calm, np.ones(9), "same") < 0.5
+    calm[:300] = False
+    for names in (("velocity",), ("position",), ("d_hat",), ("d_hat", "velocity", "position")):
+        found = prepare(only(exact, *names), OBSERVER).pieces[0]["acceleration"]
+        assert np.sqrt(np.mean((found - wanted)[calm] ** 2)) < 0.03 * np.std(wanted), names

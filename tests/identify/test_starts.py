@@ -1,60 +1,73 @@
 """Where searches begin: lines of the residual over time and over the position, found to within their width."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from dsd_cli.identify.fit.bank import ranges
-from dsd_cli.identify.search.starts import LINES, Residual, starts
-from dsd_cli.identify.verdict.examination import Examination, Settings
-from tests.identify.comparison_rig import BELIEVED, MOVES, OBSERVER, recorded
+from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.search.starts import LINES, Lines, _peaks, starts
+from dsd_cli.signals.log import with_channels
+from tests.identify.search_rig import MOVES, posed
 
 
-def _residual(effects, **more):
-    exam = Examination([recorded(effects, **more)], BELIEVED, OBSERVER, Settings(effects=()))
-    return Residual(exam.equations, exam.refit), exam
+def _lines(effects, **more):
+    search = posed(effects, (), **more)
+    return Lines(search.problem.errors, search.refit), search
 
 
 @pytest.mark.parametrize("frequency", [0.9, 4.4, 17.3])
-def test_the_strongest_line_in_time_is_the_disturbance(frequency):
-    found, exam = _residual(
-        {"periodic_disturbance": {"amplitude": 0.1, "frequency": frequency, "phase": 1.0}}, duration=10.0
-    )
+def test_a_disturbance_is_one_of_the_lines_in_time(frequency):
+    found, search = _lines({"periodic_disturbance": {"amplitude": 0.1, "frequency": frequency, "phase": 1.0}})
     width = 1.0 / 10.0
-    assert abs(found.lines_in_time()[0] - frequency) < 0.5 * width
-    shapes = starts("periodic_disturbance", ranges(exam.equations), found)
-    assert [s["frequency"] for s in shapes] == found.lines_in_time()
-    assert len(shapes) <= LINES
+    assert min(abs(f - frequency) for f in found.over_time[:2]) < 0.5 * width
+    shapes = starts("periodic_disturbance", search.ranges, found)
+    assert {s["frequency"] for s in shapes} >= set(found.over_time)
+    assert len(found.over_time) <= LINES
 
 
-@pytest.mark.parametrize("periods", [10.0, 33.0])
-def test_the_strongest_line_over_position_is_the_cogging(periods):
-    found, exam = _residual(
-        {"cogging": {"amplitude": 0.05, "periods": periods, "phase": 0.5}}, reference=MOVES, duration=10.0
-    )
-    width = 2.0 * np.pi / ranges(exam.equations).travel
-    assert min(abs(n - periods) for n in found.lines_over_position()) < 0.5 * width
-    assert [s["periods"] for s in starts("cogging", ranges(exam.equations), found)] == found.lines_over_position()
+@pytest.mark.parametrize("periods", [10.0, 21.0])
+def test_cogging_is_one_of_the_lines_over_the_position(periods):
+    found, search = _lines({"cogging": {"amplitude": 0.05, "periods": periods, "phase": 0.5}}, reference=MOVES)
+    width = 2.0 * np.pi / search.ranges.travel
+    assert min(abs(n - periods) for n in found.over_position) < 0.5 * width
+    assert {s["periods"] for s in starts("cogging", search.ranges, found)} >= set(found.over_position)
 
 
-def test_a_residual_is_what_the_fit_leaves_and_as_long_as_the_stretches():
-    found, exam = _residual({}, duration=4.0)
-    assert [len(x) for x in found.by_stretch()] == exam.equations.lengths
-    assert np.std(found.values) == pytest.approx(0.01, rel=0.1)  # the noise on d_hat
-    kept = exam.equations.kept
-    np.testing.assert_allclose(found.values[kept], exam.plain.residual(exam.refit, held_out=False)[kept], atol=1e-9)
+def test_no_line_lies_beyond_the_band_or_is_a_trend():
+    for seed in range(4):
+        found, search = _lines({"constant_load": {"force": 0.1}}, seed=seed, duration=4.0)
+        assert all(2.0 / 4.0 < f <= search.equations.band.hz * 1.01 for f in found.over_time)
 
 
 def test_an_axis_that_stays_has_no_lines_over_position():
-    found, exam = _residual({}, duration=4.0)
-    for s in exam.equations.stretches:
-        s.motion.position[:] = 1.0
-    assert found.lines_over_position() == []
+    search = posed({}, (), duration=4.0)
+    errors = search.problem.errors
+    still = [replace(s, log=with_channels(s.log, position=np.ones(len(s.log)))) for s in errors.equations.stretches]
+    found = Lines(errors, search.refit)
+    found._equations = replace(errors.equations, stretches=tuple(still))
+    assert isinstance(found._equations, Equations)
+    assert found.over_position == ()
 
 
 def test_other_effects_start_from_their_own_shapes():
-    found, exam = _residual({}, duration=4.0)
-    span = ranges(exam.equations)
-    lags = [s["time_constant"] for s in starts("actuator_lag", span, found)]
+    found, search = _lines({}, duration=4.0)
+    lags = [s["time_constant"] for s in starts("actuator_lag", search.ranges, found)]
     assert lags == sorted(lags)
     assert len(lags) > 3
-    assert starts("coulomb_friction", span, found) == [{}]
+    assert starts("coulomb_friction", search.ranges, found) == [{}]
+
+
+def test_peaks_are_local_maxima_above_their_surroundings_strongest_first():
+    power = np.ones(400) + 0.01 * np.sin(np.arange(400))
+    power[120], power[300], power[2] = 50.0, 90.0, 1e3
+    assert _peaks(power, 5)[:2] == [300, 120]
+    assert len(_peaks(power, 5)) <= LINES
+    assert _peaks(np.ones(6), 2) == []
+
+
+def test_a_weak_line_on_a_low_floor_is_stronger_than_a_bump_on_a_high_one():
+    floor = np.where(np.arange(1000) < 500, 1000.0, 1.0)
+    power = floor * (1.0 + 0.01 * np.sin(np.arange(1000)))
+    power[250], power[750] = 3000.0, 60.0
+    assert _peaks(power, 3)[0] == 750

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.results import (
     Addition,
     Candidate,
@@ -17,7 +17,6 @@ from dsd_cli.identify.results import (
     Step,
 )
 from dsd_cli.plant.model import ObserverSettings, PlantModel
-from dsd_cli.plant.prediction import predict_d_hat
 from dsd_cli.signals.log import Log
 
 NAN = math.nan
@@ -70,6 +69,9 @@ DIAGNOSIS = Diagnosis(
     model=FRICTION,
     refitted_model=GIVEN,
     noise=0.1,
+    found=("coulomb_friction", "gravity"),
+    band_hz=31.4,
+    floor=0.02,
     provenance={"u": "logged", "velocity": "reconstructed from u and d_hat"},
     warnings=("the log is short",),
 )
@@ -82,6 +84,7 @@ NOTHING = replace(
     ranking=tuple(replace(c, probability=0.01) for c in RANKING[1:]),
     ceiling=Ceiling(NAN, ()),
     noise=NAN,
+    found=(),
     advice=(),
 )
 UNKNOWN = replace(NOTHING, verdict="unknown", probability=0.8, depends_on=("velocity", "position"))
@@ -108,12 +111,13 @@ LADDER = Ladder(STEPS, "none", "nothing significant is left", replace(NOTHING, r
 
 
 def recording() -> Recording:
-    """To and fro, with friction that GIVEN does not have, and noise."""
-    t = 0.001 * np.arange(4000)
-    velocity = 5.0 * np.sin(2.0 * np.pi * t)
-    position = np.cumsum(velocity) * 0.001
-    u = 10.0 * np.pi * np.cos(2.0 * np.pi * t) + 0.8 * np.sign(velocity)
-    log = Log({"t": t, "u": u, "velocity": velocity, "position": position}, 0.001, source="a.csv")
-    d_hat = predict_d_hat(FRICTION, log, OBSERVER) + np.random.default_rng(0).normal(0.0, 0.1, t.size)
-    piece = replace(log, channels={**log.channels, "d_hat": d_hat})
-    return Recording("a.csv", (piece,), {"u": "logged"}, {}, 0.0)
+    """To and fro under force noise, with 0.52 of friction that GIVEN does not have; the motion is known exactly."""
+    count, step, turn = 8000, 0.001, 2.0 * np.pi
+    t = step * np.arange(count)
+    position, velocity = 5.0 / turn * (1.0 - np.cos(turn * t)), 5.0 * np.sin(turn * t)
+    middle = t + 0.5 * step  # of the interval in which u[k] is held
+    needed = 1.02 * 5.0 * turn * np.cos(turn * middle) + 5.0 * np.sin(turn * middle) * 0.3
+    needed += 0.52 * np.sign(np.sin(turn * middle)) + np.random.default_rng(0).normal(0.0, 0.3, count)
+    u = np.append(needed[10:], needed[:10])  # 10 ms early: the delay of GIVEN, and whole turns
+    log = Log({"t": t, "u": u, "velocity": velocity, "position": position}, step, source="a.csv")
+    return prepare(log, OBSERVER)

@@ -10,10 +10,9 @@ import pytest
 
 from dsd_cli.errors import DataError
 from dsd_cli.identify.results import Candidate
-from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.report.diagnosis import DiagnosisReport, percent, print_table, to_json, verdict_line
 from dsd_cli.report.plots_diagnosis import draw, residual_view
-from tests.report.examples import DIAGNOSIS, FRICTION, GIVEN, NAN, NOTHING, OBSERVER, RANKING, UNKNOWN, recording
+from tests.report.examples import DIAGNOSIS, GIVEN, NAN, NOTHING, RANKING, UNKNOWN, recording
 
 REPORT = DiagnosisReport(DIAGNOSIS, GIVEN, ("b.csv",), {"gap": 3})
 
@@ -26,13 +25,16 @@ def shown(report: DiagnosisReport, brief: bool = False) -> str:
 
 def test_the_verdict_is_one_sentence() -> None:
     assert verdict_line(DIAGNOSIS) == (
-        "coulomb_friction is missing: level 0.52 +- 0.03 u, probability 97 %; the held-out error falls from 0.402 to"
-        " 0.113; this log cannot tell it from load_friction"
+        "coulomb_friction is missing: level 0.52 +- 0.03 u, probability 97 %; the held-out force error below 31.4 Hz"
+        " falls from 0.402 to 0.113 (unit of u); this log cannot tell it from load_friction"
     )
-    assert verdict_line(NOTHING) == "nothing is missing (probability 93 %): the held-out error 0.113 is noise"
+    assert verdict_line(NOTHING) == (
+        "nothing is missing (probability 93 %): the held-out force error below 31.4 Hz, 0.113 (unit of u), is noise"
+    )
+    assert "the held-out force error falls" in verdict_line(replace(DIAGNOSIS, band_hz=NAN))
     assert verdict_line(UNKNOWN) == (
         "something is missing that no effect of the catalogue explains; it depends on velocity and position"
-        " (probability 80 %)"
+        " (probability 80 %): the held-out force error below 31.4 Hz is 0.113 (unit of u)"
     )
     assert "depends" not in verdict_line(replace(UNKNOWN, depends_on=()))
 
@@ -52,9 +54,11 @@ def test_no_probability_is_0_or_100_percent(share: float, text: str) -> None:
 
 def test_json_has_the_keys_of_the_contract_and_no_nan() -> None:
     result = json.loads(json.dumps(to_json(REPORT), allow_nan=False))
-    assert (result["schema_version"], result["command"], result["log"]) == (1, "diagnose", "a.csv")
+    assert (result["schema_version"], result["command"], result["log"]) == (1, "diagnose", ["a.csv"])
     assert (result["verdict"], result["probability"], result["rmse"]) == ("coulomb_friction", 0.97, 0.38)
     assert (result["samples"], result["noise"], result["warnings"]) == (4000, 0.1, ["the log is short"])
+    assert (result["unit"], result["band_hz"], result["floor"]) == ("unit of u", 31.4, 0.02)
+    assert result["found"] == ["coulomb_friction", "gravity"]
     assert result["ceiling"] == {"heldout_rmse": 0.108, "on": ["velocity", "position"]}
     assert result["dropped"] == [{"reason": "gap", "count": 3}]
     assert result["estimates"]["inertia"]["value"] == 1.02
@@ -72,7 +76,10 @@ def test_json_has_the_keys_of_the_contract_and_no_nan() -> None:
     assert (last["rmse_after"], last["probability"]) == (None, None)
     assert result["ranking"][1]["note"] == "velocity stands on its bound"
     assert to_json(DiagnosisReport(replace(NOTHING, logs=("a", "b"))))["log"] == ["a", "b"]
-    json.dumps(to_json(DiagnosisReport(replace(NOTHING, probability=NAN))), allow_nan=False)
+    nobody_knows = json.loads(
+        json.dumps(to_json(DiagnosisReport(replace(NOTHING, probability=NAN, band_hz=NAN, floor=NAN))), allow_nan=False)
+    )
+    assert (nobody_knows["band_hz"], nobody_knows["floor"], nobody_knows["found"]) == (None, None, [])
 
 
 def test_the_table_says_all_there_is_to_say() -> None:
@@ -80,6 +87,10 @@ def test_the_table_says_all_there_is_to_say() -> None:
     assert text.splitlines()[0] == verdict_line(DIAGNOSIS)
     for part in (
         "held out b.csv",
+        "the model as given leaves a force error below 31.4 Hz of 0.38 (unit of u, rms)",
+        "held-out force error below 31.4 Hz with one effect more (without: 0.402)",
+        "found together: coulomb_friction and gravity",
+        "floor: 0.02 (what the noise of the sensor alone would leave in the band)",
         "72 %",
         "level 0.52 +- 0.03 u",
         "(at its bound)",
@@ -109,48 +120,66 @@ def test_a_long_ranking_is_cut_on_the_screen_only() -> None:
     assert "coulomb_friction" in brief
 
 
-def test_the_residual_is_that_without_the_effect_and_the_effect_explains_it() -> None:
-    view = residual_view(DIAGNOSIS, GIVEN, [recording(), recording()], ObserverSettings(1.0, 0.005, sign=-1))
+def test_the_residual_is_the_force_that_is_missing_and_the_effect_explains_it() -> None:
+    """Where the axis is fast, 0.52 of friction is missing; with it, the noise of 0.3 below the band's end is left."""
+    view = residual_view(DIAGNOSIS, GIVEN, [recording(), recording()])
     assert (view.on, view.effect) == ("velocity", "coulomb_friction")
-    assert len(view.x) == len(view.residual) == 2 * (4000 - 35)
-    np.testing.assert_allclose(np.abs(view.residual[view.x < -1.0]).mean(), 0.51, atol=0.02)
-    assert np.std(view.residual - view.explained) < 0.11
+    for side in (-1.0, 1.0):
+        fast = side * view.x > 2.0
+        np.testing.assert_allclose(view.residual[fast].mean(), side * 0.52, atol=0.02)
+        np.testing.assert_allclose(view.explained[fast].mean(), side * 0.52, atol=0.01)
+    fast = np.abs(view.x) > 2.0
+    alone = residual_view(DIAGNOSIS, GIVEN, [recording()])
+    assert len(view.residual) == 2 * len(alone.residual) == len(view.x) == len(view.explained)
+    left = (view.residual - view.explained)[fast]
+    assert 0.05 < np.std(left) < 0.3
+    assert np.corrcoef(left, view.explained[fast])[0, 1] ** 2 < 0.02
 
 
 def test_without_a_winner_the_residual_is_against_what_it_depends_on() -> None:
-    unnamed = residual_view(UNKNOWN, GIVEN, [recording()], OBSERVER)
+    unnamed = residual_view(UNKNOWN, GIVEN, [recording()])
     assert (unnamed.on, unnamed.effect, unnamed.explained) == ("velocity", "", None)
-    assert residual_view(replace(UNKNOWN, depends_on=("time",)), GIVEN, [recording()], OBSERVER).on == "t"
-    assert residual_view(NOTHING, GIVEN, [recording()], OBSERVER).on == "t"
-    named = replace(DIAGNOSIS, verdict="inertia", ranking=(replace(RANKING[3], model=FRICTION),))
-    view = residual_view(named, GIVEN, [recording()], OBSERVER)
+    assert residual_view(replace(UNKNOWN, depends_on=("time",)), GIVEN, [recording()]).on == "t"
+    assert residual_view(NOTHING, GIVEN, [recording()]).on == "t"
+    heavier = GIVEN.changed(inertia=1.3)
+    named = replace(DIAGNOSIS, verdict="inertia", ranking=(replace(RANKING[3], model=heavier),))
+    view = residual_view(named, GIVEN, [recording()])
     assert view.on == "u"
-    assert np.corrcoef(view.x, view.explained)[0, 1] ** 2 > 0.9
+    assert np.corrcoef(view.x, view.explained)[0, 1] > 0.99  # 0.3 a, and u is a but for friction
+
+
+def test_a_log_too_short_for_a_picture_is_one_line() -> None:
+    whole = recording()
+    piece = whole.pieces[0]
+    short = replace(piece, channels={name: x[:60] for name, x in piece.channels.items()})
+    with pytest.raises(DataError, match="too short for a picture"):
+        residual_view(DIAGNOSIS, GIVEN, [replace(whole, pieces=(short,))])
 
 
 @pytest.mark.parametrize("result", [DIAGNOSIS, NOTHING, UNKNOWN, replace(NOTHING, ranking=())])
 def test_the_picture_is_a_png_written_whole(result: object, tmp_path: Path) -> None:
     path = tmp_path / "out.PNG"
-    draw(path, DiagnosisReport(result, GIVEN), residual_view(result, GIVEN, [recording()], OBSERVER))
+    draw(path, DiagnosisReport(result, GIVEN), residual_view(result, GIVEN, [recording()]))
     assert path.read_bytes().startswith(b"\x89PNG")
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_picture_that_cannot_be_written_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(DataError, match="cannot be written"):
-        draw(tmp_path / "none/x.png", REPORT, residual_view(DIAGNOSIS, GIVEN, [recording()], OBSERVER))
+        draw(tmp_path / "none/x.png", REPORT, residual_view(DIAGNOSIS, GIVEN, [recording()]))
 
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.replace", full)
     with pytest.raises(DataError, match="No space left"):
-        draw(tmp_path / "x.png", REPORT, residual_view(DIAGNOSIS, GIVEN, [recording()], OBSERVER))
+        draw(tmp_path / "x.png", REPORT, residual_view(DIAGNOSIS, GIVEN, [recording()]))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_picture_of_an_axis_at_rest_is_drawn(tmp_path: Path) -> None:
-    view = replace(residual_view(DIAGNOSIS, GIVEN, [recording()], OBSERVER), x=np.zeros(3965))
+    view = residual_view(DIAGNOSIS, GIVEN, [recording()])
+    view = replace(view, x=np.zeros(len(view.x)))
     one = Candidate("coulomb_friction", 0.1, NAN, 0.1, NAN, {})
     draw(tmp_path / "x.png", DiagnosisReport(replace(DIAGNOSIS, ranking=(one,))), view)
     assert (tmp_path / "x.png").exists()

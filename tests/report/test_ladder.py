@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from dsd_cli.identify.compare.evaluation import Force
 from dsd_cli.identify.results import Score, Step
 from dsd_cli.report.ladder import (
     BAR,
+    AdditionReport,
     LadderReport,
     add_json,
     bar,
@@ -26,6 +28,7 @@ from dsd_cli.report.plots_ladder import draw
 from tests.report.examples import ADDITION, ESTIMATES, GIVEN, INERTIA, LADDER, NAN, STEPS, UNKNOWN
 
 REPORT = LadderReport(LADDER, ("a.csv",), "better.toml", {"gap": 2}, ("a.csv: odd",))
+ADDED = AdditionReport(ADDITION, ("a.csv",), (), "better.toml", Force(0.38, 61.0, 12.0, 31.4, 0.02))
 HISTORY = [
     {
         "effect": "coulomb_friction",
@@ -50,7 +53,8 @@ class Utf8(io.StringIO):
 
 def test_json_has_the_keys_of_the_contract() -> None:
     result = json.loads(json.dumps(improve_json(REPORT), allow_nan=False))
-    assert (result["schema_version"], result["command"], result["log"]) == (1, "improve", "a.csv")
+    assert (result["schema_version"], result["command"], result["log"]) == (1, "improve", ["a.csv"])
+    assert (result["unit"], result["band_hz"], result["floor"]) == ("unit of u", 31.4, 0.02)
     assert (result["verdict"], result["stopped"]) == ("none", "nothing significant is left")
     assert (result["config"], result["warnings"]) == ("better.toml", ["a.csv: odd", "the log is short"])
     assert [(s["step"], s["effect"], s["heldout_rmse"]) for s in result["ladder"]] == [
@@ -74,13 +78,14 @@ def test_a_step_owns_the_values_of_its_effect() -> None:
 
 
 def test_lines() -> None:
-    assert step_line(STEPS[0], None) == "step 0: as given: held-out error 0.402"
+    assert step_line(STEPS[0], None) == "step 0: as given: held-out force error 0.402"
     assert step_line(STEPS[1], STEPS[0]) == (
-        "step 1: coulomb_friction: held-out error 0.113 (-72 %); level 0.52 +- 0.03 u"
+        "step 1: coulomb_friction: held-out force error 0.113 (-72 %); level 0.52 +- 0.03 u"
     )
     assert final_line(LADDER) == (
-        "held-out error 0.402 -> 0.054 (-87 %) in 2 steps; nothing is missing (probability 93 %): the held-out error"
-        " 0.054 is noise; stopped: nothing significant is left"
+        "held-out force error below 31.4 Hz: 0.402 -> 0.054 unit of u (-87 %) in 2 steps; nothing is missing"
+        " (probability 93 %): the held-out force error below 31.4 Hz, 0.054 (unit of u), is noise; stopped: nothing"
+        " significant is left"
     )
     stopped = replace(LADDER, steps=STEPS[:1], verdict="unknown", last=UNKNOWN, stopped="")
     assert "in 0 steps; something is missing that no effect" in final_line(stopped)
@@ -97,7 +102,14 @@ def test_the_ladder_has_bars_that_stdout_can_show(file: io.StringIO, full: str, 
     text = file.getvalue()
     assert max(map(len, lines[:-1])) <= 80
     assert lines[-1] == final_line(LADDER)
-    for expected in ("72 %", "level 0.52 +- 0.03 u", "phase 0.10 +- 0.02 rad", "89.5 %", "gap 2"):
+    for expected in (
+        "held-out force error below 31.4 Hz (unit of u)",
+        "72 %",
+        "level 0.52 +- 0.03 u",
+        "phase 0.10 +- 0.02 rad",
+        "89.5 %",
+        "gap 2",
+    ):
         assert expected in text
 
 
@@ -119,8 +131,9 @@ def test_bars(value: float, top: float, encoding: str, text: str) -> None:
 
 
 def test_an_addition() -> None:
-    result = json.loads(json.dumps(add_json(ADDITION, ["a.csv"], [], "better.toml"), allow_nan=False))
-    assert (result["command"], result["log"], result["config"]) == ("add", "a.csv", "better.toml")
+    result = json.loads(json.dumps(add_json(ADDED), allow_nan=False))
+    assert (result["command"], result["log"], result["config"]) == ("add", ["a.csv"], "better.toml")
+    assert (result["unit"], result["band_hz"], result["floor"]) == ("unit of u", 31.4, 0.02)
     assert [result[k] for k in ("rmse_before", "rmse_after", "heldout_rmse_before", "heldout_rmse_after")] == [
         0.38,
         0.105,
@@ -129,10 +142,12 @@ def test_an_addition() -> None:
     ]
     assert result["parameters"] == {"level": {"value": 0.52, "std_error": 0.03, "unit": "u", "at_bound": False}}
     out = io.StringIO()
-    print_addition(ADDITION, out)
+    print_addition(ADDED, out)
     first, *rest = out.getvalue().splitlines()
-    assert first == "coulomb_friction added: held-out error 0.402 -> 0.113 (-72 %)"
+    assert first == "coulomb_friction added: held-out force error below 31.4 Hz: 0.402 -> 0.113 unit of u (-72 %)"
     assert "  inertia = 1.020 +- 0.002 kg m2" in rest
+    unknown = json.loads(json.dumps(add_json(replace(ADDED, force=None)), allow_nan=False))
+    assert (unknown["unit"], unknown["band_hz"], unknown["floor"]) == ("unit of u", None, None)
 
 
 def test_a_history() -> None:
@@ -143,7 +158,8 @@ def test_a_history() -> None:
     empty = io.StringIO()
     print_history("a [b].toml", [], empty)
     assert empty.getvalue() == "a [b].toml: no steps yet\n"
-    assert history_json("dsd.toml", HISTORY)["history"] == HISTORY
+    remembered = history_json("dsd.toml", HISTORY)
+    assert (remembered["history"], remembered["log"]) == (HISTORY, [])
 
 
 @pytest.mark.parametrize("steps", [1, 2, 3, 9])

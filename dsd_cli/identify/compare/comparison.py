@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from dsd_cli.identify.compare.dependence import Dependence, dependence
-from dsd_cli.identify.compare.evaluation import Accuracy, Evaluation, accuracy, evaluate
+from dsd_cli.identify.compare.evaluation import Accuracy, Evaluation, ForceView, accuracy, evaluate, force_view
 from dsd_cli.identify.compare.regimes import Where, where
 from dsd_cli.identify.compare.residuals import LARGE, ResidualTests, residual_tests
 from dsd_cli.identify.recordings.recording import Recording
@@ -36,7 +36,7 @@ class Comparison:
 
     Attributes
     ----------
-    accuracy : over all logs; `by_log` for each.
+    accuracy : over all logs; `by_log` for each. force : the balance of forces over all logs.
     holdout : accuracy on the log set aside, None without one.
     skipped : samples at the start of stretches that rest on u before the log (`lead` s), and are not judged.
     conclusion : channel on which the error depends most ("direction", "velocity x position"), or one of `BIAS`
@@ -48,6 +48,7 @@ class Comparison:
     logs: tuple[str, ...]
     sample_time: float
     accuracy: Accuracy
+    force: ForceView
     by_log: tuple[LogAccuracy, ...]
     holdout: LogAccuracy | None
     skipped: int
@@ -90,6 +91,7 @@ def compare(
         logs=tuple(r.name for r in recordings),
         sample_time=evaluation.sample_time,
         accuracy=total,
+        force=force_view(recordings, model, holdout),
         by_log=tuple(LogAccuracy(name, accuracy(evaluation.of(name))) for name in names),
         holdout=aside,
         skipped=evaluation.skipped,

@@ -1,13 +1,20 @@
-"""The prediction of one model beside what was measured, and how large the difference is."""
+"""The prediction of one model beside what was measured, and how large the difference is: in d_hat, and as a force."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dsd_cli.errors import DataError
+from dsd_cli.identify.fit.bank import Bank
+from dsd_cli.identify.fit.blocks import lay_blocks
+from dsd_cli.identify.fit.equations import equations_of
+from dsd_cli.identify.fit.errors import Errors
+from dsd_cli.identify.fit.problem import Problem, Settings, pose
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import Frame, predict_d_hat
@@ -177,6 +184,65 @@ def accuracy(evaluation: Evaluation) -> Accuracy:
         relative_error_percent=_percent(size, rms(evaluation.pooled(lambda s: s.net))),
         relative_force_error_percent=_percent(scale * size, rms(evaluation.pooled(lambda s: s.drive))),
     )
+
+
+@dataclass(frozen=True)
+class Force:
+    """How far the balance of forces u_eff(t - L) = J a - sum f + r is off, within the band that the sensor allows.
+
+    Attributes
+    ----------
+    rmse : rms of r, unit of u.
+    fit_percent : 100 (1 - |r| / |u - mean u|), of u within the band; None if u is constant.
+    relative_error_percent : 100 rms(r) / rms(u).
+    band_hz : end of the band, Hz.
+    floor : rms of r that the noise of the sensor alone leaves, unit of u.
+    """
+
+    rmse: float
+    fit_percent: float | None
+    relative_error_percent: float | None
+    band_hz: float
+    floor: float
+
+
+@dataclass(frozen=True)
+class ForceView:
+    """`log` : of all logs together; `holdout` : of the one set aside, in the same band. `missing` : why one is None."""
+
+    log: Force | None
+    holdout: Force | None = None
+    missing: str = ""
+
+
+def force_view(recordings: Sequence[Recording], model: PlantModel, holdout: Recording | None = None) -> ForceView:
+    """The balance of forces under this model, as `dsd diagnose` looks at it; no value is fitted to be judged."""
+    try:
+        problem = pose(recordings, model, Settings(effects=()))
+    except DataError as failure:
+        return ForceView(None, None, str(failure))
+    whole = _force(problem, model)
+    if holdout is None:
+        return ForceView(whole)
+    try:
+        return ForceView(whole, _force(_asked_of(problem, holdout), model))
+    except DataError as failure:
+        return ForceView(whole, None, str(failure))
+
+
+def _asked_of(problem: Problem, other: Recording) -> Problem:
+    """The errors of the same question on another recording, in the same band."""
+    equations = equations_of([other], problem.equations.startup, problem.equations.band)
+    if not equations.stretches:
+        raise DataError(f"{other.name}: too short to be judged", "hold out a longer log")
+    blocks = lay_blocks(equations.lengths, POLICY.gap_rows, other.name)
+    return replace(problem, recordings=(other,), errors=Errors(Bank(equations), blocks))
+
+
+def _force(problem: Problem, model: PlantModel) -> Force:
+    score = problem.errors.of_model(model)
+    fit, share = (x if math.isfinite(x) else None for x in (score.fit_percent, score.relative_error_percent))
+    return Force(score.rmse, fit, share, problem.equations.band.hz, problem.floor)
 
 
 def rms(x: Array) -> float:

@@ -1,15 +1,17 @@
-"""Columns of effects as rows of the equations, each made once and found again by what it is."""
+"""Columns of the balance as rows, each made once and found again by what it is."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from dsd_cli.effects import Effect, Ranges, Role, Shape, get_effect
-from dsd_cli.identify.fit.rows import Equations
+from dsd_cli.identify.fit.equations import Equations, Stretch, mean_of_middles
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
 
 
@@ -45,68 +47,196 @@ def inputs_of(terms: Iterable[Term]) -> Terms:
     return tuple(t for t in terms if t.effect.role is Role.INPUT)
 
 
-class Bank:
-    """Rows of drive and effects, each made once.
+def holds(terms: Iterable[Term]) -> bool:
+    """Whether there is friction among them, which holds the axis at rest."""
+    return any(t.effect.role is Role.FRICTION for t in terms)
 
-    The drive stands in it by whole samples of delay ("taps"); a delay between two taps mixes them.
+
+class Design(NamedTuple):
+    """What a fit of some effects at a whole-step delay solves: drive = columns x coefficients.
+
+    Attributes
+    ----------
+    rows : the drive, then the columns: acceleration (J), change of the drive over one more step of delay (share of
+        that step), then those of the effects; shape (N,) each.
+    signed : of the columns, whether the coefficient must not be negative.
+    widths : columns of each effect; one on the command has none.
+    noise : covariance of what the sensor's noise adds to each column in a row, shape (p, p), unit of u squared.
     """
 
-    def __init__(self, equations: Equations) -> None:
-        self.equations = equations
-        self.y = equations.measured()
+    rows: list[Array]
+    signed: list[bool]
+    widths: tuple[int, ...]
+    noise: Array
+
+
+#: Columns before those of the effects.
+FIXED = 2
+#: Of the coefficients: the inertia's, and the share of a further step of delay.
+INERTIA, SHARE = 0, 1
+
+
+class Bank:
+    """Columns of some equations, each made once.
+
+    Parameters
+    ----------
+    plain : a bank of the same rows in the unit of u, whose rows this one whitens; None: the rows are as `equations`
+        has them without whitening.
+    variance : of the sensor's noise in a row of the acceleration. It would pull the inertia down (errors in variables).
+    delay_step : samples from one whole-step delay ("tap") to the next.
+    """
+
+    def __init__(self, equations: Equations, plain: Bank | None = None, variance: float = 0.0) -> None:
+        self.equations, self._plain, self.variance = equations, plain, variance
+        self.delay_step = max(1, int(equations.band.step * POLICY.delay_step_share))
         self._known: dict[Any, list[Array]] = {}
 
-    def drive(self, inputs: Terms, tap: int, keep: bool = True) -> Array:
-        """The command after these input effects, `tap` samples late."""
-        key = (inputs, tap)
+    @property
+    def tap_time(self) -> float:
+        """s, from one tap to the next."""
+        return self.delay_step * self.equations.sample_time
+
+    def design(self, terms: Terms, tap: int, keep: bool = True) -> Design:
+        """The equations of these effects at a delay of `tap` steps; `keep` what had to be made."""
+        inputs, held = inputs_of(terms), holds(terms)
+        drive, later = (self.drive(inputs, n, keep, held) for n in (tap, tap + 1))
+        rows, signed, widths = [drive, self.acceleration, drive - later], [True, True], []
+        for term in terms:
+            columns = [] if term.effect.role is Role.INPUT else self.columns(term, tap, keep, held)
+            rows += columns
+            signed += [not_negative(term, len(columns))] * len(columns)
+            widths.append(len(columns))
+        return Design(rows, signed, tuple(widths), self._noise_of(terms, tuple(widths), keep))
+
+    @cached_property
+    def acceleration(self) -> Array:
+        """Rows of the measured acceleration."""
+        if self._plain is None:
+            return self.equations.acceleration()
+        return self.equations.whitened(self._plain.acceleration)
+
+    def _noise_of(self, terms: Terms, widths: tuple[int, ...], keep: bool) -> Array:
+        """The sensor's noise is in the acceleration, and in that of a load, which follows from it.
+
+        How much of it a load has, and how alike both are, is seen by adding noise of the same kind once more.
+        """
+        found = np.zeros((FIXED + sum(widths),) * 2)
+        found[INERTIA, INERTIA] = self.variance
+        at = FIXED
+        for term, width in zip(terms, widths, strict=True):
+            if term.effect.role is Role.STRUCTURE and self.variance > 0.0:
+                own, common = self._noise_of_load(term, keep)
+                found[at, at] = own * self.variance
+                found[INERTIA, at] = found[at, INERTIA] = common * self.variance
+            at += width
+        return found
+
+    def _noise_of_load(self, term: Term, keep: bool) -> tuple[float, float]:
+        """(variance by noise of a load's column, its covariance with the acceleration), per variance of the latter."""
+        key = ("noise", term)
+        if key not in self._known:
+            made = self.equations.whitened(
+                self.equations.acting(noisy_load(self.equations, term), smooth=True, held=False)
+            )
+            acceleration = self._noise_acceleration
+            size = float(acceleration @ acceleration)
+            shares = np.array([made @ made, made @ acceleration]) / size
+            if not keep:
+                return float(shares[0]), float(shares[1])
+            self._known[key] = [shares]
+        own, common = self._known[key][0]
+        return float(own), float(common)
+
+    @cached_property
+    def _noise_acceleration(self) -> Array:
+        rows = self.equations.plain([s.noise for s in self.equations.stretches])
+        return self.equations.whitened(rows)
+
+    def drive(self, inputs: Terms, tap: int, keep: bool = True, held: bool = False) -> Array:
+        """The command after these input effects, `tap` steps late; `held`: see `Stretch.acting`."""
+        key = (inputs, tap, held)
         if key in self._known:
             return self._known[key][0]
-        made = self.equations.rows(drive(self.equations, inputs, tap))
+        if self._plain is not None:
+            made = self.equations.whitened(self._plain.drive(inputs, tap, keep, held))
+        else:
+            made = self.equations.acting(drive(self.equations, inputs, tap * self.tap_time), smooth=False, held=held)
         if keep:
             self._known[key] = [made]
         return made
 
-    def columns(self, term: Term, tap: int, keep: bool = True) -> list[Array]:
-        """An effect on the plant, a column per coefficient; `tap`: delay of the u that reaches it, samples."""
-        key = (term, tap if "u" in term.effect.needs else None)
+    def columns(self, term: Term, tap: int, keep: bool = True, held: bool = False) -> list[Array]:
+        """An effect on the plant, a column per coefficient; `tap`: delay of the u that reaches it, steps."""
+        key = (term, tap if "u" in term.effect.needs else None, held)
         if key in self._known:
             return self._known[key]
-        made = [self.equations.rows(raw) for raw in raw_columns(self.equations, term, tap)]
+        if self._plain is not None:
+            made = [self.equations.whitened(x) for x in self._plain.columns(term, tap, keep, held)]
+        else:
+            smooth = term.effect.role is not Role.FRICTION
+            raw = raw_columns(self.equations, term, tap * self.tap_time)
+            made = [self.equations.acting(x, smooth, held) for x in raw]
         if keep:
             self._known[key] = made
         return made
 
 
-def drive(equations: Equations, inputs: Terms, tap: int) -> list[Array]:
-    """The command after these input effects, `tap` samples late: mean per interval, by stretch."""
+def not_negative(term: Term, columns: int) -> bool:
+    """Whether the one coefficient has 0 as its lower bound."""
+    linear = [p for p in term.effect.parameters if p.linear and not p.listed]
+    return columns == 1 and len(linear) == 1 and linear[0].lower >= 0.0
+
+
+def noisy_load(equations: Equations, term: Term) -> list[Array]:
+    """What a load does more when the motor's measured motion has noise of its own kind once more, by stretch."""
+    found = []
+    for s in equations.stretches:
+        unused = s.log["u"]
+        (plain, *_), _ = term.effect.run(s.channels(unused, term.effect), term.shape)
+        noisy = replace(s, integrated=s.with_noise)
+        (more, *_), _ = term.effect.run(noisy.channels(unused, term.effect), term.shape)
+        found.append(np.nan_to_num(more - plain))
+    return found
+
+
+def drive(equations: Equations, inputs: Terms, delay: float) -> list[Array]:
+    """The command after these input effects, `delay` s late: mean per interval, by stretch."""
     found = []
     for s in equations.stretches:
         command = s.log["u"]
         for term in inputs:
             command = s.frame.changed_command(term.id, term.shape, command)
-        found.append(s.frame.mean_u(command, tap * s.log.sample_time))
+        found.append(s.frame.mean_u(command, delay))
     return found
 
 
-def raw_columns(equations: Equations, term: Term, tap: int) -> list[list[Array]]:
-    """Force on the plant per unit of each coefficient, per interval: [coefficient][stretch]."""
-    effect, by_stretch = term.effect, []
+def raw_columns(equations: Equations, term: Term, delay: float) -> list[list[Array]]:
+    """What each coefficient takes of the drive, mean per interval: [coefficient][stretch]; minus a force."""
+    by_stretch = []
     unused = [s.log["u"] for s in equations.stretches]
-    for s, u in zip(equations.stretches, drive(equations, (), tap) if "u" in effect.needs else unused, strict=True):
-        columns, _ = effect.run(s.channels(u), term.shape)
-        scale: Any = 1.0
-        if effect.role is Role.FRICTION:
-            scale = -s.sign
-        elif effect.role is Role.STRUCTURE:
-            scale = -equations.observer.nominal_inertia
-        by_stretch.append([np.nan_to_num(scale * np.broadcast_to(c, len(u))) for c in columns])
+    for s, u in zip(
+        equations.stretches, drive(equations, (), delay) if "u" in term.effect.needs else unused, strict=True
+    ):
+        by_stretch.append([np.nan_to_num(c) for c in _columns(s, term, u)])
     return [list(column) for column in zip(*by_stretch, strict=True)]
+
+
+def _columns(stretch: Stretch, term: Term, u: Array) -> list[Array]:
+    effect = term.effect
+    found, _ = effect.run(stretch.channels(u, effect), term.shape)
+    columns = [np.broadcast_to(c, len(u)) for c in found]
+    if effect.role is Role.FRICTION:
+        return [stretch.sign * c for c in columns]
+    if effect.role is Role.STRUCTURE:
+        return columns
+    return [-c if effect.memory else -mean_of_middles(c) for c in columns]
 
 
 def ranges(equations: Equations) -> Ranges:
     """What the recordings contain, for starting shapes."""
     logs = [s.log for s in equations.stretches]
-    speeds = [s.motion.velocity[s.keep > 0.0] for s in equations.stretches]
+    speeds = [s.mean.velocity[s.free > 0.0] for s in equations.stretches]
     speed = np.concatenate(speeds) if speeds else np.zeros(1)
     u = np.concatenate([log["u"] for log in logs])
     travel = max((float(np.ptp(log["position"])) for log in logs if "position" in log), default=0.0)
@@ -116,7 +246,7 @@ def ranges(equations: Equations) -> Ranges:
         top_speed=float(np.abs(moving).max(initial=0.0)),
         travel=travel,
         drive=float(np.sqrt(np.mean(u**2))),
-        top_drive=float(np.abs(u).max(initial=0.0)),
+        top_drive=float(np.quantile(np.abs(u), POLICY.exercised)) if u.size else 0.0,
         sample_time=equations.sample_time,
         duration=sum(len(log) for log in logs) * equations.sample_time,
     )

@@ -55,8 +55,16 @@ class Blocks:
 
     def block_of_rows(self) -> NDArray[np.int_]:
         """Block of each row, shape (rows,)."""
-        lengths = np.diff(np.append(self.starts[::3], self.rows))
-        return np.repeat(np.arange(self.count), lengths)
+        return np.repeat(np.arange(self.count), self.block_rows())
+
+    def block_rows(self) -> NDArray[np.int_]:
+        """Rows of each block, shape (B,)."""
+        return np.asarray(np.diff(np.append(self.starts[::3], self.rows)))
+
+    def fitted_rows(self) -> list[int]:
+        """Rows that each fold's fit sees."""
+        lengths = np.diff(np.append(self.starts, self.rows))
+        return [int(self.fitted(fold) @ lengths) for fold in range(self.folds)]
 
     def fitted(self, fold: int) -> NDArray[np.float64]:
         """Weight of each segment in the fit that holds `fold` out: 1 or 0, shape (3 B,)."""
@@ -84,9 +92,8 @@ def lay_blocks(lengths: Sequence[int], gap: int, name: str, shortest: int = 0) -
     long = max(LONGEST_GAP_SHARE * gap, total // MOST_BLOCKS, shortest, 1)
     if total < 2 * long:
         raise DataError(
-            f"{name}: {total} usable rows are too few: held-out blocks need {2 * long} "
-            f"(2 blocks of {LONGEST_GAP_SHARE} gaps of {gap})",
-            "a longer log, or a smaller detector.window",
+            f"{name}: too short: {total} independent equations, held-out blocks need {2 * long}",
+            "a longer log, or a finer sensor",
         )
     starts: list[int] = []
     before: list[bool] = []
@@ -104,6 +111,6 @@ def lay_blocks(lengths: Sequence[int], gap: int, name: str, shortest: int = 0) -
         row += length
     blocks = len(before)
     if blocks < 2:
-        raise DataError(f"{name}: one block only", "a longer log, or a smaller detector.window")
+        raise DataError(f"{name}: too short: one held-out block only", "a longer log, or a finer sensor")
     fold = np.arange(blocks) % min(FOLDS, blocks)
     return Blocks(np.array(starts), row, fold, np.array(before), np.array(after))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.signals.log import Array
@@ -29,8 +30,27 @@ def total_gram(rows: Sequence[Array]) -> Array:
     return np.asarray(x @ x.T)
 
 
+def without_noise(gram: Array, noise: Array, rows: ArrayLike) -> Array:
+    """Gram matrices, shape (..., p+1, p+1), less what noise in the columns adds to them.
+
+    Parameters
+    ----------
+    noise : covariance of the noise in a row of the columns, shape (p, p). rows : how many rows each matrix sums over,
+        shape (...). No more is taken than half of what a column has.
+    """
+    noisy = np.flatnonzero(np.diag(noise) > 0.0)
+    if not noisy.size:
+        return gram
+    own = gram[..., 1 + noisy, 1 + noisy]
+    expected = np.diag(noise)[noisy] * np.asarray(rows)[..., None]
+    times = np.asarray(rows) * np.minimum(1.0, np.min(0.5 * own / np.maximum(expected, 1e-300), axis=-1))
+    gram = gram.copy()
+    gram[..., 1:, 1:] -= times[..., None, None] * noise
+    return gram
+
+
 def grams(rows: Sequence[Array], blocks: Blocks) -> Grams:
-    """All sums that a cross-validated fit needs; `rows` are y and the columns, shape (N,) each."""
+    """All sums that a cross-validated fit needs; `rows` are the drive and the columns, shape (N,) each."""
     x = np.stack(rows)
     parts = (x[:, blocks.segment(i)] for i in range(len(blocks.starts)))
     segments = np.stack([part @ part.T for part in parts])

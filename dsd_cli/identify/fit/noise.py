@@ -1,67 +1,100 @@
-"""The spectrum of the measurement noise, and the filter that makes it white.
+"""The spectrum of what a complete balance of forces leaves, and the filter that makes it white.
 
-What measuring adds to d_hat is white (noise on d_hat) or rises with frequency (noise on velocity or position,
-differentiated). Missing physics is strongest at low frequencies. So the noise spectrum is taken as the largest
-non-decreasing one below that of a residual: whatever rises towards low frequencies is physics and is not whitened away.
+    S(w) = F + J^2 N_a(w),      F, J^2 >= 0
+
+N_a is the noise of the measured acceleration, whose shape the sensor sets; F is what forces do that no model follows.
+Both levels are fitted to the periodogram of a residual (Whittle's likelihood). Nothing in S falls with frequency, so
+what is strongest at low frequencies is left in the rows: it is missing physics.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from dsd_cli.identify.fit.band import Band
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.spectrum import SensorNoise, density
 from dsd_cli.signals.log import Array
 
-#: Order of the whitening filter, samples of a segment, and the least share of the largest density.
-ORDER, SEGMENT, FLOOR = 24, 256, 1e-4
-#: Bands of the spectrum; of a short log (fewer segments) they are few, or the least of them would be chance.
-BANDS, FEW_BANDS, FEW_SEGMENTS = 64, 16, 40
-#: A band stands out if it has this many times the least density of the bands above it; with fewer than so many
-#: segments nothing does.
-TOLERANCE, LEAST_SEGMENTS = 1.6, 5
+#: Rows of a segment of the periodogram; rounds of the multiplicative update, each of which lowers the cost.
+_SEGMENT, _ROUNDS = 128, 200
+#: Half length of the whitening filter, rows, and points at which its response is laid down.
+HALF, _POINTS = 12, 256
 
 
-def whitening_filter(residual: Sequence[Array]) -> Array:
-    """Coefficients a (a_0 = 1) of the filter that whitens the noise in these stretches of a residual, shape (m+1,)."""
-    density = _envelope(_density(residual)[0])
-    if not density[-1] > 0.0:
-        return np.ones(1)
-    density, bands = np.maximum(density, FLOOR * density[-1]), len(density)
-    frequencies = (np.arange(bands) + 0.5) * np.pi / bands
-    lags = np.cos(np.outer(np.arange(ORDER + 1), frequencies)) @ density / bands
-    lags[0] *= 1.0 + 1e-9
-    order = np.arange(ORDER)
-    toeplitz = lags[np.abs(order[:, None] - order[None, :])]
-    return np.concatenate([[1.0], np.linalg.solve(toeplitz, -lags[1:])])
+class ForceNoise(NamedTuple):
+    """Levels of the two parts of S: `flat` is F, `sensor` is J^2 as the residual shows it; unit of u squared."""
+
+    flat: float
+    sensor: float
+
+    def density(self, band: Band, noise: SensorNoise, row_angles: Array) -> Array:
+        """S at angles of rows."""
+        return np.asarray(self.flat + self.sensor * noise.density(row_angles / band.step))
 
 
-def structured_share(residual: Sequence[Array]) -> float:
-    """Share of the power of these stretches that stands above any non-decreasing spectrum: it is no measuring noise."""
-    density, segments = _density(residual)
-    if segments < LEAST_SEGMENTS or not density.sum() > 0.0:
-        return 0.0
-    above = np.maximum(density - TOLERANCE * _envelope(density), 0.0)
-    return float(above.sum() / density.sum())
+def fitted_noise(residual: Sequence[Array], band: Band, noise: SensorNoise) -> ForceNoise:
+    """The two levels from rows (not whitened) that a fit leaves, by stretch."""
+    found = density(residual, _SEGMENT)
+    inside = found.angle <= end_of(band)
+    angle, gain = found.angle[inside], band.gain(found.angle[inside]) ** 2
+    power = np.maximum(found.power[inside] / gain, 1e-300)
+    shapes = np.stack([np.ones(len(angle)), np.maximum(noise.density(angle / band.step), 1e-300)])
+    levels = 0.5 * np.mean(power) / np.mean(shapes, axis=1)
+    for _ in range(_ROUNDS):
+        inverse = 1.0 / (levels @ shapes)
+        levels = levels * np.sqrt((shapes @ (power * inverse**2)) / (shapes @ inverse))
+    return ForceNoise(float(levels[0]), float(levels[1]))
 
 
-def _envelope(density: Array) -> Array:
-    """The largest non-decreasing function that is nowhere above it."""
-    return np.asarray(np.minimum.accumulate(density[::-1])[::-1])
+def end_of(band: Band) -> float:
+    """Angle of rows at the end of the band."""
+    return 2.0 * np.pi * band.hz * band.step * band.sample_time
 
 
-def _density(residual: Sequence[Array]) -> tuple[Array, int]:
-    """(power per band of equal width up to half the sample rate, median over segments; segments).
+def whitening(levels: ForceNoise, band: Band, noise: SensorNoise) -> Array:
+    """Impulse response over rows, shape (2 HALF + 1,), symmetric, with |W|^2 = 1 / S within the band."""
+    angle = band.angles(_POINTS)
+    s = levels.density(band, noise, np.minimum(angle, end_of(band)))
+    s = np.maximum(s, POLICY.flattest * float(np.mean(s)))
+    response = 1.0 / np.sqrt(s)
+    k = np.arange(-HALF, HALF + 1)
+    taps = np.cos(np.outer(k, angle)) @ response / _POINTS
+    return np.asarray(taps * (0.5 + 0.5 * np.cos(np.pi * k / (HALF + 1))))
 
-    The median, because transients shall not count.
+
+def response(taps: Array, row_angles: Array) -> Array:
+    """Frequency response of symmetric taps."""
+    k = np.arange(len(taps)) - len(taps) // 2
+    return np.asarray(np.cos(np.outer(row_angles, k)) @ taps)
+
+
+def passed_variance(taps: Array, band: Band, noise: SensorNoise) -> float:
+    """Variance that the sensor's noise leaves in a row of the acceleration, after low-pass and these taps."""
+    angle = band.angles(_POINTS)
+    # the low-pass is not perfect: what folds back from above half the rate of rows is counted by its own angle
+    total = np.zeros(_POINTS)
+    for fold in range(band.step):
+        true = fold * np.pi + (angle if fold % 2 == 0 else np.pi - angle)
+        total += band.gain(true) ** 2 * noise.density(true / band.step)
+    return float(np.mean(total * response(taps, angle) ** 2) / band.step)
+
+
+def structured_share(residual: Sequence[Array], band: Band) -> float:
+    """Share of the power of these rows (not whitened) that stands above any non-decreasing spectrum.
+
+    That share is no measuring noise: what sensors add to a force rises with frequency or is flat.
     """
-    powers = []
-    for x in residual:
-        for start in range(0, len(x) - SEGMENT + 1, SEGMENT // 2):
-            part = x[start : start + SEGMENT]
-            if np.count_nonzero(part) > SEGMENT // 2:
-                powers.append(np.abs(np.fft.rfft(part * np.hanning(SEGMENT))[1:]) ** 2)
-    bands = BANDS if len(powers) >= FEW_SEGMENTS else FEW_BANDS
-    if not powers:
-        return np.ones(bands), 0
-    return np.median(np.array(powers).reshape(len(powers), bands, -1).mean(axis=2), axis=0), len(powers)
+    found = density(residual, _SEGMENT)
+    rows = sum(len(x) for x in residual)
+    inside = found.angle <= end_of(band)
+    if rows < POLICY.least_segments * _SEGMENT / 2 or not found.power[inside].sum() > 0.0:
+        return 0.0
+    power = found.power[inside] / band.gain(found.angle[inside]) ** 2
+    count = max(int(inside.sum()) // 4, 1)
+    bands = np.array([part.mean() for part in np.array_split(power, count)])
+    floor = np.minimum.accumulate(bands[::-1])[::-1]
+    return float(np.maximum(bands - POLICY.stands_out * floor, 0.0).sum() / bands.sum())

@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.effects import Role
-from dsd_cli.identify.fit.bank import Bank, Terms, inputs_of
-from dsd_cli.identify.fit.blocks import Blocks
-from dsd_cli.identify.fit.gram import grams
-from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.effects import Role, get_effect
+from dsd_cli.identify.fit.bank import FIXED, Term, Terms
+from dsd_cli.identify.fit.gram import grams, without_noise
+from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.results import DELAY, INERTIA, Estimate
-from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
 #: Relative step of numerical derivatives, and how near a bound counts as on it (share of the value).
@@ -30,10 +29,9 @@ BLOCKS_PER_UNKNOWN = 3
 
 @dataclass(frozen=True)
 class Scale:
-    """What turns coefficients into values: observer, sample time (s), and what the fit does not change."""
+    """What turns coefficients into values: s of one step of delay, and what the fit does not change."""
 
-    observer: ObserverSettings
-    sample_time: float
+    tap_time: float
     rest_speed: float
 
     def model(self, fit: Fit, fold: int | None = None) -> PlantModel:
@@ -43,20 +41,38 @@ class Scale:
 
 
 def _model(scale: Scale, terms: Terms, widths: tuple[int, ...], tap: int, theta: Array) -> PlantModel:
-    gain = max(float(theta[0] + theta[1]), 1e-12)
-    motor = scale.observer.nominal_inertia / gain
-    parts = np.split(theta[2:], np.cumsum(widths)[:-1]) if widths else []
+    parts = np.split(theta[FIXED:], np.cumsum(widths)[:-1]) if widths else []
     loads = sum(float(c[0]) for t, c in zip(terms, parts, strict=True) if t.effect.role is Role.STRUCTURE)
-    inertia = motor * (1.0 + loads)
+    inertia = max(float(theta[0]) + loads, 1e-300)
     effects: dict[str, Mapping[str, Any]] = {}
     for term, coefficients in zip(terms, parts, strict=True):
-        unit = 1.0 + loads if term.effect.role is Role.STRUCTURE else gain
+        unit = inertia if term.effect.role is Role.STRUCTURE else 1.0
         found = tuple(float(c) / unit for c in coefficients)
         if term.effect.role is not Role.INPUT and term.effect.memory:
             found = tuple(max(c, 1e-9) for c in found)  # a level or a share that stands under a fraction bar
         effects[term.id] = _bounded(term.effect, term.effect.from_columns(found, term.shape, inertia))
-    delay = (tap + float(theta[1]) / gain) * scale.sample_time
+    delay = (tap + min(float(theta[1]), 1.0)) * scale.tap_time
     return PlantModel(inertia, max(delay, 0.0), effects, scale.rest_speed)
+
+
+def coefficients_of(model: PlantModel, terms: Terms, tap_time: float) -> tuple[int, Array]:
+    """(tap, coefficients) of a model with these terms, in the order of `Bank.design`: the inverse of `Scale.model`."""
+    steps = model.delay / tap_time
+    tap = int(steps + 1e-9)
+    found = [model.motor_inertia, steps - tap]
+    for term in terms:
+        if term.effect.role is Role.INPUT:
+            continue
+        given, _ = term.effect.to_columns(model.effects[term.id], model.inertia)
+        unit = model.inertia if term.effect.role is Role.STRUCTURE else 1.0
+        found += [unit * c for c in given]
+    return tap, np.array(found)
+
+
+def terms_of(model: PlantModel) -> Terms:
+    """The effects of a model at their shapes."""
+    effects = ((name, get_effect(name), values) for name, values in model.effects.items())
+    return tuple(Term.of(name, effect.to_columns(values, model.inertia)[1]) for name, effect, values in effects)
 
 
 def _bounded(effect: Any, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -84,24 +100,25 @@ class Fitted:
     tied: tuple[str, ...]
 
 
-def fitted_values(fit: Fit, bank: Bank, blocks: Blocks, scale: Scale, floor: float) -> Fitted:
+def fitted_values(fit: Fit, solver: Solver, scale: Scale, floor: float) -> Fitted:
     """Every value of the model with its standard error.
 
     Parameters
     ----------
     floor : variance of a whitened row, inflated for correlation: no error is smaller than it implies.
     """
-    covariance, shapes = _covariance(fit, bank, blocks, floor)
+    covariance, shapes = _covariance(fit, solver, floor)
     values = flat(scale.model(fit))
+    linear = len(fit.total)
 
     def at(change: Array) -> dict[str, float]:
-        theta = fit.total + change[: len(fit.total)]
+        theta = fit.total + change[:linear]
         terms = list(fit.terms)
-        for (i, name, value), step in zip(shapes, change[len(fit.total) :], strict=True):
+        for (i, name, value), step in zip(shapes, change[linear:], strict=True):
             terms[i] = type(terms[i]).of(terms[i].id, {**terms[i].shape, name: value * math.exp(step)})
         return flat(_model(scale, tuple(terms), fit.widths, fit.tap, theta))
 
-    jacobian = _jacobian(at, values, _steps(covariance, len(fit.total)))
+    jacobian = _jacobian(at, values, _steps(covariance, linear))
     spread = jacobian @ covariance @ jacobian.T
     errors = np.sqrt(np.maximum(np.diag(spread), 0.0))
     units = _units(fit.terms)
@@ -153,45 +170,39 @@ def _on_bound(value: float, lower: float, upper: float) -> bool:
     return any(math.isfinite(b) and abs(value - b) <= ON_BOUND * span for b in (lower, upper))
 
 
-def _covariance(fit: Fit, bank: Bank, blocks: Blocks, floor: float) -> tuple[Array, list[tuple[int, str, float]]]:
+def _covariance(fit: Fit, solver: Solver, floor: float) -> tuple[Array, list[tuple[int, str, float]]]:
     """(covariance of coefficients and logarithms of shapes, [(term, shape name, value)]).
 
     A sandwich over the blocks, which needs nothing to be white; with few blocks the usual one.
     """
-    rows = [bank.y, *_columns(fit, bank, fit.terms)]
+    design = solver.bank.design(fit.terms, fit.tap, keep=False)
+    rows = list(design.rows)
     shapes = [
         (i, name, value)
         for i, term in enumerate(fit.terms)
         for name, value in term.items
         if isinstance(value, float) and value > 0.0
     ]
+    weights = np.concatenate([[-1.0], fit.total])
     for i, name, value in shapes:
         ends = []
         for factor in (1.0 + STEP, 1.0 - STEP):
             terms = list(fit.terms)
             terms[i] = type(terms[i]).of(terms[i].id, {**terms[i].shape, name: value * factor})
-            ends.append(fit.total @ np.stack(_columns(fit, bank, tuple(terms))))
+            changed = solver.bank.design(tuple(terms), fit.tap, keep=False)
+            ends.append(weights @ np.stack(changed.rows))
         rows.append((ends[0] - ends[1]) / (2.0 * STEP))
-    found = grams(rows, blocks)
-    normal = found.total[1:, 1:]
+    found = grams(rows, solver.blocks)
+    normal = without_noise(found.total, np.pad(design.noise, (0, len(shapes))), len(rows[0]))[1:, 1:]
     size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     inverse = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-10) / np.outer(size, size)
     usual = floor * inverse
-    unknowns = len(normal)
-    if blocks.count < BLOCKS_PER_UNKNOWN * unknowns:
+    unknowns, count = len(normal), solver.blocks.count
+    if count < BLOCKS_PER_UNKNOWN * unknowns:
         return usual, shapes
     residual = np.concatenate([[1.0], -fit.total, np.zeros(len(shapes))])
     scores = found.held_out[:, 1:, :] @ residual
-    meat = scores.T @ scores * blocks.count / (blocks.count - unknowns)
+    meat = scores.T @ scores * count / (count - unknowns)
     sandwich = inverse @ meat @ inverse
     larger = np.sum(np.diag(sandwich) * size**2) > np.sum(np.diag(usual) * size**2)
     return (sandwich if larger else usual), shapes
-
-
-def _columns(fit: Fit, bank: Bank, terms: Terms) -> list[Array]:
-    inputs = inputs_of(terms)
-    columns = [bank.drive(inputs, tap, keep=False) for tap in (fit.tap, fit.tap + 1)]
-    for term in terms:
-        if term.effect.role is not Role.INPUT:
-            columns += bank.columns(term, fit.tap, keep=False)
-    return columns

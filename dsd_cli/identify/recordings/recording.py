@@ -14,12 +14,13 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.identify.recordings.reconstruction import drift
+from dsd_cli.identify.recordings.regular import regularised
+from dsd_cli.identify.recordings.sensor import Sensor, net_force, with_acceleration
 from dsd_cli.identify.recordings.smoothing import Smoothed, smooth
-from dsd_cli.plant.filtering import poles_of
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import Frame
-from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.log import Array, Log, with_channels
 
 #: Speeds within this many standard deviations of the speed's noise may be rest.
 REST_DEVIATIONS = 3.0
@@ -27,6 +28,8 @@ REST_DEVIATIONS = 3.0
 CREEP = 1e-3
 #: The measured acceleration is clear if its noise, as a force, is below this share of the rms of u.
 CLEAR = 0.12
+#: The slope of the position stands in for a logged speed if its noise is below this share of the speed's.
+QUIETER = 0.5
 #: Standard errors by which signs must be clear before they are believed, where so many rows count as one.
 CLEAR_SIGNS, CORRELATED = 8.0, 50.0
 #: A reconstructed position whose drift is expected to exceed this share of its range is none.
@@ -35,11 +38,14 @@ MOST_DRIFT = 0.2
 
 @dataclass(frozen=True)
 class Recording:
-    """One log, in stretches without gaps.
+    """One log, in stretches without gaps, on a regular clock.
 
     Attributes
     ----------
-    pieces : each with t, u, d_hat (sign of eq. 13) and the motion that could be had.
+    pieces : each with t, u (held), d_hat (sign of eq. 13), the motion that could be had, and "acceleration": as
+        measured, a mean over the interval that ends at each sample or, from position, over both intervals beside it.
+    speed_noise : standard deviation of the noise of the speed.
+    sensor : what the acceleration was measured by, and its noise.
     provenance : channel -> "logged", "smoothed", "from position", "reconstructed from u and d_hat" or "computed
         from velocity" (d_hat).
     missing : channel -> why it cannot be had.
@@ -51,6 +57,8 @@ class Recording:
     provenance: Mapping[str, str]
     missing: Mapping[str, str]
     rest_speed: float
+    speed_noise: float
+    sensor: Sensor
 
     @property
     def samples(self) -> int:
@@ -61,17 +69,6 @@ class Recording:
     def sample_time(self) -> float:
         """s."""
         return self.pieces[0].sample_time
-
-
-def shifted(recording: Recording, speed: float) -> Recording:
-    """A reconstructed motion with that added to its speed, rad/s or m/s."""
-    pieces = []
-    for piece in recording.pieces:
-        changed = {"velocity": piece["velocity"] + speed}
-        if "position" in piece:
-            changed["position"] = piece["position"] + speed * (piece["t"] - piece["t"][0])
-        pieces.append(_with(piece, **changed))
-    return replace(recording, pieces=tuple(pieces))
 
 
 def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), rest_speed: float = 0.0) -> Recording:
@@ -92,22 +89,24 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
     pieces = [_part(log, a, b) for a, b in pairwise(edges) if b - a >= _SHORTEST]
     if not pieces:
         raise DataError(f"{log.source}: {len(log)} samples without a stretch of {_SHORTEST}", "a longer log is needed")
+    pieces = [regularised(piece) for piece in pieces]
     provenance = {"u": "logged"}
     if "d_hat" in log:
         provenance["d_hat"] = "logged" if log.d_hat_source == "logged" else f"computed from {log.d_hat_source}"
         if observer.sign < 0:
-            pieces = [_with(piece, d_hat=-piece["d_hat"]) for piece in pieces]
+            pieces = [with_channels(piece, d_hat=-piece["d_hat"]) for piece in pieces]
     else:
         settings = replace(observer, sign=1)
         pieces = [observe_log(piece, settings) for piece in pieces]
         provenance["d_hat"] = f"computed from {pieces[0].d_hat_source}"
     if "d_hat" in log:
         _check_signs(pieces, replace(observer, sign=1), log.source)
+    pieces, sensor = with_acceleration(pieces, observer)
     pieces, noise, margin, missing = _with_motion(pieces, observer, provenance)
     creep = CREEP * max((float(np.sqrt(np.mean(p["velocity"] ** 2))) for p in pieces if "velocity" in p), default=0.0)
     rest = max(rest_speed, REST_DEVIATIONS * noise, creep)
-    pieces = [_with(p, turning=_turning(p, observer, rest, margin)) for p in pieces]
-    return Recording(log.source, tuple(pieces), provenance, missing, rest)
+    pieces = [with_channels(p, turning=_turning(p, observer, rest, margin)) for p in pieces]
+    return Recording(log.source, tuple(pieces), provenance, missing, rest, noise, sensor)
 
 
 #: Samples of the shortest stretch that is used.
@@ -121,10 +120,6 @@ def _part(log: Log, a: int, b: int) -> Log:
     return replace(log, channels=channels)
 
 
-def _with(log: Log, **channels: Array) -> Log:
-    return replace(log, channels={**log.channels, **channels})
-
-
 def _with_motion(
     pieces: list[Log], observer: ObserverSettings, provenance: dict[str, str]
 ) -> tuple[list[Log], float, int, dict[str, str]]:
@@ -133,19 +128,30 @@ def _with_motion(
     if "position" in logged and "velocity" not in logged:
         found = [smooth(piece["position"], piece["t"]) for piece in pieces]
         provenance |= {"velocity": "from position", "position": _word(found)}
-        done = [_with(p, velocity=s.slope, position=s.value) for p, s in zip(pieces, found, strict=True)]
+        done = [with_channels(p, velocity=s.slope, position=s.value) for p, s in zip(pieces, found, strict=True)]
         return done, max(s.slope_noise for s in found), _widest(found), {}
     if "velocity" in logged:
-        found = [smooth(piece["velocity"], piece["t"]) for piece in pieces]
-        provenance["velocity"] = _word(found)
-        pieces = [_with(p, velocity=s.value) for p, s in zip(pieces, found, strict=True)]
-        if "position" not in logged:
-            provenance["position"] = "integrated from velocity"
-            pieces = [_with(p, position=_integral(p["velocity"], p["t"])) for p in pieces]
-        else:
-            provenance["position"] = "logged"
-        return pieces, max(s.value_noise for s in found), _widest(found), {}
+        return _with_velocity(pieces, provenance)
     return _reconstructed(pieces, observer, provenance)
+
+
+def _with_velocity(pieces: list[Log], provenance: dict[str, str]) -> tuple[list[Log], float, int, dict[str, str]]:
+    """As `_with_motion` where the speed is logged; the slope of the position takes its place where that is quieter."""
+    found = [smooth(piece["velocity"], piece["t"]) for piece in pieces]
+    if "position" not in pieces[0]:
+        provenance |= {"velocity": _word(found), "position": "integrated from velocity"}
+        pieces = [with_channels(p, velocity=s.value) for p, s in zip(pieces, found, strict=True)]
+        pieces = [with_channels(p, position=_integral(p["velocity"], p["t"])) for p in pieces]
+        return pieces, max(s.value_noise for s in found), _widest(found), {}
+    slopes = [smooth(piece["position"], piece["t"]) for piece in pieces]
+    provenance["position"] = "logged"
+    if max(s.slope_noise for s in slopes) < QUIETER * max(s.value_noise for s in found):
+        provenance["velocity"] = "from position"
+        pieces = [with_channels(p, velocity=s.slope) for p, s in zip(pieces, slopes, strict=True)]
+        return pieces, max(s.slope_noise for s in slopes), _widest(slopes), {}
+    provenance["velocity"] = _word(found)
+    pieces = [with_channels(p, velocity=s.value) for p, s in zip(pieces, found, strict=True)]
+    return pieces, max(s.value_noise for s in found), _widest(found), {}
 
 
 def _widest(found: Sequence[Smoothed]) -> int:
@@ -197,7 +203,7 @@ def _reconstructed(
         walk = found.value_noise * piece.sample_time * len(piece) / max(observer.time_constant, piece.sample_time)
         drifting |= walk * piece.sample_time * np.sqrt(len(piece)) > MOST_DRIFT * np.ptp(position)
         smoothings.append(found)
-        done.append(_with(piece, velocity=found.value, position=position))
+        done.append(with_channels(piece, velocity=found.value, position=position))
     provenance["velocity"] = provenance["position"] = "reconstructed from u and d_hat"
     noise, margin = max(s.value_noise for s in smoothings), _widest(smoothings)
     if not drifting:
@@ -241,19 +247,3 @@ def _sides(piece: Log, observer: ObserverSettings) -> tuple[Array, Array, Array]
     drive = frame.seen(frame.mean_u(piece["u"], 0.0), observer)
     first = min(int(5.0 * observer.time_constant / piece.sample_time) + 3, len(piece) // 2)
     return piece["d_hat"][first:], (observed["d_hat"] + drive)[first:], drive[first:]
-
-
-def net_force(piece: Log, observer: ObserverSettings) -> Array:
-    """Jn a, mean over the interval that ends at each sample, from d_hat and u: Q undone, shape (n,).
-
-    Where d_hat averages two intervals (from position) so does this. The first sample is 0.
-    """
-    frame = Frame(piece)
-    d_hat = piece["d_hat"]
-    poles = poles_of(frame.intervals.tolist(), observer.time_constant)
-    raw = np.zeros(len(d_hat))
-    raw[1:] = (d_hat[1:] - poles[1:] * d_hat[:-1]) / (1.0 - poles[1:])
-    u = frame.seen(frame.mean_u(piece["u"], 0.0), None)
-    total = raw + u
-    total[0] = 0.0
-    return np.asarray(total)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.signals.log import Array
 
@@ -18,6 +19,8 @@ ALLOWED, MISJUDGED = 1.1, 1.4
 #: Steps of the stamps that differ by less than this share are a regular clock, rounded when printed.
 _REGULAR = 0.02
 _ORDER = 3
+#: Standard deviations by which a wider window may differ from the next narrower one before it ends.
+AGREE = 5.0
 #: Differences of these orders remove what is smooth and leave white noise, amplified by a known factor; what is not
 #: smooth only adds, so that the smallest answer is the best.
 _DIFFERENCES = (2, 4, 6)
@@ -52,11 +55,42 @@ def smooth(x: Array, t: Array) -> Smoothed:
         if size > ALLOWED * least:
             break
         chosen, value, least = half, candidate, min(least, max(size, 1.0))
-    _, slope = _local(x, t, max(chosen, 1))
+    value, slope = _adapted(x, t, chosen, noise)
     weights, slopes = (_weights(max(chosen, 1), d) for d in (0, 1))
     value_noise = noise * float(np.sqrt(np.sum(weights**2))) if chosen else noise
     slope_noise = noise * float(np.sqrt(np.sum(slopes**2))) / float(np.median(np.diff(t)))
     return Smoothed(np.asarray(value), slope, chosen, value_noise, slope_noise)
+
+
+def _adapted(x: Array, t: Array, widest: int, noise: float) -> tuple[Array, Array]:
+    """Value and slope, shape (n,) each, with the widest window up to `widest` that the noise allows at every sample.
+
+    Around a sudden change, wider windows differ from narrower ones by more than noise; there they end (the rule of
+    intersecting confidence intervals).
+    """
+    value = x
+    _, slope = _local(x, t, 1)
+    alive = np.ones(len(x), dtype=bool)
+    spread, slope_spread = noise, _spread(1, 1, noise, t)
+    for half in [h for h in HALF_WIDTHS if 0 < h <= widest]:
+        wider, wider_slope = _local(x, t, half)
+        strange = np.abs(wider - value) > AGREE * spread
+        strange |= np.abs(wider_slope - slope) > AGREE * slope_spread
+        alive &= ~_widened(strange, half)
+        value, slope = np.where(alive, wider, value), np.where(alive, wider_slope, slope)
+        spread, slope_spread = _spread(half, 0, noise, t), _spread(half, 1, noise, t)
+    return np.asarray(value), np.asarray(slope)
+
+
+def _spread(half: int, derivative: int, noise: float, t: Array) -> float:
+    """Standard deviation that the noise leaves in a value (0) or slope (1)."""
+    return noise * float(np.sqrt(np.sum(_weights(half, derivative) ** 2))) / float(np.median(np.diff(t))) ** derivative
+
+
+def _widened(marks: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    """True up to `reach` samples beside every mark."""
+    sums = np.cumsum(np.concatenate([np.zeros(reach + 1), marks, np.zeros(reach)]))
+    return np.asarray(sums[2 * reach + 1 :] > sums[: -(2 * reach + 1)])
 
 
 def noise_of(x: Array) -> float:

@@ -13,11 +13,11 @@ import numpy as np
 
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.verdict.examination import Examination
+from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array
 
 #: Most pulses, samples of the shortest, and how far its mean stands above the noise of a mean.
-MOST_PULSES, SHORTEST, LEAST_DEVIATIONS = 6, 20, 8.0
+MOST_PULSES, SHORTEST, LEAST_DEVIATIONS = 6, 3, 8.0
 #: A pulse that is weaker than this share of the strongest is part of its edges.
 WEAKEST = 0.1
 #: Neighbours whose levels differ by less than this share are one pulse.
@@ -28,19 +28,19 @@ MOST_REACH = 200
 _ID = "external_force"
 
 
-def with_pulses(exam: Examination, fit: Fit) -> Fit | None:
+def with_pulses(search: Search, fit: Fit) -> Fit | None:
     """A fit and the pulses that its residual shows; None if it shows none."""
     for _ in range(ROUNDS):
-        edges = _pulses(exam, fit)
+        edges = _pulses(search, fit)
         if not edges:
             return None
         term = Term.of(_ID, {"edges": edges})
         terms = (*(t for t in fit.terms if t.id != _ID), term)
-        fit = exam.search.fit(terms, fit.tap)
-    return _sharpened(exam, _strong_only(exam, fit))
+        fit = search.fit(terms, fit.tap)
+    return _sharpened(search, _strong_only(search, fit))
 
 
-def _strong_only(exam: Examination, fit: Fit) -> Fit:
+def _strong_only(search: Search, fit: Fit) -> Fit:
     """Without the pulses that turned out weak when all were fitted together; neighbours of one level made one."""
     term = next(t for t in fit.terms if t.id == _ID)
     levels = fit.coefficients(term)
@@ -55,18 +55,19 @@ def _strong_only(exam: Examination, fit: Fit) -> Fit:
     kept = tuple((a, b) for a, b, _ in merged)
     if len(kept) == len(levels):
         return fit
-    return exam.search.fit(tuple(Term.of(_ID, {"edges": kept}) if t is term else t for t in fit.terms), fit.tap)
+    return search.fit(tuple(Term.of(_ID, {"edges": kept}) if t is term else t for t in fit.terms), fit.tap)
 
 
-def _pulses(exam: Examination, fit: Fit) -> tuple[tuple[float, float], ...]:
+def _pulses(search: Search, fit: Fit) -> tuple[tuple[float, float], ...]:
     """(start, end) in s, in the order of time."""
     found: list[tuple[float, float, float]] = []
-    values = exam.plain.residual(_without_pulses(fit), held_out=False)
-    for stretch, x in zip(exam.equations.stretches, exam.by_stretch(values), strict=True):
-        times = stretch.frame.times[exam.equations.startup :]
-        late = exam.observer.time_constant + 0.5 * stretch.log.sample_time
-        for a, b, level in _strongest(x, exam.gap):
-            found.append((float(times[a] - late), float(times[b] - late), abs(level)))
+    values = search.problem.errors.residual(_without_pulses(fit), held_out=False)
+    row_time = search.equations.band.step * search.equations.sample_time
+    times = [s.frame.times for s in search.equations.stretches]
+    at = search.equations.by_stretch(search.equations.of_rows(times))
+    for stamps, x in zip(at, search.equations.by_stretch(values), strict=True):
+        for a, b, level in _strongest(x):
+            found.append((float(stamps[a] - 0.5 * row_time), float(stamps[b] + 0.5 * row_time), abs(level)))
     top = max((level for *_, level in found), default=0.0)
     kept = sorted(found, key=lambda p: -p[2])[:MOST_PULSES]
     return _apart(sorted((a, b) for a, b, level in kept if level > WEAKEST * top))
@@ -80,16 +81,15 @@ def _apart(windows: list[tuple[float, float]]) -> tuple[tuple[float, float], ...
 
 
 def _without_pulses(fit: Fit) -> Fit:
-    total = fit.total.copy()
-    at = 2
-    for term, width in zip(fit.terms, fit.widths, strict=True):
+    forward = fit.forward.copy()
+    for term in fit.terms:
         if term.id == _ID:
-            total[at : at + width] = 0.0
-        at += width
-    return replace(fit, total=total)
+            at = fit.columns_of(term)
+            forward[1 + at.start : 1 + at.stop] = 0.0
+    return replace(fit, forward=forward)
 
 
-def _strongest(x: Array, gap: int) -> list[tuple[int, int, float]]:
+def _strongest(x: Array) -> list[tuple[int, int, float]]:
     """(first row, row behind the last, level) by matching pursuit over start and length."""
     left = x - np.median(x)
     noise = 1.4826 * float(np.median(np.abs(np.diff(left)))) / np.sqrt(2.0)
@@ -125,7 +125,7 @@ def _best_window(x: Array, lengths: Array) -> tuple[int, int, float]:
     return int(starts[i]), int(ends[j]), float(score2[i, j])
 
 
-def _sharpened(exam: Examination, fit: Fit) -> Fit:
+def _sharpened(search: Search, fit: Fit) -> Fit:
     """Every edge moved, by half samples at last, while that lowers the squares."""
     position = next(i for i, t in enumerate(fit.terms) if t.id == _ID)
     edges = [list(pair) for pair in fit.terms[position].shape["edges"]]
@@ -134,19 +134,19 @@ def _sharpened(exam: Examination, fit: Fit) -> Fit:
         moved = Term.of(_ID, {"edges": tuple((a, b) for a, b in edges)})
         return (*fit.terms[:position], moved, *fit.terms[position + 1 :])
 
-    best = exam.search.solver.squares(terms(), fit.tap, keep=False)
+    best = search.solver.squares(terms(), fit.tap, keep=False)
     for pair in edges:
         for side in (0, 1):
-            step = 8.0 * exam.scale.sample_time
-            while step > 0.3 * exam.scale.sample_time:
+            step = 0.5 * search.equations.band.step * search.equations.sample_time
+            while step > 0.3 * search.equations.sample_time:
                 before = pair[side]
                 for way in (1.0, -1.0):
                     pair[side] = before + way * step
-                    now = exam.search.solver.squares(terms(), fit.tap, keep=False) if pair[0] < pair[1] else np.inf
+                    now = search.solver.squares(terms(), fit.tap, keep=False) if pair[0] < pair[1] else np.inf
                     if now < best:
                         best = now
                         break
                     pair[side] = before
                 else:
                     step *= 0.5
-    return exam.search.fit(terms(), fit.tap)
+    return search.fit(terms(), fit.tap)

@@ -6,19 +6,22 @@ drops what became needless, swaps members for outsiders, and only then is asked 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
 
-from dsd_cli.effects import Role
-from dsd_cli.identify.fit.bank import Bank, Term, Terms, ranges
-from dsd_cli.identify.fit.blocks import Blocks
-from dsd_cli.identify.fit.rows import Equations
-from dsd_cli.identify.fit.solve import Fit, Solver
+from dsd_cli.effects import Role, get_effect
+from dsd_cli.identify.fit.bank import SHARE, Term, Terms
+from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.problem import Problem, best_delay
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.search.scan import Scan
 from dsd_cli.identify.search.shapes import refined
-from dsd_cli.identify.search.starts import Residual, starts
+from dsd_cli.identify.search.starts import Lines, starts
 
 #: Nats that an effect costs: one of some twenty was chosen; and each shape parameter that was searched.
 CHOICE, SEARCHED = 3.0, 3.0
@@ -30,16 +33,16 @@ LEAST_GAIN, MOST_LOST = 6.0, 0.3
 #: motor earlier, for their best shape is narrow.
 WORTH_REFINING, WORTH_FOR_LOADS = 0.5, 0.04
 MOST_EFFECTS = 8
+#: Steps that a delay walks from where it was.
+MOST_WALKED = 12
+#: Rounds in which the shapes of the model's own effects are searched, and the gain below which they are found.
+MOST_REFINEMENTS, STALLED = 6, 1e-3
+#: Rounds in which several shapes of one effect are searched while it is only a candidate.
+ROUNDS_IN_SCAN = 2
+#: Outsiders that are fitted in the place of a member, and the share of its gain that they must have before refinement.
+MOST_CHALLENGERS, WORTH_CHALLENGING = 3, 0.5
 #: Pairs of effects that are cross-validated, of all that are fitted.
 MOST_PAIRS = 4
-
-
-@dataclass(frozen=True)
-class Noise:
-    """variance of a whitened row; inflation: how many rows count as one, because they are not independent."""
-
-    variance: float
-    inflation: float
 
 
 @dataclass(frozen=True)
@@ -52,41 +55,24 @@ class Option:
 
 
 class Search:
-    """Selections of effects for some equations.
+    """Selections of effects for a problem; `allowed` : effects that may be added, by default its candidates."""
 
-    Parameters
-    ----------
-    base : effects that the model has; they stay.
-    allowed : effects that may be added.
-    practical : whether a step from one fit to another matters in practice, beyond being certain.
-    """
-
-    def __init__(
-        self,
-        bank: Bank,
-        blocks: Blocks,
-        base: Terms,
-        allowed: Sequence[str],
-        noise: Noise,
-        practical: Callable[[Fit, Fit], bool],
-        most_tap: int,
-    ) -> None:
-        self.bank, self.solver = bank, Solver(bank, blocks)
-        self.base, self.allowed, self.noise = base, tuple(allowed), noise
-        self.practical, self.most_tap = practical, most_tap
-        self.ranges = ranges(bank.equations)
+    def __init__(self, problem: Problem) -> None:
+        self.problem, self.solver, self.noise = problem, problem.solver, problem.noise
+        self.base, self.allowed = problem.base, problem.candidates
+        self.most_tap, self.ranges, self.practical = problem.most_tap, problem.ranges, problem.practical
         self._options: dict[tuple[Terms, int], list[Option]] = {}
 
     @property
     def equations(self) -> Equations:
-        """Of the bank."""
-        return self.bank.equations
+        """Whitened ones."""
+        return self.problem.equations
 
     # -- evidence --------------------------------------------------------------------------------------------------
 
     def evidence(self, fit: Fit) -> float:
         """Held-out log-likelihood (up to a constant) less the price of the effects beyond the model's, nats."""
-        return -fit.loss / (2.0 * self.noise.variance * self.noise.inflation) - self.price(fit.terms)
+        return -fit.loss / self.noise.nats - self.price(fit.terms)
 
     def price(self, terms: Terms) -> float:
         """Nats for having chosen these effects and searched their shapes."""
@@ -95,7 +81,7 @@ class Search:
 
     def gains(self, before: Fit, after: Fit) -> np.ndarray:
         """Nats per block, shape (B,), without prices."""
-        return (before.losses - after.losses) / (2.0 * self.noise.variance * self.noise.inflation)
+        return (before.losses - after.losses) / self.noise.nats
 
     def matters(self, before: Fit, after: Fit) -> bool:
         """Whether going from one fit to the other is certain and of use."""
@@ -106,25 +92,39 @@ class Search:
 
     # -- fits ------------------------------------------------------------------------------------------------------
 
-    def fit(self, terms: Terms, near: int) -> Fit:
-        """At the best delay near `near` samples, walking on while the edge of the neighbourhood is best."""
-        tap = near
-        while True:
-            fit = self.solver.best(terms, self.around(tap))
-            if fit.tap in (tap, 0, self.most_tap) or abs(fit.tap - tap) < 1:
-                return fit
-            tap = fit.tap
+    @cached_property
+    def refit(self) -> Fit:
+        """The model's own effects with all values free."""
+        fit = self.fit(self.base, best_delay(self.solver, self.problem.beside, self.most_tap))
+        for _ in range(MOST_REFINEMENTS):
+            better = self.refined(fit)
+            if better.squares > (1.0 - STALLED) * fit.squares:
+                return better
+            fit = better
+        return fit
 
-    def around(self, tap: int) -> list[int]:
-        """The delay and its neighbours, samples."""
-        return [n for n in (tap, tap - 1, tap + 1) if 0 <= n <= self.most_tap]
+    def fit(self, terms: Terms, near: int) -> Fit:
+        """At the best delay near `near` steps: the share of a further step says which way to go."""
+        tap, tried = min(max(near, 0), self.most_tap), set()
+        while True:
+            tried.add(tap)
+            fit = self.solver.fit(terms, tap)
+            share = float(fit.total[SHARE])
+            step = math.floor(share) if share > 1.0 else -1 if share == 0.0 else 0
+            following = min(max(tap + step, 0), self.most_tap)
+            if step == 0 or following in tried or len(tried) > MOST_WALKED:
+                return fit
+            if step < 0 and self.solver.squares(terms, following) >= fit.squares:
+                return fit
+            tap = following
 
     def taps_for(self, term: Term, tap: int) -> list[int]:
-        """Delays to try with an effect: a lag has been taken for delay before it was known."""
-        if term.id != "actuator_lag":
-            return self.around(tap)
-        lag = round(term.shape["time_constant"] / self.equations.sample_time)
-        return sorted({max(tap - lag + d, 0) for d in (-1, 0, 1)} | {max(tap - lag // 2, 0)})
+        """Delays to try with an effect that is late itself: before it was known, delay stood in for it."""
+        if term.effect.lateness is None:
+            return [tap]
+        late = term.effect.lateness(term.shape) / self.solver.bank.tap_time
+        tried = {round(tap - share * late) for share in (0.5, 0.8, 1.0)}
+        return sorted({min(max(n, 0), self.most_tap) for n in tried})
 
     # -- steps -----------------------------------------------------------------------------------------------------
 
@@ -136,39 +136,47 @@ class Search:
         return self._options[key]
 
     def _all_options(self, current: Fit) -> list[Option]:
-        residual = Residual(self.equations, current)
-        here = {t.id for t in current.terms}
-        found: list[tuple[float, Term, int]] = []
-        for effect_id in self.allowed:
-            if effect_id not in here and effect_id != "external_force":
-                best = self._best_start(current, effect_id, residual)
-                if best is not None:
-                    found.append(best)
-        if not found:
-            return []
-        least = min(squares for squares, _, _ in found)
-        worth, worth_load = (
-            current.squares - share * (current.squares - least) for share in (WORTH_REFINING, WORTH_FOR_LOADS)
-        )
+        found = self._at_best_starts(current)
+        most = max((gain for gain, *_ in found), default=0.0)
         options = []
-        for squares, term, tap in found:
+        for gain, tap, term in found:
             terms = (*current.terms, term)
-            if term.items and squares <= (worth_load if term.effect.role is Role.STRUCTURE else worth):
-                terms, tap = refined(self, terms, len(terms) - 1, tap)
-            fit = self.fit(terms, tap)
+            share = WORTH_FOR_LOADS if term.effect.role is Role.STRUCTURE else WORTH_REFINING
+            worth = gain >= share * most
+            if term.items and worth:
+                terms, tap = refined(self, terms, len(terms) - 1, tap, ROUNDS_IN_SCAN)
+            fit = self.fit(terms, tap) if worth else self.solver.fit(terms, tap)
             options.append(Option(term.id, fit, self.evidence(fit)))
         return sorted(options, key=lambda o: -o.evidence)
 
-    def _best_start(self, current: Fit, effect_id: str, residual: Residual) -> tuple[float, Term, int] | None:
-        terms = [Term.of(effect_id, shape) for shape in starts(effect_id, self.ranges, residual)]
-        best = None
-        for term in terms:
-            taps = self.taps_for(term, current.tap) if term.effect.role is Role.INPUT else [current.tap]
-            for tap in taps:
-                squares = self.solver.squares((*current.terms, term), tap)
-                if best is None or squares < best[0]:
-                    best = (squares, term, tap)
-        return best
+    def _at_best_starts(self, current: Fit) -> list[tuple[float, int, Term]]:
+        """(gain, delay, term) of every allowed effect at the best of its starting shapes."""
+        lines, scan = Lines(self.problem.errors, current), self.scan(current.terms, current.tap)
+        here = {t.id for t in current.terms}
+        found = []
+        for effect_id in self.allowed:
+            if effect_id in here or _listed(effect_id):
+                continue
+            tried = [Term.of(effect_id, shape) for shape in starts(effect_id, self.ranges, lines)]
+            if tried:
+                found.append(max(((*scan.gain(term, keep=True), term) for term in tried), key=lambda f: f[0]))
+        return found
+
+    def challenger(self, rest: Fit, member: str, own: float) -> Option | None:
+        """The outsider with most evidence in the place of a member that gains `own`; None if none comes near it."""
+        found = [f for f in self._at_best_starts(rest) if f[2].id != member and f[0] > WORTH_CHALLENGING * own]
+        options = []
+        for _, tap, term in sorted(found, key=lambda f: -f[0])[:MOST_CHALLENGERS]:
+            terms = (*rest.terms, term)
+            if term.items:
+                terms, tap = refined(self, terms, len(terms) - 1, tap, ROUNDS_IN_SCAN)
+            fit = self.fit(terms, tap)
+            options.append(Option(term.id, fit, self.evidence(fit)))
+        return self.preferred(options)
+
+    def scan(self, terms: Terms, tap: int) -> Scan:
+        """What another effect would gain beside these."""
+        return Scan(self.solver, terms, tap, self.taps_for)
 
     def run(self, start: Fit, report: Callable[[float], None] = lambda _: None) -> Fit:
         """The set of effects that nothing betters any more."""
@@ -197,7 +205,7 @@ class Search:
         ]
         if not pairs:
             return None
-        nats = 2.0 * self.noise.variance * self.noise.inflation
+        nats = self.noise.nats
         ranked = sorted(pairs, key=lambda p: self.solver.squares(*p) / nats + self.price(p[0]))
         return max((self.fit(terms, tap) for terms, tap in ranked[:MOST_PAIRS]), key=self.evidence)
 
@@ -229,7 +237,7 @@ class Search:
         """With the shapes of all effects searched around where they are."""
         terms, tap = fit.terms, fit.tap
         for i, term in enumerate(terms):
-            if term.items and term.id != "external_force":
+            if term.items and not _listed(term.id):
                 terms, tap = refined(self, terms, i, tap)
         if terms == fit.terms:
             return fit
@@ -246,12 +254,17 @@ class Search:
     def _swapped(self, fit: Fit) -> Fit:
         for term in self.added(fit.terms):
             rest = self.fit(tuple(t for t in fit.terms if t != term), fit.tap)
-            best = self.preferred(self.options(rest))
-            if best is None or best.effect == term.id or best.evidence < self.evidence(fit) + 1.0:
+            best = self.challenger(rest, term.id, rest.squares - fit.squares)
+            if best is None or best.evidence < self.evidence(fit) + 1.0:
                 continue
             if self.price(best.fit.terms) <= self.price(fit.terms) or self.practical(fit, best.fit):
                 return best.fit
         return fit
+
+
+def _listed(effect_id: str) -> bool:
+    """Whether the effect is a list of events, which `pulses` looks for."""
+    return any(p.listed for p in get_effect(effect_id).parameters)
 
 
 def _agreed(gains: np.ndarray) -> bool:

@@ -1,12 +1,13 @@
-"""Where the search for a shape parameter begins, for effects whose shape is seen in the residual."""
+"""Where the search for a shape begins: from what the log exercises, and from the lines of the residual's spectrum."""
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
-from dsd_cli.effects import Ranges, Role, Shape
-from dsd_cli.identify.fit.bank import Term, drive, raw_columns
-from dsd_cli.identify.fit.rows import Equations
+from dsd_cli.effects import Ranges, Shape, get_effect
+from dsd_cli.identify.fit.errors import Errors
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.signals.log import Array
 
@@ -14,79 +15,53 @@ from dsd_cli.signals.log import Array
 LINES, BINS = 4, 4096
 #: A line has at least this many periods in the log (in the travel), else it is a trend.
 LEAST_PERIODS = 2.5
-#: Damping ratio with which the search for a ringing load begins.
-RINGING = 0.05
+#: Quantile of the speed at which a ripple over the position must pass the band.
+SLOW = 0.25
 
 
-def starts(effect_id: str, found: Ranges, residual: Residual) -> list[Shape]:
-    """Starting shapes of an effect; of those that show up as lines, the strongest lines of the residual."""
-    if effect_id == "periodic_disturbance":
-        return [{"frequency": f} for f in residual.lines_in_time()]
-    if effect_id == "cogging":
-        return [{"periods": n} for n in residual.lines_over_position()]
-    known = Term(effect_id).effect.starts(found)
-    if effect_id == "flexible_coupling":
-        # a load that is hardly damped rings: its line lies at or above the frequency that it has alone
-        lines = [f * below for f in residual.lines_in_time() for below in (1.0, 0.8)]
-        known = [*known, *({"frequency": f, "damping": RINGING} for f in lines)]
-    return known
+def starts(effect_id: str, found: Ranges, lines: Lines) -> list[Shape]:
+    """Starting shapes of an effect: those over the ranges of the log, and those that the residual's lines suggest."""
+    effect = get_effect(effect_id)
+    return [*effect.starts(found), *effect.seeds(lines)]
 
 
-class Residual:
-    """What a fit leaves, per stretch, as the observer sees it (not whitened), unit of u."""
+class Lines:
+    """Lines in the spectrum of what a fit leaves (rows in the unit of u)."""
 
-    def __init__(self, equations: Equations, fit: Fit) -> None:
-        self.equations = equations
-        self.values = residual_of(equations, fit)
+    def __init__(self, errors: Errors, fit: Fit) -> None:
+        self._equations = errors.equations
+        self._residual = errors.residual(fit, held_out=False)
 
-    def by_stretch(self) -> list[Array]:
-        """One array per stretch, from `startup` on."""
-        edges = np.cumsum([len(s.log) - self.equations.startup for s in self.equations.stretches])[:-1]
-        return list(np.split(self.values, edges))
-
-    def lines_in_time(self) -> list[float]:
+    @cached_property
+    def over_time(self) -> tuple[float, ...]:
         """Frequencies of the strongest lines, Hz."""
-        parts = self.by_stretch()
+        parts = self._equations.by_stretch(self._residual)
+        row_time = self._equations.band.step * self._equations.sample_time
         size = 2 * max(len(x) for x in parts)
-        power = sum(np.abs(np.fft.rfft(x - x.mean(), size)) ** 2 for x in parts)
-        step = 1.0 / (size * self.equations.sample_time)
-        shortest = LEAST_PERIODS / (max(len(x) for x in parts) * self.equations.sample_time)
-        return [k * step for k in _peaks(np.asarray(power), int(shortest / step) + 1)]
+        power = sum(np.abs(np.fft.rfft(x - x.mean(), size)) ** 2 for x in parts if len(x))
+        step = 1.0 / (size * row_time)
+        shortest = LEAST_PERIODS / (max(len(x) for x in parts) * row_time)
+        last = int(self._equations.band.hz / step) + 1
+        return tuple(k * step for k in _peaks(np.asarray(power)[:last], int(shortest / step) + 1))
 
-    def lines_over_position(self) -> list[float]:
+    @cached_property
+    def over_position(self) -> tuple[float, ...]:
         """Spatial frequencies of the strongest lines, rad per unit of position."""
-        skip, observer = self.equations.startup, self.equations.observer
-        places = []
-        for s in self.equations.stretches:
-            seen = s.frame.filtered(s.motion.position, observer, float(s.motion.position[0]))  # as late as the residual
-            places.append(seen[skip:])
-        place = np.concatenate(places)
+        stretches = self._equations.stretches
+        if any("position" not in s.log for s in stretches):
+            return ()
+        place = self._equations.of_rows([s.log["position"] for s in stretches])
+        speed = np.abs(self._equations.of_rows([s.log["velocity"] for s in stretches]))
         travel = float(np.ptp(place))
-        if not travel > 0.0:
-            return []
+        usual = float(np.quantile(speed[speed > 0.0], SLOW)) if np.any(speed > 0.0) else 0.0
+        if not travel > 0.0 or not usual > 0.0:
+            return ()
         bins = np.minimum(((place - place.min()) / travel * BINS).astype(int), BINS - 1)
-        sums = np.bincount(bins, self.values - self.values.mean(), BINS)
+        sums = np.bincount(bins, self._residual - self._residual.mean(), BINS)
         power = np.abs(np.fft.rfft(sums, 2 * BINS)) ** 2
         step = 2.0 * np.pi / (2.0 * travel)
-        top = max(float(np.nanmax(np.abs(s.motion.velocity))) for s in self.equations.stretches)
-        highest = 0.5 * np.pi / max(top * self.equations.sample_time, 1e-300)  # half of what sampling can follow
-        return [k * step for k in _peaks(power[: int(highest / step) + 1], int(2 * LEAST_PERIODS))]
-
-
-def residual_of(equations: Equations, fit: Fit) -> Array:
-    """y less what the fit explains, as the observer sees it, of all stretches from `startup` on."""
-    from dsd_cli.identify.fit.bank import inputs_of
-
-    inputs = inputs_of(fit.terms)
-    left = equations.plain_measured()
-    for coefficient, tap in zip(fit.total[:2], (fit.tap, fit.tap + 1), strict=True):
-        if coefficient != 0.0:
-            left = left - coefficient * equations.plain(drive(equations, inputs, tap))
-    for term in fit.terms:
-        if term.effect.role is not Role.INPUT:
-            for coefficient, raw in zip(fit.coefficients(term), raw_columns(equations, term, fit.tap), strict=True):
-                left = left - coefficient * equations.plain(raw)
-    return left
+        highest = 2.0 * np.pi * self._equations.band.hz / usual  # what passes the band at such speeds
+        return tuple(k * step for k in _peaks(power[: int(highest / step) + 1], int(2 * LEAST_PERIODS)))
 
 
 def _peaks(power: Array, first: int) -> list[int]:

@@ -6,14 +6,16 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from dsd_cli.effects import get_effect
+from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
-from dsd_cli.identify.search.sets import Option
+from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.beyond import Beyond, beyond_of, pushed
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
-from dsd_cli.identify.verdict.examination import Examination, Settings
 from dsd_cli.identify.verdict.own_values import Own, own_values
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
@@ -26,8 +28,6 @@ SHARE_OF_CEILING = 0.75
 LEAST_ALONE = 0.005
 #: Above this inflation the rows are so dependent that the model misfits somewhere.
 MOST_INFLATION = 3.0
-#: Of effects that explain a recording equally well the one that is met more often is named, the others beside it.
-COMMON = ("coulomb_friction", "viscous_friction", "constant_load", "gravity", "load_friction", "stiffness")
 #: No verdict is surer than this: the catalogue is not the world.
 SUREST = 0.99
 #: "Nothing is missing" is not surer than this where some effects could not be tested.
@@ -60,23 +60,23 @@ def diagnose(
     """
     report = progress or (lambda _what, _share: None)
     report("preparing", 0.0)
-    exam = Examination(recordings, model, observer, settings or Settings(), holdout)
-    report("one effect at a time", 0.15)
-    refit = exam.refit
-    options = exam.search.options(refit)
-    report("sets of effects", 0.4)
-    whole = exam.search.run(refit, lambda share: report("sets of effects", 0.4 + 0.4 * share))
-    beyond = beyond_of(exam, whole)
-    if "external_force" in exam.candidates:
-        whole, beyond = pushed(exam, whole, beyond)
+    search = Search(pose(recordings, model, settings or Settings(), holdout))
+    report("sets of effects", 0.2)
+    whole = search.run(search.refit, lambda share: report("sets of effects", 0.2 + 0.3 * share))
+    search = Search(search.problem.measured_again(whole))
+    report("sets of effects, the noise measured anew", 0.5)
+    whole = search.run(search.settled(search.fit(whole.terms, whole.tap)))
+    beyond = beyond_of(search, whole)
+    if "external_force" in search.allowed:
+        whole, beyond = pushed(search, whole, beyond)
     report("how sure", 0.8)
-    found = [t.id for t in exam.search.added(whole.terms)]
-    reconstructed = any("reconstructed" in r.provenance.get("velocity", "") for r in exam.recordings)
-    misfit = beyond.unknown or reconstructed or exam.noise.inflation > MOST_INFLATION
-    members = {name: membership(exam.search, whole, name, exam.plain, misfit) for name in found}
-    own = own_values(exam)
+    found = [t.id for t in search.added(whole.terms)]
+    reconstructed = any("reconstructed" in r.provenance.get("velocity", "") for r in search.problem.recordings)
+    misfit = beyond.unknown or reconstructed or search.noise.inflation > MOST_INFLATION
+    members = {name: membership(search, whole, name, misfit) for name in found}
+    own = own_values(search)
     report("done", 1.0)
-    return _Verdict(exam, options, whole, members, own, beyond).diagnosis()
+    return _Verdict(search, search.options(search.refit), whole, members, own, beyond).diagnosis()
 
 
 class _Verdict:
@@ -84,14 +84,15 @@ class _Verdict:
 
     def __init__(
         self,
-        exam: Examination,
+        search: Search,
         options: list[Option],
         whole: Fit,
         members: dict[str, Membership],
         own: Own,
         beyond: Beyond,
     ) -> None:
-        self.exam, self.options, self.whole = exam, options, whole
+        self.search, self.problem = search, search.problem
+        self.options, self.whole = options, whole
         self.members, self.own, self.beyond = members, own, beyond
         self._named_for: dict[str, str] = {}
         self.alone = {o.effect: o for o in (*options, *self._events())}
@@ -101,34 +102,57 @@ class _Verdict:
 
     def _events(self) -> list[Option]:
         """Pulses alone, where they belong to the answer: they are no candidate of the search."""
-        exam = self.exam
-        pulses = [t for t in exam.search.added(self.whole.terms) if "edges" in t.shape]
-        fits = [(t.id, exam.search.fit((*exam.base, t), self.whole.tap)) for t in pulses]
-        return [Option(name, fit, exam.search.evidence(fit)) for name, fit in fits]
+        search = self.search
+        pulses = [t for t in search.added(self.whole.terms) if "edges" in t.shape]
+        fits = [(t.id, search.fit((*search.base, t), self.whole.tap)) for t in pulses]
+        return [Option(name, fit, search.evidence(fit)) for name, fit in fits]
 
     def verdict(self) -> tuple[str, float]:
         """(verdict, probability)."""
-        exam, beyond = self.exam, self.beyond
+        search, beyond = self.search, self.beyond
         if self.members:
             best = max(self.members, key=self._worth)
-            if not self._lowers(best):
+            if not self._lowers(best) or self._weightless(self.whole):
                 return UNKNOWN, 0.5
-            known = self._share_of_possible(exam.plain.rmse(exam.refit), exam.plain.rmse(self.whole))
+            known = self._share_of_possible(
+                self.problem.errors.rmse(search.refit), self.problem.errors.rmse(self.whole)
+            )
             if known < SHARE_OF_CEILING:
                 return UNKNOWN, min(1.0 - max(known, 0.0), SUREST)
             group = (best, *self.members[best].alike)
             belief = self.members[best].probabilities
-            named = min(group, key=_commonness)
+            named = min(group, key=lambda name: get_effect(name).rarity)
             self._named_for[named] = best
             tied = (best, *self.members[best].rivals)
             shared = sum(belief.get(name, 0.0) for name in tied) / len(tied)
-            return named, min(known * max(belief.get(named, 0.0), shared), SUREST)
+            return named, min(known * max(belief.get(named, 0.0), shared), self._surest())
         known = self._share_of_possible(self.own.score.heldout_rmse, self.own.refitted.heldout_rmse)
-        if self.own.wrong and known >= SHARE_OF_CEILING:
+        above_floor = self._above_floor()
+        if self.own.wrong and known >= SHARE_OF_CEILING and not above_floor:
             return self.own.wrong, min(known * self.own.probability, SUREST)
         if beyond.unknown:
             return UNKNOWN, 0.9
+        if above_floor:
+            return UNKNOWN, 0.6
         return NONE, self._nothing()
+
+    def _weightless(self, fit: Fit) -> bool:
+        """Whether a fit leaves hardly any inertia: it explains u by itself, and no motion."""
+        return self.problem.scale.model(fit).inertia < POLICY.least_inertia * self.search.solver.inertia
+
+    def _short(self) -> bool:
+        """Whether the recordings hold few independent equations."""
+        return self.problem.blocks.rows < POLICY.few_rows
+
+    def _surest(self) -> float:
+        """No verdict out of few equations is surer."""
+        return NOT_ALL_TESTED if self._short() else SUREST
+
+    def _above_floor(self) -> bool:
+        """Whether more is left than the sensor alone leaves, and enough to matter: then something is missing."""
+        left, force = self.problem.errors.rmse(self.search.refit), self.problem.errors.force
+        excess = left**2 - (POLICY.floor_factor * self.problem.floor) ** 2
+        return excess > (POLICY.floor_excess * force) ** 2
 
     def _share_of_possible(self, before: float, after: float) -> float:
         """How much of the power that could be explained a step explains; 1 where nothing unknown remains."""
@@ -139,9 +163,8 @@ class _Verdict:
 
     def _lowers(self, name: str) -> bool:
         """Whether the effect alone lowers the held-out error that is shown."""
-        option = self.alone.get(name)
-        after = self.exam.score(option.fit).heldout_rmse if option is not None else math.inf
-        return after < (1.0 - LEAST_ALONE) * self.own.refitted.heldout_rmse
+        option, rmse = self.alone.get(name), self.problem.errors.rmse
+        return option is not None and rmse(option.fit) < (1.0 - LEAST_ALONE) * rmse(self.search.refit)
 
     def _worth(self, name: str) -> tuple[bool, float]:
         """Effects that lower the held-out error by themselves come first."""
@@ -154,52 +177,54 @@ class _Verdict:
     def _nothing(self) -> float:
         """Belief that nothing is missing. Effects that would change next to nothing are no alternatives, and those that
         would have not convinced block by block: at most an even chance."""
-        exam = self.exam
-        useful = [o for o in self.options if exam.practical(exam.refit, o.fit)]
-        surest = SUREST if not exam.untestable else NOT_ALL_TESTED
-        return min(0.5 + 0.5 * probabilities(exam.search, exam.refit, useful)[NOTHING], surest)
+        search = self.search
+        useful = [o for o in self.options if search.practical(search.refit, o.fit)]
+        narrow = self.search.equations.band.hz < POLICY.narrow_band_hz or self._short()
+        surest = NOT_ALL_TESTED if self.problem.untestable or narrow else SUREST
+        return min(0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING], surest)
 
     def diagnosis(self) -> Diagnosis:
         """The whole answer."""
-        exam = self.exam
+        problem = self.problem
         verdict, probability = self.named, self.sure
         score, refitted = self.own.score, self.own.refitted
         ranking = self._ranking(score, refitted)
         named = next((c for c in ranking if c.effect == verdict), None)
-        fit = self.alone[verdict].fit if verdict in self.alone else exam.refit
+        fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
         return Diagnosis(
-            logs=tuple(r.name for r in exam.recordings),
-            samples=sum(r.samples for r in exam.recordings),
+            logs=tuple(r.name for r in problem.recordings),
+            samples=sum(r.samples for r in problem.recordings),
             verdict=verdict,
             probability=probability,
             score=score,
             refitted=refitted,
             ranking=ranking,
             ceiling=Ceiling(self.beyond.heldout_rmse, self.beyond.on),
-            advice=advice_for(verdict, named, self.beyond.unknown, self.beyond.on, exam.recordings[0].provenance),
-            estimates=exam.values(fit).estimates,
-            model=exam.scale.model(fit),
-            refitted_model=exam.scale.model(exam.refit),
+            advice=advice_for(verdict, named, self.beyond.unknown, self.beyond.on, problem.recordings[0].provenance),
+            estimates=problem.values(fit).estimates,
+            model=problem.scale.model(fit),
+            refitted_model=problem.scale.model(self.search.refit),
             noise=self.beyond.noise,
-            provenance=exam.recordings[0].provenance,
+            found=tuple(t.id for t in self.search.added(self.whole.terms)),
+            band_hz=self.search.equations.band.hz,
+            floor=problem.floor,
+            provenance=problem.recordings[0].provenance,
             depends_on=self.beyond.on if self.beyond.unknown else (),
         )
 
     def _ranking(self, score: Score, refitted: Score) -> tuple[Candidate, ...]:
-        exam = self.exam
         found = [self._candidate(o, refitted) for o in self.alone.values()]
         found.sort(key=lambda c: (c.effect != self.named, c.heldout_rmse_after))
         untestable = [
             Candidate(name, math.nan, math.nan, math.nan, 0.0, {}, untestable=reason)
-            for name, reason in exam.untestable.items()
+            for name, reason in self.problem.untestable.items()
         ]
         own = [replace(c, heldout_rmse_before=score.heldout_rmse) for c in self.own.candidates]
         lead = own if self.own.wrong and not self.members else []
         return (*lead, *found, *(c for c in own if c not in lead), *untestable)
 
     def _candidate(self, option: Option, refitted: Score) -> Candidate:
-        exam = self.exam
-        score, known = exam.score(option.fit), exam.values(option.fit)
+        score, known = self.problem.score(option.fit), self.problem.values(option.fit)
         everything = known.estimates
         prefix = f"{option.effect}."
         values = {name.removeprefix(prefix): e for name, e in everything.items() if name.startswith(prefix)}
@@ -217,7 +242,7 @@ class _Verdict:
             parameters=values,
             indistinguishable_from=rivals,
             note="; ".join(notes),
-            model=exam.scale.model(option.fit),
+            model=self.problem.scale.model(option.fit),
             score=score,
             all_values=everything,
         )
@@ -237,9 +262,4 @@ class _Verdict:
         return max((m.probabilities.get(effect, 0.0) for m in self.members.values()), default=self._as_only(effect))
 
     def _as_only(self, effect: str) -> float:
-        return probabilities(self.exam.search, self.exam.refit, self.options).get(effect, 0.0)
-
-
-def _commonness(effect: str) -> int:
-    """Place in the list of common effects; behind it for the others."""
-    return COMMON.index(effect) if effect in COMMON else len(COMMON)
+        return probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dsd_cli.identify.fit.heldout import PlainErrors
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.signals.log import Array
@@ -24,6 +23,8 @@ NOTHING = ""
 #: A rival explains this share of the power that the winner explains, and the lead of the winner is doubtful (by so many
 #: standard errors over the blocks); or it explains as much where the model misfits.
 NEARLY, LEAST_T, AS_MUCH = 0.7, 2.5, 0.9
+#: A rival with fewer parameters to search stands beside the winner if it explains this share of what the winner does.
+CHEAPER_AS_MUCH = 0.95
 #: Blocks are unequal witnesses: likelihoods are tempered by this factor before they are compared.
 TEMPER = 0.5
 
@@ -42,7 +43,7 @@ class Membership:
     alike: tuple[str, ...] = ()
 
 
-def membership(search: Search, whole: Fit, effect_id: str, plain: PlainErrors, misfit: bool) -> Membership:
+def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Membership:
     """Take one effect out of the found set, and let every other effect apply for its place.
 
     Parameters
@@ -50,6 +51,7 @@ def membership(search: Search, whole: Fit, effect_id: str, plain: PlainErrors, m
     misfit : something unknown remains, or rows are far from independent: then a lead in likelihood may be the
         unknown's, and whatever explains nearly as much stands beside the winner.
     """
+    plain = search.problem.errors
     member = next(t for t in whole.terms if t.id == effect_id)
     rest = search.fit(tuple(t for t in whole.terms if t is not member), whole.tap)
     options = [o for o in search.options(rest) if o.effect != effect_id]
@@ -66,7 +68,13 @@ def membership(search: Search, whole: Fit, effect_id: str, plain: PlainErrors, m
         spread = float(np.std(lead, ddof=1)) * math.sqrt(len(lead))
         return float(lead.sum()) < LEAST_T * spread or not search.matters(option.fit, whole)
 
-    alike = [o.effect for o in options if misfit and share(o) > AS_MUCH and o.evidence > search.evidence(rest)]
+    def alike_to(option: Option) -> bool:
+        if option.evidence <= search.evidence(rest):
+            return False
+        cheaper = search.price(option.fit.terms) < search.price(whole.terms)
+        return share(option) > (AS_MUCH if misfit else CHEAPER_AS_MUCH if cheaper else math.inf)
+
+    alike = [o.effect for o in options if alike_to(o)]
     found = dict.fromkeys([*alike, *(o.effect for o in options if rivals(o))])
     shares = probabilities(search, rest, [own, *options])
     return Membership(effect_id, shares, tuple(found), tuple(alike))

@@ -10,10 +10,10 @@ from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.identify.fit.values import flat
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
-from dsd_cli.identify.search.sets import LEAST_GAIN
+from dsd_cli.identify.search.sets import LEAST_GAIN, Search
 from dsd_cli.identify.search.shapes import refined
-from dsd_cli.identify.verdict.examination import LEAST_FALL, LEAST_FORCE, Examination
 from dsd_cli.plant.model import PlantModel
 
 LAG = "actuator_lag"
@@ -34,21 +34,22 @@ class Own:
     probability: float
 
 
-def own_values(exam: Examination) -> Own:
+def own_values(search: Search) -> Own:
     """Scores of the model as given and refitted, and the ranked candidates "inertia" and "delay"."""
-    given, refit = exam.judge.fixed(exam.model), exam.refit
-    refitted, values = exam.score(refit), exam.values(refit).estimates
+    problem = search.problem
+    given, refit = problem.errors.of_model(problem.model), search.refit
+    refitted, values = problem.score(refit), problem.values(refit).estimates
     candidates = tuple(
-        sorted((_alone(exam, name, given, values[name]) for name in (INERTIA, DELAY)), key=lambda c: c.rmse_after)
+        sorted((_alone(search, name, given, values[name]) for name in (INERTIA, DELAY)), key=lambda c: c.rmse_after)
     )
     fall = given.heldout_rmse**2 - refitted.heldout_rmse**2
-    least = max(2.0 * LEAST_FALL * given.heldout_rmse**2, (LEAST_FORCE * exam.plain.force) ** 2)
-    sure = max(_deviations(exam, values), key=lambda pair: pair[1], default=("", 0.0))
+    least = max(2.0 * POLICY.least_fall * given.heldout_rmse**2, (POLICY.least_force * problem.errors.force) ** 2)
+    sure = max(_deviations(search, values), key=lambda pair: pair[1], default=("", 0.0))
     if fall < least or sure[1] < 4.0:
         return Own(given, refitted, candidates, "", 0.0)
     best = candidates[0]
     reached = given.rmse**2 - best.rmse_after**2
-    if best.effect == DELAY and _lag_explains_it(exam):
+    if best.effect == DELAY and _lag_explains_it(search):
         candidates = (replace(best, indistinguishable_from=(LAG,)), *candidates[1:])
     wrong = best.effect if reached > SHARE_ALONE * fall else sure[0].split(".")[0]
     sure_of_it = min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), 0.99)
@@ -56,24 +57,23 @@ def own_values(exam: Examination) -> Own:
     return Own(given, refitted, candidates, wrong, sure_of_it)
 
 
-def _lag_explains_it(exam: Examination) -> bool:
+def _lag_explains_it(search: Search) -> bool:
     """Whether a lag of the actuator explains the recordings as well as another delay does."""
-    if LAG not in exam.candidates:
+    if LAG not in search.allowed:
         return False
-    search, believed = exam.search, round(exam.model.delay / exam.scale.sample_time)
+    believed = round(search.problem.model.delay / search.solver.bank.tap_time)
     terms = [Term.of(LAG, shape) for shape in get_effect(LAG).starts(search.ranges)]
-    taps = search.around(min(believed, exam.most_tap))
-    tried = [(search.solver.squares((*exam.base, t), n, keep=False), t, n) for t in terms for n in taps]
+    taps = [min(max(believed + d, 0), search.most_tap) for d in (-1, 0, 1)]
+    tried = [(search.solver.squares((*search.base, t), n, keep=False), t, n) for t in terms for n in taps]
     least, term, tap = min(tried, key=lambda found: found[0])
-    found, _ = refined(search, (*exam.base, term), len(exam.base), tap)
+    found, _ = refined(search, (*search.base, term), len(search.base), tap)
     least = min(least, *(search.solver.squares(found, n, keep=False) for n in taps))
-    nats = 2.0 * exam.noise.variance * exam.noise.inflation
-    return (least - exam.refit.squares) / nats < LEAST_GAIN
+    return (least - search.refit.squares) / search.noise.nats < LEAST_GAIN
 
 
-def _deviations(exam: Examination, values: dict[str, Estimate]) -> list[tuple[str, float]]:
+def _deviations(search: Search, values: dict[str, Estimate]) -> list[tuple[str, float]]:
     """How many standard errors each value of the model is off."""
-    believed = flat(exam.model)
+    believed = flat(search.problem.model)
     return [
         (name, abs(e.value - believed[name]) / e.std_error)
         for name, e in values.items()
@@ -81,20 +81,20 @@ def _deviations(exam: Examination, values: dict[str, Estimate]) -> list[tuple[st
     ]
 
 
-def _alone(exam: Examination, name: str, given: Score, estimate: Estimate) -> Candidate:
+def _alone(search: Search, name: str, given: Score, estimate: Estimate) -> Candidate:
     """The model with only that value changed, to where the error is least."""
-    model = exam.model
+    model, errors = search.problem.model, search.problem.errors
     if name == INERTIA:
         centre = math.log(model.inertia)
-        reach = abs(math.log(estimate.value / model.inertia)) + 0.7
-        make: Callable[[float], PlantModel] = lambda x: replace(model, inertia=math.exp(x))  # noqa: E731
+        reach = 0.7 + (0.0 if estimate.at_bound else abs(math.log(estimate.value / model.inertia)))
+        make: Callable[[float], PlantModel] = lambda x: replace(model, inertia=max(math.exp(x), 1e-300))  # noqa: E731
         low, high = centre - reach, centre + reach
     else:
         make = lambda x: replace(model, delay=x)  # noqa: E731
-        low, high = 0.0, max(2.0 * model.delay, estimate.value) + 5.0 * exam.scale.sample_time
-    x = golden_section(lambda x: exam.judge.fixed(make(x)).rmse, low, high, STEPS)
+        low, high = 0.0, max(2.0 * model.delay, estimate.value) + 5.0 * search.equations.sample_time
+    x = golden_section(lambda x: errors.of_model(make(x)).rmse, low, high, STEPS)
     changed = make(x)
-    score = exam.judge.fixed(changed)
+    score = errors.of_model(changed)
     value = changed.inertia if name == INERTIA else changed.delay
     parameters = {name: Estimate(value, estimate.std_error, estimate.unit)}
     return Candidate(name, score.rmse, given.heldout_rmse, score.heldout_rmse, 0.0, parameters, model=changed)

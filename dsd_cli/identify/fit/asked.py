@@ -1,0 +1,83 @@
+"""Whether recordings can be asked at all, and which effects they can be asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsd_cli.effects import catalogue, get_effect
+from dsd_cli.errors import DataError, UsageError
+from dsd_cli.identify.fit.bank import ranges
+from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.plant.model import PlantModel
+
+#: Motion below this share of the largest position or speed is rounding.
+_ROUNDING = 1e-7
+
+
+@dataclass(frozen=True)
+class Settings:
+    """effects : candidates; None is all of the catalogue that the model does not have."""
+
+    effects: tuple[str, ...] | None = None
+
+
+def candidates_of(
+    recordings: Sequence[Recording], holdout: Sequence[Recording], model: PlantModel, settings: Settings
+) -> tuple[tuple[str, ...], dict[str, str]]:
+    """(effects that can be tried, effect -> why it cannot)."""
+    wanted = settings.effects if settings.effects is not None else tuple(catalogue())
+    missing = {channel: why for r in (*recordings, *holdout) for channel, why in r.missing.items()}
+    testable, untestable = [], {}
+    for name in wanted:
+        reason = next((missing[c] for c in get_effect(name).needs if c in missing), "")
+        if any(p.listed for p in get_effect(name).parameters) and len(recordings) > 1:
+            reason = "a push belongs to one log; diagnose the logs one by one"
+        if reason:
+            untestable[name] = reason
+        elif name not in model.effects:
+            testable.append(name)
+    return tuple(testable), untestable
+
+
+def check_recordings(recordings: Sequence[Recording], model: PlantModel) -> None:
+    first = recordings[0]
+    for other in recordings[1:]:
+        if abs(other.sample_time - first.sample_time) > 0.1 * first.sample_time:
+            raise UsageError(
+                f"{other.name}: {other.sample_time:g} s between samples, {first.name} has {first.sample_time:g} s",
+                "fit logs of one rate together",
+            )
+    for recording in recordings:
+        for channel, effect in model.needs().items():
+            if channel in recording.missing:
+                raise DataError(f"{recording.name}: effect {effect} needs {channel}", recording.missing[channel])
+
+
+def check_used(recordings: Sequence[Recording], equations: Equations) -> None:
+    name = recordings[0].name
+    used = {id(s.log) for s in equations.stretches}
+    short = [r.name for r in recordings if not any(id(p) in used for p in r.pieces)]
+    if short:
+        needed = (equations.startup + len(equations.band.taps)) * equations.sample_time
+        raise DataError(
+            f"{short[0]}: too short: no stretch is longer than {needed:.2g} s", "leave it out, or log longer"
+        )
+    if float(np.mean(equations.kept)) < POLICY.least_moving or not _moves(equations):
+        raise DataError(f"{name}: the axis does not move", "a log with moves in both directions is needed")
+    if not ranges(equations).drive > 0.0:
+        raise DataError(f"{name}: u is 0 throughout", "set signals.u to the column with the control input")
+
+
+def _moves(equations: Equations) -> bool:
+    """Whether position and speed change by more than rounding."""
+    for piece in (s.log for s in equations.stretches):
+        if "velocity" in piece and float(np.abs(piece["velocity"]).max()) > 0.0:
+            place = piece["position"] if "position" in piece else np.cumsum(piece["velocity"])
+            if float(np.ptp(place)) > _ROUNDING * max(float(np.abs(place).max()), 1e-300):
+                return True
+    return False

@@ -1,0 +1,103 @@
+"""The band in which forces are balanced: as far up as the measured acceleration stands above the noise of its sensor.
+
+Beyond it a second difference of the position is noise. Both sides of the balance pass the same low-pass without phase
+and are decimated, so a coarse encoder makes few equations, and good ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.spectrum import SensorNoise, density
+from dsd_cli.signals.log import Array
+
+#: Rows per second by the band's end: the low-pass falls from the end of the band to twice that, so that what folds back
+#: stays out of the band.
+ROWS_PER_BAND_HZ = 3.0
+#: Kaiser window of the low-pass: 53 dB; its half width, in periods of the band's end.
+_SHAPE, _HALF_PERIODS = 5.0, 1.6
+#: Neighbouring frequencies over which the ratio of signal and noise is averaged, as a share of the frequency.
+_AVERAGED = 0.1
+_CHUNK = 4096
+
+
+@dataclass(frozen=True)
+class Band:
+    """A low-pass without phase, and every how many samples a row is taken of what passes it.
+
+    Attributes
+    ----------
+    hz : end of the band.
+    step : samples from row to row.
+    taps : impulse response, shape (2 half + 1,), symmetric, sum 1.
+    """
+
+    hz: float
+    step: int
+    taps: Array
+    sample_time: float
+
+    @property
+    def half(self) -> int:
+        """Samples that a row reaches to either side."""
+        return len(self.taps) // 2
+
+    def centres(self, first: int, count: int) -> NDArray[np.int_]:
+        """Samples at which rows stand that reach neither before `first` nor beyond `count`."""
+        return np.arange(first + self.half, count - self.half, self.step)
+
+    def rows(self, x: Array, first: int) -> Array:
+        """x of shape (n,) low-passed at `centres`."""
+        used = x[first:]
+        if len(used) < len(self.taps):
+            return np.zeros(0)
+        windows = np.lib.stride_tricks.sliding_window_view(used, len(self.taps))[:: self.step]
+        parts = [windows[i : i + _CHUNK] @ self.taps for i in range(0, len(windows), _CHUNK)]
+        return np.concatenate(parts)[: len(self.centres(first, len(x)))]
+
+    def angles(self, count: int) -> Array:
+        """`count` angles of rows, w = 2 pi f step T in (0, pi)."""
+        return np.asarray((np.arange(count) + 0.5) * np.pi / count)
+
+    def gain(self, row_angles: Array) -> Array:
+        """|H| at angles of rows."""
+        k = np.arange(-self.half, self.half + 1)
+        return np.asarray(np.abs(np.cos(np.outer(row_angles / self.step, k)) @ self.taps))
+
+
+def band_of(hz: float, sample_time: float) -> Band:
+    """The low-pass that ends there."""
+    rate = 1.0 / sample_time
+    half = max(int(np.ceil(_HALF_PERIODS * rate / hz)), 1)
+    k = np.arange(-half, half + 1)
+    taps = np.sinc(2.0 * 1.5 * hz * sample_time * k) * np.kaiser(len(k), _SHAPE)
+    return Band(hz, max(int(rate / (ROWS_PER_BAND_HZ * hz)), 1), taps / taps.sum(), sample_time)
+
+
+def chosen_band(accelerations: Sequence[Array], noise: SensorNoise, sample_time: float) -> Band:
+    """The widest band over whose end the acceleration stands above the sensor's noise.
+
+    Parameters
+    ----------
+    accelerations : as measured, of every stretch; `noise` : the sensor's.
+    """
+    found = density(accelerations)
+    allowed = found.angle <= 2.0 * np.pi * POLICY.highest_share
+    angle, power = found.angle[allowed], found.power[allowed]
+    ratio = power / np.maximum(noise.density(angle), 1e-300)
+    sums = np.concatenate([[0.0], np.cumsum(ratio)])
+    index = np.arange(len(ratio))
+    reach = np.maximum((_AVERAGED * index).astype(int), 1)
+    low, high = np.maximum(index - reach, 0), np.minimum(index + reach + 1, len(ratio))
+    above = np.flatnonzero((sums[high] - sums[low]) / (high - low) > POLICY.signal_over_noise)
+    end = angle[above[-1]] if above.size else angle[0]
+    duration = max(len(x) for x in accelerations) * sample_time
+    least = max(POLICY.least_band_hz, POLICY.least_band_periods / duration)
+    return band_of(
+        min(max(float(end) / (2.0 * np.pi * sample_time), least), POLICY.highest_share / sample_time), sample_time
+    )

@@ -1,0 +1,243 @@
+"""The balance of forces as rows: one equation a row, in the unit of u.
+
+    u_eff(t - L) = J a(t) - sum_k f_k(t) + r(t)
+
+Everything is a mean over the same weight as the measured acceleration: over one interval, or, for a second difference
+of the position, over the two beside a sample. Both sides then pass the band's low-pass and are decimated.
+
+Where there is friction, it balances whatever acts while the axis rests, so that u and all forces count as zero there,
+and so does J a, by itself. Without friction the balance holds at any speed. The acceleration is left as measured: cut
+off at an edge, the noise of its sensor would no longer cancel under the low-pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsd_cli.effects import Channels, Effect, Role
+from dsd_cli.identify.fit.band import Band, chosen_band
+from dsd_cli.identify.fit.noise import HALF
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.recordings.regular import MEAN_OF_FOUR
+from dsd_cli.identify.recordings.rest import resting
+from dsd_cli.identify.recordings.sensor import Sensor
+from dsd_cli.plant.forces import IntervalChannels
+from dsd_cli.plant.prediction import Frame
+from dsd_cli.signals.log import Array, Log
+
+#: Of the noise that is made to see what noise does.
+_SEED = 20261121
+#: Standard deviations of the speed's noise beyond which the direction is certain.
+_CERTAIN = 4.0
+#: Value in the middle of the interval between the inner two of four samples (exact for cubics).
+_MIDDLE_OF_FOUR = np.array([-1.0, 9.0, 9.0, -1.0]) / 16.0
+#: Mean over an interval out of the values in the middle of it and of its neighbours.
+_MEAN_OF_MIDDLES = np.array([1.0, 22.0, 1.0]) / 24.0
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A piece of a recording, prepared for rows; arrays of shape (n,), per interval that ends at each sample.
+
+    Attributes
+    ----------
+    middle, mean : motion in the middle of each interval, and its mean over the interval.
+    integrated : mean motion out of the measured acceleration, noise and all, but for a constant speed. A load that
+        hangs on the motor is driven by it: a smoother motion would stand in for an acceleration without noise.
+    noise : of the acceleration, made anew as its sensor makes it; with_noise : `integrated` with that added.
+    free : 1 where the axis slides, so that friction's direction is known, 0 where friction holds.
+    sign : mean of sgn v, 0 where it is not known.
+    acceleration : as measured.
+    two_intervals : the acceleration is a mean over both intervals beside a sample.
+    """
+
+    log: Log
+    frame: Frame
+    middle: IntervalChannels
+    mean: IntervalChannels
+    integrated: IntervalChannels
+    noise: Array
+    with_noise: IntervalChannels
+    free: Array
+    sign: Array
+    acceleration: Array
+    two_intervals: bool
+
+    def channels(self, drive: Array, effect: Effect) -> Channels:
+        """What an effect looks at under that delayed u: means over the interval, or the values in the middle of it."""
+        if effect.role is Role.STRUCTURE:
+            return self.frame.channels(drive, self.integrated)
+        if effect.memory:
+            return self.frame.channels(drive, self.mean)
+        return self.frame.channels(drive, self.middle)._replace(interval=np.zeros(len(drive)))
+
+    def acting(self, x: Array, smooth: bool, held: bool) -> Array:
+        """A force per interval as the acceleration averages it.
+
+        smooth : x is; else it is constant within each interval and jumps between them, as a held u does.
+        held : there is friction, so that at rest all forces balance and count as 0.
+        """
+        return self.averaged(x * self.free if held else x, smooth)
+
+    def averaged(self, x: Array, smooth: bool) -> Array:
+        """x per interval -> as the acceleration averages it."""
+        if not self.two_intervals:
+            return x
+        if smooth:
+            return np.convolve(np.concatenate([x[:1], x, x[-1:], x[-1:]]), MEAN_OF_FOUR[::-1], mode="valid")
+        return 0.5 * (x + np.append(x[1:], x[-1]))
+
+
+@dataclass(frozen=True)
+class Equations:
+    """All stretches of some recordings as rows.
+
+    Attributes
+    ----------
+    startup : samples at the beginning of each stretch that depend on a u before the log; excluded.
+    whitening : taps over rows (`noise.whitening`); (1,) leaves rows in the unit of u.
+    """
+
+    recordings: tuple[Recording, ...]
+    stretches: tuple[Stretch, ...]
+    band: Band
+    startup: int
+    whitening: Array
+
+    @property
+    def sample_time(self) -> float:
+        """s, of a sample (not of a row)."""
+        return self.band.sample_time
+
+    @property
+    def lengths(self) -> list[int]:
+        """Rows of each stretch."""
+        return [len(self.band.centres(self.startup, len(s.log))) for s in self.stretches]
+
+    def of_rows(self, by_sample: Sequence[Array]) -> Array:
+        """Values of samples at the centres of rows, joined."""
+        pairs = zip(self.stretches, by_sample, strict=True)
+        return np.concatenate([x[self.band.centres(self.startup, len(s.log))] for s, x in pairs])
+
+    def plain(self, by_stretch: Sequence[Array]) -> Array:
+        """Averaged forces of every stretch -> rows in the unit of u, joined."""
+        return np.concatenate([self.band.rows(x, self.startup) for x in by_stretch])
+
+    def acting(self, raw: Sequence[Array], smooth: bool, held: bool) -> Array:
+        """Forces per interval of every stretch -> rows in the unit of u; see `Stretch.acting`."""
+        return self.plain([s.acting(x, smooth, held) for s, x in zip(self.stretches, raw, strict=True)])
+
+    def acceleration(self) -> Array:
+        """Rows of the measured acceleration."""
+        return self.plain([s.acceleration for s in self.stretches])
+
+    def whitened(self, rows: Array) -> Array:
+        """Rows (in the unit of u) made white."""
+        if len(self.whitening) == 1:
+            return rows * self.whitening[0]
+        parts = np.split(rows, np.cumsum(self.lengths)[:-1])
+        return np.concatenate([np.convolve(np.pad(x, HALF, mode="edge"), self.whitening, "valid") for x in parts])
+
+    def by_stretch(self, rows: Array) -> list[Array]:
+        """Rows as one array per stretch."""
+        return list(np.split(rows, np.cumsum(self.lengths)[:-1]))
+
+    @property
+    def kept(self) -> NDArray[np.bool_]:
+        """Whether friction's direction is known for a part of each row that is enough to learn from."""
+        free = self.plain([s.averaged(s.free, False) for s in self.stretches])
+        return np.asarray(free > POLICY.least_free)
+
+    def with_whitening(self, taps: Array) -> Equations:
+        """The same rows, to be whitened by these taps."""
+        return replace(self, whitening=taps)
+
+
+def equations_of(recordings: Sequence[Recording], startup: int, band: Band | None = None) -> Equations:
+    """Rows of these recordings, not whitened.
+
+    Parameters
+    ----------
+    startup : see `Equations`. band : None chooses it from what the sensors allow.
+    """
+    if band is None:
+        band = _band(recordings)
+    shortest = startup + len(band.taps) + 2 * band.step
+    made = [_stretch(p, r) for r in recordings for p in r.pieces if len(p) > shortest]
+    return Equations(tuple(recordings), tuple(made), band, startup, np.ones(1))
+
+
+def _band(recordings: Sequence[Recording]) -> Band:
+    """The narrowest of those that the recordings allow: all are balanced in one band."""
+    return min(
+        (chosen_band([p["acceleration"] for p in r.pieces], r.sensor.noise, r.sample_time) for r in recordings),
+        key=lambda band: band.hz,
+    )
+
+
+def _stretch(log: Log, recording: Recording) -> Stretch:
+    rest_speed, sensor = recording.rest_speed, recording.sensor
+    frame = Frame(log)
+    motion = frame.motion(rest_speed)
+    speed = log["velocity"]
+    known = ~resting(speed, rest_speed)
+    noise = sensor.noise.made(len(log), np.random.default_rng(_SEED))
+    return Stretch(
+        log=log,
+        frame=frame,
+        middle=_motion(log, motion, _MIDDLE_OF_FOUR),
+        mean=_motion(log, motion, MEAN_OF_FOUR),
+        integrated=_integrated(log["acceleration"], log.sample_time, motion, sensor),
+        noise=noise,
+        with_noise=_integrated(log["acceleration"] + noise, log.sample_time, motion, sensor),
+        free=known.astype(np.float64),
+        sign=np.where(known, _direction(speed, recording.speed_noise), 0.0),
+        acceleration=log["acceleration"],
+        two_intervals=sensor.two_intervals,
+    )
+
+
+def _motion(log: Log, motion: IntervalChannels, weights: Array) -> IntervalChannels:
+    """Motion of each interval out of four samples; the first two and the last have the mean of their ends."""
+
+    def of(name: str, fallback: Array) -> Array:
+        if name not in log or len(log) < 4:
+            return fallback
+        inner = np.convolve(log[name], weights, mode="valid")
+        return np.concatenate([fallback[:2], inner, fallback[-1:]])
+
+    return motion._replace(velocity=of("velocity", motion.velocity), position=of("position", motion.position))
+
+
+def _direction(speed: Array, noise: float) -> Array:
+    """Mean of sgn v over each interval, shape (n,), as far as a noisy speed tells it: between -1 and 1."""
+    before = np.concatenate([speed[:1], speed[:-1]])
+    size = np.abs(speed) + np.abs(before)
+    exact = (speed + before) / np.where(size > 0.0, size, 1.0)
+    if not noise > 0.0:
+        return np.asarray(exact)
+    x = 0.5 * (speed + before) / noise
+    x = np.clip(x, -_CERTAIN, _CERTAIN)
+    likely = np.tanh(
+        np.sqrt(2.0 / np.pi) * (x + 0.044715 * x**3)
+    )  # erf(x / sqrt 2), the mean of sgn of v given v + noise
+    return np.where(np.abs(x) >= _CERTAIN, exact, likely)
+
+
+def _integrated(acceleration: Array, step: float, motion: IntervalChannels, sensor: Sensor) -> IntervalChannels:
+    """Mean speed and position of each interval that the measured accelerations add up to, from rest."""
+    speeds = np.cumsum(acceleration) * step
+    before = np.concatenate([[0.0], speeds[:-1]])
+    mean = before if sensor.two_intervals else 0.5 * (before + speeds)
+    ends = np.cumsum(mean) * step
+    return motion._replace(velocity=mean, position=ends - 0.5 * mean * step)
+
+
+def mean_of_middles(x: Array) -> Array:
+    """Mean over each interval of a smooth function, from its values in the middle of the intervals."""
+    return np.convolve(np.pad(x, 1, mode="edge"), _MEAN_OF_MIDDLES, mode="valid")

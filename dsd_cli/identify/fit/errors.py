@@ -1,0 +1,96 @@
+"""How large the residual r of the balance is: in the unit of u, within the band, on all rows and on held-out ones."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from dsd_cli.identify.fit.bank import Bank, Design, Terms, holds
+from dsd_cli.identify.fit.blocks import Blocks
+from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.values import Scale, coefficients_of, terms_of
+from dsd_cli.identify.results import Score
+from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.log import Array
+
+
+class Errors:
+    """Residuals of fits and models; rows in which friction may hold do not count.
+
+    Parameters
+    ----------
+    bank : rows in the unit of u. blocks : those on which the fits were held out. holdout : equations of recordings
+        that no fit saw, in the same band.
+    """
+
+    def __init__(self, bank: Bank, blocks: Blocks, holdout: Equations | None = None) -> None:
+        self.bank, self.equations, self.blocks = bank, bank.equations, blocks
+        self._aside = Bank(holdout) if holdout is not None else None
+        self._keep = self.equations.kept
+        self._fold = blocks.fold[blocks.block_of_rows()]
+        self._known: dict[tuple[Terms, int], float] = {}
+
+    @property
+    def force(self) -> float:
+        """rms of u within the band, unit of u."""
+        return _rms(self.bank.drive((), 0)[self._keep])
+
+    def residual(self, fit: Fit, held_out: bool = True) -> Array:
+        """Of the forward form, each row by the fit that did not see its block, or by the fit to all.
+
+        Shape (N,), 0 in rows that do not count.
+        """
+        rows = np.stack(self.bank.design(fit.terms, fit.tap).rows)
+        if not held_out:
+            return np.asarray(fit.forward @ rows * self._keep)
+        return np.asarray(np.einsum("ni,in->n", fit.forward_folds[self._fold], rows) * self._keep)
+
+    def rmse(self, fit: Fit) -> float:
+        """Held-out root mean square of the forward form, unit of u; to compare fits with."""
+        key = (fit.terms, fit.tap)
+        if key not in self._known:
+            self._known[key] = _rms(self.residual(fit)[self._keep])
+        return self._known[key]
+
+    def of_model(self, model: PlantModel) -> Score:
+        """Of a model whose values no fit of these recordings chose."""
+        errors, u = _errors(self.bank, model)
+        held = errors if self._aside is None else _errors(self._aside, model)[0]
+        return _score(errors, _rms(held), u)
+
+    def of_fit(self, fit: Fit, scale: Scale) -> Score:
+        """Of a fit to everything, with the held-out error of the fits that held a fold out each."""
+        model = scale.model(fit)
+        errors, u = _errors(self.bank, model)
+        if self._aside is not None:
+            return _score(errors, _rms(_errors(self._aside, model)[0]), u)
+        rows, theta = self.bank.design(fit.terms, fit.tap).rows, fit.folds[self._fold]
+        held = rows[0] - np.einsum("ni,in->n", theta, np.stack(rows[1:]))
+        return _score(errors, _rms(held[self._keep]), u)
+
+
+def _errors(bank: Bank, model: PlantModel) -> tuple[Array, Array]:
+    """(r of the rows that count, u of them)."""
+    terms = terms_of(model)
+    tap, theta = coefficients_of(model, terms, bank.tap_time)
+    design, keep = bank.design(terms, tap), bank.equations.kept
+    return _residual(design, theta)[keep], bank.drive((), tap, held=holds(terms))[keep]
+
+
+def _residual(design: Design, theta: Array) -> Array:
+    left = design.rows[0].copy()
+    for coefficient, column in zip(theta, design.rows[1:], strict=True):
+        left -= coefficient * column
+    return left
+
+
+def _score(errors: Array, held: float, u: Array) -> Score:
+    rmse, spread, size = _rms(errors), _rms(u - u.mean()), _rms(u)
+    fit = 100.0 * (1.0 - rmse / spread) if spread > 0.0 else math.nan
+    return Score(rmse, held, fit, 100.0 * rmse / max(size, 1e-300))
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(x**2))) if x.size else math.nan

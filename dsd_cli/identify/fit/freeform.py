@@ -1,0 +1,185 @@
+"""What the best free-form function of the channels could reach: how much of the residual is law, and how much noise.
+
+Hats over each channel, and over pairs of them, are fitted together with the model's effects, in the same equations.
+They name no physics; they say how much there is to be found, and on what it depends. The acceleration stands on the
+left: beside a function of u, u would explain itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dsd_cli.identify.fit.bank import FIXED, Bank, holds
+from dsd_cli.identify.fit.bank import drive as delayed
+from dsd_cli.identify.fit.basis import basis
+from dsd_cli.identify.fit.blocks import Blocks
+from dsd_cli.identify.fit.equations import Equations, Stretch
+from dsd_cli.identify.fit.gram import Grams, grams, solve, total_gram
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.signals.log import Array
+
+#: Groups of channels whose functions are tried, the simple ones first. The acceleration is none of them: measured, it
+#: holds what is to be explained.
+SINGLES = (("velocity",), ("position",), ("u",), ("time",))
+PAIRS = (
+    ("velocity", "position"),
+    ("velocity", "time"),
+    ("velocity", "u"),
+    ("position", "time"),
+)
+HATS, HATS_IN_PAIR, FINE_HATS = 12, 6, 40
+#: Hats over time are wider than three held-out blocks, so that a held-out block can be interpolated.
+BLOCKS_PER_TIME_HAT = 3
+#: Penalty on bends, and on size, as a share of the mean information on a hat.
+BENDS, SIZE = 1e-3, 1e-5
+#: A function of one channel has so many rows to a hat, and so many hats at least; a rich fit is taken to use this share
+#: of the degrees of freedom at most.
+ROWS_PER_HAT, FEWEST_HATS, MOST_USED = 15, 4, 0.7
+STRENGTHS = (1.0, 30.0, 1e3, 3e4)
+
+
+@dataclass(frozen=True)
+class Freeform:
+    """A fit with a free-form function of these channels beside the model.
+
+    losses : held-out sums of squares per block, shape (B,); `without` : the same without the free-form function.
+    """
+
+    on: tuple[str, ...]
+    losses: Array
+    without: Array
+
+    @property
+    def gain(self) -> float:
+        """By how much the held-out sum of squares falls."""
+        return float(self.without.sum() - self.losses.sum())
+
+    @property
+    def loss(self) -> float:
+        """Held-out sum of squares."""
+        return float(self.losses.sum())
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Channels of a stretch per interval; `sign` NaN where friction may hold."""
+
+    values: Mapping[str, Array]
+    sign: Array
+
+
+@dataclass(frozen=True)
+class FreeformFits:
+    """Free-form functions beside a fit.
+
+    Pulses of the fit keep their coefficients, in every fold as in the fit itself.
+    """
+
+    equations: Equations
+    blocks: Blocks
+    fit: Fit
+    base: Sequence[Array]
+    pieces: Sequence[_Piece]
+    _made: dict[tuple[str, ...], tuple[list[Array], Array]] = field(default_factory=dict)
+
+    def groups(self) -> list[tuple[str, ...]]:
+        """Groups whose channels all stretches have, and that vary."""
+        have = {n for n in self.pieces[0].values if all(_varies(p, n) for p in self.pieces)}
+        return [g for g in (*SINGLES, *PAIRS) if set(g) <= have]
+
+    def fit_with(self, on: tuple[str, ...], whitened: bool = True) -> Freeform:
+        """Cross-validated; not `whitened`: in the unit of u."""
+        columns, penalty = self.columns(on)
+        rows = [*self.base, *columns]
+        if whitened:
+            rows = [self.equations.whitened(x) for x in rows]
+        found = grams(rows, self.blocks)
+        fixed = len(self.base) - 1
+        alone = Grams(*(g[..., : fixed + 1, : fixed + 1] for g in found))
+        without = _losses(solve(alone.fitted), alone, self.blocks)
+        tried = []
+        for strength in STRENGTHS:
+            ridge = 1e-9 * np.eye(fixed + len(columns))
+            ridge[fixed:, fixed:] += strength * (BENDS * penalty + SIZE * np.eye(len(columns)))
+            tried.append(Freeform(on, _losses(solve(found.fitted, ridge), found, self.blocks), without))
+        return loss_of(tried)
+
+    def columns(self, on: tuple[str, ...]) -> tuple[list[Array], Array]:
+        """Hats as rows in the unit of u, and the penalty on their bends, (c, c)."""
+        if on not in self._made:
+            raw, penalty = self._raw(on)
+            count = raw[0].shape[1]
+            made = [
+                self.equations.acting([a[:, i] for a in raw], smooth=False, held=holds(self.fit.terms))
+                for i in range(count)
+            ]
+            self._made[on] = made, penalty
+        return self._made[on]
+
+    def _raw(self, on: tuple[str, ...]) -> tuple[list[Array], Array]:
+        """Hats per interval of each stretch, shape (n, c), and the penalty on their bends, (c, c)."""
+        if on == ("time",):
+            count = max(self.blocks.count // BLOCKS_PER_TIME_HAT, 3)
+            return basis(self.pieces, on, [count])
+        most = max(self.blocks.rows // ROWS_PER_HAT, FEWEST_HATS)
+        if on == ("position",):
+            return basis(self.pieces, on, [min(FINE_HATS, most)])
+        if len(on) == 1:
+            return basis(self.pieces, on, [min(HATS, most)])
+        return basis(self.pieces, on, [min(HATS_IN_PAIR, max(math.isqrt(most), 2))] * len(on))
+
+
+def freeform_fits(bank: Bank, blocks: Blocks, fit: Fit, inertia: float) -> FreeformFits:
+    """Free-form functions beside a fit; `bank` in the unit of u, `inertia` that of the forward form."""
+    rows = bank.design(fit.terms, fit.tap, keep=False).rows
+    drive, acceleration, later, *columns = rows
+    target, base, at = inertia * acceleration, [drive, later], FIXED
+    for term, width in zip(fit.terms, fit.widths, strict=True):
+        own = columns[at - FIXED : at - FIXED + width]
+        if "edges" in term.shape:  # an event that a fold did not see has no coefficient of its own there
+            target = target + fit.forward[1 + at : 1 + at + width] @ np.stack(own)
+        else:
+            base += own
+        at += width
+    late = delayed(bank.equations, (), fit.tap * bank.tap_time)
+    pieces = [_piece(s, u) for s, u in zip(bank.equations.stretches, late, strict=True)]
+    return FreeformFits(bank.equations, blocks, fit, [target, *base], pieces)
+
+
+def _piece(stretch: Stretch, u: Array) -> _Piece:
+    values = {"u": u, "time": stretch.frame.times - 0.5 * stretch.frame.intervals}
+    for name in ("velocity", "position"):
+        if name in stretch.log:
+            values[name] = getattr(stretch.mean, name)
+    return _Piece(values, np.where(stretch.free > 0.0, stretch.sign, np.nan))
+
+
+def _losses(theta: Array, found: Grams, blocks: Blocks) -> Array:
+    """Squared residuals of each block by the fit that did not see it, shape (B,)."""
+    residual = np.concatenate([np.ones((len(theta), 1)), -theta], axis=1)[blocks.fold]
+    return np.asarray(np.einsum("bi,bij,bj->b", residual, found.held_out, residual))
+
+
+def _varies(piece: _Piece, name: str) -> bool:
+    return name in piece.values and float(np.ptp(piece.values[name])) > 0.0
+
+
+def rich_residual(fits: FreeformFits) -> Array:
+    """What remains beside functions of every single channel at once; rows in the unit of u."""
+    columns = list(fits.base[1:])
+    for on in fits.groups():
+        if len(on) == 1:
+            columns += fits.columns(on)[0]
+    rows = [fits.base[0], *columns]
+    theta = solve(total_gram(rows)[None], SIZE)[0]
+    used = min(len(columns) / max(len(rows[0]), 1), MOST_USED)  # a fit leaves less noise than there is
+    return np.asarray((rows[0] - theta @ np.stack(columns)) / math.sqrt(1.0 - used))
+
+
+def loss_of(found: Sequence[Freeform]) -> Freeform:
+    """The one that gains most."""
+    return max(found, key=lambda f: f.gain)

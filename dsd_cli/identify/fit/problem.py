@@ -1,0 +1,243 @@
+"""A question made ready: the balance of forces, held-out blocks, the noise, and what may be added."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from dsd_cli.effects import Ranges, Role, get_effect
+from dsd_cli.errors import DataError
+from dsd_cli.identify.fit.asked import Settings, candidates_of, check_recordings, check_used
+from dsd_cli.identify.fit.bank import INERTIA, Bank, Term, Terms, ranges
+from dsd_cli.identify.fit.blocks import Blocks, lay_blocks
+from dsd_cli.identify.fit.equations import Equations, equations_of
+from dsd_cli.identify.fit.errors import Errors
+from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
+from dsd_cli.identify.fit.noise import fitted_noise, passed_variance, whitening
+from dsd_cli.identify.fit.solve import Fit, Solver
+from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values, terms_of
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.recordings.spectrum import SensorNoise
+from dsd_cli.identify.results import Score
+from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.log import Array
+
+
+@dataclass(frozen=True)
+class Noise:
+    """variance of a whitened row; inflation: integrated autocorrelation time, rows."""
+
+    variance: float
+    inflation: float
+
+    @property
+    def nats(self) -> float:
+        """Squares of whitened rows per nat."""
+        return 2.0 * self.variance * self.inflation
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Everything that a search for missing effects looks at.
+
+    Attributes
+    ----------
+    base : effects that the model has; they stay. candidates : effects that may be added.
+    untestable : effect -> why these recordings cannot tell it.
+    solver : on whitened rows. errors : in the unit of u.
+    most_tap : steps of delay that are tried at most.
+    """
+
+    recordings: tuple[Recording, ...]
+    holdout: tuple[Recording, ...]
+    model: PlantModel
+    base: Terms
+    candidates: tuple[str, ...]
+    untestable: dict[str, str]
+    solver: Solver
+    errors: Errors
+    noise: Noise
+    most_tap: int
+
+    @property
+    def equations(self) -> Equations:
+        """Whitened ones."""
+        return self.solver.bank.equations
+
+    @property
+    def blocks(self) -> Blocks:
+        """Held-out blocks."""
+        return self.solver.blocks
+
+    @property
+    def scale(self) -> Scale:
+        """From coefficients to values."""
+        return Scale(self.solver.bank.tap_time, self.model.rest_speed)
+
+    @cached_property
+    def ranges(self) -> Ranges:
+        """What the recordings exercise."""
+        return ranges(self.equations)
+
+    @property
+    def beside(self) -> Terms:
+        """What the delay is found beside: the base, and whatever else may act as a function of the motion."""
+        return (*self.base, *_functions_of_motion(self.candidates))
+
+    @property
+    def floor(self) -> float:
+        """rms of r that the sensor alone leaves in the band, for the inertia that was fitted, unit of u."""
+        noise = _sensor(self.recordings)
+        return self.solver.inertia * math.sqrt(passed_variance(np.ones(1), self.equations.band, noise))
+
+    def practical(self, before: Fit, after: Fit) -> bool:
+        """Whether the held-out error falls by an amount that is of use."""
+        was, now, force = self.errors.rmse(before), self.errors.rmse(after), self.errors.force
+        fall = was**2 - now**2
+        seen = fall > (1.0 - (1.0 - POLICY.least_fall) ** 2) * was**2 and fall > (POLICY.least_force * force) ** 2
+        return seen or fall > (POLICY.much_force * force) ** 2
+
+    def score(self, fit: Fit) -> Score:
+        """Errors of a fit, unit of u."""
+        return self.errors.of_fit(fit, self.scale)
+
+    def values(self, fit: Fit) -> Fitted:
+        """Values of a fit with standard errors; what is left beyond noise counts as correlated over many rows."""
+        beyond = max(fit.squares / self.blocks.rows - self.noise.variance, 0.0)
+        floor = self.noise.variance * self.noise.inflation + beyond * POLICY.correlated_rows
+        return fitted_values(fit, self.solver, self.scale, floor)
+
+    def measured_again(self, fit: Fit) -> Problem:
+        """The same question with the noise as it is beside this fit: what was missing before is no noise."""
+        return _with_noise(self, fit)
+
+
+def pose(
+    recordings: Sequence[Recording], model: PlantModel, settings: Settings, holdout: Sequence[Recording] = ()
+) -> Problem:
+    """The question which of the candidates the model lacks.
+
+    Raises
+    ------
+    DataError : too short, no motion, or a channel that the model's own effects need is missing.
+    UsageError : recordings with different sample times, a candidate that does not exist.
+    """
+    check_recordings((*recordings, *holdout), model)
+    candidates, untestable = candidates_of(recordings, holdout, model, settings)
+    base, step = terms_of(model), recordings[0].sample_time
+    longest = POLICY.longest_delay_share * max(len(p) for r in recordings for p in r.pieces) * step
+    longest = min(longest, POLICY.longest_delay)
+    beside = (*base, *_functions_of_motion(candidates))
+    bank, most_tap = _bank(recordings, longest)
+    found = (
+        best_delay(Solver(bank, lay_blocks(bank.equations.lengths, 1, recordings[0].name)), beside, most_tap)
+        * bank.tap_time
+    )
+    wanted = min(max(POLICY.least_delay_range, 2.0 * found, 2.0 * model.delay), longest)
+    solver, most_tap, fit = _laid_out(recordings, wanted, base, beside)
+    aside = None
+    if holdout:
+        aside = equations_of(holdout, solver.bank.equations.startup, solver.bank.equations.band)
+        if not aside.stretches:
+            raise DataError(f"{holdout[0].name}: too short to be judged", "hold out a longer log")
+    errors = Errors(solver.bank, solver.blocks, aside)
+    problem = Problem(
+        tuple(recordings),
+        tuple(holdout),
+        model,
+        base,
+        candidates,
+        untestable,
+        solver,
+        errors,
+        Noise(1.0, 1.0),
+        most_tap,
+    )
+    return _with_noise(problem, fit)
+
+
+def _functions_of_motion(candidates: Sequence[str]) -> Terms:
+    """Candidates without a shape that look at the motion alone: while one of them is missing, u looks late."""
+    effects = ((name, get_effect(name)) for name in candidates)
+    return tuple(
+        Term.of(name, {})
+        for name, e in effects
+        if e.role in (Role.APPLIED, Role.FRICTION)
+        and not (e.searched or e.memory or "u" in e.needs or any(p.listed for p in e.parameters))
+    )
+
+
+def _bank(recordings: Sequence[Recording], longest: float) -> tuple[Bank, int]:
+    """(rows that are not whitened, most steps of delay) for delays of up to `longest` s."""
+    startup = math.ceil(longest / recordings[0].sample_time) + 3
+    equations = equations_of(recordings, startup)
+    check_used(recordings, equations)
+    bank = Bank(equations, variance=passed_variance(np.ones(1), equations.band, _sensor(recordings)))
+    return bank, max(int(longest / bank.tap_time) - 1, 1)
+
+
+def _laid_out(recordings: Sequence[Recording], longest: float, base: Terms, beside: Terms) -> tuple[Solver, int, Fit]:
+    """(solver on rows that are not whitened, most steps of delay, first fit) for delays of up to `longest` s."""
+    bank, most_tap = _bank(recordings, longest)
+    blocks = lay_blocks(bank.equations.lengths, POLICY.gap_rows, recordings[0].name)
+    solver = Solver(bank, blocks)
+    fit = solver.fit(base, best_delay(solver, beside, most_tap))
+    solver = Solver(bank, blocks, _whole_inertia(fit) or _inertia_by_size(bank))
+    return solver, most_tap, solver.fit(base, fit.tap)
+
+
+def _whole_inertia(fit: Fit) -> float:
+    """J of motor and loads; 0 where a missing force swamps it (u holds a weight)."""
+    loads = sum(float(fit.coefficients(t)[0]) for t in fit.terms if t.effect.role is Role.STRUCTURE)
+    return max(float(fit.total[INERTIA]) + loads, 0.0)
+
+
+def _inertia_by_size(bank: Bank) -> float:
+    """rms of u over that of the acceleration: between the inertias of the inverse and of the forward form of a mass."""
+    drive, acceleration = float(np.linalg.norm(bank.drive((), 0))), float(np.linalg.norm(bank.acceleration))
+    return drive / max(acceleration, 1e-300)
+
+
+def best_delay(solver: Solver, terms: Terms, most_tap: int) -> int:
+    """The whole-step delay with the least squares, found from coarse to fine."""
+    step = max(1, most_tap // 40)
+    tried = range(0, most_tap + 1, step)
+    while True:
+        best = min(tried, key=lambda n: solver.squares(terms, n, keep=False))
+        if step == 1:
+            return best
+        tried = range(max(best - step, 0), min(best + step, most_tap) + 1, max(step // 4, 1))
+        step = max(step // 4, 1)
+
+
+def _with_noise(problem: Problem, fit: Fit) -> Problem:
+    """Rows whitened by the noise that no function of single channels explains beside the fit."""
+    plain, blocks, sensor = problem.errors.bank, problem.blocks, _sensor(problem.recordings)
+    band = plain.equations.band
+    inertia = problem.solver.inertia
+    residual = rich_residual(freeform_fits(plain, blocks, fit, inertia))
+    levels = fitted_noise(plain.equations.by_stretch(residual), band, sensor)
+    taps = whitening(levels, band, sensor)
+    equations = plain.equations.with_whitening(taps)
+    white = equations.whitened(residual)[equations.kept]
+    noise = Noise(float(np.mean(white**2)), _inflation(white))
+    solver = Solver(Bank(equations, plain, passed_variance(taps, band, sensor)), blocks, inertia)
+    return replace(problem, solver=solver, noise=noise)
+
+
+def _sensor(recordings: Sequence[Recording]) -> SensorNoise:
+    """The noise of the loudest sensor."""
+    return max((r.sensor.noise for r in recordings), key=lambda noise: noise.scale)
+
+
+def _inflation(white: Array) -> float:
+    """Integrated autocorrelation time: 1 + 2 sum of the autocorrelation, rows."""
+    n = len(white)
+    lags = min(POLICY.correlated_rows, n // 4)
+    products = np.array([np.dot(white[: n - k], white[k:]) for k in range(lags)])
+    return float(max(1.0, 1.0 + 2.0 * np.sum(products[1:]) / max(products[0], 1e-300))) if lags else 1.0

@@ -1,0 +1,89 @@
+"""What the acceleration is measured by: position differenced twice, velocity once, or d_hat with Q undone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsd_cli.identify.recordings.spectrum import SensorKind, SensorNoise, sensor_noise
+from dsd_cli.plant.filtering import poles_of
+from dsd_cli.plant.model import ObserverSettings
+from dsd_cli.plant.prediction import Frame
+from dsd_cli.signals.log import Array, Log, with_channels
+
+#: Sensors are compared at this share of the sample rate, or at this frequency (Hz) if that is lower.
+COMPARED_SHARE, COMPARED_HZ = 0.1, 30.0
+#: A position is preferred while its noise density is below so many times that of the best: speeds and disturbances
+#: that a drive logs have passed filters that nobody wrote down.
+PREFERENCE = {"position": 10.0, "velocity": 2.0, "d_hat": 1.0}
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Where the acceleration of a recording is from.
+
+    Attributes
+    ----------
+    noise : of the acceleration, by frequency.
+    two_intervals : each value is a mean over both intervals beside its sample, weighted by a hat (a second difference
+        of the position); else over the interval that ends there.
+    """
+
+    noise: SensorNoise
+    two_intervals: bool
+
+    @property
+    def kind(self) -> SensorKind:
+        """The channel."""
+        return self.noise.kind
+
+
+def with_acceleration(pieces: Sequence[Log], observer: ObserverSettings) -> tuple[list[Log], Sensor]:
+    """The pieces (regular, with d_hat) with "acceleration" by the best sensor that they have, and that sensor."""
+    pole = observer.pole(pieces[0].sample_time)
+    found: list[tuple[float, list[Array], Sensor]] = []
+    angle = np.array([2.0 * np.pi * min(COMPARED_SHARE, COMPARED_HZ * pieces[0].sample_time)])
+    for kind in _kinds(pieces[0]):
+        measured = [_acceleration(piece, kind, observer) for piece in pieces]
+        noise = sensor_noise(kind, measured, pole)
+        two = kind == "position" or (kind == "d_hat" and pieces[0].d_hat_source == "position")
+        worth = float(noise.density(angle)[0]) / PREFERENCE[kind]
+        found.append((worth, measured, Sensor(noise, two)))
+    _, measured, sensor = min(found, key=lambda f: f[0])
+    return [with_channels(p, acceleration=a) for p, a in zip(pieces, measured, strict=True)], sensor
+
+
+def _kinds(piece: Log) -> list[SensorKind]:
+    kinds: list[SensorKind] = [kind for kind in ("position", "velocity") if kind in piece]
+    return [*kinds, "d_hat"] if piece.d_hat_source == "logged" or not kinds else kinds
+
+
+def _acceleration(piece: Log, kind: SensorKind, observer: ObserverSettings) -> Array:
+    """rad/s2 or m/s2, shape (n,); the ends, which have no neighbour, repeat the next value."""
+    step = piece.sample_time
+    if kind == "position":
+        return np.pad(np.diff(piece["position"], 2) / step**2, 1, mode="edge")
+    if kind == "velocity":
+        return np.pad(np.diff(piece["velocity"]) / step, (1, 0), mode="edge")
+    seen = net_force(piece, observer) / observer.nominal_inertia
+    if piece.d_hat_source == "position":  # the observer knows it one sample after the middle of its two intervals
+        return np.pad(seen[1:], (0, 1), mode="edge")
+    return np.pad(seen[1:], (1, 0), mode="edge")
+
+
+def net_force(piece: Log, observer: ObserverSettings) -> Array:
+    """Jn a, mean over the interval that ends at each sample, from d_hat and u: Q undone, shape (n,).
+
+    Where d_hat averages two intervals (from position) so does this. The first sample is 0.
+    """
+    frame = Frame(piece)
+    d_hat = piece["d_hat"]
+    poles = poles_of(frame.intervals.tolist(), observer.time_constant)
+    raw = np.zeros(len(d_hat))
+    raw[1:] = (d_hat[1:] - poles[1:] * d_hat[:-1]) / (1.0 - poles[1:])
+    u = frame.seen(frame.mean_u(piece["u"], 0.0), None)
+    total = raw + u
+    total[0] = 0.0
+    return np.asarray(total)

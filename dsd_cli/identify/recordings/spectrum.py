@@ -1,0 +1,91 @@
+"""Power over frequency: of signals, and of the noise that a sensor leaves in the acceleration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from dsd_cli.signals.log import Array
+
+SensorKind = Literal["position", "velocity", "d_hat"]
+
+#: Rows of a segment at most, and segments that a short signal is still cut into.
+SEGMENT, FEWEST_SEGMENTS = 2048, 6
+#: Noise is measured from this share of half the sample rate on: motion has ended there.
+NOISE_FROM = 0.5
+
+
+class Density(NamedTuple):
+    """Power density by angle w = 2 pi f T in (0, pi], both of shape (m,); white noise of variance s2 has density s2."""
+
+    angle: Array
+    power: Array
+
+    def at(self, angle: Array) -> Array:
+        """The density interpolated, shape of `angle`."""
+        return np.interp(angle, self.angle, self.power)
+
+
+def density(parts: Sequence[Array], segment: int = SEGMENT) -> Density:
+    """Mean periodogram (Welch: Hann, half overlap) of stretches of one signal."""
+    longest = max(len(x) for x in parts)
+    size = max(min(segment, 2 * longest // (FEWEST_SEGMENTS + 1)) // 2 * 2, 8)
+    window = np.hanning(size + 1)[:-1]
+    powers, count = np.zeros(size // 2), 0
+    for x in parts:
+        for start in range(0, len(x) - size + 1, size // 2):
+            piece = x[start : start + size]
+            powers += np.abs(np.fft.rfft((piece - piece.mean()) * window)[1:]) ** 2
+            count += 1
+    angle = 2.0 * np.pi * np.arange(1, size // 2 + 1) / size
+    return Density(angle, powers / max(count, 1) / np.sum(window**2))
+
+
+def bend(angle: Array) -> Array:
+    """d = 2 - 2 cos w, the power gain of one difference."""
+    return np.asarray(2.0 - 2.0 * np.cos(angle))
+
+
+class SensorNoise(NamedTuple):
+    """Noise of a measured acceleration: its density is `scale` times a shape that the kind of sensor sets.
+
+    kind : "position" is differenced twice (d^2), "velocity" once (d); "d_hat" has passed Q, whose inverse gives
+        ((1-p)^2 + p d) / (1-p)^2 with the pole p. scale : (rad/s2)^2 or (m/s2)^2.
+    """
+
+    kind: SensorKind
+    pole: float
+    scale: float
+
+    def density(self, angle: Array) -> Array:
+        """Density of the noise, shape of `angle`."""
+        return np.asarray(self.scale * self._shape(angle))
+
+    def made(self, count: int, random: np.random.Generator) -> Array:
+        """Noise of this kind, shape (count,)."""
+        white = random.normal(size=count + 2)
+        if self.kind == "position":
+            found = np.diff(white, 2)
+        elif self.kind == "velocity":
+            found = np.diff(white)[1:]
+        else:
+            found = (white[2:] - self.pole * white[1:-1]) / (1.0 - self.pole)
+        return np.asarray(np.sqrt(self.scale) * found)
+
+    def _shape(self, angle: Array) -> Array:
+        d = bend(angle)
+        if self.kind == "position":
+            return d * d
+        if self.kind == "velocity":
+            return d
+        return (np.square(1.0 - self.pole) + self.pole * d) / np.square(1.0 - self.pole)
+
+
+def sensor_noise(kind: SensorKind, accelerations: Sequence[Array], pole: float = 0.0) -> SensorNoise:
+    """The noise of the sensor behind these accelerations, from where motion has ended in their spectrum."""
+    found = density(accelerations)
+    top = found.angle >= NOISE_FROM * np.pi
+    unit = SensorNoise(kind, pole, 1.0)
+    return unit._replace(scale=float(np.median(found.power[top] / unit.density(found.angle[top]))))

@@ -1,0 +1,74 @@
+"""How much one more effect would explain beside a fit, quickly: by what its columns have that the fit's have not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from dsd_cli.effects import Role
+from dsd_cli.identify.fit.bank import Term, Terms, holds, inputs_of, not_negative
+from dsd_cli.identify.fit.solve import Solver
+from dsd_cli.signals.log import Array
+
+#: Columns that keep less than this share of their power beside the fit's own add nothing.
+_LEAST_OWN = 1e-6
+
+
+class Scan:
+    """The forward form of some effects at a delay, with their columns taken out; others are tried beside them.
+
+    An effect on the command changes the drive itself; it is tried at several delays.
+    """
+
+    def __init__(self, solver: Solver, terms: Terms, tap: int, taps_for: Callable[[Term, int], Sequence[int]]) -> None:
+        self.solver, self.terms, self.tap, self._taps_for = solver, terms, tap, taps_for
+        self._inputs, self._held = inputs_of(terms), holds(terms)
+        drive, acceleration, *others = solver.bank.design(terms, tap).rows
+        self._others = _basis(others)
+        self._accelerated = solver.inertia * _without(acceleration, self._others)
+        own = _without(drive, self._others)
+        size = float(np.linalg.norm(own))
+        self._all = np.vstack([self._others, own / size]) if size > 0.0 else self._others
+        self._left = _without(self._accelerated, self._all)
+        self._squares = float(self._left @ self._left)
+
+    def gain(self, term: Term, keep: bool = False) -> tuple[float, int]:
+        """(by how much the sum of squares falls with that effect beside the others, best delay).
+
+        `keep` columns that had to be made, for they will be asked for again.
+        """
+        if term.effect.role is Role.FRICTION and not self._held:  # the first friction makes rests of slow stretches
+            return self._squares - self.solver.squares((*self.terms, term), self.tap, keep), self.tap
+        if term.effect.role is not Role.INPUT:
+            return self._gain_of_columns(self.solver.bank.columns(term, self.tap, keep, self._held), term), self.tap
+        taps = dict.fromkeys((self.tap, *self._taps_for(term, self.tap)))
+        return max((self._gain_of_drive(term, n, keep), n) for n in taps)
+
+    def _gain_of_drive(self, term: Term, tap: int, keep: bool) -> float:
+        own = _without(self.solver.bank.drive((*self._inputs, term), tap, keep, self._held), self._others)
+        moment, size = float(own @ self._accelerated), float(own @ own)
+        explained = moment**2 / size if moment > 0.0 and size > 0.0 else 0.0
+        return self._squares - (float(self._accelerated @ self._accelerated) - explained)
+
+    def _gain_of_columns(self, columns: Sequence[Array], term: Term) -> float:
+        own = np.stack([_without(c, self._all) for c in columns])
+        gram, moment = own @ own.T, own @ self._left
+        size = np.array([float(c @ c) for c in columns])
+        if not np.all(np.diag(gram) > _LEAST_OWN * size):
+            return 0.0
+        scale = np.sqrt(np.diag(gram))
+        theta = np.linalg.solve(gram / np.outer(scale, scale) + 1e-9 * np.eye(len(gram)), moment / scale) / scale
+        if len(columns) == 1 and theta[0] > 0.0 and not_negative(term, 1):
+            return 0.0
+        return float(theta @ moment)
+
+
+def _basis(rows: Sequence[Array]) -> Array:
+    """Orthonormal rows that span these, shape (k, N)."""
+    basis, _ = np.linalg.qr(np.stack(rows).T)
+    return np.ascontiguousarray(basis.T)
+
+
+def _without(x: Array, basis: Array) -> Array:
+    return np.asarray(x - (basis @ x) @ basis)

@@ -1,0 +1,97 @@
+"""Power over frequency: of white noise its variance, and of a sensor's noise what differencing makes of white noise."""
+
+import numpy as np
+import pytest
+
+from dsd_cli.identify.recordings.spectrum import SEGMENT, SensorNoise, bend, density, sensor_noise
+
+ANGLES = np.linspace(0.01, np.pi, 400)
+#: How each sensor's white noise of 1 enters an acceleration: the filter's taps, from the definition of the difference.
+TAPS = {"position": [1.0, -2.0, 1.0], "velocity": [1.0, -1.0], "d_hat": [1.0 / 0.2, -0.8 / 0.2]}
+POLE = 0.8
+
+
+def _gain(taps, angles):
+    """|sum h_k e^(-j w k)|^2 by the sum itself."""
+    k = np.arange(len(taps))
+    return np.abs(np.exp(-1j * np.outer(angles, k)) @ np.array(taps)) ** 2
+
+
+def test_white_noise_has_the_density_of_its_variance():
+    found = density([1.7 * np.random.default_rng(1).normal(size=200_000)])
+    assert found.power.mean() == pytest.approx(1.7**2, rel=0.01)
+    assert np.abs(found.power / 1.7**2 - 1.0).max() < 0.6  # each of them, by chance
+    low, high = found.power[: len(found.power) // 4], found.power[-len(found.power) // 4 :]
+    assert low.mean() == pytest.approx(high.mean(), rel=0.05)
+
+
+def test_a_mean_has_no_power_and_a_sine_has_it_at_its_angle():
+    k = np.arange(40_000)
+    found = density([5.0 + 2.0 * np.sin(0.7 * k)])
+    top = found.angle[np.argmax(found.power)]
+    assert abs(top - 0.7) < 2.0 * np.pi / SEGMENT
+    assert found.power.sum() / len(found.power) == pytest.approx(2.0**2 / 2.0, rel=0.02)  # all of the variance
+    assert found.power[found.angle > 1.0].max() < 1e-9 * found.power.max()
+
+
+def test_stretches_are_averaged_without_a_jump_between_them():
+    rng = np.random.default_rng(2)
+    parts = [rng.normal(size=20_000), 1e6 + rng.normal(size=20_000)]
+    assert density(parts).power.mean() == pytest.approx(1.0, rel=0.05)
+
+
+@pytest.mark.parametrize("count", [10, 50, 700, 5000])
+def test_short_signals_are_cut_into_shorter_segments(count):
+    found = density([np.random.default_rng(3).normal(size=count)])
+    assert len(found.angle) == len(found.power) <= SEGMENT // 2
+    assert 2 * len(found.angle) <= max(2 * count // 7, 8)
+    assert np.all((found.angle > 0.0) & (found.angle <= np.pi + 1e-12))
+    assert np.all(np.isfinite(found.power))
+
+
+def test_between_its_angles_a_density_is_interpolated():
+    found = density([np.random.default_rng(4).normal(size=3000)])
+    middle = 0.5 * (found.angle[3] + found.angle[4])
+    assert found.at(np.array([middle]))[0] == pytest.approx(0.5 * (found.power[3] + found.power[4]))
+
+
+def test_bend_is_the_power_gain_of_a_difference():
+    np.testing.assert_allclose(bend(ANGLES), _gain([1.0, -1.0], ANGLES), atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", TAPS)
+def test_noise_of_a_sensor_has_the_spectrum_of_its_differences(kind):
+    noise = SensorNoise(kind, POLE, 0.3)
+    np.testing.assert_allclose(noise.density(ANGLES), 0.3 * _gain(TAPS[kind], ANGLES), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", TAPS)
+def test_noise_that_is_made_has_that_spectrum(kind):
+    noise = SensorNoise(kind, POLE, 0.3)
+    made = noise.made(400_000, np.random.default_rng(5))
+    assert made.shape == (400_000,)
+    found = density([made])
+    upper = found.angle > 0.3
+    ratio = found.power[upper] / (0.3 * _gain(TAPS[kind], found.angle[upper]))
+    assert ratio.mean() == pytest.approx(1.0, rel=0.02)
+    assert np.var(made) == pytest.approx(0.3 * np.sum(np.square(TAPS[kind])), rel=0.03)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("kind", TAPS)
+def test_the_level_is_found_through_a_motion_that_is_far_louder(kind, seed):
+    rng = np.random.default_rng(seed)
+    k = np.arange(20_000)
+    motion = sum(100.0 * np.sin(w * k + rng.uniform(0, 6)) for w in (0.01, 0.05, 0.2))
+    white = 0.4 * rng.normal(size=len(k) + 2)
+    noise = np.convolve(white, TAPS[kind], mode="valid")[: len(k)]
+    found = sensor_noise(kind, [motion[: len(noise)] + noise], POLE)
+    assert found.kind == kind
+    assert found.scale == pytest.approx(0.4**2, rel=0.1)
+
+
+def test_one_loud_line_at_high_frequency_does_not_raise_the_level():
+    """A resonance is no noise: the median over the upper half does not see it."""
+    rng, k = np.random.default_rng(7), np.arange(20_000)
+    x = np.diff(rng.normal(size=20_001)) + 30.0 * np.sin(2.2 * k)
+    assert sensor_noise("velocity", [x]).scale == pytest.approx(1.0, rel=0.1)
