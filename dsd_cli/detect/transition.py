@@ -20,6 +20,11 @@ class Transition:
     stay: float | None = None
     matrix: Array | None = None
 
+    @property
+    def uniform(self) -> bool:
+        """Every change is as likely as none: the likelihood alone decides."""
+        return self.stay is None and self.matrix is None
+
     def log_matrix(self, states: int) -> Array:
         """log A, shape (states, states); -inf where a change is forbidden.
 

@@ -1,10 +1,10 @@
 """What must hold for any input: chunking, units, the order of states, the two kernels, missing samples, spikes."""
 
-from itertools import pairwise
+from itertools import pairwise, permutations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from dsd_cli.detect import DetectorSettings, Engine, Grid, Transition
@@ -116,6 +116,8 @@ def summed(u, d, tuning, alpha):
 
 @pytest.mark.skipif(len(BACKENDS) < 2, reason="no compiled kernel in this build")
 @settings(deadline=None, max_examples=40)
+@example(seed=263, tuning={"window": 1}, timed=True, aperture=1, missing=0.05)  # 3e-9 nats between two states
+@example(seed=270, tuning={"window": 1}, timed=False, aperture=1, missing=0.0)  # the best two, 2e-9 nats apart
 @given(
     seed=st.integers(0, 1000),
     tuning=TUNINGS,
@@ -270,6 +272,17 @@ def test_no_method_moves_a_label_without_evidence(backend, method):
     assert not silent.confident.any()
     constant = make(backend, window=20, initial=7, method=method).run(u + 1.0, u)
     assert (constant.delay == GRID.axes["delay"][7]).all()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("order", list(permutations((0.0, 0.9, 1.6))))
+def test_the_best_two_tie_whatever_the_order_of_the_states(backend, order):
+    """Three inertias whose costs are 0, 0.9 and 1.6 ties apart: the best ties with the second, so the label stays."""
+    tie = 1e-9 * (1.0 + 0.5)  # cost (y - alpha z)^2 / 2 rho^2 = 1 / 2 for y = 2, alpha = z = 1
+    alphas = (0.5, *(1.0 + part * tie for part in order))
+    engine = make(backend, Grid((0.0,), tuple(1.0 / a for a in alphas)), window=1, rho=1.0, tau=0.0, hold=0.1)
+    labels = engine.run(np.ones(30), np.ones(30))
+    assert (labels.state == 0).all()
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
