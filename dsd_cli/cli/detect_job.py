@@ -25,6 +25,7 @@ from dsd_cli.detect.summary import Summarizer
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.background import read_ahead
 from dsd_cli.files.config import Config
+from dsd_cli.files.scaled import scaled
 from dsd_cli.files.tables_in import Batch, TableSource, dropped_with_unreadable, open_table, read_head
 from dsd_cli.files.tables_out import check_output
 from dsd_cli.report.detection import Detection, print_table, to_json
@@ -117,12 +118,13 @@ class Job:
         columns = log_columns(self.config.signals)
         columns.pop("reference", None)
         optional = optional_columns(self.config) & set(columns)
+        factors = self.config.signals.factors()
         if not self.follow:
-            return open_table(self.log, columns, optional)
+            return scaled(open_table(self.log, columns, optional), factors)
         from dsd_cli.files.line_stream import LineStream
 
         read_head(self.log, 1)
-        return LineStream(Path(self.log), columns, optional, stop=lambda: bool(interrupted))
+        return scaled(LineStream(Path(self.log), columns, optional, stop=lambda: bool(interrupted)), factors)
 
     def _plan(self, table: TableSource) -> Plan:
         plan = detection_plan(self.config, table.columns, table.metadata, table.name)

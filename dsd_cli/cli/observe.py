@@ -29,7 +29,7 @@ def observe(
 
     Writes the channels that the config names, under the tool's own names. Rows that cannot be used are left out.
     """
-    from dsd_cli.cli.plan import TIME_SCALE, log_columns, naming, observer_settings, optional_columns
+    from dsd_cli.cli.plan import log_columns, naming, observer_settings, optional_columns, reading
     from dsd_cli.files.config import load_config
     from dsd_cli.files.logs import load_log, write_log
     from dsd_cli.files.tables_out import check_output
@@ -41,13 +41,7 @@ def observe(
     columns = log_columns(settings.signals)
     columns.pop("d_hat", None)
     with naming(log):
-        loaded = load_log(
-            log,
-            columns,
-            optional_columns(settings),
-            sample_time=settings.signals.sample_time,
-            time_scale=TIME_SCALE[settings.signals.time_unit],
-        )
+        loaded = load_log(log, columns, optional_columns(settings), **reading(settings.signals))
     observed = _observed(loaded, observer)
     write_log(output, observed, (log, config))
     if quiet:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,6 +37,16 @@ def optional_columns(config: Config) -> set[str]:
     """Channels that a log may lack: all that the config does not name itself, but u and the time."""
     columns = log_columns(config.signals)
     return {name for name in columns if name not in ("t", "u") and not config.says(f"signals.{name}")}
+
+
+def reading(signals: Signals) -> dict[str, Any]:
+    """How [signals] says that a log is read: what `load_log` takes beside the columns."""
+    return {
+        "sample_time": signals.sample_time,
+        "time_scale": TIME_SCALE[signals.time_unit],
+        "factors": signals.factors(),
+        "u_hold": signals.u_hold,
+    }
 
 
 @contextmanager

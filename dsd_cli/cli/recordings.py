@@ -35,20 +35,15 @@ def load_recording(path: str, config: Config) -> LoadedRecording:
     DataError : no u, nothing to have d_hat from, too short, or an axis that stands still.
     UsageError : the config lacks [observer].
     """
-    from dsd_cli.cli.plan import TIME_SCALE, log_columns, naming, observer_settings
+    from dsd_cli.cli.plan import log_columns, naming, observer_settings, reading
     from dsd_cli.files.logs import load_log
     from dsd_cli.identify.recording import prepare
 
     observer = observer_settings(config)
     columns = log_columns(config.signals)
     with naming(path):
-        loaded = load_log(
-            path,
-            columns,
-            {name for name in columns if name not in ("t", "u")},
-            sample_time=config.signals.sample_time,
-            time_scale=TIME_SCALE[config.signals.time_unit],
-        )
+        optional = {name for name in columns if name not in ("t", "u")}
+        loaded = load_log(path, columns, optional, **reading(config.signals))
     _check_channels(path, loaded)
     recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)
     dropped = {reason: count for reason, count in loaded.dropped.items() if count}

@@ -10,10 +10,11 @@ from typing import cast
 import numpy as np
 
 from dsd_cli.errors import DataError
+from dsd_cli.files.scaled import FACTORS, factors_text, scaled
 from dsd_cli.files.tables_in import dropped_with_unreadable, open_table
 from dsd_cli.files.tables_out import open_writer
 from dsd_cli.signals.cleaning import Cleaner
-from dsd_cli.signals.log import CHANNELS, DHatSource, Log
+from dsd_cli.signals.log import CHANNELS, DHatSource, Hold, Log
 
 _D_HAT_SOURCES = ("logged", "velocity", "position")
 #: Metadata that `write_log` adds and `load_log` turns back into attributes.
@@ -45,6 +46,8 @@ def load_log(
     *,
     sample_time: float | None = None,
     time_scale: float = 1.0,
+    factors: Mapping[str, float] | None = None,
+    u_hold: Hold = "held",
 ) -> LoadedLog:
     """Read a whole log, cleaned.
 
@@ -53,6 +56,8 @@ def load_log(
     signals : canonical name (see `CHANNELS`) -> column; without "t" the `sample_time` (s) is needed.
     optional : canonical names whose columns may be missing.
     time_scale : s per unit of the time column.
+    factors : channel -> what its column is multiplied by.
+    u_hold : how u lives between the samples.
 
     Raises
     ------
@@ -60,7 +65,7 @@ def load_log(
     """
     if "t" not in signals and sample_time is None:
         raise DataError(f"{path}: no time column", "set signals.time, or signals.sample_time")
-    table = open_table(path, signals, optional)
+    table = scaled(open_table(path, signals, optional), factors or {})
     cleaner = Cleaner(sample_time, time_scale)
     pieces = []
     for batch in table.batches():
@@ -80,6 +85,8 @@ def load_log(
     for name in sorted(pieces[0].values, key=_order):
         channels[name] = np.concatenate([piece.values[name] for piece in pieces])
     metadata = {key: text for key, text in table.metadata.items() if key not in (D_HAT_SOURCE, SAMPLE_TIME)}
+    if factors:
+        metadata[FACTORS] = factors_text(factors)
     source = table.metadata.get(D_HAT_SOURCE, "logged")
     log = Log(
         channels,
@@ -87,6 +94,7 @@ def load_log(
         source=table.name,
         d_hat_source=cast(DHatSource, source) if source in _D_HAT_SOURCES and "d_hat" in channels else "logged",
         metadata=metadata,
+        u_hold=u_hold,
     )
     dropped = dropped_with_unreadable(cleaner.dropped, table.unreadable)
     return LoadedLog(log, dropped, (*table.warnings, *cleaner.warnings), tuple(restarts), bool(cleaner.regular))

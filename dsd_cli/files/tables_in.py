@@ -44,11 +44,16 @@ class TableSource(Protocol):
     """
 
     name: str
-    column_names: list[str]
-    columns: dict[str, str]
     metadata: dict[str, str]
-    warnings: list[str]
-    unreadable: int
+
+    @property
+    def column_names(self) -> list[str]: ...
+    @property
+    def columns(self) -> dict[str, str]: ...
+    @property
+    def warnings(self) -> list[str]: ...
+    @property
+    def unreadable(self) -> int: ...
 
     def batches(self) -> Iterator[Batch]: ...
 

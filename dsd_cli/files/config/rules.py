@@ -163,6 +163,18 @@ def number(lower: float = -math.inf, above: float = -math.inf, upper: float = ma
     return Rule(allowed, read)
 
 
+def factor() -> Rule:
+    """A finite number other than 0, so that what is multiplied by it can be had back."""
+    allowed, finite = "a number other than 0", number()
+
+    def read(value: Any, at: Place) -> float:
+        if value == 0 or isinstance(value, bool):
+            raise at.wrong(value, allowed)
+        return float(finite.read(value, at))
+
+    return Rule(allowed, read)
+
+
 def integer(lower: int) -> Rule:
     """An integer of at least `lower`."""
     allowed = f"an integer of at least {lower}"

@@ -13,6 +13,7 @@ from dsd_cli.files.config.rules import (
     Section,
     axis,
     choice,
+    factor,
     flag,
     integer,
     key,
@@ -52,6 +53,21 @@ class Signals(Section):
     reference: str | None = _column("reference", "the reference")
     true_delay: str | None = _column("true_delay", "the true delay of a simulated log")
     true_inertia: str | None = _column("true_inertia", "the true inertia of a simulated log")
+    u_sign: Literal[1, -1] = key(choice(1, -1), "-1 turns the sign of the control input", default=1)
+    u_scale: float = key(
+        number(above=0), "factor: what the columns u and d_hat hold, times this, is in the unit of u", default=1.0
+    )
+    velocity_scale: float = key(
+        factor(), "factor: what the column velocity holds, times this, is rad/s or m/s; negative turns it", default=1.0
+    )
+    position_scale: float = key(
+        factor(), "factor: what the columns position and reference hold, times this, is rad or m", default=1.0
+    )
+    u_hold: Literal["held", "sampled"] = key(
+        choice("held", "sampled"),
+        "how u lives between samples: held by a drive until the next one, or sampled from a continuous signal",
+        default="held",
+    )
 
     def __init__(self, **values: Any) -> None:
         if values.get("sample_time") is not None:
@@ -73,8 +89,26 @@ class Signals(Section):
 
     def columns(self) -> dict[str, str]:
         """Column of the file by channel (`time` and the rest), without those that shall not be looked for."""
-        names = {name: getattr(self, name) for name in self.keys if name not in ("sample_time", "time_unit")}
+        names = {name: getattr(self, name) for name in self.keys if name in _COLUMNS}
         return {channel: column for channel, column in names.items() if column is not None}
+
+    def factors(self) -> dict[str, float]:
+        """What a channel's column is multiplied by when a log is read, without those that are 1.
+
+        d_hat is a force in the unit of u, so that it shares u's scale; its sign is [observer] sign's business.
+        """
+        found = {
+            "u": self.u_sign * self.u_scale,
+            "d_hat": self.u_scale,
+            "velocity": self.velocity_scale,
+            "position": self.position_scale,
+            "reference": self.position_scale,
+        }
+        return {channel: value for channel, value in found.items() if value != 1.0}
+
+
+#: Keys of [signals] that name a column.
+_COLUMNS = ("time", "u", "d_hat", "velocity", "position", "reference", "true_delay", "true_inertia")
 
 
 class Observer(Section):
