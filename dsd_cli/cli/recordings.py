@@ -45,9 +45,10 @@ def load_recording(path: str, config: Config) -> LoadedRecording:
         optional = {name for name in columns if name not in ("t", "u")}
         loaded = load_log(path, columns, optional, **reading(config.signals))
     _check_channels(path, loaded)
+    check_sizes(path, loaded)
     recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)
     dropped = {reason: count for reason, count in loaded.dropped.items() if count}
-    return LoadedRecording(recording, dropped, (*loaded.warnings, *_absent(config, columns, loaded)))
+    return LoadedRecording(recording, dropped, (*loaded.warnings, *absent(config, columns, loaded)))
 
 
 def believed_model(config: Config) -> PlantModel:
@@ -74,9 +75,6 @@ def _check_channels(path: str, loaded: LoadedLog) -> None:
         raise DataError(
             f"{path}: neither d_hat nor velocity nor position", "set one of them in [signals] to the log's column"
         )
-    for name, column in log.channels.items():
-        if float(abs(column).max()) > _LARGEST:
-            raise DataError(f"{path}: {name} goes beyond {_LARGEST:g}", "is that its column?")
     for name in ("position", "velocity"):
         if name in log and len(log) > 1 and bool((log[name] == log[name][0]).all()):
             raise DataError(
@@ -84,7 +82,21 @@ def _check_channels(path: str, loaded: LoadedLog) -> None:
             )
 
 
-def _absent(config: Config, columns: Mapping[str, str], loaded: LoadedLog) -> list[str]:
+def check_sizes(path: str, loaded: LoadedLog) -> None:
+    """Numbers that can be computed with.
+
+    Raises
+    ------
+    DataError : a channel with values whose squares overflow.
+    """
+    from dsd_cli.errors import DataError
+
+    for name, column in loaded.log.channels.items():
+        if float(abs(column).max()) > _LARGEST:
+            raise DataError(f"{path}: {name} goes beyond {_LARGEST:g}", "is that its column?")
+
+
+def absent(config: Config, columns: Mapping[str, str], loaded: LoadedLog) -> list[str]:
     """Channels that the config itself names and the log lacks."""
     return [
         f'no column "{column}" (signals.{name})'
