@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
@@ -10,6 +11,8 @@ from dsd_cli.identify.checks import CheckResult, Excitation, Finding, Parameter
 from dsd_cli.identify.results import Estimate
 from dsd_cli.report.names import LEGEND, estimate_text, in_words, number_or_none
 
+#: rad
+TURN = 2.0 * math.pi
 #: Best first: several logs together tell what one of them tells.
 _GRADES = ("identified", "weak", "not")
 _STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
@@ -120,7 +123,7 @@ def _moves(did: Excitation) -> list[str]:
     share = f"{100.0 * did.moving:.0f} % of the time"
     return [
         f"{did.stretches} move{'' if did.stretches == 1 else 's'} ({did.forward} forward), {share}: {room}",
-        f"speed up to {did.top_speed:.3g}, travel {did.travel:.3g}",
+        f"speed up to {did.top_speed:.3g}, travel {did.travel:.3g} ({did.travel / TURN:.2g} turns, if it turns)",
     ]
 
 

@@ -111,15 +111,13 @@ def _fit(d_hat: Array, columns: Array, tau: float) -> Observed:
 
 
 def check_disturbance(fit: Observed, observer: ObserverSettings) -> list[Finding]:
-    """What is wrong with d_hat itself; signs of u and the motion are judged with `culprit`."""
+    """What is wrong with d_hat itself, where `culprit` blames neither u nor the motion."""
     if not fit.clear:
         return []
     sign = observer.sign
     if fit.motion * sign < 0.0 < fit.drive * sign:
         what = "d_hat has the other sign than Q { Jn a - u }"
         return [Finding(what, "d_hat", "error", 0.98, f"observer.sign = {-sign}")]
-    if culprit(fit, sign):
-        return []
     return [*_scales(fit), *_inertia(fit, observer), *_time_constant(fit, observer)]
 
 

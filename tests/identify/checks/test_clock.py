@@ -31,6 +31,23 @@ def test_noisy_stamps_of_an_even_clock_are_told_from_uneven_samples(sensing):
     assert (true.severity, true.remedy) == ("note", "")
 
 
+def test_a_u_that_is_held_over_uneven_intervals_gives_the_inertia():
+    """Exact: each u acts until the next stamp, on a bare inertia with a little viscous friction."""
+    rng, J, B = np.random.default_rng(5), 0.3, 0.4
+    dt = rng.uniform(0.6, 1.4, 8000) * T
+    t = np.concatenate([[0.0], np.cumsum(dt)[:-1]])
+    u = np.convolve(rng.normal(size=8000), np.ones(40) / 6.0, "same")
+    velocity = np.zeros(8000)
+    for k in range(7999):
+        left = np.exp(-B / J * dt[k])
+        velocity[k + 1] = left * velocity[k] + (1.0 - left) * u[k] / B
+    result = check_log(Log({"t": t, "u": u, "velocity": velocity}, T))
+    assert said(result, "samples were taken at them")
+    inertia, delay = result.parameters
+    assert inertia.value == pytest.approx(J, rel=0.01)
+    assert abs(delay.value) < 0.2 * T
+
+
 def test_where_the_encoder_hides_it_nothing_is_claimed():
     for recording in recordings("coarse")[::4]:
         c = recording.channels
