@@ -14,12 +14,13 @@ import numpy as np
 
 from dsd_cli.cli.detect_checks import Judgement
 from dsd_cli.cli.labels_out import LabelsFile, NoLabels, Write, json_lines
-from dsd_cli.cli.plan import TIME_SCALE, TRUTH, detection_plan, log_columns, naming, optional_columns
+from dsd_cli.cli.plan import TIME_SCALE, TRUTH, detection_plan, limits, log_columns, naming, optional_columns
 from dsd_cli.cli.progress import Progress
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import active_backend
 from dsd_cli.detect.plan import Plan
-from dsd_cli.detect.session import Rows, Session
+from dsd_cli.detect.rows import Rows
+from dsd_cli.detect.session import Session
 from dsd_cli.detect.settings import OFFLINE
 from dsd_cli.detect.summary import Summarizer
 from dsd_cli.errors import DataError, UsageError
@@ -108,7 +109,8 @@ class Job:
             summarizer = judgement.summarizer(plan)
             # a straight line through positions or speeds would be differentiated into a false d_hat
             bridge = BRIDGE if plan.d_hat_source == "logged" else 0
-            session = Session(plan, Cleaner(self.config.signals.sample_time, self._time_scale, bridge))
+            signals = self.config.signals
+            session = Session(plan, Cleaner(signals.sample_time, self._time_scale, bridge, limits(signals)))
             with naming(table.name):
                 self._label_all(table, session, summarizer)
         return _detection(table, session, summarizer)
@@ -221,7 +223,7 @@ def _detection(table: TableSource, session: Session, summarizer: Summarizer) -> 
         d_hat_source=plan.d_hat_source,
         rho=plan.settings.rho,
         dropped={reason: count for reason, count in dropped.items() if count},
-        warnings=(*table.warnings, *cleaner.warnings),
+        warnings=(*table.warnings, *session.warnings),
     )
 
 

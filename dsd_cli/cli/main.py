@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from typing import Annotated
 
 import typer
@@ -73,6 +74,8 @@ def main() -> None:
 def run(arguments: list[str]) -> int:
     """Run `dsd` with these arguments; the exit code. Prints one line on stderr for whatever goes wrong."""
     _end_in_order()
+    if os.environ.get("DSD_DEBUG") != "1":
+        warnings.simplefilter("ignore")  # of libraries, in their words; what matters is said in ours
     try:
         try:
             code = _invoke(arguments)

@@ -29,7 +29,7 @@ def observe(
 
     Writes the channels that the config names, under the tool's own names. Rows that cannot be used are left out.
     """
-    from dsd_cli.cli.plan import TIME_SCALE, log_columns, naming, observer_settings, optional_columns
+    from dsd_cli.cli.plan import TIME_SCALE, limits, log_columns, naming, observer_settings, optional_columns
     from dsd_cli.files.config import load_config
     from dsd_cli.files.logs import load_log, write_log
     from dsd_cli.files.tables_out import check_output
@@ -47,8 +47,10 @@ def observe(
             optional_columns(settings),
             sample_time=settings.signals.sample_time,
             time_scale=TIME_SCALE[settings.signals.time_unit],
+            limits=limits(settings.signals),
         )
     observed = _observed(loaded, observer)
+    _check_finite(log, observed)
     write_log(output, observed, (log, config))
     if quiet:
         return
@@ -56,6 +58,19 @@ def observe(
         typer.echo(f"dsd: warning: {log}: {warning}", err=True)
     counts = "".join(f"; {reason} {count:,}" for reason, count in loaded.dropped.items() if count)
     typer.echo(f"{output}: {len(observed):,} samples, d_hat computed from {observed.d_hat_source}{counts}", err=True)
+
+
+def _check_finite(name: str, log: Log) -> None:
+    import numpy as np
+
+    from dsd_cli.errors import DataError
+
+    if not np.isfinite(log["d_hat"]).all():
+        row = int(np.flatnonzero(~np.isfinite(log["d_hat"]))[0])
+        raise DataError(
+            f"{name}: d_hat is not finite from t = {log['t'][row]:g} s on",
+            "set the ranges of the channels in [signals], such as velocity_range; is nominal_inertia right?",
+        )
 
 
 def _observed(loaded: LoadedLog, settings: ObserverSettings) -> Log:

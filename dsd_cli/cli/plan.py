@@ -15,7 +15,9 @@ from dsd_cli.detect.transition import Transition
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.config import Config, Detector, Observer, Signals, States, Stay
 from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.cleaning import MEASURED
 from dsd_cli.signals.log import DHatSource
+from dsd_cli.signals.outliers import Limits
 
 #: s per unit of the time column.
 TIME_SCALE = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -30,6 +32,13 @@ def log_columns(signals: Signals) -> dict[str, str]:
     if "time" in columns:
         columns = {"t": columns.pop("time"), **columns}
     return columns
+
+
+def limits(signals: Signals) -> Limits:
+    """What is no value of a channel: [signals] ranges and outlier_factor."""
+    given = {name: getattr(signals, f"{name}_range") for name in MEASURED}
+    ranges = {name: (found[0], found[1]) for name, found in given.items() if found is not None}
+    return Limits(ranges, signals.outlier_factor)
 
 
 def optional_columns(config: Config) -> set[str]:

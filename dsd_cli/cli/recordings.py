@@ -35,7 +35,7 @@ def load_recording(path: str, config: Config) -> LoadedRecording:
     DataError : no u, nothing to have d_hat from, too short, or an axis that stands still.
     UsageError : the config lacks [observer].
     """
-    from dsd_cli.cli.plan import TIME_SCALE, log_columns, naming, observer_settings
+    from dsd_cli.cli.plan import TIME_SCALE, limits, log_columns, naming, observer_settings
     from dsd_cli.files.logs import load_log
     from dsd_cli.identify.recording import prepare
 
@@ -48,6 +48,7 @@ def load_recording(path: str, config: Config) -> LoadedRecording:
             {name for name in columns if name not in ("t", "u")},
             sample_time=config.signals.sample_time,
             time_scale=TIME_SCALE[config.signals.time_unit],
+            limits=limits(config.signals),
         )
     _check_channels(path, loaded)
     recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)

@@ -113,7 +113,7 @@ class Engine:
         window = settings.effective_window
         if window * len(grid) > 1e8:
             raise UsageError(f"a window of {window} over {len(grid)} states needs too much memory", "reduce either")
-        spec = KernelSpec(
+        self.spec = spec = KernelSpec(
             grid=grid,
             settings=replace(settings, window=window),
             alphas=measurement.nominal_inertia / np.array(grid.inertias),

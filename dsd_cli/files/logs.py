@@ -14,6 +14,7 @@ from dsd_cli.files.tables_in import dropped_with_unreadable, open_table
 from dsd_cli.files.tables_out import open_writer
 from dsd_cli.signals.cleaning import Cleaner
 from dsd_cli.signals.log import CHANNELS, DHatSource, Log
+from dsd_cli.signals.outliers import Limits
 
 _D_HAT_SOURCES = ("logged", "velocity", "position")
 #: Metadata that `write_log` adds and `load_log` turns back into attributes.
@@ -45,6 +46,7 @@ def load_log(
     *,
     sample_time: float | None = None,
     time_scale: float = 1.0,
+    limits: Limits | None = None,
 ) -> LoadedLog:
     """Read a whole log, cleaned.
 
@@ -53,6 +55,7 @@ def load_log(
     signals : canonical name (see `CHANNELS`) -> column; without "t" the `sample_time` (s) is needed.
     optional : canonical names whose columns may be missing.
     time_scale : s per unit of the time column.
+    limits : rows with values beyond them are dropped.
 
     Raises
     ------
@@ -61,7 +64,7 @@ def load_log(
     if "t" not in signals and sample_time is None:
         raise DataError(f"{path}: no time column", "set signals.time, or signals.sample_time")
     table = open_table(path, signals, optional)
-    cleaner = Cleaner(sample_time, time_scale)
+    cleaner = Cleaner(sample_time, time_scale, limits=limits)
     pieces = []
     for batch in table.batches():
         if batch.restart:

@@ -35,6 +35,23 @@ def _read_column(value: Any, at: Place) -> str | None:
     return value or None
 
 
+def _range(channel: str) -> Any:
+    rule = Rule(_RANGE, _read_range)
+    return key(rule, f"smallest and largest value of {channel} that there can be; other rows are dropped", default=None)
+
+
+_RANGE = "a smaller and a larger number, such as [-10, 10]"
+
+
+def _read_range(value: Any, at: Place) -> tuple[float, float]:
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise at.wrong(value, _RANGE)
+    low, high = (number().read(item, at.item(i)) for i, item in enumerate(value))
+    if not low < high:
+        raise at.wrong(value, _RANGE)
+    return low, high
+
+
 class Signals(Section):
     """[signals]: which column of the log is what. `None` is a channel that shall not be looked for."""
 
@@ -52,6 +69,16 @@ class Signals(Section):
     reference: str | None = _column("reference", "the reference")
     true_delay: str | None = _column("true_delay", "the true delay of a simulated log")
     true_inertia: str | None = _column("true_inertia", "the true inertia of a simulated log")
+    u_range: tuple[float, float] | None = _range("u")
+    d_hat_range: tuple[float, float] | None = _range("d_hat")
+    velocity_range: tuple[float, float] | None = _range("velocity")
+    position_range: tuple[float, float] | None = _range("position")
+    outlier_factor: float = key(
+        number(lower=10),
+        "a row is dropped where a channel is more than this many times what it reached in 8 of 64 rows so far "
+        "(at least one unit)",
+        default=1e5,
+    )
 
     def __init__(self, **values: Any) -> None:
         if values.get("sample_time") is not None:
@@ -73,7 +100,8 @@ class Signals(Section):
 
     def columns(self) -> dict[str, str]:
         """Column of the file by channel (`time` and the rest), without those that shall not be looked for."""
-        names = {name: getattr(self, name) for name in self.keys if name not in ("sample_time", "time_unit")}
+        others = ("sample_time", "time_unit", "outlier_factor")
+        names = {name: getattr(self, name) for name in self.keys if name not in others and not name.endswith("_range")}
         return {channel: column for channel, column in names.items() if column is not None}
 
 
