@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import sys
 from collections.abc import Generator, Iterator, Mapping
@@ -13,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from dsd_cli.cli.detect_checks import Judgement
+from dsd_cli.cli.ending import ENDING
 from dsd_cli.cli.labels_out import LabelsFile, NoLabels, Write, json_lines
 from dsd_cli.cli.plan import TIME_SCALE, TRUTH, detection_plan, limits, log_columns, naming, optional_columns
 from dsd_cli.cli.progress import Progress
@@ -23,17 +23,16 @@ from dsd_cli.detect.rows import Rows
 from dsd_cli.detect.session import Session
 from dsd_cli.detect.settings import OFFLINE
 from dsd_cli.detect.summary import Summarizer
-from dsd_cli.errors import DataError, UsageError
+from dsd_cli.errors import DataError, UsageError, printable
 from dsd_cli.files.background import read_ahead
 from dsd_cli.files.config import Config
-from dsd_cli.files.tables_in import Batch, TableSource, dropped_with_unreadable, open_table, read_head
+from dsd_cli.files.tables_in import Batch, TableSource, dropped_with_unreadable, is_stream, open_table, read_head
 from dsd_cli.files.tables_out import check_output
 from dsd_cli.report.detection import Detection, print_table, to_json
+from dsd_cli.report.terminal import json_text
 from dsd_cli.signals.cleaning import BRIDGE, Cleaner
 from dsd_cli.signals.log import Array
 
-#: Signals that end --follow in good order.
-ENDING = (signal.SIGINT, signal.SIGTERM) + ((signal.SIGHUP,) if hasattr(signal, "SIGHUP") else ())
 #: Forms whose lines are labels, not the summary.
 LABEL_LINES = ("csv", "jsonl")
 
@@ -76,9 +75,9 @@ class Destination:
         """The summary on stdout; on stderr where stdout carries the labels."""
         if not self.quiet:
             for warning in result.warnings:
-                print(f"dsd: warning: {result.log}: {warning}", file=sys.stderr)
+                print(printable(f"dsd: warning: {result.log}: {warning}"), file=sys.stderr)
         if self.form == "json":
-            print(json.dumps(to_json(result), indent=1, allow_nan=False))
+            print(json_text(to_json(result), indent=1))
         elif not self.labels_on_stdout:
             print_table(result, sys.stdout)
         elif not self.quiet:
@@ -119,7 +118,7 @@ class Job:
         columns = log_columns(self.config.signals)
         columns.pop("reference", None)
         optional = optional_columns(self.config) & set(columns)
-        if not self.follow:
+        if not self.follow or is_stream(self.log):
             return open_table(self.log, columns, optional)
         from dsd_cli.files.line_stream import LineStream
 

@@ -29,6 +29,7 @@ def observe(
 
     Writes the channels that the config names, under the tool's own names. Rows that cannot be used are left out.
     """
+    from dsd_cli.cli.identification import say
     from dsd_cli.cli.plan import TIME_SCALE, limits, log_columns, naming, observer_settings, optional_columns
     from dsd_cli.files.config import load_config
     from dsd_cli.files.logs import load_log, write_log
@@ -37,7 +38,7 @@ def observe(
     settings = load_config(config, override or ())
     observer = observer_settings(settings)
     if output != "-":
-        check_output(output, (log, config))
+        check_output(output, (log, config, *settings.files))
     columns = log_columns(settings.signals)
     columns.pop("d_hat", None)
     with naming(log):
@@ -52,12 +53,10 @@ def observe(
     observed = _observed(loaded, observer)
     _check_finite(log, observed)
     write_log(output, observed, (log, config))
-    if quiet:
-        return
     for warning in loaded.warnings:
-        typer.echo(f"dsd: warning: {log}: {warning}", err=True)
+        say(quiet, f"dsd: warning: {log}: {warning}")
     counts = "".join(f"; {reason} {count:,}" for reason, count in loaded.dropped.items() if count)
-    typer.echo(f"{output}: {len(observed):,} samples, d_hat computed from {observed.d_hat_source}{counts}", err=True)
+    say(quiet, f"{output}: {len(observed):,} samples, d_hat computed from {observed.d_hat_source}{counts}")
 
 
 def _check_finite(name: str, log: Log) -> None:

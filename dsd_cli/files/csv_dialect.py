@@ -69,7 +69,10 @@ def decode(line: bytes) -> str:
 def split(line: str, delimiter: str) -> list[str]:
     if '"' not in line:
         return line.split(delimiter)
-    return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    try:
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:  # a carriage return outside quotes, or a field of more than 128 KiB
+        return line.split(delimiter)
 
 
 def is_comment(line: str) -> bool:
