@@ -107,7 +107,11 @@ def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str]) -> G
         model,
         observer,
         dropped,
-        tuple(f"{path}: {warning}" for path, one in loaded.items() for warning in one.warnings),
+        tuple(
+            f"{'<stdin>' if path == '-' else path}: {warning}"
+            for path, one in loaded.items()
+            for warning in one.warnings
+        ),
     )
 
 

@@ -51,10 +51,10 @@ def observe(
             limits=limits(settings.signals),
         )
     observed = _observed(loaded, observer)
-    _check_finite(log, observed)
+    _check_finite(loaded.log.source, observed)
     write_log(output, observed, (log, config))
     for warning in loaded.warnings:
-        say(quiet, f"dsd: warning: {log}: {warning}")
+        say(quiet, f"dsd: warning: {loaded.log.source}: {warning}")
     counts = "".join(f"; {reason} {count:,}" for reason, count in loaded.dropped.items() if count)
     say(quiet, f"{output}: {len(observed):,} samples, d_hat computed from {observed.d_hat_source}{counts}")
 

@@ -54,7 +54,7 @@ def naming(log: str) -> Iterator[None]:
         yield
     except DataError as error:
         if error.message.startswith("no sample time"):
-            raise DataError(f"{log}: {error.message}", error.hint) from None
+            raise DataError(f"{'<stdin>' if log == '-' else log}: {error.message}", error.hint) from None
         raise
 
 

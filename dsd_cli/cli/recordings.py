@@ -50,7 +50,7 @@ def load_recording(path: str, config: Config) -> LoadedRecording:
             time_scale=TIME_SCALE[config.signals.time_unit],
             limits=limits(config.signals),
         )
-    _check_channels(path, loaded)
+    _check_channels(loaded.log.source, loaded)
     recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)
     dropped = {reason: count for reason, count in loaded.dropped.items() if count}
     return LoadedRecording(recording, dropped, (*loaded.warnings, *_absent(config, columns, loaded)))

@@ -64,8 +64,28 @@ def simulate(
     if output != "-":
         check_output(output, (*(() if config is None else (config,)), *settings.files, *(effects_from or ())))
     log = run(simulation_settings(settings))
+    _check_finite(settings.name, log)
     write_log(output, _with_provenance(log, settings))
     say(quiet, f"{output}: {len(log):,} samples, {log.sample_time * 1e3:g} ms apart")
+
+
+def _check_finite(name: str, log: Log) -> None:
+    """A closed loop that is not stable grows beyond all numbers.
+
+    Raises
+    ------
+    DataError : says from when on.
+    """
+    import numpy as np
+
+    from dsd_cli.errors import DataError
+
+    bad = [~np.isfinite(log[channel]) for channel in ("u", "d_hat", "position", "velocity") if channel in log]
+    if (first := int(np.logical_or.reduce(bad).argmax())) or (bad and any(one[0] for one in bad)):
+        raise DataError(
+            f"{name}: the simulation diverges, from t = {log['t'][first]:g} s on it is not finite",
+            "lower the gains or the delay, or set simulate.controller.limit",
+        )
 
 
 def _config(config: Path | None, template: str | None) -> Config:

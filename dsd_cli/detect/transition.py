@@ -29,6 +29,8 @@ class Transition:
         """
         if self.matrix is None:
             stay, move = self.log_stay_move(states)
+            if stay == move:
+                return np.broadcast_to(np.float64(stay), (states, states))  # 20,000 states would take 3.2 GB
             full = np.full((states, states), move)
             np.fill_diagonal(full, stay)
             return full

@@ -87,6 +87,8 @@ def number(text: str) -> float:
     ValueError : it is not a number.
     """
     try:
+        if "_" in text or not text.isascii():  # 1_000 is a number to Python, and to nobody who writes logs
+            raise ValueError
         return float(text)
     except ValueError:
         if text.strip() in MISSING:

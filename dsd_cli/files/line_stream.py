@@ -199,6 +199,8 @@ class LineStream:
         if lines:
             lines[0] = self._half + lines[0]
             self._half = b""
+            if b"\r" in chunk or b"\r" in lines[0]:  # ends a line too, as it does in a file
+                lines = [part for line in lines for part in line.removesuffix(b"\r").split(b"\r")]
         if len(self._half) < LONGEST_LINE:
             self._half += rest
         return lines

@@ -78,7 +78,9 @@ def load_log(
             restarts.append(samples)
         samples += piece.t.size
     if not samples or cleaner.sample_time is None:
-        raise DataError(f"{path}: no row has a value in every needed column ({', '.join(table.columns.values())})")
+        raise DataError(
+            f"{table.name}: no row has a value in every needed column ({', '.join(table.columns.values())})"
+        )
     channels = {"t": np.concatenate([piece.t for piece in pieces])}
     for name in sorted(pieces[0].values, key=_order):
         channels[name] = np.concatenate([piece.values[name] for piece in pieces])

@@ -1,4 +1,4 @@
-"""A signal at any time leaves no temporary file, no half of one, and no crash; a few tries of what `bench fuzz` does."""
+"""A signal at any time leaves no temporary file, no half of one and no crash; a few tries of `bench fuzz`."""
 
 import os
 import signal

@@ -69,6 +69,9 @@ class Rule(NamedTuple):
     sections: tuple[type[Section], ...] = ()
 
 
+#: s; delays and time constants are not longer, sample times not shorter.
+LONGEST, SHORTEST = 1e4, 1e-9
+
 _NO_DEFAULT: Any = object()
 
 

@@ -8,6 +8,8 @@ from typing import Any, Literal
 from dsd_cli.errors import UsageError
 from dsd_cli.files.config.effect_values import NONE, EffectValues, check_complete, effect_values
 from dsd_cli.files.config.rules import (
+    LONGEST,
+    SHORTEST,
     Place,
     Rule,
     Section,
@@ -57,7 +59,7 @@ class Signals(Section):
 
     time: str | None = _column("t", "the time of the sample")
     sample_time: float | None = key(
-        number(above=0), "time between samples, for logs without a time column", "s", default=None
+        number(lower=SHORTEST), "time between samples, for logs without a time column", "s", default=None
     )
     time_unit: Literal["s", "ms", "us", "ns"] = key(
         choice("s", "ms", "us", "ns"), "unit of the time column", default="s"
@@ -109,7 +111,7 @@ class Observer(Section):
     """[observer]: the disturbance observer d_hat = sign Q { Jn a - u }, Q = 1/(tau s + 1)."""
 
     nominal_inertia: float = key(number(above=0), "nominal inertia Jn", "kg m2 or kg, per unit of u")
-    time_constant: float = key(number(lower=0), "time constant tau of Q; 0 is no filter", "s")
+    time_constant: float = key(number(lower=0, upper=LONGEST), "time constant tau of Q; 0 is no filter", "s")
     sign: Literal[1, -1] = key(choice(1, -1), "-1 for logs whose d_hat is Q { u - Jn a }", default=1)
 
 
@@ -117,7 +119,7 @@ class Model(Section):
     """[model]: what the plant is believed to be."""
 
     inertia: float | None = key(number(above=0), "inertia J", "as nominal_inertia", default=None)
-    delay: float = key(number(lower=0), "input delay L, any real number", "s", default=0.0)
+    delay: float = key(number(lower=0, upper=LONGEST), "input delay L, any real number", "s", default=0.0)
     rest_speed: float = key(
         number(lower=0), "speed up to which friction may hold the plant", "rad/s or m/s", default=0.0
     )
@@ -130,7 +132,7 @@ class Model(Section):
 class States(Section):
     """[states]: the grid; each state is [model] with these values in place of its own."""
 
-    delays: tuple[float, ...] = key(axis(number(lower=0)), "candidate delays", "s")
+    delays: tuple[float, ...] = key(axis(number(lower=0, upper=LONGEST)), "candidate delays", "s")
     inertias: tuple[float, ...] = key(axis(number(above=0)), "candidate inertias", "as nominal_inertia")
     effects: EffectValues = key(effect_values(axes=True), "further axes: candidate values of effects", default=NONE)
 
