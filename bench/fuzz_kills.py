@@ -16,6 +16,8 @@ from dsd_cli.signals.log import Array
 #: Signals that a command answers, and the one that it cannot.
 ANSWERED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 OLD = b"t,u\n0,1\n"
+#: s; on a busy machine a start alone may take half a minute.
+PATIENCE = 300
 
 
 class Kill(NamedTuple):
@@ -66,7 +68,11 @@ def kill(folder: Path, name: str, number: int, after: float) -> Kill:
         process.wait(after)
     except subprocess.TimeoutExpired:
         process.send_signal(number)
-    _, said = process.communicate(timeout=60)
+    try:
+        _, said = process.communicate(timeout=PATIENCE)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return Kill(process.wait(), time.monotonic() - began, f"no end within {PATIENCE} s of the signal")
     return Kill(process.returncode, time.monotonic() - began, _finding(process.returncode, said, out, name, number))
 
 
@@ -125,7 +131,7 @@ def random_kill(folder: Path, seed: int, longest: float) -> tuple[str, Kill]:
 
 def _cleaned(folder: Path, name: str, found: Kill) -> Kill:
     """After a SIGKILL the next run takes away what was left, and does its work."""
-    done = subprocess.run(command(folder, name), capture_output=True, check=False, timeout=60)
+    done = subprocess.run(command(folder, name), capture_output=True, check=False, timeout=PATIENCE)
     left = sorted(p.name for p in (folder / "out").iterdir())
     if done.returncode or left != [name]:
         return found._replace(finding=f"the next run: exit code {done.returncode}, there is {left}")

@@ -107,6 +107,8 @@ def run(arguments: list[str]) -> int:
             what = f"not enough memory: {error}" if str(error) else "not enough memory"
             return _fail(f"{what}: take a shorter log, a shorter window or fewer states", 1)
         except Exception as error:
+            if (ended := _ended_behind(error)) is not None:
+                return 128 + ended.number
             return _fail_unexpectedly(error)
     except BrokenPipeError:
         return _leave_pipe()
@@ -118,6 +120,13 @@ def run(arguments: list[str]) -> int:
         return 128 + ended.number
     except KeyboardInterrupt:
         return INTERRUPTED
+
+
+def _ended_behind(error: BaseException | None) -> Ended | None:
+    """The signal whose handling failed with this error, in a library that was interrupted at a bad moment."""
+    while error is not None and not isinstance(error, Ended):
+        error = error.__context__
+    return error
 
 
 def _invoke(arguments: list[str]) -> int:

@@ -7,7 +7,7 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from queue import Full, Queue
+from queue import SimpleQueue
 from threading import Thread
 from types import TracebackType
 from typing import Any, Protocol
@@ -88,7 +88,11 @@ class FileWriter:
         self._columns = dict(columns)
         self._metadata = dict(metadata)
         self._is_csv = target.suffix.lower() == ".csv"
-        self._queue: Queue[Any] = Queue(QUEUED)
+        # a signal may interrupt anything that is written in Python with its lock held: these two are not
+        self._queue: SimpleQueue[Any] = SimpleQueue()
+        self._room: SimpleQueue[None] = SimpleQueue()
+        for _ in range(QUEUED):
+            self._room.put(None)
         self._error: BaseException | None = None
         self._out = WholeFile(target)
         self._thread = Thread(target=self._run, name="writer", daemon=True)
@@ -101,7 +105,9 @@ class FileWriter:
 
     def write(self, columns: Mapping[str, ArrayLike]) -> None:
         self._raise()
-        self._queue.put(arrow_batch(self._columns, columns, as_text=self._is_csv))
+        batch = arrow_batch(self._columns, columns, as_text=self._is_csv)
+        self._room.get()
+        self._queue.put(batch)
 
     def commit(self) -> None:
         try:
@@ -148,8 +154,7 @@ class FileWriter:
     def _close(self) -> None:
         """End the thread, then close what it writes to; whatever interrupts this, the next call goes on with it."""
         while self._thread.is_alive():
-            with contextlib.suppress(Full):
-                self._queue.put_nowait(None)
+            self._queue.put(None)
             self._thread.join(0.1)
         if not self._file.closed:
             self._file.close()
@@ -167,7 +172,7 @@ class FileWriter:
         try:
             with self._sink() as sink:
                 held: list[Any] = []
-                while (batch := self._queue.get()) is not None:
+                while (batch := self._next()) is not None:
                     held.append(batch)
                     if self._is_csv or sum(part.num_rows for part in held) >= GROUP_ROWS:
                         sink(held)
@@ -177,7 +182,12 @@ class FileWriter:
         except BaseException as error:
             self._error = error
             while batch is not None:
-                batch = self._queue.get()
+                batch = self._next()
+
+    def _next(self) -> Any:
+        batch = self._queue.get()
+        self._room.put(None)
+        return batch
 
     @contextlib.contextmanager
     def _sink(self) -> Any:

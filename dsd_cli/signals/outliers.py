@@ -17,6 +17,8 @@ from dsd_cli.signals.log import Array
 
 #: A level is what so many rows out of so many in a row reach: a machine does that, a corrupt cell does not.
 TIMES, WITHIN = 8, 64
+#: Rows looked at together: few at first, then what stays in the cache.
+BLOCK, LARGEST_BLOCK = 512, 1 << 14
 #: The first rows, before they can have shown a level, may be so many times larger.
 AT_THE_START = 1e4
 
@@ -48,35 +50,41 @@ class Level:
         start, self.rows = self.rows, self.rows + x.size
         if x.size == 0 or max(-float(x.min()), float(x.max())) < 2.0 * self.value:  # not so where there is a NaN
             return []
-        sizes = np.abs(x)
         found: list[Standout] = []
-        begin, level = 0, self.value
-        while begin < x.size:  # once for every change of the level, which at least doubles
-            end, after = self._until_change(sizes, begin, start)
-            far = begin + np.flatnonzero((sizes[begin:end] >= times * level) & (sizes[begin:end] > 0.0))
-            found += [Standout(start + row, float(sizes[row]), level) for row in far.tolist()]
+        begin, level, block = 0, self.value, BLOCK
+        while begin < x.size:  # the level, which at least doubles when it changes, seldom does after the first rows
+            stop = min(begin + block, x.size)
+            sizes = np.abs(x[begin:stop])
+            # 5e-324 is the smallest number above 0, which is no level
+            high = np.flatnonzero(sizes >= max(2.0 * level, 5e-324))
+            rows, sizes = start + begin + high, sizes[high]
+            end, after = self._until_change(rows, sizes, start + stop)
+            far = (sizes >= times * level) & (rows < end)
+            found += [Standout(*one, level) for one in zip(rows[far].tolist(), sizes[far].tolist(), strict=True)]
             if after > level:
-                found.append(Standout(start + end, float(sizes[end]), after))
-            begin, level = end + 1, after
+                found.append(Standout(end, float(abs(x[end - start])), after))
+                end += 1
+            else:
+                block = LARGEST_BLOCK
+            begin, level = end - start, after
         return found
 
-    def _until_change(self, sizes: Array, begin: int, start: int) -> tuple[int, float]:
-        """The first place from `begin` where the level changes (else the end), and the level from there on."""
-        high = begin + np.flatnonzero((sizes[begin:] >= 2.0 * self.value) & (sizes[begin:] > 0.0))
-        rows, large = np.concatenate([self._high[0], start + high]), np.concatenate([self._high[1], sizes[high]])
+    def _until_change(self, rows: NDArray[np.int64], sizes: Array, stop: int) -> tuple[int, float]:
+        """The first row where the level changes, or `stop`, and the level from there on; of the next high rows."""
+        rows, sizes = np.concatenate([self._high[0], rows]), np.concatenate([self._high[1], sizes])
         close = np.flatnonzero(rows[TIMES - 1 :] - rows[: 1 - TIMES] < WITHIN)
         if close.size == 0:
-            near = rows > start + sizes.size - WITHIN
-            self._high = rows[near], large[near]
-            return sizes.size, self.value
+            near = rows > stop - WITHIN
+            self._high = rows[near], sizes[near]
+            return stop, self.value
         last = int(close[0]) + TIMES
         near = rows[:last] > rows[last - 1] - WITHIN
-        rows, large = rows[:last][near], large[:last][near]
-        reached = min(float(np.sort(large)[-TIMES]), np.finfo(float).max)
+        rows, sizes = rows[:last][near], sizes[:last][near]
+        reached = min(float(np.sort(sizes)[-TIMES]), np.finfo(float).max)
         self.value = math.ldexp(1.0, math.frexp(reached)[1] - 1)
-        keep = large >= 2.0 * self.value
-        self._high = rows[keep], large[keep]
-        return int(rows[-1]) - start, self.value
+        keep = sizes >= 2.0 * self.value
+        self._high = rows[keep], sizes[keep]
+        return int(rows[-1]), self.value
 
 
 @dataclass(frozen=True)

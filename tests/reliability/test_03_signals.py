@@ -90,3 +90,18 @@ def test_ctrl_c_while_starting_says_nothing(tmp_path, after):
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=30)
     assert said == b""
+
+
+def test_a_library_that_fails_because_it_was_interrupted_is_no_failure_of_its_own(monkeypatch, capsys):
+    from dsd_cli.cli import main
+    from dsd_cli.cli.ending import Ended
+
+    def interrupted(_: object) -> int:
+        try:
+            raise Ended(signal.SIGTERM)
+        finally:
+            raise RuntimeError("release unlocked lock")
+
+    monkeypatch.setattr(main, "_invoke", interrupted)
+    assert main.run([]) == 128 + signal.SIGTERM
+    assert capsys.readouterr() == ("", "")
