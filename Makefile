@@ -18,6 +18,7 @@ demo: setup
 	@mkdir -p out
 	@PATH="$(CURDIR)/$(BIN):$$PATH" sh sample_logs/demo.sh
 
+# property tests draw the same examples in every run, so that red means a change; `make bench` draws new ones
 test: setup
 	$(BIN)/python -m pytest -n 2
 
@@ -31,6 +32,7 @@ bench: setup
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[bench]"
 	$(BIN)/python -m bench
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench hidden --seeds 1
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench random
 
 # the study of docs/hidden.md in full: an hour or more
 bench-hidden: setup

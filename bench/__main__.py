@@ -1,6 +1,8 @@
 """`python -m bench [--rows N] [--repeats N]`: a table on stdout, and bench/results/latest.json.
 
-`python -m bench hidden` is the study of hidden effects, see bench/hidden.py.
+`python -m bench hidden` is the study of hidden effects, see bench/hidden.py; `python -m bench random` runs the property
+tests on new examples, see bench/properties.py; `python -m bench fuzz` looks for input that breaks the commands, see
+bench/fuzz.py.
 """
 
 from __future__ import annotations
@@ -33,6 +35,16 @@ def main() -> None:
         from bench import hidden
 
         hidden.main(sys.argv[2:])
+        return
+    if sys.argv[1:2] == ["random"]:
+        from bench import properties
+
+        properties.main(sys.argv[2:])
+        return
+    if sys.argv[1:2] == ["fuzz"]:
+        from bench import fuzz
+
+        fuzz.main(sys.argv[2:])
         return
     parser = argparse.ArgumentParser(prog="python -m bench")
     parser.add_argument("--rows", type=int, default=10_000_000)

@@ -2,6 +2,25 @@
 
 from __future__ import annotations
 
+import re
+
+#: What a terminal takes for an order, or shows as what it is not: C0, DEL and C1, line ends of Unicode, marks that turn
+#: the direction of writing, and halves of characters.
+ORDERS = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+#: Words up to this length are shown in full.
+_LONGEST = 300
+
+
+def printable(text: str) -> str:
+    """One line that is safe on any terminal: control characters as `\\x1b`, very long words shortened."""
+    text = ORDERS.sub(_written, " ".join(text.split("\n")))
+    return re.sub(rf"\S{{{_LONGEST},}}", lambda word: f"{word[0][:100]}...{word[0][-60:]}", text)
+
+
+def _written(found: re.Match[str]) -> str:
+    code = ord(found[0])
+    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
+
 
 class DsdError(Exception):
     """A failure with one clear line for the user.

@@ -45,14 +45,15 @@ def add(
     from dsd_cli.cli.improve_loop import check_outputs, put_config, with_steps
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
-    from dsd_cli.files.config.edit import read_text
+    from dsd_cli.files.config.edit import read_origin
     from dsd_cli.report.ladder import AdditionReport, add_json, added_step, print_addition
 
     apart = holdout or []
     check_logs([log], apart)
     use_effects(effects_from)
+    origin = read_origin(config)
     settings = load_config(config, override or ())
-    check_outputs(output, form, [log, *apart])
+    check_outputs(output, form, [log, *apart, *settings.files, *(effects_from or ())])
     given = load_given(settings, [log], apart)
 
     from dsd_cli.identify.compare.evaluation import force_view
@@ -63,8 +64,8 @@ def add(
     )
     view = force_view(given.recordings, given.model)
     report = AdditionReport(added, (log,), tuple(apart), output, view.log)
-    text = with_steps(read_text(config), added.before, [added_step(added)], [log])
-    put_config(output, text)
+    text = with_steps(origin.text, added.before, [added_step(added)], [log])
+    put_config(output, text, origin)
     warn(quiet, (*given.warnings, *added.warnings))
     if form is Format.JSON:
         print_json(add_json(report))

@@ -68,35 +68,37 @@ def compare(
     """
     import sys
 
-    from dsd_cli.cli.identification import check_plot
-    from dsd_cli.cli.recordings import load_recording
+    from dsd_cli.cli.identification import check_plot, print_json, put_picture, say
+    from dsd_cli.cli.recordings import believed_model, load_recording
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
+    from dsd_cli.identify.compare.comparison import Comparison
     from dsd_cli.report.comparison import to_json
     from dsd_cli.report.comparison_table import print_table
+    from dsd_cli.report.plots_comparison import draw
 
     _check_options(log, holdout, horizon, plot, max_rmse)
     use_effects(effects_from)
     settings = load_config(config, override or (), effect or ())
-    check_plot(plot, [config, *log, *([] if holdout is None else [holdout])])
+    check_plot(plot, [config, *log, *([] if holdout is None else [holdout]), *settings.files, *(effects_from or ())])
+    believed_model(settings)  # without an inertia nothing needs to be read
     loaded = [load_recording(path, settings) for path in log]
     aside = None if holdout is None else load_recording(holdout, settings)
     if not quiet:
         for path, one in zip([*log, holdout], [*loaded, aside], strict=True):
             for warning in () if one is None else one.warnings:
-                typer.echo(f"dsd: warning: {path}: {warning}", err=True)
+                say(quiet, f"dsd: warning: {path}: {warning}")
     if horizon is Horizon.PREDICTION:
         report, evaluation = _predicted(settings, loaded, aside, max_rmse)
-        if plot is not None:
-            _draw(plot, report, evaluation, quiet)
     else:
-        report = _simulated(settings, loaded, aside, max_rmse)
+        report, evaluation = _simulated(settings, loaded, aside, max_rmse), None
     if form is Format.JSON:
-        import json
-
-        typer.echo(json.dumps(to_json(report), indent=2, allow_nan=False))
+        print_json(to_json(report))
     else:
         print_table(report, sys.stdout)
+    if plot is not None and isinstance(report.result, Comparison) and evaluation is not None:
+        compared, judged = report.result, evaluation
+        put_picture(plot, lambda: draw(compared, judged), quiet)
     if not report.holds:
         from dsd_cli.errors import CheckFailed
 
@@ -171,13 +173,3 @@ def _dropped(loaded: list[LoadedRecording], aside: LoadedRecording | None) -> di
         for reason, count in one.dropped.items():
             total[reason] = total.get(reason, 0) + count
     return total
-
-
-def _draw(plot: Path, report: Report, evaluation: Evaluation, quiet: bool) -> None:
-    from dsd_cli.identify.compare.comparison import Comparison
-    from dsd_cli.report.plots_comparison import draw
-
-    assert isinstance(report.result, Comparison)
-    draw(plot, report.result, evaluation)
-    if not quiet:
-        typer.echo(f"{plot}: drawn", err=True)

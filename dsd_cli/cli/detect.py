@@ -81,7 +81,7 @@ def detect(
     live = follow or log == "-"
     form = form or (DetectFormat.CSV if live and output is None else DetectFormat.TABLE)
     settings = load_config(config, override or (), effect or ())
-    to = Destination(form.value, output, quiet, inputs=(log, config))
+    to = Destination(form.value, output, quiet, inputs=(log, config, *settings.files, *(effects_from or ())))
     to.check()
     result = Job(log, settings, follow, to).run(judgement)
     to.show(result)

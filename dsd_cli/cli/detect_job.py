@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import sys
 from collections.abc import Generator, Iterator, Mapping
@@ -13,26 +12,28 @@ from pathlib import Path
 import numpy as np
 
 from dsd_cli.cli.detect_checks import Judgement
+from dsd_cli.cli.ending import ENDING
 from dsd_cli.cli.labels_out import LabelsFile, NoLabels, Write, json_lines
-from dsd_cli.cli.plan import TIME_SCALE, TRUTH, detection_plan, log_columns, naming, optional_columns
+from dsd_cli.cli.plan import TIME_SCALE, TRUTH, detection_plan, limits, log_columns, naming, optional_columns
 from dsd_cli.cli.progress import Progress
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import active_backend
 from dsd_cli.detect.plan import Plan
-from dsd_cli.detect.session import Rows, Session
+from dsd_cli.detect.rows import Rows
+from dsd_cli.detect.session import Session
 from dsd_cli.detect.settings import OFFLINE
 from dsd_cli.detect.summary import Summarizer
-from dsd_cli.errors import DataError, UsageError
+from dsd_cli.errors import DataError, UsageError, printable
 from dsd_cli.files.background import read_ahead
 from dsd_cli.files.config import Config
-from dsd_cli.files.tables_in import Batch, TableSource, dropped_with_unreadable, open_table, read_head
+from dsd_cli.files.scaled import scaled
+from dsd_cli.files.tables_in import Batch, TableSource, dropped_with_unreadable, is_stream, open_table, read_head
 from dsd_cli.files.tables_out import check_output
 from dsd_cli.report.detection import Detection, print_table, to_json
+from dsd_cli.report.terminal import json_text
 from dsd_cli.signals.cleaning import BRIDGE, Cleaner
 from dsd_cli.signals.log import Array
 
-#: Signals that end --follow in good order.
-ENDING = (signal.SIGINT, signal.SIGTERM) + ((signal.SIGHUP,) if hasattr(signal, "SIGHUP") else ())
 #: Forms whose lines are labels, not the summary.
 LABEL_LINES = ("csv", "jsonl")
 
@@ -75,9 +76,9 @@ class Destination:
         """The summary on stdout; on stderr where stdout carries the labels."""
         if not self.quiet:
             for warning in result.warnings:
-                print(f"dsd: warning: {result.log}: {warning}", file=sys.stderr)
+                print(printable(f"dsd: warning: {result.log}: {warning}"), file=sys.stderr)
         if self.form == "json":
-            print(json.dumps(to_json(result), indent=1, allow_nan=False))
+            print(json_text(to_json(result), indent=1))
         elif not self.labels_on_stdout:
             print_table(result, sys.stdout)
         elif not self.quiet:
@@ -108,7 +109,8 @@ class Job:
             summarizer = judgement.summarizer(plan)
             # a straight line through positions or speeds would be differentiated into a false d_hat
             bridge = BRIDGE if plan.d_hat_source == "logged" else 0
-            session = Session(plan, Cleaner(self.config.signals.sample_time, self._time_scale, bridge))
+            signals = self.config.signals
+            session = Session(plan, Cleaner(signals.sample_time, self._time_scale, bridge, limits(signals)))
             with naming(table.name):
                 self._label_all(table, session, summarizer)
         return _detection(table, session, summarizer)
@@ -117,12 +119,13 @@ class Job:
         columns = log_columns(self.config.signals)
         columns.pop("reference", None)
         optional = optional_columns(self.config) & set(columns)
-        if not self.follow:
-            return open_table(self.log, columns, optional)
+        factors = self.config.signals.factors()
+        if not self.follow or is_stream(self.log):
+            return scaled(open_table(self.log, columns, optional), factors)
         from dsd_cli.files.line_stream import LineStream
 
         read_head(self.log, 1)
-        return LineStream(Path(self.log), columns, optional, stop=lambda: bool(interrupted))
+        return scaled(LineStream(Path(self.log), columns, optional, stop=lambda: bool(interrupted)), factors)
 
     def _plan(self, table: TableSource) -> Plan:
         plan = detection_plan(self.config, table.columns, table.metadata, table.name)
@@ -221,7 +224,7 @@ def _detection(table: TableSource, session: Session, summarizer: Summarizer) -> 
         d_hat_source=plan.d_hat_source,
         rho=plan.settings.rho,
         dropped={reason: count for reason, count in dropped.items() if count},
-        warnings=(*table.warnings, *cleaner.warnings),
+        warnings=(*table.warnings, *session.warnings),
     )
 
 

@@ -32,7 +32,7 @@ def diagnose(
     import sys
     from dataclasses import replace
 
-    from dsd_cli.cli.identification import ShareDone, check_logs, check_plot, load_given, print_json, say, warn
+    from dsd_cli.cli.identification import ShareDone, check_logs, check_plot, load_given, print_json, put_picture, warn
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
     from dsd_cli.report.diagnosis import DiagnosisReport, print_table, to_json
@@ -41,7 +41,7 @@ def diagnose(
     check_logs(log, apart)
     use_effects(effects_from)
     settings = load_config(config, override or ())
-    check_plot(plot, [config, *log, *apart])
+    check_plot(plot, [config, *log, *apart, *settings.files, *(effects_from or ())])
     given = load_given(settings, log, apart)
 
     from dsd_cli.identify.verdict.diagnose import diagnose as run
@@ -58,13 +58,15 @@ def diagnose(
     report = DiagnosisReport(
         replace(found, warnings=(*given.warnings, *found.warnings)), given.model, tuple(apart), given.dropped
     )
-    if plot is not None:
-        from dsd_cli.report.plots_diagnosis import draw, residual_view
-
-        draw(plot, report, residual_view(found, given.model, given.recordings))
-        say(quiet, f"{plot}: drawn")
     warn(quiet, report.result.warnings)
     if form is Format.JSON:
         print_json(to_json(report))
     else:
         print_table(report, sys.stdout)
+    if plot is not None:
+        from dsd_cli.report.plots_diagnosis import draw, residual_view
+
+        def picture() -> bytes:
+            return draw(report, residual_view(found, given.model, given.recordings))
+
+        put_picture(plot, picture, quiet)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dsd_cli.cli.options import EffectsFromOption
+from dsd_cli.errors import printable
 from dsd_cli.signals.units import LEGEND, in_words
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ def effects(
     elif form is CatalogueFormat.MARKDOWN:
         typer.echo(markdown(chosen), nl=False)
     elif effect:
-        typer.echo("\n".join(_in_full(chosen[0])))
+        typer.echo("\n".join(map(printable, _in_full(chosen[0]))))
     else:
         _print_table(chosen)
 
@@ -74,7 +75,7 @@ def _print_table(chosen: list[Effect]) -> None:
     for effect in chosen:
         parameters = "\n".join(f"{p.name} [{in_words(p.unit)}]" for p in effect.parameters)
         cells = (effect.id, effect.law, parameters, _channels(effect), effect.pattern)
-        table.add_row(*map(Text, cells))
+        table.add_row(*(Text("\n".join(map(printable, cell.split("\n")))) for cell in cells))
     console = Console()
     console.print(table)
     console.print(Text(f"{LEGEND}\n`dsd effects ID` shows one in full."))
@@ -93,7 +94,7 @@ def _in_full(effect: Effect) -> list[str]:
 
 
 def _print_json(chosen: list[Effect]) -> None:
-    import json
+    from dsd_cli.report.terminal import json_text
 
     result = {
         "schema_version": 1,
@@ -101,7 +102,7 @@ def _print_json(chosen: list[Effect]) -> None:
         "log": None,
         "effects": [_as_json(effect) for effect in chosen],
     }
-    typer.echo(json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False))
+    typer.echo(json_text(result, indent=2))
 
 
 def _as_json(effect: Effect) -> dict[str, Any]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from dsd_cli.errors import printable
 
 if TYPE_CHECKING:
     from dsd_cli.files.config import Config
@@ -72,16 +74,12 @@ def check_plot(plot: Path | None, inputs: Iterable[str | Path]) -> None:
         return
     import importlib.util
 
-    from dsd_cli.errors import DataError, UsageError
+    from dsd_cli.errors import UsageError
+    from dsd_cli.files.whole import check_target
 
     if plot.suffix.lower() != ".png":
         raise UsageError(f"--plot {plot}: cannot tell what to draw", "end the name in .png")
-    if any(plot.exists() and Path(source).exists() and plot.samefile(source) for source in inputs):
-        raise UsageError(f"{plot}: is the input", "draw to another file")
-    if plot.is_dir():
-        raise DataError(f"{plot}: is a directory")
-    if not plot.absolute().parent.is_dir():
-        raise DataError(f"{plot}: no such folder {plot.absolute().parent}")
+    check_target(plot, inputs)
     if importlib.util.find_spec("matplotlib") is None:
         raise UsageError("--plot needs matplotlib", "pip install matplotlib")
 
@@ -109,14 +107,38 @@ def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str]) -> G
         model,
         observer,
         dropped,
-        tuple(f"{path}: {warning}" for path, one in loaded.items() for warning in one.warnings),
+        tuple(
+            f"{'<stdin>' if path == '-' else path}: {warning}"
+            for path, one in loaded.items()
+            for warning in one.warnings
+        ),
     )
 
 
+def put_picture(plot: Path, draw: Callable[[], bytes], quiet: bool) -> None:
+    """Draw, after everything else: a picture that fails costs no result. It appears whole or not at all.
+
+    Raises
+    ------
+    DataError : it cannot be drawn, or not be written.
+    """
+    from dsd_cli.errors import DataError, DsdError
+    from dsd_cli.files.whole import write_whole
+
+    try:
+        content = draw()
+    except (DsdError, MemoryError):
+        raise
+    except Exception as error:
+        raise DataError(f"{plot}: cannot be drawn ({type(error).__name__}: {error})", "the rest is done") from error
+    write_whole(plot, content)
+    say(quiet, f"{plot}: drawn")
+
+
 def say(quiet: bool, line: str) -> None:
-    """A message."""
+    """A message, one line."""
     if not quiet:
-        typer.echo(line, err=True)
+        typer.echo(printable(line), err=True)
 
 
 def warn(quiet: bool, warnings: Iterable[str]) -> None:
@@ -127,9 +149,9 @@ def warn(quiet: bool, warnings: Iterable[str]) -> None:
 
 def print_json(result: dict[str, Any]) -> None:
     """On stdout; a NaN is a mistake of ours and fails."""
-    import json
+    from dsd_cli.report.terminal import json_text
 
-    typer.echo(json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False))
+    typer.echo(json_text(result, indent=2))
 
 
 class ShareDone:

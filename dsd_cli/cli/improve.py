@@ -22,6 +22,7 @@ from dsd_cli.cli.options import (
 if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
     from dsd_cli.files.config import Config
+    from dsd_cli.files.config.edit import Origin
     from dsd_cli.identify.results import Ladder
 
 LogsOrNone = Annotated[list[str] | None, typer.Argument(metavar="LOG...", help="CSV or Parquet files; - is stdin.")]
@@ -51,9 +52,11 @@ def improve(
 
     Each step is kept only if the error on data that no fit saw falls. Without -o nothing is written.
     """
+    from dsd_cli.cli.identification import check_plot
     from dsd_cli.cli.improve_loop import check_outputs
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
+    from dsd_cli.files.config.edit import read_origin
 
     wanted = Request(config, tuple(log or ()), tuple(holdout or ()), auto, plot, output, form, quiet)
     if history or undo:
@@ -61,14 +64,19 @@ def improve(
     else:
         wanted.check_logs()
     use_effects(effects_from)
+    origin = read_origin(config)
     settings = load_config(config, override or ())
-    check_outputs(output, form, wanted.inputs)
+    read = (*wanted.inputs, *settings.files, *(effects_from or ()))
+    check_outputs(output, form, read)
     if history:
         _show_history(settings, wanted)
     elif undo:
-        _undo(settings, wanted)
+        _undo(settings, wanted, origin)
     else:
-        _improve(settings, wanted)
+        check_plot(
+            plot, [config, *wanted.inputs, *settings.files, *(effects_from or ()), *([output] if output else ())]
+        )
+        _improve(settings, wanted, origin)
 
 
 @dataclass(frozen=True)
@@ -124,27 +132,20 @@ class Request:
             raise UsageError("no terminal to ask on", "--auto adds what the diagnosis finds without asking")
 
 
-def _improve(settings: Config, wanted: Request) -> None:
+def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
     import sys
 
-    from dsd_cli.cli.identification import check_plot, load_given, print_json, say, warn
+    from dsd_cli.cli.identification import load_given, print_json, put_picture, say, warn
     from dsd_cli.cli.improve_loop import put_config, with_steps
-    from dsd_cli.files.config.edit import read_text
     from dsd_cli.report.ladder import LadderReport, improve_json, print_ladder
 
     output, quiet = wanted.output, wanted.quiet
-    check_plot(wanted.plot, [wanted.config, *wanted.inputs])
     given = load_given(settings, wanted.logs, wanted.holdout)
     ladder = _run(given, wanted.auto, quiet)
     report = LadderReport(ladder, wanted.logs, output, given.dropped, given.warnings)
-    text = with_steps(read_text(wanted.config), ladder.steps[0].score, ladder.steps[1:], wanted.logs)
-    if wanted.plot is not None:
-        from dsd_cli.report.plots_ladder import draw
-
-        draw(wanted.plot, report)
-        say(quiet, f"{wanted.plot}: drawn")
+    text = with_steps(origin.text, ladder.steps[0].score, ladder.steps[1:], wanted.logs)
     if output is not None:
-        put_config(output, text)
+        put_config(output, text, origin)
     warn(quiet, report.warnings)
     if wanted.form is Format.JSON:
         print_json(improve_json(report))
@@ -154,6 +155,10 @@ def _improve(settings: Config, wanted: Request) -> None:
         say(quiet, "nothing was written: -o FILE writes the improved config")
     elif output != "-":
         say(quiet, f"wrote {output}")
+    if wanted.plot is not None:
+        from dsd_cli.report.plots_ladder import draw
+
+        put_picture(wanted.plot, lambda: draw(report), quiet)
 
 
 def _run(given: Given, auto: bool, quiet: bool) -> Ladder:
@@ -199,18 +204,18 @@ def _show_history(settings: Config, wanted: Request) -> None:
         print_history(str(wanted.config), steps, sys.stdout)
 
 
-def _undo(settings: Config, wanted: Request) -> None:
+def _undo(settings: Config, wanted: Request, origin: Origin) -> None:
     from dsd_cli.cli.identification import print_json, say
     from dsd_cli.cli.improve_loop import put_config
     from dsd_cli.errors import UsageError
-    from dsd_cli.files.config.edit import read_text, undone
+    from dsd_cli.files.config.edit import undone
     from dsd_cli.report.ladder import history_json
 
     steps = settings.written.get("history", [])
     if not steps:
         raise UsageError(f"{wanted.config}: no [[history]]", "there is no step to take back")
     to = wanted.output or str(wanted.config)
-    put_config(to, undone(read_text(wanted.config)))
+    put_config(to, undone(origin.text), origin)
     if wanted.form is Format.JSON:
         print_json({**history_json(to, steps[:-1]), "undone": steps[-1]})
     say(wanted.quiet, f"wrote {to}: without {steps[-1]['effect']}, as before {steps[-1]['date']}")

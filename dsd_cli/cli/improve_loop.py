@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dsd_cli.cli.options import Format
-from dsd_cli.errors import UsageError
+from dsd_cli.errors import UsageError, printable
 from dsd_cli.identify.results import NONE, UNKNOWN, Diagnosis, Score, Step
 
 if TYPE_CHECKING:
     from dsd_cli.cli.identification import ShareDone
     from dsd_cli.files.config import History
+    from dsd_cli.files.config.edit import Origin
 
 
-def check_outputs(output: str | None, form: Format, inputs: Sequence[str]) -> None:
+def check_outputs(output: str | None, form: Format, inputs: Sequence[str | Path]) -> None:
     """Whether the config can be written, before anything is computed.
 
     Raises
@@ -31,8 +33,13 @@ def check_outputs(output: str | None, form: Format, inputs: Sequence[str]) -> No
         check_config_output(output, inputs)
 
 
-def put_config(output: str, text: str) -> None:
-    """Write the config, whole or not at all, if it is one that `dsd` reads; - is stdout."""
+def put_config(output: str, text: str, origin: Origin | None = None) -> None:
+    """Write the config, whole or not at all, if it is one that `dsd` reads; - is stdout.
+
+    Raises
+    ------
+    DataError : it cannot be written, or it is the `origin` and another process has changed it meanwhile.
+    """
     from dsd_cli.files.config import parse_config
     from dsd_cli.files.config.edit import write_text
 
@@ -41,7 +48,7 @@ def put_config(output: str, text: str) -> None:
         sys.stdout.write(text)
         sys.stdout.flush()
     else:
-        write_text(output, text)
+        write_text(output, text, origin)
 
 
 def with_steps(text: str, start: Score, steps: Sequence[Step], logs: Sequence[str]) -> str:
@@ -128,5 +135,5 @@ class Asker:
         else:
             why = f"no such effect; {suggestion(answer, ranked)}"
         if why:
-            print(f"{answer}: {why}", file=sys.stderr)
+            print(printable(f"{answer}: {why}"), file=sys.stderr)
         return not why

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from dsd_cli.cli.options import QuietOption
+from dsd_cli.errors import printable
 
 
 def init(
@@ -35,18 +36,14 @@ def init(
     _write(Path(output), text, force)
     if not quiet:
         after = f"dsd detect LOG -c {output}" if template == "lab" else f"dsd simulate -c {output} -o log.csv"
-        typer.echo(f"wrote {output} (template {template}); next: {after}", err=True)
+        typer.echo(printable(f"wrote {output} (template {template}); next: {after}"), err=True)
 
 
 def _write(path: Path, text: str, force: bool) -> None:
-    from dsd_cli.errors import DataError, UsageError
+    from dsd_cli.errors import UsageError
+    from dsd_cli.files.whole import check_target, write_whole
 
-    if path.exists() and not force:
+    if path.is_file() and not force:
         raise UsageError(f"{path} exists", "name another file with -o, or overwrite it with --force")
-    partial = path.with_name(f".{path.name}.part")
-    try:
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise DataError(f"{path}: cannot be written", error.strerror or str(error)) from error
+    check_target(path, ())
+    write_whole(path, text.encode())

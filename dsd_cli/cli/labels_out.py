@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 
 from dsd_cli.detect.grid import Grid
-from dsd_cli.detect.session import Rows
+from dsd_cli.detect.rows import Rows
 from dsd_cli.files.tables_out import Coded, Kind, Share, open_writer
 
 Write = Callable[[Rows], None]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
+import warnings
 from typing import Annotated
 
 import typer
@@ -11,8 +13,9 @@ from typer.main import get_command
 
 from dsd_cli import __version__
 from dsd_cli.cli.coercion import use_plain_coercion
+from dsd_cli.cli.ending import Ended, at_once, end_in_order, leave
 from dsd_cli.cli.lazy import LazyGroup
-from dsd_cli.errors import DsdError
+from dsd_cli.errors import DsdError, printable
 
 # Small matrices: threads of the linear algebra only wait for each other, by a hundred times where the cores are busy.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -67,12 +70,24 @@ def dsd(
 
 def main() -> None:
     """Run `dsd` with the arguments of the process and exit."""
-    sys.exit(run(sys.argv[1:]))
+    try:
+        end_in_order()
+        code = run(sys.argv[1:])
+        at_once()
+    except Ended as ended:
+        code = 128 + ended.number
+    if unfinished := sys.modules.get("dsd_cli.files.whole"):
+        unfinished.sweep()
+    leave(code)
 
 
 def run(arguments: list[str]) -> int:
     """Run `dsd` with these arguments; the exit code. Prints one line on stderr for whatever goes wrong."""
-    _end_in_order()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a character that the terminal does not have is no failure
+            stream.reconfigure(errors="backslashreplace")
+    if os.environ.get("DSD_DEBUG") != "1":
+        warnings.simplefilter("ignore")  # of libraries, in their words; what matters is said in ours
     try:
         try:
             code = _invoke(arguments)
@@ -89,39 +104,29 @@ def run(arguments: list[str]) -> int:
         except OSError as error:
             return _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error), 1)
         except MemoryError as error:
-            return _fail(f"not enough memory: {error}", 1)
+            what = f"not enough memory: {error}" if str(error) else "not enough memory"
+            return _fail(f"{what}: take a shorter log, a shorter window or fewer states", 1)
         except Exception as error:
+            if (ended := _ended_behind(error)) is not None:
+                return 128 + ended.number
             return _fail_unexpectedly(error)
     except BrokenPipeError:
         return _leave_pipe()
-    except SystemExit as leave:  # rich's answer to a closed pipe
-        if isinstance(leave.__context__, BrokenPipeError):
+    except SystemExit as leaving:  # rich's answer to a closed pipe
+        if isinstance(leaving.__context__, BrokenPipeError):
             return _leave_pipe()
         raise
-    except _Ended as ended:
+    except Ended as ended:
         return 128 + ended.number
     except KeyboardInterrupt:
         return INTERRUPTED
 
 
-class _Ended(KeyboardInterrupt):
-    """SIGTERM or SIGHUP: on the way out, half-written files go."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__()
-        self.number = number
-
-
-def _end_in_order() -> None:
-    import signal
-
-    def leave(number: int, _: object) -> None:
-        raise _Ended(number)
-
-    for name in ("SIGTERM", "SIGHUP"):
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
-            signal.signal(number, leave)
+def _ended_behind(error: BaseException | None) -> Ended | None:
+    """The signal whose handling failed with this error, in a library that was interrupted at a bad moment."""
+    while error is not None and not isinstance(error, Ended):
+        error = error.__context__
+    return error
 
 
 def _invoke(arguments: list[str]) -> int:
@@ -148,7 +153,7 @@ def _usage(error: Exception) -> str:
 
 def _fail(line: str, code: int) -> int:
     sys.stdout.flush()
-    print("dsd: error:", " ".join(line.split("\n")), file=sys.stderr)
+    print("dsd: error:", printable(line), file=sys.stderr)
     return code
 
 

@@ -29,7 +29,8 @@ def observe(
 
     Writes the channels that the config names, under the tool's own names. Rows that cannot be used are left out.
     """
-    from dsd_cli.cli.plan import TIME_SCALE, log_columns, naming, observer_settings, optional_columns
+    from dsd_cli.cli.identification import say
+    from dsd_cli.cli.plan import log_columns, naming, observer_settings, optional_columns, reading
     from dsd_cli.files.config import load_config
     from dsd_cli.files.logs import load_log, write_log
     from dsd_cli.files.tables_out import check_output
@@ -37,25 +38,31 @@ def observe(
     settings = load_config(config, override or ())
     observer = observer_settings(settings)
     if output != "-":
-        check_output(output, (log, config))
+        check_output(output, (log, config, *settings.files))
     columns = log_columns(settings.signals)
     columns.pop("d_hat", None)
     with naming(log):
-        loaded = load_log(
-            log,
-            columns,
-            optional_columns(settings),
-            sample_time=settings.signals.sample_time,
-            time_scale=TIME_SCALE[settings.signals.time_unit],
-        )
+        loaded = load_log(log, columns, optional_columns(settings), **reading(settings.signals))
     observed = _observed(loaded, observer)
+    _check_finite(loaded.log.source, observed)
     write_log(output, observed, (log, config))
-    if quiet:
-        return
     for warning in loaded.warnings:
-        typer.echo(f"dsd: warning: {log}: {warning}", err=True)
+        say(quiet, f"dsd: warning: {loaded.log.source}: {warning}")
     counts = "".join(f"; {reason} {count:,}" for reason, count in loaded.dropped.items() if count)
-    typer.echo(f"{output}: {len(observed):,} samples, d_hat computed from {observed.d_hat_source}{counts}", err=True)
+    say(quiet, f"{output}: {len(observed):,} samples, d_hat computed from {observed.d_hat_source}{counts}")
+
+
+def _check_finite(name: str, log: Log) -> None:
+    import numpy as np
+
+    from dsd_cli.errors import DataError
+
+    if not np.isfinite(log["d_hat"]).all():
+        row = int(np.flatnonzero(~np.isfinite(log["d_hat"]))[0])
+        raise DataError(
+            f"{name}: d_hat is not finite from t = {log['t'][row]:g} s on",
+            "set the ranges of the channels in [signals], such as velocity_range; is nominal_inertia right?",
+        )
 
 
 def _observed(loaded: LoadedLog, settings: ObserverSettings) -> Log:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,9 @@ from dsd_cli.detect.transition import Transition
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.config import Config, Detector, Observer, Signals, States, Stay
 from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.cleaning import MEASURED
 from dsd_cli.signals.log import DHatSource
+from dsd_cli.signals.outliers import Limits
 
 #: s per unit of the time column.
 TIME_SCALE = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -32,10 +35,28 @@ def log_columns(signals: Signals) -> dict[str, str]:
     return columns
 
 
+def limits(signals: Signals) -> Limits:
+    """What is no value of a channel, its factor in: [signals] ranges and outlier_factor."""
+    given = {name: getattr(signals, f"{name}_range") for name in MEASURED}
+    ranges = {name: (found[0], found[1]) for name, found in given.items() if found is not None}
+    return Limits(ranges, signals.outlier_factor)
+
+
 def optional_columns(config: Config) -> set[str]:
     """Channels that a log may lack: all that the config does not name itself, but u and the time."""
     columns = log_columns(config.signals)
     return {name for name in columns if name not in ("t", "u") and not config.says(f"signals.{name}")}
+
+
+def reading(signals: Signals) -> dict[str, Any]:
+    """How [signals] says that a log is read: what `load_log` takes beside the columns."""
+    return {
+        "sample_time": signals.sample_time,
+        "time_scale": TIME_SCALE[signals.time_unit],
+        "factors": signals.factors(),
+        "u_hold": signals.u_hold,
+        "limits": limits(signals),
+    }
 
 
 @contextmanager
@@ -45,7 +66,7 @@ def naming(log: str) -> Iterator[None]:
         yield
     except DataError as error:
         if error.message.startswith("no sample time"):
-            raise DataError(f"{log}: {error.message}", error.hint) from None
+            raise DataError(f"{'<stdin>' if log == '-' else log}: {error.message}", error.hint) from None
         raise
 
 

@@ -35,24 +35,31 @@ def load_recording(path: str, config: Config) -> LoadedRecording:
     DataError : no u, nothing to have d_hat from, too short, or an axis that stands still.
     UsageError : the config lacks [observer].
     """
-    from dsd_cli.cli.plan import TIME_SCALE, log_columns, naming, observer_settings
+    from dsd_cli.cli.plan import log_columns, naming, observer_settings, reading
     from dsd_cli.files.logs import load_log
     from dsd_cli.identify.recordings.recording import prepare
 
     observer = observer_settings(config)
     columns = log_columns(config.signals)
     with naming(path):
-        loaded = load_log(
-            path,
-            columns,
-            {name for name in columns if name not in ("t", "u")},
-            sample_time=config.signals.sample_time,
-            time_scale=TIME_SCALE[config.signals.time_unit],
-        )
-    _check_channels(path, loaded)
+        optional = {name for name in columns if name not in ("t", "u")}
+        loaded = load_log(path, columns, optional, **reading(config.signals))
+    _check_channels(loaded.log.source, loaded)
+    check_sizes(loaded.log.source, loaded)
     recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)
     dropped = {reason: count for reason, count in loaded.dropped.items() if count}
-    return LoadedRecording(recording, dropped, (*loaded.warnings, *_absent(config, columns, loaded)))
+    warnings = (*loaded.warnings, *absent(config, columns, loaded), *_wrong(loaded, config))
+    return LoadedRecording(recording, dropped, warnings)
+
+
+def _wrong(loaded: LoadedLog, config: Config) -> list[str]:
+    """What must be said before anything that this log answers: a wrong sign or unit, with the key that mends it."""
+    from dsd_cli.cli.plan import observer_settings
+    from dsd_cli.identify.checks import check_log, gravest
+
+    factors = config.signals.factors()
+    found = gravest(check_log(loaded.log, None, observer_settings(config), loaded.restarts, factors=factors))
+    return [] if found is None else [f"{found.what}: {found.remedy} (dsd check says more)"]
 
 
 def believed_model(config: Config) -> PlantModel:
@@ -79,9 +86,6 @@ def _check_channels(path: str, loaded: LoadedLog) -> None:
         raise DataError(
             f"{path}: neither d_hat nor velocity nor position", "set one of them in [signals] to the log's column"
         )
-    for name, column in log.channels.items():
-        if float(abs(column).max()) > _LARGEST:
-            raise DataError(f"{path}: {name} goes beyond {_LARGEST:g}", "is that its column?")
     for name in ("position", "velocity"):
         if name in log and len(log) > 1 and bool((log[name] == log[name][0]).all()):
             raise DataError(
@@ -89,7 +93,21 @@ def _check_channels(path: str, loaded: LoadedLog) -> None:
             )
 
 
-def _absent(config: Config, columns: Mapping[str, str], loaded: LoadedLog) -> list[str]:
+def check_sizes(path: str, loaded: LoadedLog) -> None:
+    """Numbers that can be computed with.
+
+    Raises
+    ------
+    DataError : a channel with values whose squares overflow.
+    """
+    from dsd_cli.errors import DataError
+
+    for name, column in loaded.log.channels.items():
+        if float(abs(column).max()) > _LARGEST:
+            raise DataError(f"{path}: {name} goes beyond {_LARGEST:g}", "is that its column?")
+
+
+def absent(config: Config, columns: Mapping[str, str], loaded: LoadedLog) -> list[str]:
     """Channels that the config itself names and the log lacks."""
     return [
         f'no column "{column}" (signals.{name})'

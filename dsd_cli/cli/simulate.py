@@ -50,6 +50,7 @@ def simulate(
     Columns: t, u, d_hat, position, velocity, reference, and the truth (true_delay, true_inertia). Config and seed go
     into the Parquet metadata, or beside a CSV file into FILE.meta.json.
     """
+    from dsd_cli.cli.identification import say
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.logs import write_log
     from dsd_cli.files.tables_out import check_output
@@ -61,11 +62,30 @@ def simulate(
     given = [f"simulate.{name}={value!r}" for name, value in values.items() if value is not None]
     settings = settings.override([*(override or ()), *given], effect or ())
     if output != "-":
-        check_output(output, () if config is None else (config,))
+        check_output(output, (*(() if config is None else (config,)), *settings.files, *(effects_from or ())))
     log = run(simulation_settings(settings))
+    _check_finite(settings.name, log)
     write_log(output, _with_provenance(log, settings))
-    if not quiet:
-        typer.echo(f"{output}: {len(log):,} samples, {log.sample_time * 1e3:g} ms apart", err=True)
+    say(quiet, f"{output}: {len(log):,} samples, {log.sample_time * 1e3:g} ms apart")
+
+
+def _check_finite(name: str, log: Log) -> None:
+    """A closed loop that is not stable grows beyond all numbers.
+
+    Raises
+    ------
+    DataError : says from when on.
+    """
+    import numpy as np
+
+    from dsd_cli.errors import DataError
+
+    bad = [~np.isfinite(log[channel]) for channel in ("u", "d_hat", "position", "velocity") if channel in log]
+    if (first := int(np.logical_or.reduce(bad).argmax())) or (bad and any(one[0] for one in bad)):
+        raise DataError(
+            f"{name}: the simulation diverges, from t = {log['t'][first]:g} s on it is not finite",
+            "lower the gains or the delay, or set simulate.controller.limit",
+        )
 
 
 def _config(config: Path | None, template: str | None) -> Config:

@@ -280,7 +280,11 @@ INLINE void choose(Core *q, const double *cost, double unit, double best) {
             if (!((cost[s] - best) * unit <= near)) continue;
             for (a = 0; a < q->axes; a++) same += q->axis[a * q->padded + s] == q->axis[a * q->padded + last];
             if (same < most) continue;
-            if (same == most && fabs(cost[s] - lowest_cost) * unit <= tie) { found = last; continue; }
+            if (same == most && fabs(cost[s] - lowest_cost) * unit <= tie) {
+                found = last;       /* the lower of the two is what the states to come have to beat */
+                if (cost[s] < lowest_cost) lowest_cost = cost[s];
+                continue;
+            }
             if (same > most || cost[s] < lowest_cost) { found = s; most = same; lowest_cost = cost[s]; }
         }
     }

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 _new = tuple.__new__
 
+#: Samples of history that a kernel may hold.
+MOST_ROWS = 1e8
+
 
 class Label(NamedTuple):
     """The state chosen at one sample."""
@@ -102,18 +105,19 @@ class Engine:
 
     Raises
     ------
-    UsageError : a transition matrix that does not fit the grid; a window that does not fit into memory.
+    UsageError : a transition matrix that does not fit the grid; a window, or a history, that does not fit into memory.
     """
 
     def __init__(
         self, grid: Grid, settings: DetectorSettings, measurement: Measurement, backend: Backend | None = None
     ) -> None:
-        settings.transition.log_matrix(len(grid))  # refuse a wrong matrix before any data is read
+        if settings.transition.matrix is not None:
+            settings.transition.log_matrix(len(grid))  # refuse a wrong matrix before any data is read
         self.grid, self.settings, self.measurement = grid, settings, measurement
         window = settings.effective_window
         if window * len(grid) > 1e8:
             raise UsageError(f"a window of {window} over {len(grid)} states needs too much memory", "reduce either")
-        spec = KernelSpec(
+        self.spec = spec = KernelSpec(
             grid=grid,
             settings=replace(settings, window=window),
             alphas=measurement.nominal_inertia / np.array(grid.inertias),
@@ -123,6 +127,12 @@ class Engine:
             aperture=measurement.aperture,
             timed=measurement.timed,
         )
+        if spec.warmup_time / spec.sample_time > MOST_ROWS:
+            raise UsageError(
+                f"the longest delay and five time constants are {spec.warmup_time:g} s, "
+                f"{spec.warmup_time / spec.sample_time:.3g} samples",
+                "no label could be given; is the unit of the time column right?",
+            )
         self._floor = spec.log_likelihood_floor
         self._kernel = make_kernel(spec, backend)
         self._delays, self._inertias = (grid.axes[name].tolist() for name in ("delay", "inertia"))

@@ -131,7 +131,7 @@ def _make_compiled(compiled: Any, spec: KernelSpec) -> Kernel:
     grid, settings, transition = spec.grid, spec.settings, spec.settings.transition
     axes = grid.axis_indices()
     log_a = None if transition.matrix is None else np.ascontiguousarray(transition.log_matrix(len(grid)))
-    mode = 2 if log_a is not None else 0 if transition.stay is None else 1
+    mode = 0 if transition.uniform else 1 if log_a is None else 2
     stay, move = (0.0, 0.0) if log_a is not None else transition.log_stay_move(len(grid))
     return compiled(
         np.array(grid.delays),

@@ -30,7 +30,9 @@ class NumpyKernel:
         self._alphas = np.asarray(spec.alphas)
         self._c = 0.5 / (settings.rho * settings.rho)
         self._constant, self._floor = spec.log_likelihood_constant, spec.log_likelihood_floor
-        self._log_a = settings.transition.log_matrix(self._states)
+        # a uniform A adds the same to every cost: left out, as in _kernel.c, or what counts as a tie would differ
+        uniform, shape = settings.transition.uniform, (self._states, self._states)
+        self._log_a = np.zeros(shape) if uniform else settings.transition.log_matrix(self._states)
         self._axes = axes = grid.axis_indices()
         # per state: for every axis the states that have another value there
         self._others = [

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.detect.engine import Engine, Forces, Labels, Measurement
 from dsd_cli.detect.plan import Plan
+from dsd_cli.detect.rows import Inputs, Rows, cut, joined, labels_arrays, unjudged
 from dsd_cli.detect.settings import OFFLINE
+from dsd_cli.detect.spikes import Spikes
 from dsd_cli.effects import Channels
 from dsd_cli.plant.filtering import lowpass_irregular, poles_of
 from dsd_cli.plant.forces import Sample, interval_channels, interval_forces
@@ -18,21 +20,6 @@ from dsd_cli.plant.observer import DisturbanceObserver
 from dsd_cli.signals.cleaning import Cleaner, Piece
 from dsd_cli.signals.clock import clock_window
 from dsd_cli.signals.log import Array
-
-
-class Rows(NamedTuple):
-    """Labels of consecutive rows of the log, each array of shape (n,).
-
-    Dropped rows (and rows of warm-up) carry the last label, NaN likelihood and probability, confident = False, and 0
-    samples; else `samples` is how many samples the window behind the label holds.
-    """
-
-    t: NDArray[Any]
-    state: NDArray[Any]
-    log_likelihood: NDArray[Any]
-    probability: NDArray[Any]
-    confident: NDArray[Any]
-    samples: NDArray[Any]
 
 
 class Session:
@@ -45,6 +32,8 @@ class Session:
     def __init__(self, plan: Plan, cleaner: Cleaner) -> None:
         self.plan, self.cleaner = plan, cleaner
         self.engine: Engine | None = None
+        self._spikes: Spikes | None = None
+        self._doubted = 0
         self._observer: DisturbanceObserver | None = None
         self._last_t: float | None = None
         self._before: Sample | None = None
@@ -60,6 +49,18 @@ class Session:
     def label(self) -> int:
         """The state chosen last."""
         return self._label
+
+    @property
+    def warnings(self) -> list[str]:
+        """One sentence each, about the rows so far."""
+        found = list(self.cleaner.warnings)
+        if self._spikes is not None and self._doubted:
+            usual, largest = self._spikes.level, self._spikes.largest
+            found.append(
+                f"u stands out (up to {largest:.3g}, it usually reaches about {usual:.3g}), and nothing shows that it "
+                f"was so: {self._doubted} label(s) that rest on it are not confident"
+            )
+        return found
 
     def feed(self, t: Array | None, values: Mapping[str, Array], restart: bool = False) -> Iterator[Rows]:
         """Rows as they are in the log, shape (n,) each; `restart`: they begin another recording."""
@@ -105,7 +106,7 @@ class Session:
             if piece.restart:
                 self._restart()
             rows = self._to_rows(piece, self._run(piece) if piece.t.size else None)
-            yield self._after_early(_unjudged(rows, self._settling - piece.start, self.plan.settings.initial))
+            yield self._after_early(unjudged(rows, self._settling - piece.start, self.plan.settings.initial))
 
     def _watch_clock(self) -> None:
         """Rows that the clock was settled from are warm-up, also where bridged holes make many samples of them.
@@ -127,24 +128,34 @@ class Session:
         for run in runs:
             self._restart()
             inputs = [self._inputs(piece) for piece in run if piece.t.size]
-            labels = self._run_inputs(_joined(inputs)) if inputs else None
+            labels = self._run_inputs(joined(inputs)) if inputs else None
             begin = 0
             for piece in run:
                 end = begin + piece.t.size
-                yield self._to_rows(piece, _cut(labels, begin, end) if labels is not None and end > begin else None)
+                yield self._to_rows(piece, cut(labels, begin, end) if labels is not None and end > begin else None)
                 begin = end
 
     def _restart(self) -> None:
         if self.engine is not None:
             self.engine.restart()
+        if self._spikes is not None:
+            self._spikes.restart()
         self._observer, self._last_t, self._before = None, None, None
         self._in_window, self._turned = 0, 0.0
 
     def _run(self, piece: Piece) -> Labels:
         return self._run_inputs(self._inputs(piece))
 
-    def _run_inputs(self, inputs: _Inputs) -> Labels:
-        return self._engine_now().run(inputs.u, inputs.d_hat, t=inputs.t, forces=inputs.forces)
+    def _run_inputs(self, inputs: Inputs) -> Labels:
+        engine = self._engine_now()
+        labels = engine.run(inputs.u, inputs.d_hat, t=inputs.t, forces=inputs.forces)
+        if self._spikes is None:
+            self._spikes = Spikes(engine.spec, self.plan.settings.window, self.plan.d_hat_source == "logged")
+        unfounded = self._spikes.unfounded(inputs.u, labels.state)
+        if unfounded is None:
+            return labels
+        self._doubted += int((labels.confident & unfounded).sum())
+        return replace(labels, confident=labels.confident & ~unfounded)
 
     def _engine_now(self) -> Engine:
         if self.engine is None:
@@ -165,7 +176,7 @@ class Session:
         assert sample_time is not None, "pieces come only after the clock is settled"
         return sample_time
 
-    def _inputs(self, piece: Piece) -> _Inputs:
+    def _inputs(self, piece: Piece) -> Inputs:
         u = piece.values["u"]
         d_hat = piece.values[self.plan.measured]
         if self.plan.d_hat_source != "logged":
@@ -176,7 +187,7 @@ class Session:
         if forces is not None and self._turning.any():
             d_hat = d_hat - self.plan.observer.sign * self._turning
         self._last_t = float(piece.t[-1])
-        return _Inputs(u, d_hat, piece.t, forces)
+        return Inputs(u, d_hat, piece.t, forces)
 
     def _without_turns(self, acceleration: Array, sign: Array, interval: float | Array) -> Array:
         """Marks the intervals in which the plant starts, stops or turns, and keeps what they put into d_hat.
@@ -262,38 +273,3 @@ class Session:
         out.state[last >= 0] = out.state[last[last >= 0]]
         self._label = int(out.state[-1]) if n else self._label
         return out
-
-
-def _unjudged(rows: Rows, count: int, label: int) -> Rows:
-    """The first `count` rows as rows of the warm-up."""
-    if count <= 0:
-        return rows
-    columns = [column.copy() for column in rows[1:]]
-    for column, nothing in zip(columns, (label, np.nan, np.nan, False, 0), strict=True):
-        column[:count] = nothing
-    return Rows(rows.t, *columns)
-
-
-class _Inputs(NamedTuple):
-    u: Array
-    d_hat: Array
-    t: Array
-    forces: Forces | None
-
-
-def labels_arrays(labels: Labels) -> tuple[NDArray[Any], ...]:
-    """state, log_likelihood, probability, confident."""
-    return labels.state, labels.log_likelihood, labels.probability, labels.confident
-
-
-def _joined(inputs: list[_Inputs]) -> _Inputs:
-    forces = None
-    if inputs[0].forces is not None:
-        parts = [part.forces for part in inputs if part.forces is not None]
-        forces = Forces(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-    u, d_hat, t = (np.concatenate([part[i] for part in inputs]) for i in range(3))
-    return _Inputs(u, d_hat, t, forces)
-
-
-def _cut(labels: Labels, begin: int, end: int) -> Labels:
-    return Labels(labels.grid, *(column[begin:end] for column in labels_arrays(labels)))

@@ -20,6 +20,11 @@ class Transition:
     stay: float | None = None
     matrix: Array | None = None
 
+    @property
+    def uniform(self) -> bool:
+        """Every change is as likely as none: the likelihood alone decides."""
+        return self.stay is None and self.matrix is None
+
     def log_matrix(self, states: int) -> Array:
         """log A, shape (states, states); -inf where a change is forbidden.
 
@@ -29,6 +34,8 @@ class Transition:
         """
         if self.matrix is None:
             stay, move = self.log_stay_move(states)
+            if stay == move:
+                return np.broadcast_to(np.float64(stay), (states, states))  # 20,000 states would take 3.2 GB
             full = np.full((states, states), move)
             np.fill_diagonal(full, stay)
             return full

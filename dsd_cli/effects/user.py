@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import traceback
 from collections.abc import Mapping
 from pathlib import Path
@@ -33,8 +34,32 @@ def load_effects(path: str | Path) -> list[Effect]:
         if effect.id in known:
             raise UsageError(f"{path}: effect '{effect.id}' is there already", "give it another id")
         known.add(effect.id)
+        _check_names(effect, path)
         _try_out(effect, path)
     return found
+
+
+#: A name that TOML, the command line and every table take as it is.
+_NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
+#: Verdicts, values of [model] and steps that are no effects.
+_TAKEN = ("none", "unknown", "inertia", "delay", "refit", "rest_speed", "effects")
+
+
+def _check_names(effect: Effect, path: Path) -> None:
+    """Ids and parameter names are words that mean nothing else.
+
+    Raises
+    ------
+    UsageError : says which one is not.
+    """
+    allowed = "use small letters, digits and _, beginning with a letter, at most 40"
+    if not isinstance(effect.id, str) or not _NAME.fullmatch(effect.id):
+        raise UsageError(f"{path}: {effect.id!r} is no id of an effect", allowed)
+    if effect.id in _TAKEN:
+        raise UsageError(f"{path}: an effect cannot be called '{effect.id}'", "that word means something else already")
+    for parameter in effect.parameters:
+        if not isinstance(parameter.name, str) or not _NAME.fullmatch(parameter.name):
+            raise UsageError(f"{path}: effect '{effect.id}': {parameter.name!r} is no name of a parameter", allowed)
 
 
 def _run(path: Path) -> ModuleType:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from queue import Empty, Queue
+from queue import SimpleQueue
 from threading import Event, Thread
 from typing import Any, TypeVar
 
@@ -21,12 +21,17 @@ def read_ahead(items: Iterable[T], depth: int = 2) -> Iterator[Iterator[T]]:
     The thread has ended when the block is left, however it is left: a process that exits while Arrow still
     decodes is aborted by Arrow's own threads.
     """
-    queue: Queue[tuple[str, Any]] = Queue(depth)
+    # a signal may interrupt anything that is written in Python with its lock held: these two queues are not
+    queue: SimpleQueue[tuple[str, Any]] = SimpleQueue()
+    room: SimpleQueue[None] = SimpleQueue()
     stop = Event()
+    for _ in range(depth):
+        room.put(None)
 
     def fill() -> None:
         try:
             for item in items:
+                room.get()
                 queue.put(("item", item))
                 if stop.is_set():
                     return
@@ -37,26 +42,19 @@ def read_ahead(items: Iterable[T], depth: int = 2) -> Iterator[Iterator[T]]:
     thread = Thread(target=fill, name="reader", daemon=True)
     thread.start()
     try:
-        yield _taken(queue)
+        yield _taken(queue, room)
     finally:
         stop.set()
-        _emptied(queue)  # a reader that waits for room sees `stop`
+        room.put(None)  # a reader that waits for room sees `stop`
         thread.join(PATIENCE)
 
 
-def _taken(queue: Queue[tuple[str, Any]]) -> Iterator[Any]:
+def _taken(queue: SimpleQueue[tuple[str, Any]], room: SimpleQueue[None]) -> Iterator[Any]:
     while True:
         kind, value = queue.get()
+        room.put(None)
         if kind == "end":
             return
         if kind == "error":
             raise value
         yield value
-
-
-def _emptied(queue: Queue[tuple[str, Any]]) -> None:
-    try:
-        while True:
-            queue.get_nowait()
-    except Empty:
-        return

@@ -69,7 +69,10 @@ def decode(line: bytes) -> str:
 def split(line: str, delimiter: str) -> list[str]:
     if '"' not in line:
         return line.split(delimiter)
-    return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    try:
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:  # a carriage return outside quotes, or a field of more than 128 KiB
+        return line.split(delimiter)
 
 
 def is_comment(line: str) -> bool:
@@ -84,6 +87,8 @@ def number(text: str) -> float:
     ValueError : it is not a number.
     """
     try:
+        if "_" in text or not text.isascii():  # 1_000 is a number to Python, and to nobody who writes logs
+            raise ValueError
         return float(text)
     except ValueError:
         if text.strip() in MISSING:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Collection, Iterator, Mapping
 from itertools import islice
 from typing import Any
 
 from dsd_cli.errors import DataError
 from dsd_cli.files import csv_dialect as dialects
-from dsd_cli.files.parquet_in import as_float64
+from dsd_cli.files.parquet_in import arrow_source, as_float64
 from dsd_cli.files.tables_in import Batch, choose_columns, read_head, read_sidecar
 
 HEAD_BYTES = 1 << 16
@@ -66,7 +65,7 @@ class CsvTable:
             zoned = dialects.datetime.fromisoformat(first[at].strip()).tzinfo is not None
             types[f"c{at}"] = pa.timestamp("ns", "UTC" if zoned else None)
         return pc.open_csv(
-            self.name,
+            arrow_source(self.name),
             read_options=pc.ReadOptions(
                 block_size=BLOCK_BYTES, skip_rows=skip, column_names=[f"c{i}" for i in range(len(header.names))]
             ),
@@ -83,12 +82,15 @@ class CsvTable:
         """The first line at or after `rows` rows that cannot be read, found by reading it again, slowly."""
         header = self._dialect.header
         start = self._dialect.skip + rows  # blank lines only make the true place later
-        with open(self.name, newline="", encoding="utf-8-sig", errors="replace") as file:
-            reader = csv.reader(islice(file, start, None), delimiter=header.delimiter)
-            for fields in reader:
-                if not "".join(fields).strip() and len(fields) <= 1:
+        with open(self.name, "rb") as file:
+            for at, raw in enumerate(islice(file, start, None), start=start + 1):
+                where = f"{self.name}, line {at}"
+                line = dialects.decode(raw.rstrip(b"\r\n"))
+                if not line.strip():
                     continue
-                where = f"{self.name}, line {start + reader.line_num}"
+                if stray := _stray(line):
+                    return DataError(f"{where}: {stray}", "mend or delete the line")
+                fields = dialects.split(line, header.delimiter)
                 if len(fields) != len(header.names):
                     return DataError(
                         f"{where}: {len(fields)} fields where the header has {len(header.names)}",
@@ -110,3 +112,10 @@ class CsvTable:
         if "." in text and self._dialect.decimal == "," and dialects.is_number(text):
             return f'"{found}" has a decimal point, the rows before have commas', "write all numbers alike"
         return None
+
+
+def _stray(line: str) -> str:
+    """What in a line makes it part of another, or more than one; empty if nothing does."""
+    if line.count('"') % 2:
+        return "a quote that is not closed"
+    return "a carriage return inside the line" if "\r" in line else ""

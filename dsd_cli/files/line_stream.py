@@ -16,6 +16,10 @@ from dsd_cli.files.tables_in import Batch, choose_columns, read_sidecar
 
 CHUNK = 1 << 16
 POLL = 0.05  # s
+#: Bytes before the place of reading that tell a file that was begun anew.
+TAIL = 256
+#: Bytes of a line that are looked at; there is no such log, but there are files without a line end.
+LONGEST_LINE = 1 << 20
 
 
 class LineStream:
@@ -27,6 +31,7 @@ class LineStream:
         appended is read, a half-written last line waits for its end, and a file that was replaced or cut begins anew
         with a header. Following ends when `stop()` is true or nothing came for `idle_timeout` s.
     head : bytes already taken from the stream.
+    name : of the stream, for messages.
 
     Raises
     ------
@@ -40,17 +45,19 @@ class LineStream:
         optional: Collection[str] = (),
         *,
         head: bytes = b"",
+        name: str = "<stdin>",
         stop: Callable[[], bool] | None = None,
         idle_timeout: float | None = None,
     ) -> None:
         self._path = source if isinstance(source, Path) else None
-        self.name = str(source) if self._path is not None else "<stdin>"
+        self.name = str(source) if self._path is not None else name
         self._stream = source  # kept, for a stream that nobody holds closes its descriptor
         self._wanted = columns
         self._optional = optional
         self._stop = stop
         self._idle_timeout = idle_timeout
         self._half = head
+        self._tail = b""  # what was read last
         self._fd = os.open(self._path, os.O_RDONLY) if self._path is not None else source.fileno()  # type: ignore[union-attr]
         self._header: dialects.Header | None = None
         self._comment = ""
@@ -157,23 +164,24 @@ class LineStream:
     def _read(self) -> Iterator[list[bytes] | None]:
         """Complete lines as they come; None where the file begins anew."""
         quiet_since = time.monotonic()
-        *lines, self._half = self._half.split(b"\n")
-        if lines:
+        head, self._half = self._half, b""
+        if lines := self._lines(head):
             yield lines
         while True:
-            chunk = os.read(self._fd, CHUNK)
+            anew = self._path is not None and self._was_cut()
+            chunk = b"" if anew else os.read(self._fd, CHUNK)
             if chunk:
                 quiet_since = time.monotonic()
-                *lines, self._half = (self._half + chunk).split(b"\n")
-                if lines:
+                self._tail = (self._tail + chunk)[-TAIL:]
+                if lines := self._lines(chunk):
                     yield lines
             elif self._path is None:
                 if self._half:
                     last, self._half = self._half, b""
                     yield last.split(b"\n")
                 return
-            elif self._begun_anew():
-                self._half = b""
+            elif anew or self._was_replaced():
+                self._half = self._tail = b""
                 self._line = 0
                 yield None
             else:
@@ -182,16 +190,39 @@ class LineStream:
                     return
                 time.sleep(POLL)
 
-    def _begun_anew(self) -> bool:
-        """Open the file again if another one has taken its name or it has become shorter than what was read."""
+    def _lines(self, chunk: bytes) -> list[bytes]:
+        """The lines that are complete with this chunk; the rest waits.
+
+        Of a line without end only the beginning is kept, which is then one that cannot be read.
+        """
+        *lines, rest = chunk.split(b"\n")
+        if lines:
+            lines[0] = self._half + lines[0]
+            self._half = b""
+            if b"\r" in chunk or b"\r" in lines[0]:  # ends a line too, as it does in a file
+                lines = [part for line in lines for part in line.removesuffix(b"\r").split(b"\r")]
+        if len(self._half) < LONGEST_LINE:
+            self._half += rest
+        return lines
+
+    def _was_cut(self) -> bool:
+        """Whether the file is shorter than what was read of it, or holds something else there; then to its begin.
+
+        A file that was cut and has grown past its old size since is told by the bytes before the place of reading.
+        """
+        at = os.lseek(self._fd, 0, os.SEEK_CUR)
+        if os.pread(self._fd, len(self._tail), at - len(self._tail)) == self._tail:
+            return False
+        os.lseek(self._fd, 0, os.SEEK_SET)
+        return True
+
+    def _was_replaced(self) -> bool:
+        """Whether another file has taken the name; then that one is read."""
         assert self._path is not None
         try:
             named, held = os.stat(self._path), os.fstat(self._fd)
             if (named.st_ino, named.st_dev) == (held.st_ino, held.st_dev):
-                if named.st_size >= os.lseek(self._fd, 0, os.SEEK_CUR):
-                    return False
-                os.lseek(self._fd, 0, os.SEEK_SET)
-                return True
+                return False
             fd = os.open(self._path, os.O_RDONLY)
         except FileNotFoundError:
             return False

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
@@ -10,10 +10,12 @@ from typing import cast
 import numpy as np
 
 from dsd_cli.errors import DataError
+from dsd_cli.files.scaled import FACTORS, factors_text, scaled
 from dsd_cli.files.tables_in import dropped_with_unreadable, open_table
 from dsd_cli.files.tables_out import open_writer
-from dsd_cli.signals.cleaning import Cleaner
-from dsd_cli.signals.log import CHANNELS, DHatSource, Log
+from dsd_cli.signals.cleaning import Cleaner, Piece
+from dsd_cli.signals.log import CHANNELS, Array, DHatSource, Hold, Log
+from dsd_cli.signals.outliers import Limits
 
 _D_HAT_SOURCES = ("logged", "velocity", "position")
 #: Metadata that `write_log` adds and `load_log` turns back into attributes.
@@ -45,6 +47,9 @@ def load_log(
     *,
     sample_time: float | None = None,
     time_scale: float = 1.0,
+    factors: Mapping[str, float] | None = None,
+    u_hold: Hold = "held",
+    limits: Limits | None = None,
 ) -> LoadedLog:
     """Read a whole log, cleaned.
 
@@ -53,6 +58,9 @@ def load_log(
     signals : canonical name (see `CHANNELS`) -> column; without "t" the `sample_time` (s) is needed.
     optional : canonical names whose columns may be missing.
     time_scale : s per unit of the time column.
+    factors : channel -> what its column is multiplied by.
+    u_hold : how u lives between the samples.
+    limits : rows with values beyond them, with the factors in, are dropped.
 
     Raises
     ------
@@ -60,8 +68,8 @@ def load_log(
     """
     if "t" not in signals and sample_time is None:
         raise DataError(f"{path}: no time column", "set signals.time, or signals.sample_time")
-    table = open_table(path, signals, optional)
-    cleaner = Cleaner(sample_time, time_scale)
+    table = scaled(open_table(path, signals, optional), factors or {})
+    cleaner = Cleaner(sample_time, time_scale, limits=limits)
     pieces = []
     for batch in table.batches():
         if batch.restart:
@@ -69,17 +77,14 @@ def load_log(
         values = dict(batch.columns)
         pieces += cleaner.feed(values.pop("t", None), values)
     pieces += cleaner.finish()
-    restarts, samples = [], 0
-    for piece in pieces:
-        if piece.restart:
-            restarts.append(samples)
-        samples += piece.t.size
-    if not samples or cleaner.sample_time is None:
-        raise DataError(f"{path}: no row has a value in every needed column ({', '.join(table.columns.values())})")
-    channels = {"t": np.concatenate([piece.t for piece in pieces])}
-    for name in sorted(pieces[0].values, key=_order):
-        channels[name] = np.concatenate([piece.values[name] for piece in pieces])
+    channels, restarts = _joined(pieces)
+    if not channels or cleaner.sample_time is None:
+        raise DataError(
+            f"{table.name}: no row has a value in every needed column ({', '.join(table.columns.values())})"
+        )
     metadata = {key: text for key, text in table.metadata.items() if key not in (D_HAT_SOURCE, SAMPLE_TIME)}
+    if factors:
+        metadata[FACTORS] = factors_text(factors)
     source = table.metadata.get(D_HAT_SOURCE, "logged")
     log = Log(
         channels,
@@ -87,9 +92,25 @@ def load_log(
         source=table.name,
         d_hat_source=cast(DHatSource, source) if source in _D_HAT_SOURCES and "d_hat" in channels else "logged",
         metadata=metadata,
+        u_hold=u_hold,
     )
     dropped = dropped_with_unreadable(cleaner.dropped, table.unreadable)
-    return LoadedLog(log, dropped, (*table.warnings, *cleaner.warnings), tuple(restarts), bool(cleaner.regular))
+    return LoadedLog(log, dropped, (*table.warnings, *cleaner.warnings), restarts, bool(cleaner.regular))
+
+
+def _joined(pieces: Sequence[Piece]) -> tuple[dict[str, Array], tuple[int, ...]]:
+    """Channels of shape (n,), none where n = 0, and the samples that do not continue the one before."""
+    restarts, samples = [], 0
+    for piece in pieces:
+        if piece.restart:
+            restarts.append(samples)
+        samples += piece.t.size
+    if not samples:
+        return {}, ()
+    channels = {"t": np.concatenate([piece.t for piece in pieces])}
+    for name in sorted(pieces[0].values, key=_order):
+        channels[name] = np.concatenate([piece.values[name] for piece in pieces])
+    return channels, tuple(restarts)
 
 
 def read_log(

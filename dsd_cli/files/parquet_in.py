@@ -29,7 +29,9 @@ class ParquetTable:
         try:
             # with pre_buffer the memory grows with the file
             self._file = pq.ParquetFile(
-                name if content is None else pa.BufferReader(content), pre_buffer=False, buffer_size=1 << 20
+                arrow_source(name) if content is None else pa.BufferReader(content),
+                pre_buffer=False,
+                buffer_size=1 << 20,
             )
         except (pa.ArrowException, OSError) as error:
             raise DataError(f"{name}: not a readable Parquet file ({_first_line(error)})", "write it again") from None
@@ -53,6 +55,15 @@ class ParquetTable:
                 yield Batch(batch.num_rows, values)
         except (pa.ArrowException, OSError) as error:
             raise DataError(f"{self.name}: is damaged ({_first_line(error)})", "write it again") from None
+
+
+def arrow_source(name: str) -> Any:
+    """What Arrow opens: the name, or the open file where the name is no text."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return open(name, "rb")
+    return name
 
 
 def as_float64(column: Any) -> Array:

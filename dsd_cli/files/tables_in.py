@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import stat
 import sys
 from collections.abc import Collection, Iterator, Mapping
 from difflib import get_close_matches
@@ -17,6 +18,8 @@ from dsd_cli.signals.log import Array
 
 PARQUET_MAGIC = b"PAR1"
 STDIN = "-"
+#: Bytes; ours hold a config.
+LARGEST_SIDECAR = 1 << 24
 
 
 class Batch(NamedTuple):
@@ -44,11 +47,16 @@ class TableSource(Protocol):
     """
 
     name: str
-    column_names: list[str]
-    columns: dict[str, str]
     metadata: dict[str, str]
-    warnings: list[str]
-    unreadable: int
+
+    @property
+    def column_names(self) -> list[str]: ...
+    @property
+    def columns(self) -> dict[str, str]: ...
+    @property
+    def warnings(self) -> list[str]: ...
+    @property
+    def unreadable(self) -> int: ...
 
     def batches(self) -> Iterator[Batch]: ...
 
@@ -79,12 +87,38 @@ def open_table(
         if head == PARQUET_MAGIC:
             return ParquetTable("<stdin>", columns, optional, content=head + stdin.read())
         return LineStream(stdin, columns, optional, head=head)
+    if is_stream(path):
+        stream = _opened(path)
+        head = _first_bytes(stream)
+        if head == PARQUET_MAGIC:
+            return ParquetTable(str(path), columns, optional, content=head + stream.read())
+        return LineStream(stream, columns, optional, head=head, name=str(path))
     head = read_head(path, len(PARQUET_MAGIC))
     if head == PARQUET_MAGIC and not follow:
         return ParquetTable(str(path), columns, optional)
     if follow:
         return LineStream(Path(path), columns, optional)
     return CsvTable(str(path), columns, optional)
+
+
+def is_stream(path: str | Path) -> bool:
+    """Whether what it gives can be read only once: stdin, a FIFO, `<(command)`, a terminal."""
+    if str(path) == STDIN:
+        return True
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):
+        return False
+    return stat.S_ISFIFO(mode) or stat.S_ISCHR(mode) or stat.S_ISSOCK(mode)
+
+
+def _opened(path: str | Path) -> BinaryIO:
+    if str(path) in ("/dev/stdin", "/dev/fd/0"):  # which as a socket could not be opened once more
+        return sys.stdin.buffer
+    try:
+        return open(path, "rb", buffering=0)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror})") from None
 
 
 def _first_bytes(stream: BinaryIO) -> bytes:
@@ -156,9 +190,12 @@ def sidecar(path: str | Path) -> Path:
 
 def read_sidecar(path: str | Path) -> dict[str, str]:
     """Metadata of a CSV file; empty when there is none or it is not ours."""
+    beside = sidecar(path)
     try:
-        found = json.loads(sidecar(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        if not beside.is_file() or beside.stat().st_size > LARGEST_SIDECAR:
+            return {}
+        found = json.loads(beside.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
         return {}
     return {str(key): str(value) for key, value in found.items()} if isinstance(found, dict) else {}
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from queue import Queue
+from queue import SimpleQueue
 from threading import Thread
 from types import TracebackType
 from typing import Any, Protocol
@@ -19,6 +18,7 @@ from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.columns_out import Coded, Kind, Share, arrow_batch, arrow_schema
 from dsd_cli.files.tables_in import STDIN as STDOUT
 from dsd_cli.files.tables_in import sidecar
+from dsd_cli.files.whole import WholeFile, cannot_be_written, check_target, is_same
 
 __all__ = ["Coded", "FileWriter", "Kind", "Share", "TableWriter", "check_output", "open_writer"]
 
@@ -72,16 +72,11 @@ def check_output(path: str | Path, inputs: Sequence[str | Path] = ()) -> Path:
     target = Path(path)
     if target.suffix.lower() not in (".csv", ".parquet", ".pq"):
         raise UsageError(f"{path}: cannot tell what to write", "end the name in .csv or .parquet")
-    for source in inputs:
-        if str(source) != STDOUT and target.exists() and Path(source).exists() and target.samefile(source):
-            raise UsageError(f"{path}: is the input", "write to another file")
-    if target.is_dir():
-        raise DataError(f"{path}: is a directory")
-    folder = Path(os.path.realpath(target)).parent
-    if not folder.is_dir():
-        raise DataError(f"{path}: no such folder {folder}")
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise DataError(f"{path}: the folder {folder} cannot be written to")
+    check_target(target, inputs)
+    if target.suffix.lower() != ".csv" and target.exists() and not target.is_file():
+        raise UsageError(f"{path}: a Parquet file cannot go into a FIFO or a device", "end the name in .csv")
+    if target.suffix.lower() == ".csv" and any(is_same(sidecar(target), source) for source in inputs):
+        raise UsageError(f"{sidecar(target)}: is the input", "write to another file")
     return target
 
 
@@ -89,45 +84,63 @@ class FileWriter:
     """Writes in a thread of its own, to a temporary file next to the target that takes its name at `commit`."""
 
     def __init__(self, target: Path, columns: Mapping[str, Kind], metadata: Mapping[str, str]) -> None:
-        import pyarrow as pa
-
-        self._target = Path(os.path.realpath(target))
-        self._temporary = self._target.with_name(f".{self._target.name}.{os.getpid()}.tmp")
+        self._target = target
         self._columns = dict(columns)
         self._metadata = dict(metadata)
         self._is_csv = target.suffix.lower() == ".csv"
-        self._queue: Queue[Any] = Queue(QUEUED)
+        # a signal may interrupt anything that is written in Python with its lock held: these two are not
+        self._queue: SimpleQueue[Any] = SimpleQueue()
+        self._room: SimpleQueue[None] = SimpleQueue()
+        for _ in range(QUEUED):
+            self._room.put(None)
         self._error: BaseException | None = None
-        self._open = True
-        try:
-            open(self._temporary, "wb").close()  # Arrow's own file says less about what keeps it from being opened
-            self._file = pa.OSFile(str(self._temporary), "wb")  # and, unlike Python's, is written without the GIL
-        except OSError as error:
-            raise DataError(f"{target}: cannot be written ({error.strerror})") from None
+        self._out = WholeFile(target)
         self._thread = Thread(target=self._run, name="writer", daemon=True)
-        self._thread.start()
+        try:
+            self._file = _opened(self._out.path)
+            self._thread.start()
+        except OSError as error:
+            self._out.abort()
+            raise cannot_be_written(target, error) from None
 
     def write(self, columns: Mapping[str, ArrayLike]) -> None:
         self._raise()
-        self._queue.put(arrow_batch(self._columns, columns, as_text=self._is_csv))
+        batch = arrow_batch(self._columns, columns, as_text=self._is_csv)
+        self._room.get()
+        self._queue.put(batch)
 
     def commit(self) -> None:
-        self._close()
         try:
+            self._close()
             self._raise()
-            if self._is_csv:
-                self._write_sidecar()
-            os.replace(self._temporary, self._target)
-        except BaseException as error:
-            self._temporary.unlink(missing_ok=True)
-            if isinstance(error, OSError):
-                raise DataError(f"{self._target}: cannot be written ({error.strerror or error})") from None
-            raise
+            self._take_names()
+        except OSError as error:
+            raise cannot_be_written(self._target, error) from None
+        finally:
+            self.abort()
+
+    def _take_names(self) -> None:
+        """Metadata that is not of this data would be worse than none: at no time do the two stand side by side."""
+        beside = None
+        try:
+            if self._is_csv and self._out.replaces:
+                if self._metadata:
+                    beside = WholeFile(sidecar(self._out.target))
+                    beside.path.write_bytes((json.dumps(self._metadata, indent=1) + "\n").encode())
+                sidecar(self._out.target).unlink(missing_ok=True)
+            self._out.commit()
+            if beside is not None:
+                beside.commit()
+        finally:
+            if beside is not None:
+                beside.abort()
 
     def abort(self) -> None:
-        if self._open:
+        """Leave nothing, however far it got; after `commit` it does nothing."""
+        try:
             self._close()
-            self._temporary.unlink(missing_ok=True)
+        finally:
+            self._out.abort()
 
     def __enter__(self) -> FileWriter:
         return self
@@ -135,19 +148,22 @@ class FileWriter:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         if kind is not None:
             self.abort()
-        elif self._open:
+        else:
             self.commit()
 
     def _close(self) -> None:
-        if self._open:
-            self._open = False
+        """End the thread, then close what it writes to; whatever interrupts this, the next call goes on with it."""
+        while self._thread.is_alive():
             self._queue.put(None)
-            self._thread.join()
+            self._thread.join(0.1)
+        if not self._file.closed:
             self._file.close()
 
     def _raise(self) -> None:
         if self._error is not None:
             self.abort()
+            if isinstance(self._error, BrokenPipeError):
+                raise self._error
             raise DataError(f"{self._target}: cannot be written ({self._error})") from self._error
 
     def _run(self) -> None:
@@ -156,7 +172,7 @@ class FileWriter:
         try:
             with self._sink() as sink:
                 held: list[Any] = []
-                while (batch := self._queue.get()) is not None:
+                while (batch := self._next()) is not None:
                     held.append(batch)
                     if self._is_csv or sum(part.num_rows for part in held) >= GROUP_ROWS:
                         sink(held)
@@ -166,7 +182,12 @@ class FileWriter:
         except BaseException as error:
             self._error = error
             while batch is not None:
-                batch = self._queue.get()
+                batch = self._next()
+
+    def _next(self) -> Any:
+        batch = self._queue.get()
+        self._room.put(None)
+        return batch
 
     @contextlib.contextmanager
     def _sink(self) -> Any:
@@ -196,17 +217,16 @@ class FileWriter:
                 pa.Table.from_batches(held).replace_schema_metadata(schema.metadata), GROUP_ROWS
             )
 
-    def _write_sidecar(self) -> None:
-        beside = sidecar(self._target)
-        if not self._metadata:
-            beside.unlink(missing_ok=True)  # it would be taken for that of the new file
-            return
-        temporary = beside.with_name(f".{beside.name}.{os.getpid()}.tmp")
-        try:
-            temporary.write_text(json.dumps(self._metadata, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-            os.replace(temporary, beside)
-        finally:
-            temporary.unlink(missing_ok=True)
+
+def _opened(path: Path) -> Any:
+    """Arrow's own file, which unlike Python's is written without the GIL; it cannot take a name that is no text."""
+    import pyarrow as pa
+
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return pa.PythonFile(open(path, "wb"), mode="w")
+    return pa.OSFile(str(path), "wb")
 
 
 class _Stdout:

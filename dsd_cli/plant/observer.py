@@ -11,6 +11,7 @@ d_hat is 0 at the samples that have no complete interval behind them: the first,
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -147,4 +148,4 @@ def observe_log(log: Log, settings: ObserverSettings) -> Log:
         )
     observer = DisturbanceObserver(settings, log.sample_time, source)
     d_hat = observer.run(log["u"], log[source], irregular_stamps(log))
-    return Log({**log.channels, "d_hat": d_hat}, log.sample_time, log.source, source, log.metadata)
+    return replace(log, channels={**log.channels, "d_hat": d_hat}, d_hat_source=source)

@@ -149,7 +149,7 @@ class _Loop:
     def _measure(self, noise: tuple[float, float, float]) -> tuple[float, float]:
         position = self.plant.position + noise[1]
         step = self.settings.measurement.encoder_step
-        if step <= 0.0:
+        if step <= 0.0 or not math.isfinite(position / step):  # a loop that diverges gets here
             return position, self.plant.velocity + noise[2]
         position = step * round(position / step)
         before = position if self._encoder is None else self._encoder

@@ -11,9 +11,11 @@ from dsd_cli.identify.compare.evaluation import Accuracy, Force
 from dsd_cli.identify.compare.forward import Forward, Tracking
 from dsd_cli.identify.compare.regimes import Where
 from dsd_cli.identify.compare.residuals import ResidualTests
+from dsd_cli.report import terminal
 from dsd_cli.report.comparison import Report
 from dsd_cli.report.conclusions import conclusion, simulation_conclusion
 from dsd_cli.report.names import FORCE_UNIT, force_error
+from dsd_cli.report.terminal import escaped
 
 #: Rows of a table on the screen; the JSON has all.
 MOST_DEPENDENCES, MOST_LOGS = 8, 12
@@ -23,9 +25,7 @@ _LEAST_SHOWN = 0.01
 
 def print_table(report: Report, file: Any) -> None:
     """The result for a person."""
-    from rich.console import Console
-
-    console = Console(file=file, highlight=False, soft_wrap=True)
+    console = terminal.console(file)
     result = report.result
     if isinstance(result, Comparison):
         _print_comparison(console, result)
@@ -35,21 +35,21 @@ def print_table(report: Report, file: Any) -> None:
         last = simulation_conclusion(result)
     if report.dropped:
         counts = ", ".join(f"{reason} {count:,}" for reason, count in report.dropped.items())
-        console.print(f"rows not taken as they are: {_escaped(counts)}")
+        console.print(f"rows not taken as they are: {escaped(counts)}")
     if report.max_rmse is not None:
         verdict = "holds" if report.holds else "does not hold"
-        console.print(f"rmse of {_escaped(report.judged_log)} at most {report.max_rmse:g}: {verdict}")
-    console.print(f"[bold]{_escaped(last)}[/bold]")
+        console.print(f"rmse of {escaped(report.judged_log)} at most {report.max_rmse:g}: {verdict}")
+    console.print(f"[bold]{escaped(last)}[/bold]")
 
 
 def _print_comparison(console: Any, result: Comparison) -> None:
     clock = f"{result.accuracy.samples:,} samples judged, {result.sample_time * 1e3:.6g} ms apart"
     name = result.logs[0] if len(result.logs) == 1 else f"{len(result.logs)} logs"
-    console.print(f"[bold]{_escaped(name)}[/bold]: {clock}")
+    console.print(f"[bold]{escaped(name)}[/bold]: {clock}")
     sources = _sources(result.provenance)
     sources += [f"no {name}: {why}" for name, why in result.missing.items()]
     if sources:
-        console.print(_escaped("; ".join(sources)))
+        console.print(escaped("; ".join(sources)))
     console.print(f"left out: {result.skipped:,} samples, the first {result.lead:g} s (they rest on u before the log)")
     _print_force(console, result)
     _print_accuracy(console, result)
@@ -85,7 +85,7 @@ def _print_force(console: Any, result: Comparison) -> None:
         table.columns[-1].justify = "left"
         console.print(table)
     if view.missing:
-        console.print(f"no force error: {_escaped(view.missing)}")
+        console.print(f"no force error: {escaped(view.missing)}")
 
 
 def _print_accuracy(console: Any, result: Comparison) -> None:
@@ -115,7 +115,7 @@ def _print_logs(console: Any, logs: Sequence[LogAccuracy]) -> None:
     for one in logs[:MOST_LOGS]:
         a = one.accuracy
         table.add_row(
-            _escaped(_short(one.log)), f"{a.samples:,}", *map(_figure, (a.rmse, a.fit_percent, a.bias, a.max_error))
+            escaped(_short(one.log)), f"{a.samples:,}", *map(_figure, (a.rmse, a.fit_percent, a.bias, a.max_error))
         )
     console.print(table)
     if len(logs) > MOST_LOGS:
@@ -174,18 +174,18 @@ def _print_where(console: Any, where: Where) -> None:
     console.print(table)
     if len({one.log for one in where.time}) > 1:
         worst = max(where.time, key=lambda one: one.share_of_error)
-        console.print(f"  this time is of {_escaped(_short(worst.log))}\n")
+        console.print(f"  this time is of {escaped(_short(worst.log))}\n")
 
 
 def _print_forward(console: Any, result: Forward, holdout: Forward | None) -> None:
     for what, forward in (("", result), ("holdout ", holdout)):
         if forward is None:
             continue
-        name = _escaped(what + ", ".join(forward.logs))
+        name = escaped(what + ", ".join(forward.logs))
         console.print(f"[bold]{name}[/bold]: {forward.samples:,} samples simulated")
         sources = [one for one in _sources(forward.provenance) if not one.startswith("d_hat")]
         if sources:
-            console.print(_escaped("; ".join(sources)))
+            console.print(escaped("; ".join(sources)))
         table = _table("logged less simulated", "", "channel", "rmse", "fit %", "largest", "unit")
         for loop, rows in (("open loop", forward.open_loop), ("closed loop", forward.closed_loop)):
             for row in rows:
@@ -193,7 +193,7 @@ def _print_forward(console: Any, result: Forward, holdout: Forward | None) -> No
         table.columns[-1].justify = "left"
         console.print(table)
         if forward.not_closed:
-            console.print(f"no closed loop: {forward.not_closed}")
+            console.print(escaped(f"no closed loop: {forward.not_closed}"))
 
 
 def _sources(provenance: Mapping[str, str]) -> list[str]:
@@ -210,9 +210,9 @@ def _table(title: str, *names: str) -> Any:
     from rich import box
     from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left", title_style="")
+    table = Table(box=box.SIMPLE_HEAD, title=escaped(title), title_justify="left", title_style="")
     for i, name in enumerate(names):
-        table.add_column(_escaped(name), justify="left" if i == 0 else "right", no_wrap=True)
+        table.add_column(escaped(name), justify="left" if i == 0 else "right", no_wrap=True)
     return table
 
 
@@ -227,9 +227,3 @@ def _percent(share: float) -> str:
 def _short(log: str) -> str:
     """The name of the file without its folder."""
     return PurePath(log).name
-
-
-def _escaped(text: str) -> str:
-    from rich.markup import escape
-
-    return escape(text)

@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from dsd_cli.detect.summary import Segment, StateShare, Summary
+from dsd_cli.report import terminal
+from dsd_cli.report.terminal import escaped
 
 #: Rows of a table on the screen; the JSON has all.
 MOST_STATES, MOST_SEGMENTS = 12, 15
@@ -86,12 +88,11 @@ def _segment(segment: Segment) -> dict[str, Any]:
 def print_table(result: Detection, file: Any) -> None:
     """The summary for a person."""
     from rich import box
-    from rich.console import Console
     from rich.table import Table
 
-    console = Console(file=file, highlight=False, soft_wrap=True)
+    console = terminal.console(file)
     summary = result.summary
-    console.print(f"[bold]{_escaped(result.log)}[/bold]: {_first_line(result)}")
+    console.print(f"[bold]{escaped(result.log)}[/bold]: {_first_line(result)}")
     axes = list(summary.final)
     table = Table(box=box.SIMPLE_HEAD, title="states chosen", title_justify="left", title_style="")
     for name in ("state", *(_heading(axis) for axis in axes), "of all samples", "of confident ones"):
@@ -149,7 +150,7 @@ def _closing_lines(result: Detection) -> list[str]:
         lines.append(f"expected {check.axis} {check.value:g}: {verdict} ({of})")
     if result.dropped:
         counts = ", ".join(f"{reason} {count:,}" for reason, count in result.dropped.items())
-        lines.append(f"rows not taken as they are: {_escaped(counts)}")
+        lines.append(f"rows not taken as they are: {escaped(counts)}")
     return lines
 
 
@@ -169,9 +170,3 @@ def _percent(share: float) -> str:
 def _more(console: Any, total: int, shown: int, what: str) -> None:
     if total > shown:
         console.print(f"  and {total - shown:,} more {what} (--format json lists them)")
-
-
-def _escaped(text: str) -> str:
-    from rich.markup import escape
-
-    return escape(text)

@@ -9,6 +9,7 @@ from typing import Any
 
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate, Diagnosis, Estimates, Score
 from dsd_cli.plant.model import PlantModel
+from dsd_cli.report import terminal
 from dsd_cli.report.names import (
     FORCE_UNIT,
     LEGEND,
@@ -21,6 +22,7 @@ from dsd_cli.report.names import (
     number_or_none,
     values_text,
 )
+from dsd_cli.report.terminal import escaped
 
 #: Rows of a table on the screen; the JSON has all.
 MOST_CANDIDATES = 12
@@ -125,9 +127,7 @@ def _candidate_json(one: Candidate) -> dict[str, Any]:
 
 def print_table(report: DiagnosisReport, file: Any, brief: bool = False) -> None:
     """For a person; `brief`: the verdict and the best candidates only."""
-    from rich.console import Console
-
-    console = Console(file=file, highlight=False, soft_wrap=True)
+    console = terminal.console(file)
     result = report.result
     console.print(f"[bold]{escaped(verdict_line(result, report.given))}[/bold]")
     if not brief:
@@ -225,10 +225,3 @@ def percent(probability: float) -> str:
     if share < 0.5:
         return "< 1 %"
     return "> 99 %" if share >= 99.5 else f"{share:.0f} %"
-
-
-def escaped(text: str) -> str:
-    """Safe from rich's markup."""
-    from rich.markup import escape
-
-    return escape(text)

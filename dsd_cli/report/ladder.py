@@ -9,7 +9,8 @@ from typing import Any
 
 from dsd_cli.identify.compare.evaluation import Force
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Addition, Estimate, Estimates, Ladder, Step
-from dsd_cli.report.diagnosis import error, escaped, named, plain_table, score_json, verdict_line
+from dsd_cli.report import terminal
+from dsd_cli.report.diagnosis import error, named, plain_table, score_json, verdict_line
 from dsd_cli.report.names import (
     FORCE_UNIT,
     LEGEND,
@@ -21,6 +22,7 @@ from dsd_cli.report.names import (
     number_or_none,
     values_text,
 )
+from dsd_cli.report.terminal import escaped
 
 #: Characters of the longest bar.
 BAR = 14
@@ -102,9 +104,7 @@ def step_line(step: Step, before: Step | None) -> str:
 
 def print_ladder(report: LadderReport, file: Any) -> None:
     """For a person: a bar per rung."""
-    from rich.console import Console
-
-    console = Console(file=file, highlight=False, soft_wrap=True)
+    console = terminal.console(file)
     result = report.result
     errors = [step.score.heldout_rmse for step in result.steps]
     top = max((e for e in errors if math.isfinite(e)), default=math.nan)
@@ -199,9 +199,7 @@ def added_step(result: Addition) -> Step:
 
 def print_addition(report: AdditionReport, file: Any) -> None:
     """For a person."""
-    from rich.console import Console
-
-    console = Console(file=file, highlight=False, soft_wrap=True)
+    console = terminal.console(file)
     result = report.result
     before, after = result.before, result.after
     fell = change_text(before.heldout_rmse, after.heldout_rmse)
@@ -228,9 +226,7 @@ def history_json(config: str, steps: Sequence[Mapping[str, Any]]) -> dict[str, A
 
 def print_history(config: str, steps: Sequence[Mapping[str, Any]], file: Any) -> None:
     """For a person."""
-    from rich.console import Console
-
-    console = Console(file=file, highlight=False, soft_wrap=True)
+    console = terminal.console(file)
     if not steps:
         console.print(escaped(f"{config}: no steps yet"))
         return
@@ -239,7 +235,7 @@ def print_history(config: str, steps: Sequence[Mapping[str, Any]], file: Any) ->
         before, after = (_given(step.get(f"heldout_rmse_{when}")) for when in ("before", "after"))
         table.add_row(
             named(str(step["effect"]), _recorded(step), [f"from {log}" for log in step.get("logs", ())]),
-            str(step["date"]).replace("T", " ")[:16],
+            escaped(str(step["date"]).replace("T", " ")[:16]),
             f"{error(before)} -> {error(after)} ({change_text(before, after)})",
         )
     console.print(table)

@@ -10,6 +10,7 @@ import numpy as np
 from dsd_cli.identify.compare.comparison import Comparison
 from dsd_cli.identify.compare.evaluation import Evaluation
 from dsd_cli.report.conclusions import conclusion
+from dsd_cli.report.figure import in_picture, png
 from dsd_cli.signals.log import Array
 
 MEASURED, PREDICTED, RESIDUAL, SHARE = "#1f5a8c", "#e08214", "#444444", "#b9c6d3"
@@ -17,14 +18,11 @@ MEASURED, PREDICTED, RESIDUAL, SHARE = "#1f5a8c", "#e08214", "#444444", "#b9c6d3
 _PIXELS, _POINTS = 1200, 6000
 
 
-def draw(path: Path, result: Comparison, evaluation: Evaluation) -> None:
-    """Write the PNG: d_hat and residual over time, residual against motion, its correlation, its share by regime."""
-    import matplotlib
+def draw(result: Comparison, evaluation: Evaluation) -> bytes:
+    """The PNG: d_hat and residual over time, residual against motion, its correlation, its share by regime."""
+    from matplotlib.figure import Figure
 
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-
-    figure = plt.figure(figsize=(13, 10), layout="constrained")
+    figure = Figure(figsize=(13, 10), layout="constrained")
     axes = figure.subplot_mosaic(
         [["time"] * 2, ["residual"] * 2, ["velocity", "position"], ["correlation", "regimes"]],
         height_ratios=[1.2, 0.8, 1.0, 1.0],
@@ -32,7 +30,8 @@ def draw(path: Path, result: Comparison, evaluation: Evaluation) -> None:
     axes["residual"].sharex(axes["time"])
     fit = result.accuracy.fit_percent
     fitted = "" if fit is None else f", fit {fit:.1f} %"
-    figure.suptitle(f"{', '.join(_short(log) for log in result.logs)}: rmse {result.accuracy.rmse:.3g}{fitted}")
+    logs = in_picture(", ".join(_short(log) for log in result.logs))
+    figure.suptitle(f"{logs}: rmse {result.accuracy.rmse:.3g}{fitted}")
     _draw_time(axes["time"], axes["residual"], evaluation)
     for channel, unit in (("velocity", "rad/s or m/s"), ("position", "rad or m")):
         _draw_against(axes[channel], evaluation, channel, unit)
@@ -40,9 +39,8 @@ def draw(path: Path, result: Comparison, evaluation: Evaluation) -> None:
     _draw_regimes(axes["regimes"], result)
     for axis in axes.values():
         axis.spines[["top", "right"]].set_visible(False)
-    figure.text(0.008, -0.004, conclusion(result).replace("`", ""), fontsize=10, va="top")
-    figure.savefig(path, dpi=110, bbox_inches="tight", pad_inches=0.15)
-    plt.close(figure)
+    figure.text(0.008, -0.004, in_picture(conclusion(result)).replace("`", ""), fontsize=10, va="top")
+    return png(figure, bbox_inches="tight", pad_inches=0.15)
 
 
 def _short(log: str) -> str:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +18,7 @@ from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Diagnosis
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.report.diagnosis import DiagnosisReport, candidate, error, percent, verdict_line
+from dsd_cli.report.figure import in_picture, png
 from dsd_cli.report.names import FORCE_UNIT, force_error
 from dsd_cli.report.plots_comparison import PREDICTED, RESIDUAL, SHARE, binned_mean
 from dsd_cli.signals.log import Array
@@ -98,8 +97,8 @@ def _channel(result: Diagnosis, recordings: Sequence[Recording]) -> str:
     return next((name for name in wanted if all(name in log for log in logs)), "t")
 
 
-def draw(path: Path, report: DiagnosisReport, view: ResidualView) -> None:
-    """Write the PNG, whole or not at all."""
+def draw(report: DiagnosisReport, view: ResidualView) -> bytes:
+    """The PNG."""
     from matplotlib.figure import Figure
 
     result = report.result
@@ -107,12 +106,12 @@ def draw(path: Path, report: DiagnosisReport, view: ResidualView) -> None:
     height = max(4.6, 0.34 * min(len(tested), MOST_BARS) + 2.2)
     figure = Figure(figsize=(13, height), layout="constrained")
     bars, residual = figure.subplots(1, 2, width_ratios=[1.0, 1.1])
-    figure.suptitle(_wrapped(verdict_line(result, report.given)), fontsize=11)
+    figure.suptitle(in_picture(_wrapped(verdict_line(result, report.given))), fontsize=11)
     _draw_bars(bars, result, tested[:MOST_BARS])
     _draw_residual(residual, view)
     for axis in (bars, residual):
         axis.spines[["top", "right"]].set_visible(False)
-    save(figure, path)
+    return png(figure)
 
 
 def _wrapped(text: str) -> str:
@@ -171,15 +170,3 @@ def _draw_residual(axis: Any, view: ResidualView) -> None:
     axis.set_ylabel(
         f"force residual without {view.effect} ({FORCE_UNIT})" if view.effect else f"force residual ({FORCE_UNIT})"
     )
-
-
-def save(figure: Any, path: Path) -> None:
-    """Write a PNG that takes its name when it is whole."""
-    partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        figure.savefig(partial, format="png", dpi=110)
-        os.replace(partial, path)
-    except OSError as failure:
-        raise DataError(f"{path}: cannot be written ({failure.strerror or failure})") from None
-    finally:
-        partial.unlink(missing_ok=True)

@@ -8,30 +8,31 @@ from pathlib import Path
 from typing import Any
 
 from dsd_cli.identify.results import Step
+from dsd_cli.report.figure import in_picture, png
 from dsd_cli.report.ladder import LadderReport, final_line, own
 from dsd_cli.report.names import FORCE_UNIT, change_text, force_error, values_text
 from dsd_cli.report.plots_comparison import MEASURED, PREDICTED, RESIDUAL, SHARE
-from dsd_cli.report.plots_diagnosis import save
 
 #: Values named below a step.
 _MOST_VALUES = 3
 
 
-def draw(path: Path, report: LadderReport) -> None:
-    """Write the PNG, whole or not at all."""
+def draw(report: LadderReport) -> bytes:
+    """The PNG."""
     from matplotlib.figure import Figure
 
     steps = report.result.steps
     figure = Figure(figsize=(max(8.0, 2.1 * len(steps) + 1.5), 5.6), layout="constrained")
     axis = figure.subplots()
     logs = ", ".join(Path(log).name for log in report.logs)
-    figure.suptitle(textwrap.fill(f"{logs}: {final_line(report.result)}", 95 if len(steps) < 5 else 130), fontsize=11)
+    title = textwrap.fill(f"{logs}: {final_line(report.result)}", 95 if len(steps) < 5 else 130)
+    figure.suptitle(in_picture(title), fontsize=11)
     _draw_steps(axis, steps)
     _draw_levels(axis, report)
     axis.set_ylabel(f"held-out {force_error(report.result.last.band_hz)} ({FORCE_UNIT})")
     axis.set_xlim(-0.6, len(steps) - 0.4)
     axis.spines[["top", "right"]].set_visible(False)
-    save(figure, path)
+    return png(figure)
 
 
 def _draw_steps(axis: Any, steps: tuple[Step, ...]) -> None:

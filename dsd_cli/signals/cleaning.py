@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from dsd_cli.errors import DataError
 from dsd_cli.signals.clock import JITTER, Clock, clock_window, settle_clock, stamp_rounding, suspicious
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.outliers import Limits, Outliers
 from dsd_cli.signals.pieces import Piece, bridge, rows_of, too_close
 
 #: Holes of up to this many samples are bridged by a straight line; longer ones are gaps.
@@ -23,6 +24,10 @@ IRREGULAR_GAP = 10.0
 
 __all__ = ["Cleaner", "Piece"]
 
+#: Channels that have a range.
+MEASURED = ("u", "d_hat", "velocity", "position")
+Masks = dict[str, NDArray[np.bool_]]
+BEYOND = "beyond the range of the channel"
 _LAST_REASONS = ("duplicate stamp", "bridged", "gap", "restart", "jittered stamp")
 
 
@@ -34,14 +39,18 @@ class Cleaner:
     sample_time : s, or None to find it from the time column; given, it is the clock and the log is regular.
     time_scale : s per unit of the time column.
     bridge : longest hole, in samples, that is bridged; 0 where the values are to be differentiated.
+    limits : what is no value of u, d_hat, velocity or position; such rows are dropped. None: all values are.
 
     Raises
     ------
     DataError : (from `feed` or `finish`) no sample time given and the time column does not advance.
     """
 
-    def __init__(self, sample_time: float | None, time_scale: float = 1.0, bridge: int = BRIDGE) -> None:
+    def __init__(
+        self, sample_time: float | None, time_scale: float = 1.0, bridge: int = BRIDGE, limits: Limits | None = None
+    ) -> None:
         self._bridge = bridge
+        self._outliers = Outliers(Limits() if limits is None else limits)
         self._clock = None if sample_time is None else Clock(sample_time, sample_time, True)
         self._clock_is_given = sample_time is not None
         self._time_scale = time_scale
@@ -149,10 +158,11 @@ class Cleaner:
             return []
         start, self._rows = self._rows, self._rows + t.size
         self._watch_u(values)
-        if self._is_clean(t, values):
+        beyond = self._beyond(values)
+        if not beyond and self._is_clean(t, values):
             pieces = [self._piece(start, t, None, t, values, False)]
         else:
-            pieces = self._mend(start, t, values)
+            pieces = self._mend(start, t, values, beyond)
         self._samples += sum(piece.t.size for piece in pieces)
         last = next((piece for piece in reversed(pieces) if piece.t.size), None)
         if last is not None:
@@ -184,9 +194,9 @@ class Cleaner:
         assert self._clock is not None
         return self._clock
 
-    def _mend(self, start: int, t: Array, values: dict[str, Array]) -> list[Piece]:
+    def _mend(self, start: int, t: Array, values: dict[str, Array], beyond: Masks) -> list[Piece]:
         T, median, regular = self._clock_now
-        rows = self._finite_rows(t, values)
+        rows = self._usable_rows(t, values, beyond)
         rows = rows[~self._duplicates(t[rows])]
         stamps = t[rows]
         with np.errstate(over="ignore"):
@@ -239,14 +249,20 @@ class Cleaner:
     ) -> Piece:
         return Piece(start, row_t.size, keep, t, row_t, values, restart, None if self._clock_now.regular else t)
 
-    def _finite_rows(self, t: Array, values: dict[str, Array]) -> NDArray[np.int64]:
-        """Rows finite in every column; a row that is not is counted under its first such column."""
-        finite = np.ones(t.size, dtype=bool)
-        for name, column in {"t": t, **values}.items():
-            bad = finite & ~np.isfinite(column)
-            self._count[f"not finite: {name}"] += int(bad.sum())
-            finite &= ~bad
-        return np.flatnonzero(finite)
+    def _beyond(self, values: dict[str, Array]) -> Masks:
+        """Measured channel -> rows beyond its range, for those that have such rows."""
+        found = {name: self._outliers.beyond(name, values[name]) for name in MEASURED if name in values}
+        return {name: rows for name, rows in found.items() if rows is not None}
+
+    def _usable_rows(self, t: Array, values: dict[str, Array], beyond: Masks) -> NDArray[np.int64]:
+        """Rows finite and in range in every column; a row that is not is counted under its first such column."""
+        usable = np.ones(t.size, dtype=bool)
+        bad_rows = {f"not finite: {name}": ~np.isfinite(column) for name, column in {"t": t, **values}.items()}
+        bad_rows |= {f"{BEYOND}: {name}": rows for name, rows in beyond.items()}
+        for reason, bad in bad_rows.items():
+            self._count[reason] += int((usable & bad).sum())
+            usable &= ~bad
+        return np.flatnonzero(usable)
 
     def _duplicates(self, stamps: Array) -> NDArray[np.bool_]:
         """Stamps less than half a sample (irregular logs: not at all) after the last one that is kept."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 DHatSource = Literal["logged", "velocity", "position"]
+Hold = Literal["held", "sampled"]
 
 #: Canonical channel names, in the order in which files are written.
 CHANNELS = (
@@ -30,7 +31,8 @@ CHANNELS = (
 class Log:
     """Read-only float64 channels of equal length.
 
-    Sample k holds what was measured at t_k, and the u that acts from t_k to t_k+1 (zero-order hold).
+    Sample k holds what was measured at t_k, and the u that acts from t_k to t_k+1 (zero-order hold), unless `u_hold`
+    says that u too was measured, as a continuous signal at t_k.
 
     Attributes
     ----------
@@ -39,6 +41,7 @@ class Log:
     source : where the log came from, for messages.
     d_hat_source : what d_hat was computed from; `"position"` means that it averages two intervals.
     metadata : provenance (config, seed) as text.
+    u_hold : "held": a drive holds u_k from t_k to t_k+1; "sampled": u is a continuous signal, u_k its value at t_k.
 
     Raises
     ------
@@ -50,6 +53,7 @@ class Log:
     source: str = "<memory>"
     d_hat_source: DHatSource = "logged"
     metadata: Mapping[str, str] = field(default_factory=dict)
+    u_hold: Hold = "held"
 
     def __post_init__(self) -> None:
         frozen = {}

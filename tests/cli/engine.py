@@ -98,7 +98,6 @@ def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "120")
-    monkeypatch.setattr("dsd_cli.cli.main._end_in_order", lambda: None)
     return tmp_path
 
 

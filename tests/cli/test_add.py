@@ -83,8 +83,8 @@ def test_nothing_is_written_if_the_effect_does_not_help(
     [
         (["a.csv", "coulomb_friction"], 2, "-o"),
         (["a.csv", "-o", "x.toml"], 2, "EFFECT"),
-        (["a.csv", "coulomb_friction", "-o", "a.csv"], 2, "a.csv: is the log"),
-        (["a.csv", "coulomb_friction", "-o", "b.csv", "--holdout", "b.csv"], 2, "b.csv: is the log"),
+        (["a.csv", "coulomb_friction", "-o", "a.csv"], 2, "a.csv: is the input"),
+        (["a.csv", "coulomb_friction", "-o", "b.csv", "--holdout", "b.csv"], 2, "b.csv: is the input"),
         (["a.csv", "coulomb_friction", "-o", "none/x.toml"], 1, "no such folder"),
         (["a.csv", "coulomb_friction", "-o", "-", "--format", "json"], 2, "stdout can take one of them"),
         (["a.csv", "coulomb_friction", "-o", "x.toml", "--holdout", "a.csv"], 2, "given twice"),

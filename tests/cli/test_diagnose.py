@@ -15,6 +15,8 @@ from tests.report.examples import DIAGNOSIS
 
 __all__ = ["engine", "rig"]
 
+SAMPLES = Path(__file__).parents[2] / "sample_logs"
+
 
 def test_the_engine_gets_all_logs_and_the_model(rig: Path, engine: Engine, capsys) -> None:
     assert run("diagnose", "a.csv", "b.csv", "--set", "model.delay=0.02") == 0
@@ -33,6 +35,13 @@ def test_the_table_goes_to_stdout_and_warnings_to_stderr(rig: Path, engine: Engi
     assert err == "dsd: warning: the log is short\n"
     assert [r.name for r in engine.asked[0][1]["holdout"]] == ["b.csv"]
     assert files(rig) == START
+
+
+def test_a_turned_command_is_said_with_the_key_that_mends_it(tmp_path: Path) -> None:
+    encoder_only = ("--set", 'signals.d_hat=""', "--set", 'signals.velocity=""')
+    given = ("diagnose", SAMPLES / "servo-friction.csv", "-c", SAMPLES / "servo-bare.toml", *encoder_only)
+    assert "signals.u_sign = 1" in dsd(*given, "--set", "signals.u_sign=-1", cwd=tmp_path).stderr
+    assert "warning" not in dsd(*given, cwd=tmp_path).stderr
 
 
 def test_json_and_quiet(rig: Path, engine: Engine, capsys) -> None:

@@ -134,7 +134,7 @@ def test_ctrl_c_at_the_question_writes_nothing(
         (["a.csv"], 2, "no terminal to ask on: --auto adds what the diagnosis finds"),
         ([], 2, "LOG is missing"),
         (["--auto"], 2, "LOG is missing"),
-        (["a.csv", "--auto", "-o", "a.csv"], 2, "a.csv: is the log"),
+        (["a.csv", "--auto", "-o", "a.csv"], 2, "a.csv: is the input"),
         (["a.csv", "--auto", "-o", "-", "--format", "json"], 2, "stdout can take one of them"),
         (["a.csv", "--auto", "--plot", "x.pdf"], 2, "end the name in .png"),
         (["a.csv", "a.csv", "--auto"], 2, "given twice"),

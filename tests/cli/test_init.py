@@ -54,4 +54,4 @@ def test_unknown_template_and_missing_folder(tmp_path: Path) -> None:
     assert "templates are lab, paper-delay-change, paper-sine, paper-step, servo" in unknown.stderr
     nowhere = dsd("init", "-o", "no/such/dsd.toml", cwd=tmp_path)
     assert nowhere.returncode == 1
-    assert nowhere.stderr.splitlines() == ["dsd: error: no/such/dsd.toml: cannot be written: No such file or directory"]
+    assert nowhere.stderr.splitlines() == [f"dsd: error: no/such/dsd.toml: no such folder {tmp_path / 'no/such'}"]

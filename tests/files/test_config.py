@@ -57,6 +57,11 @@ def test_says_tells_what_was_written_from_defaults() -> None:
 MISTAKES = {
     "unknown key, near": ("[detector]\nwindw = 3", "unknown key detector.windw: did you mean window?"),
     "unknown key, far": ("[states]\nzzzz = 3", "unknown key states.zzzz: known here are delays, inertias, effects"),
+    "a factor of 0": ("[signals]\nvelocity_scale = 0", "signals.velocity_scale = 0: must be a number other than 0"),
+    "a negative scale of u": ("[signals]\nu_scale = -2", "signals.u_scale = -2: must be a number above 0"),
+    "a sign that is none": ("[signals]\nu_sign = 0", "signals.u_sign = 0: must be one of 1, -1"),
+    "an infinite factor": ("[signals]\nposition_scale = inf", "signals.position_scale = inf: must be a finite number"),
+    "no way to hold": ('[signals]\nu_hold = "foh"', 'signals.u_hold = "foh": must be one of "held", "sampled"'),
     "unknown section": ("[detectr]\nwindow = 3", "unknown section detectr: did you mean detector?"),
     "section is a value": ("detector = 3", "detector = 3: must be a table, written [detector]"),
     "missing key": ("[observer]\ntime_constant = 0.01", "[observer] nominal_inertia is missing: nominal inertia Jn"),

@@ -107,6 +107,14 @@ class Config(Section):
         """A file named in the config: relative to the config's folder."""
         return self.folder / file
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files that the config names: transition matrix, reference."""
+        named = [getattr(self.detector.transition, "file", None)]
+        if self.simulate is not None:
+            named.append(getattr(self.simulate.reference, "file", None))
+        return tuple(self.resolve(file) for file in named if file is not None)
+
     def override(self, values: Iterable[str] = (), effects: Iterable[str] = ()) -> Config:
         """With `--set` values (`model.inertia=0.7`) and `--effect` texts (`coulomb_friction:level=0.5`) in place.
 
@@ -135,6 +143,8 @@ def read_config(written: Mapping[str, Any], name: str = "dsd.toml", folder: Path
     UsageError : names file, key, what was found and what is allowed.
     """
     at = Place(name)
+    if _is_deep(written):
+        raise UsageError(f"{name}: nested too deeply", "a config has at most five levels")
     for unread, value in written.items():
         if unread not in Config.keys:
             raise at.unknown(unread, Config.keys, what="section" if isinstance(value, Mapping) else "key")
@@ -142,6 +152,11 @@ def read_config(written: Mapping[str, Any], name: str = "dsd.toml", folder: Path
     config = Config(**sections, name=name, folder=folder, written=written)
     config.check(at)
     return config
+
+
+def _is_deep(value: Any, limit: int = 20) -> bool:
+    inside = value.values() if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else ()
+    return limit == 0 or any(_is_deep(item, limit - 1) for item in inside)
 
 
 def parse_config(text: str, name: str = "dsd.toml", folder: Path = Path()) -> Config:
@@ -157,6 +172,8 @@ def parse_config(text: str, name: str = "dsd.toml", folder: Path = Path()) -> Co
         place = re.fullmatch(r"(.*) \(at (line \d+, column \d+|end of document)\)", str(error), re.DOTALL)
         reason, where = place.groups() if place else (str(error), "somewhere")
         raise UsageError(f"{name}: {where}: not valid TOML", " ".join(reason.split())) from error
+    except RecursionError:
+        raise UsageError(f"{name}: nested too deeply", "a config has at most five levels") from None
     return read_config(written, name, folder)
 
 

@@ -11,12 +11,13 @@ import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.config.history import History
 from dsd_cli.files.config.placing import newline, with_raws, without
 from dsd_cli.files.config.toml_text import Path, Statement, inline, inline_leaves, leaves, literal, statements
+from dsd_cli.files.whole import STREAM, check_target, is_same, only_one, write_whole
 
 if TYPE_CHECKING:
     from dsd_cli.identify.results import Estimates
@@ -202,42 +203,49 @@ def check_config_output(path: str, inputs: Iterable[str | FilePath] = ()) -> Non
     UsageError : `path` is one of the inputs.
     DataError : it is a directory, or its folder is not there or cannot be written to.
     """
-    if path == "-":
-        return
-    target = FilePath(path)
-    for source in inputs:
-        if str(source) != "-" and target.exists() and FilePath(source).exists() and target.samefile(source):
-            raise UsageError(f"{path}: is the log", "write the config to another file")
-    if target.is_dir():
-        raise DataError(f"{path}: is a directory")
-    folder = FilePath(os.path.realpath(target)).parent
-    if not folder.is_dir():
-        raise DataError(f"{path}: no such folder {folder}")
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise DataError(f"{path}: the folder {folder} cannot be written to")
+    if path != STREAM:
+        check_target(path, inputs)
 
 
-def read_text(path: str | FilePath) -> str:
-    """The text of a config that `load_config` has taken, line ends as they are."""
-    return FilePath(path).read_bytes().decode("utf-8-sig")
+class Origin(NamedTuple):
+    """A config file, and the text it had when a command began."""
+
+    path: str | FilePath
+    text: str
 
 
-def write_text(path: str, text: str) -> None:
-    """Whole or not at all; a file that is replaced keeps its permissions.
+def read_origin(path: str | FilePath) -> Origin:
+    """A config that `load_config` takes, line ends as they are.
 
     Raises
     ------
-    DataError : it cannot be written.
+    UsageError : it cannot be read.
+    """
+    try:
+        return Origin(path, FilePath(path).read_bytes().decode("utf-8-sig"))
+    except (OSError, UnicodeDecodeError):
+        from dsd_cli.files.config.config import load_config
+
+        load_config(path)  # says what is wrong
+        raise
+
+
+def write_text(path: str, text: str, origin: Origin | None = None) -> None:
+    """Whole or not at all; a file that is replaced keeps its permissions.
+
+    Parameters
+    ----------
+    origin : the config that this one was made from.
+
+    Raises
+    ------
+    DataError : it cannot be written, or it is the origin and another process has changed it meanwhile.
     """
     target = FilePath(os.path.realpath(path))
-    partial = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    try:
-        partial.write_bytes(text.encode())
-        if target.exists():
-            partial.chmod(target.stat().st_mode & 0o777)
-        os.replace(partial, target)
-    except BaseException as error:
-        partial.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise DataError(f"{path}: cannot be written ({error.strerror or error})") from None
-        raise
+    if origin is None or not is_same(target, origin.path):
+        write_whole(path, text.encode())
+        return
+    with only_one(target.parent):
+        if read_origin(target).text != origin.text:
+            raise DataError(f"{path}: was changed by somebody else meanwhile", "nothing was written; run it again")
+        write_whole(path, text.encode())

@@ -75,6 +75,8 @@ def _value(text: str, option: str) -> Any:
         parsed = tomllib.loads(f"value = {text}")
         if len(parsed) == 1:
             return parsed["value"]
+    except RecursionError:
+        raise UsageError(option.partition("=")[0], "its value is nested too deeply") from None
     except tomllib.TOMLDecodeError:
         if re.fullmatch(r"[A-Za-z_][\w./-]*", text):
             return text

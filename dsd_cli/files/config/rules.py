@@ -69,6 +69,9 @@ class Rule(NamedTuple):
     sections: tuple[type[Section], ...] = ()
 
 
+#: s; delays and time constants are not longer, sample times not shorter.
+LONGEST, SHORTEST = 1e4, 1e-9
+
 _NO_DEFAULT: Any = object()
 
 
@@ -159,6 +162,18 @@ def number(lower: float = -math.inf, above: float = -math.inf, upper: float = ma
         if not (abs(value) <= sys.float_info.max and lower <= value <= upper and value > above):
             raise at.wrong(value, allowed if limits else "a finite number")
         return float(value)
+
+    return Rule(allowed, read)
+
+
+def factor() -> Rule:
+    """A finite number other than 0, so that what is multiplied by it can be had back."""
+    allowed, finite = "a number other than 0", number()
+
+    def read(value: Any, at: Place) -> float:
+        if value == 0 or isinstance(value, bool):
+            raise at.wrong(value, allowed)
+        return float(finite.read(value, at))
 
     return Rule(allowed, read)
 

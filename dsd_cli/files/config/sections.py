@@ -8,11 +8,14 @@ from typing import Any, Literal
 from dsd_cli.errors import UsageError
 from dsd_cli.files.config.effect_values import NONE, EffectValues, check_complete, effect_values
 from dsd_cli.files.config.rules import (
+    LONGEST,
+    SHORTEST,
     Place,
     Rule,
     Section,
     axis,
     choice,
+    factor,
     flag,
     integer,
     key,
@@ -35,12 +38,29 @@ def _read_column(value: Any, at: Place) -> str | None:
     return value or None
 
 
+def _range(channel: str) -> Any:
+    rule = Rule(_RANGE, _read_range)
+    return key(rule, f"smallest and largest value of {channel} that there can be; other rows are dropped", default=None)
+
+
+_RANGE = "a smaller and a larger number, such as [-10, 10]"
+
+
+def _read_range(value: Any, at: Place) -> tuple[float, float]:
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise at.wrong(value, _RANGE)
+    low, high = (number().read(item, at.item(i)) for i, item in enumerate(value))
+    if not low < high:
+        raise at.wrong(value, _RANGE)
+    return low, high
+
+
 class Signals(Section):
     """[signals]: which column of the log is what. `None` is a channel that shall not be looked for."""
 
     time: str | None = _column("t", "the time of the sample")
     sample_time: float | None = key(
-        number(above=0), "time between samples, for logs without a time column", "s", default=None
+        number(lower=SHORTEST), "time between samples, for logs without a time column", "s", default=None
     )
     time_unit: Literal["s", "ms", "us", "ns"] = key(
         choice("s", "ms", "us", "ns"), "unit of the time column", default="s"
@@ -52,6 +72,31 @@ class Signals(Section):
     reference: str | None = _column("reference", "the reference")
     true_delay: str | None = _column("true_delay", "the true delay of a simulated log")
     true_inertia: str | None = _column("true_inertia", "the true inertia of a simulated log")
+    u_sign: Literal[1, -1] = key(choice(1, -1), "-1 turns the sign of the control input", default=1)
+    u_scale: float = key(
+        number(above=0), "factor: what the columns u and d_hat hold, times this, is in the unit of u", default=1.0
+    )
+    velocity_scale: float = key(
+        factor(), "factor: what the column velocity holds, times this, is rad/s or m/s; negative turns it", default=1.0
+    )
+    position_scale: float = key(
+        factor(), "factor: what the columns position and reference hold, times this, is rad or m", default=1.0
+    )
+    u_hold: Literal["held", "sampled"] = key(
+        choice("held", "sampled"),
+        "how u lives between samples: held by a drive until the next one, or sampled from a continuous signal",
+        default="held",
+    )
+    u_range: tuple[float, float] | None = _range("u")
+    d_hat_range: tuple[float, float] | None = _range("d_hat")
+    velocity_range: tuple[float, float] | None = _range("velocity")
+    position_range: tuple[float, float] | None = _range("position")
+    outlier_factor: float = key(
+        number(lower=10),
+        "a row is dropped where a channel is more than this many times what it reached in 8 of 64 rows so far "
+        "(at least one unit)",
+        default=1e5,
+    )
 
     def __init__(self, **values: Any) -> None:
         if values.get("sample_time") is not None:
@@ -73,15 +118,33 @@ class Signals(Section):
 
     def columns(self) -> dict[str, str]:
         """Column of the file by channel (`time` and the rest), without those that shall not be looked for."""
-        names = {name: getattr(self, name) for name in self.keys if name not in ("sample_time", "time_unit")}
+        names = {name: getattr(self, name) for name in self.keys if name in _COLUMNS}
         return {channel: column for channel, column in names.items() if column is not None}
+
+    def factors(self) -> dict[str, float]:
+        """What a channel's column is multiplied by when a log is read, without those that are 1.
+
+        d_hat is a force in the unit of u, so that it shares u's scale; its sign is [observer] sign's business.
+        """
+        found = {
+            "u": self.u_sign * self.u_scale,
+            "d_hat": self.u_scale,
+            "velocity": self.velocity_scale,
+            "position": self.position_scale,
+            "reference": self.position_scale,
+        }
+        return {channel: value for channel, value in found.items() if value != 1.0}
+
+
+#: Keys of [signals] that name a column.
+_COLUMNS = ("time", "u", "d_hat", "velocity", "position", "reference", "true_delay", "true_inertia")
 
 
 class Observer(Section):
     """[observer]: the disturbance observer d_hat = sign Q { Jn a - u }, Q = 1/(tau s + 1)."""
 
     nominal_inertia: float = key(number(above=0), "nominal inertia Jn", "kg m2 or kg, per unit of u")
-    time_constant: float = key(number(lower=0), "time constant tau of Q; 0 is no filter", "s")
+    time_constant: float = key(number(lower=0, upper=LONGEST), "time constant tau of Q; 0 is no filter", "s")
     sign: Literal[1, -1] = key(choice(1, -1), "-1 for logs whose d_hat is Q { u - Jn a }", default=1)
 
 
@@ -89,7 +152,7 @@ class Model(Section):
     """[model]: what the plant is believed to be."""
 
     inertia: float | None = key(number(above=0), "inertia J", "as nominal_inertia", default=None)
-    delay: float = key(number(lower=0), "input delay L, any real number", "s", default=0.0)
+    delay: float = key(number(lower=0, upper=LONGEST), "input delay L, any real number", "s", default=0.0)
     rest_speed: float = key(
         number(lower=0), "speed up to which friction may hold the plant", "rad/s or m/s", default=0.0
     )
@@ -102,7 +165,7 @@ class Model(Section):
 class States(Section):
     """[states]: the grid; each state is [model] with these values in place of its own."""
 
-    delays: tuple[float, ...] = key(axis(number(lower=0)), "candidate delays", "s")
+    delays: tuple[float, ...] = key(axis(number(lower=0, upper=LONGEST)), "candidate delays", "s")
     inertias: tuple[float, ...] = key(axis(number(above=0)), "candidate inertias", "as nominal_inertia")
     effects: EffectValues = key(effect_values(axes=True), "further axes: candidate values of effects", default=NONE)
 

@@ -7,6 +7,8 @@ from typing import Literal
 from dsd_cli.errors import UsageError
 from dsd_cli.files.config.effect_values import NONE, EffectValues, effect_values
 from dsd_cli.files.config.rules import (
+    LONGEST,
+    SHORTEST,
     Place,
     Section,
     axis,
@@ -19,6 +21,9 @@ from dsd_cli.files.config.rules import (
     tables,
     text,
 )
+
+#: They are held in memory.
+MOST_SAMPLES = 1e8
 
 
 class Step(Section):
@@ -104,7 +109,7 @@ class Event(Section):
     """From `time` on the true plant has these values."""
 
     time: float = key(number(lower=0), "when the plant changes", "s")
-    delay: float | None = key(number(lower=0), "new delay", "s", default=None)
+    delay: float | None = key(number(lower=0, upper=LONGEST), "new delay", "s", default=None)
     inertia: float | None = key(number(above=0), "new inertia", "as nominal_inertia", default=None)
     effects: EffectValues = key(effect_values(), "new values of effects", default=NONE)
 
@@ -117,7 +122,7 @@ class Simulate(Section):
     """[simulate]: what `dsd simulate` runs."""
 
     duration: float = key(number(above=0), "length of the log", "s")
-    sample_time: float = key(number(above=0), "sample time", "s")
+    sample_time: float = key(number(lower=SHORTEST), "sample time", "s")
     seed: int = key(integer(0), "seed of the noise", default=0)
     noise: float = key(number(lower=0), "standard deviation of the noise on d_hat", "unit of u", default=0.0)
     position_noise: float = key(number(lower=0), "standard deviation of the noise on position", "rad or m", default=0.0)
@@ -134,5 +139,7 @@ class Simulate(Section):
     events: tuple[Event, ...] = key(tables(Event), "changes of the true plant", default=())
 
     def check(self, at: Place) -> None:
+        if self.duration / self.sample_time > MOST_SAMPLES:
+            raise at.child("duration").wrong(self.duration, f"at most {MOST_SAMPLES:g} sample times")
         if self.duration < self.sample_time:
             raise at.child("duration").wrong(self.duration, f"at least one sample_time ({self.sample_time:g} s)")

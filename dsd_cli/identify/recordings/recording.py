@@ -232,8 +232,10 @@ def _check_signs(pieces: Sequence[Log], observer: ObserverSettings, name: str) -
         return
     if g < 0.0 < h:
         raise DataError(f"{name}: d_hat has the other sign than its velocity or position", "set observer.sign")
-    wrong = "velocity or position" if g < 0.0 else "u"
-    raise DataError(f"{name}: {wrong} has the other sign than the other channels", f"turn the sign of {wrong}")
+    wrong, key = ("velocity or position", "velocity_scale, position_scale") if g < 0.0 else ("u", "u_sign")
+    raise DataError(
+        f"{name}: {wrong} has the other sign than the other channels", f"turn the sign of {wrong} in [signals]: {key}"
+    )
 
 
 def _sides(piece: Log, observer: ObserverSettings) -> tuple[Array, Array, Array]:

@@ -20,7 +20,7 @@ MEAN_OF_FOUR = np.array([-1.0, 13.0, 13.0, -1.0]) / 24.0
 def regularised(piece: Log) -> Log:
     """The piece on a regular clock, with u held from each sample to the next."""
     stamps = irregular_stamps(piece)
-    if getattr(piece, "u_hold", "held") == "sampled":
+    if piece.u_hold == "sampled":
         piece = replace(piece, channels={**piece.channels, "u": mean_ahead(piece["u"])})
     if stamps is None:
         return piece

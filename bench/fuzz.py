@@ -1,0 +1,172 @@
+"""`python -m bench fuzz --seconds 600`: malformed logs, extreme configs, random kills; a finding says how to repeat it.
+
+Every run is a forked copy of this process, which has the package imported already, with limits on memory and CPU, and
+is decided by its number alone: `--only N` repeats it. A finding is a traceback, "unexpected", a signal, an exit code
+that the contract does not have, a control character on a terminal, a file left behind, labels that are not finite
+where they may not be, or a run beyond its limits.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import multiprocessing
+import os
+import re
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from bench import fuzz_cases, fuzz_kills
+
+#: Limits of one run: bytes beyond what the process has, s of CPU, s.
+MEMORY, CPU, PATIENCE = 2 << 30, 20, 60
+#: What the runs would import one by one, each again.
+WARM = (
+    *("pyarrow.csv", "pyarrow.parquet", "pyarrow.compute", "rich.table", "rich.console", "scipy.signal", "scipy.stats"),
+    *("dsd_cli.cli.main", "dsd_cli.cli.detect_job"),
+    *("dsd_cli.identify.compare.comparison", "dsd_cli.identify.compare.forward"),
+    *("dsd_cli.report.comparison_table", "dsd_cli.files.logs", "dsd_cli.effects", "dsd_cli.plant.simulation"),
+)
+RAW = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]|\xc2[\x80-\x9f]")
+
+
+class Outcome(NamedTuple):
+    """What a run did; `finding` is empty where all is as promised."""
+
+    code: int
+    finding: str
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run until the time is over; exit code 1 if there was a finding."""
+    parser = argparse.ArgumentParser(prog="python -m bench fuzz", description=__doc__)
+    parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--seed", type=int, default=0, help="number of the first run")
+    parser.add_argument("--only", type=int, help="repeat this run and show what it says")
+    parser.add_argument("--kills", type=int, default=0, help="random kills, after the rest")
+    options = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory(prefix="dsd-fuzz-") as name:
+        folder = Path(name)
+        if options.only is not None:
+            case = fuzz_cases.case(options.only, folder)
+            print(" ".join(["dsd", *case]))
+            print(_run(options.only, folder, show=True))
+            return
+        found = fuzz(folder, options.seed, options.seconds)
+        found += kills(folder, options.seed, options.kills)
+    sys.exit(1 if found else 0)
+
+
+def fuzz(folder: Path, seed: int, seconds: float) -> int:
+    """The number of findings."""
+    _warm_up()
+    begin, number, codes, findings = time.monotonic(), seed, Counter[int](), 0
+    while time.monotonic() - begin < seconds:
+        outcome = _run(number, folder)
+        codes[outcome.code] += 1
+        if outcome.finding:
+            findings += 1
+            print(f"{outcome.finding}\n  repeat: python -m bench fuzz --only {number}", flush=True)
+        number += 1
+    listed = ", ".join(f"{count} x {code}" for code, count in sorted(codes.items()))
+    print(f"{number - seed} runs, exit codes {listed}: {findings} finding(s)")
+    return findings
+
+
+def kills(folder: Path, seed: int, count: int) -> int:
+    """The number of findings in so many random kills."""
+    if not count:
+        return 0
+    fuzz_kills.prepare(folder)
+    longest = fuzz_kills.kill(folder, "labels.csv", signal.SIGTERM, PATIENCE).seconds
+    findings, codes = 0, Counter[int]()
+    for number in range(seed, seed + count):
+        what, one = fuzz_kills.random_kill(folder, number, longest)
+        codes[one.code] += 1
+        if one.finding:
+            findings += 1
+            print(
+                f"{what}: {one.finding}\n  repeat: python -m bench fuzz --seconds 0 --kills 1 --seed {number}",
+                flush=True,
+            )
+    print(f"{count} kills, exit codes {dict(sorted(codes.items()))}: {findings} finding(s)")
+    return findings
+
+
+def _warm_up() -> None:
+    """Import once what every run needs; nothing may begin threads yet, which a fork does not take along."""
+    from dsd_cli.cli.lazy import COMMANDS, load_command
+
+    for command in COMMANDS:
+        load_command(command)
+    for module in WARM:
+        importlib.import_module(module)
+
+
+def _run(number: int, parent: Path, show: bool = False) -> Outcome:
+    """One run in a folder of its own, in a process of its own."""
+    folder = parent / f"run-{number}"
+    folder.mkdir()
+    try:
+        arguments = fuzz_cases.case(number, folder)
+        before = {path.name for path in folder.iterdir()}
+        process = multiprocessing.get_context("fork").Process(target=_child, args=(arguments, folder))
+        process.start()
+        process.join(PATIENCE)
+        if process.exitcode is None:
+            process.kill()
+            process.join()
+            return Outcome(-9, f"no end after {PATIENCE} s: {arguments}")
+        said = (folder / ".stderr").read_bytes()
+        if show:
+            sys.stdout.write((folder / ".stdout").read_bytes().decode(errors="backslashreplace"))
+            sys.stdout.write(said.decode(errors="backslashreplace"))
+        return Outcome(process.exitcode, _finding(process.exitcode, said, folder, before, arguments))
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _child(arguments: list[str], folder: Path) -> None:
+    resource.setrlimit(resource.RLIMIT_CPU, (CPU, CPU + 5))
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    os.chdir(folder)
+    for number, name in ((0, os.devnull), (1, ".stdout"), (2, ".stderr")):
+        fd = os.open(name, os.O_RDWR | os.O_CREAT, 0o600)
+        os.dup2(fd, number)
+    sys.stdin = os.fdopen(0, encoding="utf-8", closefd=False)
+    sys.stdout = os.fdopen(1, "w", encoding="utf-8", closefd=False)
+    sys.stderr = os.fdopen(2, "w", encoding="utf-8", closefd=False)
+    sys.argv = ["dsd", *arguments]
+    from dsd_cli.cli.main import main as dsd
+
+    dsd()
+
+
+def _finding(code: int, said: bytes, folder: Path, before: set[str], arguments: list[str]) -> str:
+    last = said.decode(errors="replace")[-300:].strip()
+    if code not in (0, 1, 2, 3):
+        return f"exit code {code}: {arguments}: {last}"
+    for bad in (b"Traceback", b"unexpected", b"Warning:"):
+        if bad in said:
+            return f"{bad.decode()}: {arguments}: {last}"
+    if code in (1, 2) and (not said.startswith(b"dsd: ") or b"dsd: error: " not in said):
+        return f"no message with exit code {code}: {arguments}: {last}"
+    if RAW.search(said) or RAW.search((folder / ".stdout").read_bytes()):
+        return f"a control character: {arguments}: {last!r}"
+    left = {path.name for path in folder.iterdir()} - before - {".stdout", ".stderr", "out.csv", "out.csv.meta.json"}
+    left -= {"out.parquet", "out.toml", "out.png"}
+    if left:
+        return f"left behind {sorted(left)}: {arguments}"
+    if code in (1, 2) and (folder / "out.csv").exists():
+        return f"an output in spite of exit code {code}: {arguments}: {last}"
+    return ""

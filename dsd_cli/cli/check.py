@@ -1,0 +1,89 @@
+"""`dsd check`: can this log answer?"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dsd_cli.cli.options import (
+    CONFIG_FILE,
+    ConfigOption,
+    EffectsFromOption,
+    Format,
+    FormatOption,
+    QuietOption,
+    SetOption,
+)
+
+if TYPE_CHECKING:
+    from dsd_cli.files.config import Config
+    from dsd_cli.identify.checks import CheckResult
+
+LogsArgument = Annotated[list[str], typer.Argument(metavar="LOG...", help="CSV or Parquet files; - is stdin.")]
+StrictOption = Annotated[bool, typer.Option("--strict", help="Exit 3 if a log has a finding of severity error.")]
+
+
+def check(
+    log: LogsArgument,
+    config: ConfigOption = CONFIG_FILE,
+    strict: StrictOption = False,
+    form: FormatOption = Format.TABLE,
+    override: SetOption = None,
+    effects_from: EffectsFromOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Say whether LOG can answer: signs, units, clock, excitation, sensor, and which values of [model] it tells.
+
+    Each finding names the key of the config that mends it. [signals] alone is needed; [observer] adds the checks of
+    d_hat, [model] those of its values.
+    """
+    import sys
+
+    from dsd_cli.cli.identification import check_logs, print_json
+    from dsd_cli.cli.user_effects import use_effects
+    from dsd_cli.files.config import load_config
+    from dsd_cli.report.checks import print_table, to_json
+
+    check_logs(log, ())
+    use_effects(effects_from)
+    settings = load_config(config, override or ())
+    results = [_checked(path, settings, quiet) for path in log]
+    if form is Format.JSON:
+        print_json(to_json(results))
+    else:
+        print_table(results, sys.stdout)
+    failed = [result for result in results if result.errors]
+    if strict and failed:
+        from dsd_cli.errors import CheckFailed
+
+        raise CheckFailed("; ".join(f"{one.log}: {one.errors[0].what}" for one in failed))
+
+
+def _checked(path: str, config: Config, quiet: bool) -> CheckResult:
+    """Read and check one log; every channel may be missing but u (and the time).
+
+    Raises
+    ------
+    DataError : it cannot be read, or no usable row is in it.
+    """
+    from dsd_cli.cli.identification import warn
+    from dsd_cli.cli.plan import log_columns, naming, observer_settings, reading
+    from dsd_cli.cli.recordings import absent, believed_model, check_sizes
+    from dsd_cli.files.logs import load_log
+    from dsd_cli.identify.checks import check_log
+
+    columns = log_columns(config.signals)
+    optional = {name for name in columns if name not in ("t", "u")}
+    with naming(path):
+        loaded = load_log(path, columns, optional, **reading(config.signals))
+    check_sizes(loaded.log.source, loaded)
+    warn(quiet, [f"{loaded.log.source}: {warning}" for warning in absent(config, columns, loaded)])
+    return check_log(
+        loaded.log,
+        None if config.model.inertia is None else believed_model(config),
+        None if config.observer is None else observer_settings(config),
+        loaded.restarts,
+        dropped=loaded.dropped,
+        factors=config.signals.factors(),
+    )

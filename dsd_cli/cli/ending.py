@@ -1,0 +1,51 @@
+"""How the process ends: signals, and threads that outlive their work."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from typing import NoReturn
+
+#: Signals that end a command in good order.
+ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+
+class Ended(KeyboardInterrupt):
+    """SIGINT, SIGTERM or SIGHUP: on the way out, half-written files go."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+
+def end_in_order() -> None:
+    """The first of the signals raises `Ended`; another one ends the process at once, whatever it does."""
+
+    def leave(number: int, _: object) -> None:
+        at_once()
+        raise Ended(number)
+
+    for number in ENDING:
+        if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):  # ignored ones stay ignored
+            signal.signal(number, leave)
+
+
+def at_once() -> None:
+    """From now on the signals end the process as they do by default."""
+    for number in ENDING:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def leave(code: int) -> NoReturn:
+    """Exit; where a thread still reads or writes at once, for the interpreter would be taken down under it."""
+    if threading.active_count() > 1:
+        for stream in (sys.stdout, sys.stderr):
+            try:
+                stream.flush()
+            except (OSError, ValueError):
+                continue
+        os._exit(code)
+    sys.exit(code)

@@ -1,0 +1,132 @@
+"""Can this log answer? Signs, scales, clock, excitation, sensor, and what of a model it identifies.
+
+result = check_log(log, model, observer)
+finding = gravest(result)      # what must be said before anything else, or None
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from dsd_cli.identify.checks import clock
+from dsd_cli.identify.checks.channels import check_channels
+from dsd_cli.identify.checks.disturbance import check_disturbance, observed
+from dsd_cli.identify.checks.disturbance_alone import check_alone
+from dsd_cli.identify.checks.excitation import check_excitation, excitation
+from dsd_cli.identify.checks.hold import check_hold
+from dsd_cli.identify.checks.parameters import check_parameters, unknown_parameters
+from dsd_cli.identify.checks.results import CheckResult, Excitation, Finding, Identified, Parameter, Severity
+from dsd_cli.identify.checks.sensor import check_sensor, floor_of
+from dsd_cli.identify.checks.signs import check_signs
+from dsd_cli.identify.checks.stretches import SHORTEST
+from dsd_cli.identify.checks.values import believable, check_values, delay_of
+from dsd_cli.identify.checks.view import View, look
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Log
+
+__all__ = [
+    "CheckResult",
+    "Excitation",
+    "Finding",
+    "Identified",
+    "Parameter",
+    "Severity",
+    "check_log",
+    "gravest",
+]
+
+_ORDER = {"error": 0, "warning": 1, "note": 2}
+
+
+def check_log(
+    log: Log,
+    model: PlantModel | None = None,
+    observer: ObserverSettings | None = None,
+    restarts: Sequence[int] = (),
+    *,
+    dropped: Mapping[str, int] | None = None,
+    factors: Mapping[str, float] | None = None,
+) -> CheckResult:
+    """Everything that one log shows about itself; never raises for what is in a log.
+
+    Parameters
+    ----------
+    model : what the plant is believed to be; without it only inertia and delay are looked at.
+    observer : of a logged d_hat; without it d_hat is not judged.
+    restarts : samples that do not continue the one before.
+    dropped : rows that were not taken as they are, as `Cleaner.dropped` has them.
+    factors : factors of [signals] that are in the log already, for remedies that name these keys.
+    """
+    true = clock.stamps_are_true(log, restarts)
+    view = look(log, restarts, true > -clock.CLEAR)
+    did = excitation(view.stretches, view.band, view.cutoff)
+    found = [*clock.check_clock(log, restarts, true), *clock.check_rows(dropped or {}, len(log))]
+    found += _unusable(view)
+    found += check_excitation(did, view.stretches, 0 if model is None else len(model.effects))
+    if not _fails(found):
+        found += _judged(view, model, observer)
+    if _fails(found):
+        parameters = unknown_parameters(model)
+    else:
+        parameters = check_parameters(view, model, observer)
+        found += _not_told(parameters) if model is not None else []
+    return CheckResult(
+        log.source,
+        tuple(sorted((one.worded(factors or {}) for one in found), key=lambda one: (_ORDER[one.severity], -one.sure))),
+        parameters,
+        None if view.band is None else view.band.cutoff,
+        floor_of(view, model),
+        did,
+        len(log) * log.sample_time,
+        len(log),
+    )
+
+
+def _fails(found: Sequence[Finding]) -> bool:
+    return any(one.severity == "error" for one in found)
+
+
+def _unusable(view: View) -> list[Finding]:
+    found = []
+    if not view.stretches:
+        what = f"{len(view.log)} samples without a stretch of {SHORTEST}"
+        found.append(Finding(what, "log", "error", 1.0, "a longer log is needed"))
+    if not any(name in view.log for name in ("d_hat", "velocity", "position")):
+        what = "neither d_hat nor velocity nor position"
+        found.append(Finding(what, "log", "error", 1.0, "name one of their columns in [signals]"))
+    return found
+
+
+def _not_told(parameters: Sequence[Parameter]) -> list[Finding]:
+    names = [one.name for one in parameters if one.identified == "not"]
+    if not names:
+        return []
+    remedy = "record moves that show it" if len(names) == 1 else "record moves that show them"
+    return [Finding(f"this log does not tell {', '.join(names)}", "log", "warning", 0.8, remedy)]
+
+
+def _judged(view: View, model: PlantModel | None, observer: ObserverSettings | None) -> list[Finding]:
+    """What can be said of a log in which something moves."""
+    found, opposite = check_channels(view.stretches, view.cutoff)
+    d_hat = None if observer is None else observed(view, observer)
+    signs = check_signs(view, opposite, d_hat, 1 if observer is None else observer.sign)
+    found += [*check_sensor(view), *signs]
+    if observer is not None and d_hat is not None and not signs:
+        found += check_disturbance(d_hat, observer)
+    elif observer is not None and view.band is None and not signs:
+        found += check_alone(view.stretches, observer)
+    if not signs:
+        found += [*check_values(view, model), *_hold(view)]
+    return found
+
+
+def _hold(view: View) -> list[Finding]:
+    fit = believable(view)
+    if fit is None or view.band is None:
+        return []
+    return check_hold(view.stretches, view.band, delay_of(fit, view), view.log.u_hold)
+
+
+def gravest(result: CheckResult) -> Finding | None:
+    """The finding that must be said before anything that this log answers: the surest error; None without one."""
+    return next(iter(result.errors), None)

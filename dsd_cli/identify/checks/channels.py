@@ -1,0 +1,151 @@
+"""Velocity against the slope of the position; wraps and units of the position."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from dsd_cli.identify.checks.band import Band
+from dsd_cli.identify.checks.results import Finding
+from dsd_cli.identify.checks.slope import Slope, compare_slope
+from dsd_cli.identify.checks.stretches import Stretch
+
+#: A factor this near a known one (relative) is that one.
+NEAR = 0.015
+#: A factor from the slope is believed if it explains this share of the velocity, a sign from less.
+AGREES, AGREES_IN_SIGN = 0.9, 0.3
+#: A factor that is not known is worth a word from this far from 1 on: filters take some percent.
+FAR = 0.1
+#: A velocity is late from so many samples and standard errors on: a backward difference is late by half a sample.
+LATE_SAMPLES, LATE_ERRORS = 1.5, 5.0
+
+_RAD, _TURN = math.pi / 180.0, 2.0 * math.pi
+#: velocity over slope of position -> (key that mends it, its value, what it then is).
+UNITS: dict[float, tuple[tuple[str, float, str], ...]] = {
+    1.0 / _RAD: (("velocity", _RAD, "in degrees per second"),),
+    _RAD: (("position", _RAD, "in degrees"),),
+    60.0 / _TURN: (("velocity", _TURN / 60.0, "in turns per minute"),),
+    1.0 / 6.0: (("velocity", _TURN / 60.0, "in turns per minute"), ("position", _RAD, "in degrees")),
+    1.0 / _TURN: (("velocity", _TURN, "in turns per second"),),
+    _TURN: (("position", _TURN, "in turns"),),
+    60.0: (("velocity", _TURN / 60.0, "in turns per minute"), ("position", _TURN, "in turns")),
+    360.0: (("velocity", _RAD, "in degrees per second"), ("position", _TURN, "in turns")),
+    1.0 / 360.0: (("velocity", _TURN, "in turns per second"), ("position", _RAD, "in degrees")),
+    1000.0: (("velocity", 0.001, "in mm/s"),),
+    0.001: (("position", 0.001, "in mm"),),
+    60000.0: (("velocity", 0.001 / 60.0, "in mm/min"),),
+}
+
+
+def check_channels(stretches: Sequence[Stretch], cutoff: float) -> tuple[list[Finding], bool]:
+    """(findings, whether velocity and position have opposite signs)."""
+    found = [*_wraps(stretches), *_counts(stretches)]
+    slope = compare_slope(stretches, cutoff)
+    if slope is None:
+        return found, False
+    opposite = slope.factor < 0.0 and slope.agreement > AGREES_IN_SIGN
+    if slope.agreement > AGREES:
+        found += _scale(slope, stretches)
+    elif not opposite:
+        found.append(_unrelated(slope))
+    found += _late(slope, stretches[0].T)
+    return found, opposite
+
+
+def _unrelated(slope: Slope) -> Finding:
+    return Finding(
+        f"velocity is not the slope of position: that explains {100.0 * slope.agreement:.0f} % of it",
+        "velocity",
+        "error" if slope.agreement < AGREES_IN_SIGN else "warning",
+        0.9,
+        'is that its column? else signals.velocity = ""',
+    )
+
+
+def _scale(slope: Slope, stretches: Sequence[Stretch]) -> list[Finding]:
+    size = abs(slope.factor)
+    if abs(size - 1.0) < max(NEAR, LATE_ERRORS * slope.factor_error):
+        return []
+    known = min(UNITS, key=lambda factor: abs(math.log(size / factor)))
+    if abs(size / known - 1.0) < NEAR:
+        return [
+            Finding(
+                f"velocity is {size:.4g} times the slope of position: {channel} is {what}",
+                channel,
+                "error",
+                0.95,
+                multiply=((channel, scale),),
+            )
+            for channel, scale, what in UNITS[known]
+        ]
+    if _whole_numbers(stretches):
+        return []  # counts: said by themselves
+    if abs(size - 1.0) < FAR:
+        return []
+    return [
+        Finding(
+            f"velocity is {size:.4g} times the slope of position",
+            "velocity",
+            "error" if not 0.5 < size < 2.0 else "warning",
+            0.9,
+            "or the position is wrong by as much",
+            (("velocity", float(f"{1.0 / size:.4g}")),),
+        )
+    ]
+
+
+def _late(slope: Slope, T: float) -> list[Finding]:
+    clear = abs(slope.late) > max(LATE_SAMPLES * T, LATE_ERRORS * slope.late_error)
+    if not clear or slope.agreement < AGREES_IN_SIGN:
+        return []
+    text = f"{abs(slope.late) * 1e3:.3g} ms"
+    if slope.late > 0.0:
+        what = f"velocity is {text} later than the slope of position: it is filtered, or late"
+        return [Finding(what, "velocity", "warning", 0.95, 'signals.velocity = "" (the position alone is used)')]
+    what = f"position is {text} later than the velocity"
+    return [Finding(what, "position", "warning", 0.95, 'signals.position = "" (the velocity alone is used)')]
+
+
+def _wraps(stretches: Sequence[Stretch]) -> list[Finding]:
+    wraps = sum(s.wraps for s in stretches)
+    if not wraps:
+        return []
+    turn = next(s.turn for s in stretches if s.wraps)
+    what = f"position wraps: it jumps by {turn:.6g} {'once' if wraps == 1 else f'{wraps} times'}"
+    return [Finding(what, "position", "error", 0.99, 'unwrap the column, or signals.position = "" with a velocity')]
+
+
+def _counts(stretches: Sequence[Stretch]) -> list[Finding]:
+    if not _whole_numbers(stretches):
+        return []
+    turn = next((s.turn for s in stretches if s.wraps), 0.0)
+    what = "position holds whole numbers only: counts of an encoder?"
+    if turn:
+        return [Finding(what, "position", "warning", 0.9, multiply=(("position", _TURN / turn),))]
+    return [Finding(what, "position", "warning", 0.9, "signals.position_scale = 6.28319 / counts per turn")]
+
+
+def _whole_numbers(stretches: Sequence[Stretch]) -> bool:
+    """Whether every position is a whole number, and there are more than a few of them."""
+    channels = [s.position for s in stretches if s.position is not None]
+    if not channels:
+        return False
+    q = np.concatenate(channels)
+    return bool(np.all(q == np.rint(q)) and np.unique(q[: 1 << 16]).size > 10)
+
+
+def degrees(band: Band) -> Finding | None:
+    """A step of the encoder that is a round share of 360, and none of a turn in rad."""
+    per_turn = 360.0 / band.step if band.step > 0.0 and band.source == "position" else 0.0
+    if not power_of_two(per_turn):
+        return None
+    what = f"position has steps of 360/{per_turn:.0f}: is it in degrees?"
+    return Finding(what, "position", "warning", 0.8, multiply=(("position", _RAD),))
+
+
+def power_of_two(counts: float) -> bool:
+    """From 256 on, as counts per turn are."""
+    near = round(counts)
+    return near >= 256 and abs(counts - near) < 1e-4 * near and math.log2(near).is_integer()

@@ -1,0 +1,128 @@
+"""The stamps: their jitter, and whether irregular ones say when the samples were taken."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from dsd_cli.identify.checks.results import Finding
+from dsd_cli.identify.checks.scan import block_starts
+from dsd_cli.identify.checks.stretches import stamps_of, unwrapped
+from dsd_cli.signals.cleaning import BEYOND
+from dsd_cli.signals.clock import suspicious
+from dsd_cli.signals.log import Array, Log
+
+#: Jitter of the steps (standard deviation over T) from which it is worth a word: less is no noise beside a sensor's.
+JITTERY = 0.02
+#: The two clocks are told apart from so many standard errors on, over blocks of the log.
+CLEAR = 5.0
+#: Rows dropped or put in are a warning from this share of the log on, else a note.
+MANY = 0.01
+_ORDER = 2  # samples to either side that foretell one
+
+
+def jitter(log: Log, restarts: Sequence[int]) -> float:
+    """Standard deviation of the steps between stamps, as a share of the sample time."""
+    steps = np.concatenate([np.diff(t) for t in _pieces(stamps_of(log), restarts)])
+    return float(np.std(steps) / log.sample_time) if steps.size else 0.0
+
+
+def stamps_are_true(log: Log, restarts: Sequence[int]) -> float:
+    """By how many standard errors the position (or velocity) is smoother over the stamps than over an even clock.
+
+    Above 0: the samples were taken at their stamps; below: evenly, and the stamps are noise; about 0: not to be told.
+    """
+    name = next((name for name in ("position", "velocity") if name in log), None)
+    if name is None:
+        return 0.0
+    gains = []
+    for t, x in zip(_pieces(stamps_of(log), restarts), _pieces(log[name], restarts), strict=True):
+        x = unwrapped(x)[0] if name == "position" else x
+        if x.size > 20 * _ORDER:
+            even = t[0] + (t[-1] - t[0]) * np.arange(t.size) / (t.size - 1)
+            gains.append(np.log(_blocks(_foretold(x, even))) - np.log(_blocks(_foretold(x, t))))
+    if not gains:
+        return 0.0
+    gain = np.concatenate(gains)
+    return float(np.mean(gain) / max(np.std(gain) / np.sqrt(gain.size), 1e-12)) if np.any(gain) else 0.0
+
+
+def _pieces(x: Array, restarts: Sequence[int]) -> list[Array]:
+    return [x[a:b] for a, b in pairwise([0, *(at for at in restarts if 0 < at < x.size), x.size])]
+
+
+def _foretold(x: Array, t: Array) -> Array:
+    """Squared error of a cubic through two samples to either side, at each sample between, shape (n - 4,).
+
+    In units of what white noise of the channel alone would make there: uneven weights amplify it.
+    """
+    n = x.size
+    at = [t[k : n - 2 * _ORDER + k] for k in range(2 * _ORDER + 1)]
+    here, others = at[_ORDER], [k for k in range(2 * _ORDER + 1) if k != _ORDER]
+    error, amplified = x[_ORDER : n - _ORDER].copy(), np.ones(n - 2 * _ORDER)
+    for i in others:
+        weight = np.ones(n - 2 * _ORDER)
+        for j in others:
+            if j != i:
+                weight *= (here - at[j]) / (at[i] - at[j])
+        error -= weight * x[i : n - 2 * _ORDER + i]
+        amplified += weight**2
+    return np.asarray(error**2 / amplified)
+
+
+def _blocks(squares: Array) -> Array:
+    """Mean of each block; equal ones where nothing moves."""
+    starts = block_starts(squares.size)
+    return np.maximum(np.add.reduceat(squares, starts), 1e-300)
+
+
+def check_clock(log: Log, restarts: Sequence[int], true: float) -> list[Finding]:
+    """Findings about the stamps; `true` is `stamps_are_true`."""
+    found = []
+    if doubt := suspicious(log.sample_time):
+        what, _, remedy = doubt.partition(": ")
+        found.append(Finding(what, "t", "warning", 0.8, remedy))
+    share = jitter(log, restarts)
+    if share > JITTERY:
+        found.append(_jittery(log, share, true))
+    return found
+
+
+def _jittery(log: Log, share: float, true: float) -> Finding:
+    text = f"stamps are irregular (steps of {log.sample_time * 1e3:.4g} ms, give or take {100.0 * share:.0f} %)"
+    if true > CLEAR:
+        return Finding(f"{text}, and the samples were taken at them", "t", "note", 0.95)
+    if true < -CLEAR:
+        even = f'signals.time = "" and signals.sample_time = {log.sample_time:.6g}'
+        what = f"{text}, but the samples were taken evenly: the stamps are noise"
+        return Finding(what, "t", "warning", 0.95, even)
+    return Finding(f"{text}; this log cannot say whether the samples are", "t", "note", 0.5)
+
+
+_ROWS: dict[str, tuple[str, str]] = {
+    "gap": ("{n} gap(s) longer than can be bridged: the log is taken as {pieces} pieces", "t"),
+    "restart": ("the stamps go back {n} time(s): several recordings in one file", "t"),
+    "duplicate stamp": ("{n} row(s) with the stamp of the row before are left out", "t"),
+    "bridged": ("{n} sample(s) are missing and put in on a straight line", "t"),
+    "unreadable line": ("{n} line(s) cannot be read", "log"),
+}
+
+
+def check_rows(dropped: Mapping[str, int], samples: int) -> list[Finding]:
+    """Findings about rows that were not taken as they are; `dropped` as `Cleaner.dropped` has it."""
+    pieces = 1 + dropped.get("gap", 0) + dropped.get("restart", 0)
+    found = []
+    for reason, count in dropped.items():
+        what, channel = _ROWS.get(reason, ("", ""))
+        if reason.startswith("not finite: "):
+            channel = reason.removeprefix("not finite: ")
+            what = "{n} row(s) without a finite " + channel
+        if reason.startswith(f"{BEYOND}: "):
+            channel = reason.removeprefix(f"{BEYOND}: ")
+            what = "{n} row(s) beyond the range of " + channel
+        if count and what:
+            severity = "warning" if count > MANY * samples else "note"
+            found.append(Finding(what.format(n=count, pieces=pieces), channel, severity, 1.0))  # type: ignore[arg-type]
+    return found

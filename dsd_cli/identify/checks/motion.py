@@ -1,0 +1,61 @@
+"""The motion of a stretch in its band, at every sample: from the sensor, or from u and d_hat where there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsd_cli.identify.checks.band import difference
+from dsd_cli.identify.checks.lowpass import LowPass
+from dsd_cli.identify.checks.stretches import Stretch
+from dsd_cli.identify.checks.view import View
+from dsd_cli.plant.model import ObserverSettings
+from dsd_cli.signals.log import Array
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Low-passed channels of shape (n,), SI; `cutoff` in Hz."""
+
+    acceleration: Array
+    velocity: Array
+    position: Array
+    cutoff: float
+
+    def channels(self, s: Stretch) -> dict[str, Array]:
+        """With u, as a log has them."""
+        assert s.u is not None
+        return {"t": s.t, "u": s.u, "velocity": self.velocity, "position": self.position}
+
+
+def motion_of(s: Stretch, view: View, observer: ObserverSettings | None) -> Motion | None:
+    """None where neither sensor nor d_hat gives one, or the stretch is too short for its band."""
+    keep = LowPass(s.T, view.cutoff)
+    if s.t.size < 4 * keep.half:
+        return None
+    if view.band is None:
+        return None if observer is None else _from_disturbance(s, keep, observer)
+    measured = getattr(s, view.band.source)
+    if measured is None:
+        return None
+    velocity = keep(np.gradient(measured, s.T) if view.band.source == "position" else measured)
+    position = s.position if s.position is not None else np.cumsum(velocity) * s.T
+    return Motion(keep(difference(measured, s.T, view.band.source)), velocity, keep(position), view.cutoff)
+
+
+def _from_disturbance(s: Stretch, keep: LowPass, observer: ObserverSettings) -> Motion | None:
+    """By Jn a = u + Q^-1 d_hat; speed and position less the line that they drift along."""
+    if s.d_hat is None or s.u is None:
+        return None
+    pole = observer.pole(s.T)
+    undone = observer.sign * (s.d_hat - pole * np.concatenate([s.d_hat[:1], s.d_hat[:-1]])) / (1.0 - pole)
+    a = keep(undone + np.concatenate([s.u[:1], s.u[:-1]])) / observer.nominal_inertia
+    velocity = _levelled(np.cumsum(a) * s.T, s.t)
+    position = _levelled(np.cumsum(velocity) * s.T, s.t)
+    return Motion(np.concatenate([a[1:], a[-1:]]), velocity, position, keep.cutoff)
+
+
+def _levelled(x: Array, t: Array) -> Array:
+    centred = t - t.mean()
+    return np.asarray(x - x.mean() - centred * (centred @ x) / max(float(centred @ centred), 1e-300))

@@ -1,0 +1,191 @@
+"""Which values of a model this log can tell: the band-limited force balance, linear around the model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dsd_cli.effects import get_effect
+from dsd_cli.errors import UsageError
+from dsd_cli.identify.checks.balance import REST, motion_columns, orthonormal, without
+from dsd_cli.identify.checks.lowpass import LowPass
+from dsd_cli.identify.checks.motion import Motion, motion_of
+from dsd_cli.identify.checks.results import Identified, Parameter
+from dsd_cli.identify.checks.scan import block_starts
+from dsd_cli.identify.checks.stretches import Stretch
+from dsd_cli.identify.checks.values import believable, delay_of
+from dsd_cli.identify.checks.view import View
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.plant.prediction import Frame
+from dsd_cli.signals.log import Array, Log
+
+#: Relative standard errors up to which a value is identified, and weak.
+IDENTIFIED, WEAK = 0.1, 0.5
+#: A delay is known well enough within these shares of a sample.
+DELAY_IDENTIFIED, DELAY_WEAK = 0.5, 2.0
+#: Correlation from which two values cannot be told apart.
+TIED = 0.98
+#: A value of 0 is judged by the force that it stands for: this share of u.
+_SMALL_FORCE = 0.05
+_STEP = 1e-3
+#: A column below this share of u is none.
+_NOTHING = 1e-9
+
+
+@dataclass(frozen=True)
+class _Value:
+    """One value of a model: `name` as in `Parameter.name`."""
+
+    name: str
+    value: float
+    unit: str
+
+    def changed(self, model: PlantModel, value: float) -> PlantModel:
+        if self.name == "inertia":
+            return model.changed(inertia=value)
+        if self.name == "delay":
+            return model.changed(delay=value)
+        effect, _, parameter = self.name.partition(".")
+        return model.changed(effects={effect: {parameter: value}})
+
+    def stepped(self, model: PlantModel) -> tuple[PlantModel, float]:
+        """The model with this value a little changed, within its bounds, and by how much."""
+        step = _STEP * (abs(self.value) if self.value else 1.0)
+        try:
+            return self.changed(model, self.value + step), step
+        except UsageError:
+            return self.changed(model, self.value - step), -step
+
+
+def check_parameters(view: View, model: PlantModel | None, observer: ObserverSettings | None) -> tuple[Parameter, ...]:
+    """Every number of the model; inertia and delay as the log has them where there is no model.
+
+    Without a model, friction, weight and springs of any size stand beside them.
+    """
+    given = model if model is not None else _own(view)
+    if given is None:
+        return unknown_parameters(None)
+    values = tuple(_values(given))
+    rows = _rows(view, given, values, observer, beside=model is None)
+    if rows is None:
+        return unknown_parameters(given)
+    found = _judged(values, *rows, view.log.sample_time)
+    return found if view.band is not None else tuple(_drifting(one) for one in found)
+
+
+def _drifting(one: Parameter) -> Parameter:
+    """A motion that was integrated from u and d_hat drifts: what looks at it is weak at best."""
+    by_motion = "." in one.name and {"velocity", "position"} & set(get_effect(one.name.partition(".")[0]).needs)
+    return replace(one, identified="weak") if by_motion and one.identified == "identified" else one
+
+
+def unknown_parameters(model: PlantModel | None) -> tuple[Parameter, ...]:
+    """The same where a log says nothing of them."""
+    return tuple(_unknown(value) for value in _values(PlantModel() if model is None else model))
+
+
+_INERTIA = "{u}/({v}/s)"
+
+
+def _own(view: View) -> PlantModel | None:
+    fit = believable(view)
+    return None if fit is None else PlantModel(fit.inertia, max(delay_of(fit, view), 0.0))
+
+
+def _values(model: PlantModel) -> Iterator[_Value]:
+    yield _Value("inertia", model.inertia, _INERTIA)
+    yield _Value("delay", model.delay, "s")
+    for effect, parameters in model.effects.items():
+        known = {p.name: p for p in get_effect(effect).parameters}
+        for name, value in parameters.items():
+            if not known[name].listed:
+                yield _Value(f"{effect}.{name}", float(value), known[name].unit)
+
+
+def _unknown(value: _Value) -> Parameter:
+    return Parameter(value.name, "not", math.nan, math.inf, value.unit)
+
+
+def _rows(
+    view: View, model: PlantModel, values: Sequence[_Value], observer: ObserverSettings | None, beside: bool
+) -> tuple[Array, Array, float] | None:
+    """(what the model leaves, its slopes by the values, rms of u); shapes (rows,), (rows, values). None: too few."""
+    parts = []
+    for s in view.stretches:
+        motion = motion_of(s, view, observer)
+        if motion is None:
+            continue
+        keep = LowPass(s.T, motion.cutoff)
+        rows = keep.rows(s.t.size, int(model.delay / s.T) + 2)
+        speed = motion.velocity[rows]
+        moving = np.abs(speed) > REST * np.sqrt(np.mean(motion.velocity**2))
+        if s.u is not None and moving.sum() > 2:
+            parts.append(_stretch_rows(s, motion, keep, rows[moving], model, values))
+    if not parts:
+        return None
+    left, slopes, others, u = (np.concatenate(x) for x in zip(*parts, strict=True))
+    if left.size < 4 * len(values):
+        return None
+    if beside:
+        basis = orthonormal(others)
+        left, slopes = without(basis, left), without(basis, slopes)
+    return left, slopes, float(np.std(u))
+
+
+def _stretch_rows(
+    s: Stretch, motion: Motion, keep: LowPass, rows: Array, model: PlantModel, values: Sequence[_Value]
+) -> tuple[Array, Array, Array, Array]:
+    frame = Frame(Log(motion.channels(s), s.T))
+    mean = 0.5 * (motion.acceleration + np.concatenate([motion.acceleration[:1], motion.acceleration[:-1]]))
+
+    def left(one: PlantModel) -> Array:
+        return np.asarray(one.motor_inertia * mean[rows] - keep(frame.net_force(one))[rows])
+
+    here = left(model)
+    slopes = []
+    for value in values:
+        changed, step = value.stepped(model)
+        slopes.append((left(changed) - here) / step)
+    others = motion_columns(motion.velocity, motion.position, keep)
+    assert s.u is not None
+    return here, np.column_stack(slopes), others[rows], keep(s.u)[rows]
+
+
+def _judged(values: Sequence[_Value], left: Array, slopes: Array, drive: float, T: float) -> tuple[Parameter, ...]:
+    """Least squares around the model; errors that are correlated within a block are counted."""
+    sizes = np.sqrt(np.mean(slopes**2, axis=0))
+    weights = np.array([value.value or 1.0 for value in values])
+    seen = sizes * np.abs(weights) > _NOTHING * max(drive, 1e-300)
+    found: dict[int, Parameter] = {}
+    columns = np.flatnonzero(seen).tolist()
+    if columns:
+        x = slopes[:, columns] / sizes[columns]
+        inverse = np.linalg.inv(x.T @ x / left.size + 1e-12 * np.eye(len(columns)))
+        change = -inverse @ (x.T @ left) / left.size
+        rest = left + x @ change
+        scores = np.add.reduceat(x * rest[:, None], block_starts(left.size)) / left.size
+        spread = inverse @ (scores.T @ scores) @ inverse
+        plain = inverse * float(np.mean(rest**2)) / left.size
+        errors = np.sqrt(np.maximum(np.diag(spread), np.diag(plain))) / sizes[columns]
+        scale = np.sqrt(np.diag(inverse))
+        correlation = inverse / np.outer(scale, scale)
+        for i, column in enumerate(columns):
+            tied = [values[other].name for j, other in enumerate(columns) if j != i and abs(correlation[i, j]) > TIED]
+            value = values[column].value + float(change[i]) / float(sizes[column])
+            grade = _grade(values[column], value, float(errors[i]), _SMALL_FORCE * drive / float(sizes[column]), T)
+            found[column] = Parameter(
+                values[column].name, grade, value, float(errors[i]), values[column].unit, tuple(tied)
+            )
+    return tuple(found.get(i) or _unknown(value) for i, value in enumerate(values))
+
+
+def _grade(value: _Value, fitted: float, error: float, small: float, T: float) -> Identified:
+    if value.name == "delay":
+        limits = (max(IDENTIFIED * fitted, DELAY_IDENTIFIED * T), max(WEAK * fitted, DELAY_WEAK * T))
+    else:
+        size = 1.0 if value.unit == "rad" else abs(fitted) if value.value else max(abs(fitted), small)
+        limits = (IDENTIFIED * size, WEAK * size)
+    return "identified" if error < limits[0] else "weak" if error < limits[1] else "not"

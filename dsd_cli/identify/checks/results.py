@@ -1,0 +1,132 @@
+"""What a check of a log finds, as plain frozen values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+Severity = Literal["error", "warning", "note"]
+Identified = Literal["identified", "weak", "not"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that a log shows.
+
+    Attributes
+    ----------
+    what : one sentence.
+    channel : the channel of `Log` that it is about; "t" is the clock, "log" the whole.
+    severity : "error": what is asked of this log would be answered wrongly, or not at all; "warning": some of it
+        would; "note": to know.
+    sure : 0 to 1, how sure the check is of it.
+    remedy : what to do; names the key of the config where there is one.
+    multiply : (channel, factor) that would mend it; `worded` makes the remedy of it.
+    """
+
+    what: str
+    channel: str
+    severity: Severity
+    sure: float
+    remedy: str = ""
+    multiply: tuple[tuple[str, float], ...] = ()
+
+    def worded(self, applied: Mapping[str, float]) -> Finding:
+        """With a remedy that says what the keys of [signals] must be, where `applied` factors are in them already."""
+        if not self.multiply:
+            return self
+        keys = [_key(channel, factor, applied.get(channel, 1.0)) for channel, factor in self.multiply]
+        return replace(self, remedy=" and ".join([*keys, self.remedy] if self.remedy else keys))
+
+
+def _key(channel: str, factor: float, applied: float) -> str:
+    if channel == "u":
+        return f"signals.u_sign = {-1 if applied > 0.0 else 1}"
+    return f"signals.{channel}_scale = {applied * factor:.6g}"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Whether this log can tell a value of the model.
+
+    Attributes
+    ----------
+    name : "inertia", "delay" or "<effect>.<parameter>".
+    identified : by the relative standard error: below 10 %, below 50 %, or not.
+    value : what a fit in the band gives; NaN where it gives nothing.
+    std_error : of the value, with correlated errors counted; infinite where the log says nothing.
+    unit : with {u}, {v}, {q} for the units of the channels.
+    tied_to : parameters that this log cannot tell from it (correlation above 0.98).
+    """
+
+    name: str
+    identified: Identified
+    value: float
+    std_error: float
+    unit: str = ""
+    tied_to: tuple[str, ...] = ()
+
+
+#: Moves that are needed for each effect that is asked for.
+MOVES_PER_EFFECT = 3
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """What the axis did; None where no motion is logged.
+
+    Attributes
+    ----------
+    moving : share of the time.
+    forward, backward : moves of each direction between rests and reversals (of u about its mean without a motion).
+    top_speed, travel : rad/s or m/s, rad or m.
+    at_limit : share of the time in which u keeps its largest or smallest value.
+    """
+
+    moving: float | None
+    forward: int
+    backward: int
+    top_speed: float | None
+    travel: float | None
+    at_limit: float
+
+    @property
+    def stretches(self) -> int:
+        """Moves of both directions."""
+        return self.forward + self.backward
+
+    @property
+    def effects(self) -> int:
+        """How many effects can be asked of this log."""
+        return self.stretches // MOVES_PER_EFFECT
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """Whether one log can answer.
+
+    Attributes
+    ----------
+    log : its name.
+    findings : gravest first.
+    parameters : of the model; of inertia and delay alone where there is no model.
+    band_hz : up to this frequency the acceleration stands above the noise of its sensor; None without a motion.
+    floor : rms of J a_noise within the band, in the unit of u; None where the sensor's noise or J is not known.
+    excitation : what the axis did.
+    seconds, samples : length of the log.
+    """
+
+    log: str
+    findings: tuple[Finding, ...]
+    parameters: tuple[Parameter, ...]
+    band_hz: float | None
+    floor: float | None
+    excitation: Excitation
+    seconds: float
+    samples: int
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        """The findings because of which the log cannot answer."""
+        return tuple(f for f in self.findings if f.severity == "error")

@@ -1,0 +1,178 @@
+"""The inertia that u and the acceleration tell, for each sign of it, over all delays that can be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsd_cli.identify.checks.balance import Balance, without
+from dsd_cli.signals.log import Array
+
+#: Delays that are tried, s: u cannot be later than what it does, unless its clock is; networks delay by tenths.
+EARLIEST, LATEST = -0.05, 0.6
+#: Blocks of rows that are left out in turn, for standard errors that count correlated errors.
+BLOCKS = 16
+#: Coarse delays per period of the highest frequency, fine ones about the best.
+_COARSE, _FINE = 6.0, 25
+#: But no more than this share of the longest stretch.
+_SHARE = 0.2
+
+
+@dataclass(frozen=True)
+class Scanned:
+    """The best fit u(t - shift) = J a + motion with J of one sign.
+
+    Attributes
+    ----------
+    inertia, inertia_error : J and its standard error, errors that are correlated within a sixteenth of the log counted.
+    shift, shift_error : s, by which u is ahead of the motion; a held u acts half a sample less.
+    explained : share of what the rest of the motion leaves of u that J a explains, 0 to 1.
+    weight : power of that, as a share of the power of u.
+    rest : share of u that the whole fit leaves.
+    inside : the best shift is not at an end of those that were tried.
+    """
+
+    inertia: float
+    inertia_error: float
+    shift: float
+    shift_error: float
+    explained: float
+    weight: float
+    rest: float
+    inside: bool
+
+    @property
+    def clearness(self) -> float:
+        """|J| in standard errors."""
+        return abs(self.inertia) / max(self.inertia_error, 1e-300)
+
+
+def reach(longest: float) -> tuple[float, float]:
+    """(s before, s after a row) within which u is needed, for a longest stretch of so many s."""
+    return min(LATEST, _SHARE * longest), min(-EARLIEST, _SHARE * longest)
+
+
+def scan(rows: Balance, cutoff: float) -> tuple[Scanned | None, Scanned | None]:
+    """(best with J > 0, best with J < 0); None where no delay gives such a J.
+
+    Coarse delays first, then fine ones about the best of each sign.
+    """
+    before, after = ((n - 1) * rows.T for n in rows.reach)
+    a = without(rows.motion, rows.acceleration)
+    coarse = np.linspace(-after, before, max(int(np.ceil((after + before) * _COARSE * cutoff)), 8))
+    step, sums = float(coarse[1] - coarse[0]), _sums(rows, a, coarse)
+    found: list[Scanned | None] = []
+    for sign in (1.0, -1.0):
+        at = sums.best(sign)
+        if at is None:
+            found.append(None)
+            continue
+        fine = np.clip(coarse[at] + step * np.linspace(-1.0, 1.0, _FINE), -after, before)
+        found.append(_best(_sums(rows, a, np.unique(fine)), sign, inside=0 < at < coarse.size - 1))
+    return found[0], found[1]
+
+
+def _sums(rows: Balance, a: Array, shifts: Array) -> _Sums:
+    u = np.column_stack([rows.u_at(s) for s in shifts])
+    left, edges = without(rows.motion, u), block_starts(a.size)
+    return _Sums(
+        shifts,
+        np.maximum(np.einsum("ij,ij->j", u, u), 1e-300),
+        np.add.reduceat(left * a[:, None], edges),
+        np.add.reduceat(a**2, edges),
+        np.add.reduceat(left**2, edges),
+    )
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Over blocks of rows: u a and u u, shape (blocks, shifts); a a, shape (blocks,). `power` of u over all rows."""
+
+    shifts: Array
+    power: Array
+    ua: Array
+    aa: Array
+    uu: Array
+
+    def without(self, block: int) -> _Sums:
+        return _Sums(self.shifts, self.power, *(np.delete(x, block, axis=0) for x in (self.ua, self.aa, self.uu)))
+
+    @property
+    def inertia(self) -> Array:
+        return np.asarray(self.ua.sum(axis=0) / max(self.aa.sum(), 1e-300))
+
+    def best(self, sign: float) -> int | None:
+        """Index of the shift that leaves least of u with an inertia of that sign."""
+        inertia = self.inertia
+        possible = inertia * sign > 0.0
+        if not possible.any():
+            return None
+        rest = (self.uu.sum(axis=0) - inertia**2 * self.aa.sum()) / self.power
+        return int(np.where(possible, rest, np.inf).argmin())
+
+
+def _best(sums: _Sums, sign: float, inside: bool) -> Scanned | None:
+    at = sums.best(sign)
+    if at is None:
+        return None
+    inertia, total = float(sums.inertia[at]), float(sums.uu[:, at].sum())
+    gained = inertia**2 * float(sums.aa.sum())
+    parts = [sums.without(block) for block in range(len(sums.aa))]
+    inertias = np.array([part.inertia[at] for part in parts])
+    others = [best for part in parts if (best := part.best(sign)) is not None]
+    return Scanned(
+        inertia,
+        float(jackknife(inertias)),
+        float(sums.shifts[at]),
+        max(float(jackknife(sums.shifts[others])), float(sums.shifts[1] - sums.shifts[0]) / np.sqrt(12.0)),
+        gained / max(total, 1e-300),
+        gained / float(sums.power[at]),
+        (total - gained) / float(sums.power[at]),
+        inside,
+    )
+
+
+def jackknife(left_out: Array) -> Array:
+    """Standard errors from the values with one block left out in turn, shape (blocks, ...)."""
+    n = len(left_out)
+    return np.asarray(np.sqrt((n - 1) / n * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0)))
+
+
+def block_starts(rows: int) -> NDArray[np.int64]:
+    """First rows of the blocks, for `np.add.reduceat`."""
+    return np.linspace(0, rows, min(BLOCKS, rows) + 1).astype(np.int64)[:-1]
+
+
+@dataclass(frozen=True)
+class Work:
+    """How clearly u drives the motion (above 0) or brakes it (below), over all delays from `_BRAKED` on.
+
+    clearness : of the speed's coefficient, in standard errors; the least over the delays, 0 if its sign changes.
+    share : of the power of u, the least over the delays.
+    """
+
+    clearness: float
+    share: float
+
+
+#: Delays over which work must have one sign, s.
+_BRAKED = (-0.02, 0.1)
+
+
+def work(rows: Balance) -> Work:
+    """What u gives to the motion that is not stored in it: friction takes it, so that it is not below 0 for long."""
+    before, after = ((n - 1) * rows.T for n in rows.reach)
+    shifts = np.linspace(max(_BRAKED[0], -after), min(_BRAKED[1], before), 25)
+    speed = without(rows.stored, rows.speed)
+    u = np.column_stack([rows.u_at(s) for s in shifts])
+    left, edges = without(rows.stored, u), block_starts(speed.size)
+    uv, vv = np.add.reduceat(left * speed[:, None], edges), np.add.reduceat(speed**2, edges)
+    coefficient = uv.sum(axis=0) / max(vv.sum(), 1e-300)
+    errors = jackknife((uv.sum(axis=0) - uv) / np.maximum(vv.sum() - vv, 1e-300)[:, None])
+    clearness = coefficient / np.maximum(errors, 1e-300)
+    share = float(np.min(coefficient**2 * vv.sum() / np.maximum(np.sum(u**2, axis=0), 1e-300)))
+    if clearness.min() < 0.0 < clearness.max():
+        return Work(0.0, share)
+    return Work(float(clearness[np.argmin(np.abs(clearness))]), share)

@@ -1,0 +1,42 @@
+"""Has u the sign of the motion that it causes?"""
+
+from __future__ import annotations
+
+from dsd_cli.identify.checks.view import View
+
+#: An inertia below 0 is believed from so many standard errors on, ...
+CLEAR = 5.0
+#: ... where it explains this share of what friction and weight leave, and of all of u, ...
+EXPLAINED, WEIGHT = 0.3, 0.005
+#: ... and where an inertia above 0 leaves so much more at its best delay (a late u of the right sign looks the same
+#: where the motion is periodic).
+WORSE = 1.25
+#: Work done by the motion on u is believed from so many standard errors, and this share of the power of u, on.
+WORK_CLEAR, WORK_SHARE = 4.5, 0.03
+
+
+def sign_of_u(view: View) -> float:
+    """How sure it is that u has the other sign than the motion: 0 if it is not seen, else above 0.5.
+
+    Two signs: an inertia below 0; and, where friction hides the inertia, a u that brakes at every delay that can be.
+    """
+    by_inertia = _by_inertia(view)
+    done = view.work
+    if done is None:
+        return by_inertia
+    if done.clearness > WORK_CLEAR and done.share > WORK_SHARE:
+        return 0.0  # u drives the motion, whatever the inertia looks like
+    if done.clearness < -WORK_CLEAR and done.share > WORK_SHARE:
+        return max(by_inertia, 0.95)
+    return by_inertia
+
+
+def _by_inertia(view: View) -> float:
+    right, turned = view.forward, view.backward
+    if turned is None or not turned.inside:
+        return 0.0
+    if turned.clearness < CLEAR or turned.explained < EXPLAINED or turned.weight < WEIGHT:
+        return 0.0
+    if right is not None and right.rest < WORSE * turned.rest:
+        return 0.0
+    return 0.99

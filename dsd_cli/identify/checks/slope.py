@@ -1,0 +1,94 @@
+"""The velocity beside the slope of the position: factor between them, and which of them is late."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsd_cli.identify.checks.lowpass import LowPass
+from dsd_cli.identify.checks.scan import block_starts, jackknife
+from dsd_cli.identify.checks.stretches import Stretch
+from dsd_cli.signals.log import Array
+
+#: Delays between the two that are tried, s.
+FARTHEST = 0.06
+
+
+@dataclass(frozen=True)
+class Slope:
+    """velocity(t) = factor x slope of position(t - late).
+
+    Attributes
+    ----------
+    factor, factor_error, late (s), late_error : with standard errors, correlated errors counted.
+    agreement : share of the velocity that this explains, 0 to 1.
+    """
+
+    factor: float
+    factor_error: float
+    late: float
+    late_error: float
+    agreement: float
+
+
+def compare_slope(stretches: Sequence[Stretch], cutoff: float) -> Slope | None:
+    """Both within `cutoff` (Hz); None unless both are logged and both change."""
+    speeds, slopes = _rows(stretches, cutoff)
+    if not speeds:
+        return None
+    T = stretches[0].T
+    lags = np.linspace(-FARTHEST, FARTHEST, max(int(np.ceil(2.0 * FARTHEST * 32.0 * cutoff)), 8) + 1)
+    v, s = np.concatenate(speeds), np.concatenate([_shifted(*pair, lags / T) for pair in slopes])
+    v = v - v.mean()
+    s = s - s.mean(axis=0)
+    edges = block_starts(v.size)
+    vs, ss, vv = (np.add.reduceat(x, edges) for x in (v[:, None] * s, s**2, v**2))
+    explained = vs.sum(axis=0) ** 2 / np.maximum(ss.sum(axis=0), 1e-300)
+    at = int(explained.argmax())
+    if not (explained[at] > 0.0 and 0 < at < lags.size - 1):
+        return None
+    others = (vs.sum(axis=0) - vs) ** 2 / np.maximum(ss.sum(axis=0) - ss, 1e-300)
+    factors = (vs.sum(axis=0) - vs)[:, at] / np.maximum(ss.sum(axis=0) - ss, 1e-300)[:, at]
+    peaks = np.array([_peak(row, lags) for row in others])
+    return Slope(
+        float(vs[:, at].sum() / ss[:, at].sum()),
+        float(jackknife(factors)),
+        _peak(explained, lags),
+        float(jackknife(peaks)),
+        float(explained[at] / max(vv.sum(), 1e-300)),
+    )
+
+
+def _rows(stretches: Sequence[Stretch], cutoff: float) -> tuple[list[Array], list[tuple[Array, Array]]]:
+    """Low-passed speeds at some samples, and beside each the low-passed slope with these samples' places."""
+    keep = LowPass(stretches[0].T, cutoff)
+    margin = int(np.ceil(FARTHEST / keep.T)) + 1
+    speeds, slopes = [], []
+    for s in stretches:
+        rows = keep.rows(s.t.size, margin)
+        if s.velocity is None or s.position is None or rows.size < 2:
+            continue
+        speeds.append(keep(s.velocity)[rows])
+        slopes.append((keep(np.gradient(s.position, s.T)), rows.astype(np.float64)))
+    if not speeds or np.ptp(np.concatenate(speeds)) == 0.0:
+        return [], []
+    return speeds, slopes
+
+
+def _shifted(slope: Array, rows: Array, lags: Array) -> Array:
+    """The slope `lags` samples before the rows, shape (rows, lags)."""
+    at = rows[:, None] - lags
+    whole = np.floor(at).astype(np.int64)
+    part = at - whole
+    return np.asarray((1.0 - part) * slope[whole] + part * slope[whole + 1])
+
+
+def _peak(values: Array, at: Array) -> float:
+    """Place of the largest value, by a parabola through it and its neighbours."""
+    k = int(np.clip(values.argmax(), 1, values.size - 2))
+    before, top, after = values[k - 1 : k + 2]
+    bend = before - 2.0 * top + after
+    offset = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
+    return float(at[k] + np.clip(offset, -1.0, 1.0) * (at[1] - at[0]))

@@ -1,0 +1,56 @@
+"""What all checks of one log look at, computed once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from dsd_cli.identify.checks.balance import Balance, balance
+from dsd_cli.identify.checks.band import Band, find_band
+from dsd_cli.identify.checks.scan import Scanned, Work, reach, scan, work
+from dsd_cli.identify.checks.stretches import Stretch, cut
+from dsd_cli.signals.log import Log
+
+#: Where no acceleration is seen, speeds are looked at below this share of the sample rate.
+FALLBACK = 0.02
+#: Signs and delays are looked for below this frequency, Hz: beyond, loads swing on their couplings.
+HIGHEST = 40.0
+
+
+@dataclass(frozen=True)
+class View:
+    """A log in stretches, the band of its acceleration, and the force balance in it.
+
+    Attributes
+    ----------
+    band : None if no channel shows an acceleration.
+    cutoff : Hz, of `rows`, and of every comparison of channels.
+    rows : None without a band, without u, or where the axis hardly moves.
+    forward, backward : best fits with J above and below 0.
+    work : how clearly u drives the motion.
+    """
+
+    log: Log
+    restarts: tuple[int, ...]
+    stretches: tuple[Stretch, ...]
+    band: Band | None
+    cutoff: float
+    rows: Balance | None
+    forward: Scanned | None
+    backward: Scanned | None
+    work: Work | None
+
+
+def look(log: Log, restarts: Sequence[int], true_stamps: bool) -> View:
+    """The view of a log; `true_stamps`: its irregular stamps are those of the samples."""
+    stretches = cut(log, restarts, true_stamps)
+    band = find_band(stretches) if stretches else None
+    if band is None:
+        cutoff = min(HIGHEST, FALLBACK / (stretches[0].T if stretches else log.sample_time))
+        return View(log, tuple(restarts), tuple(stretches), None, cutoff, None, None, None, None)
+    cutoff = min(band.cutoff, HIGHEST)
+    longest = max(s.t.size * s.T for s in stretches)
+    rows = balance(stretches, band, cutoff, reach(longest))
+    forward, backward = scan(rows, cutoff) if rows is not None else (None, None)
+    drives = work(rows) if rows is not None else None
+    return View(log, tuple(restarts), tuple(stretches), band, cutoff, rows, forward, backward, drives)

@@ -1,0 +1,157 @@
+"""The result of `dsd check` as a table and as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from dsd_cli.identify.checks import CheckResult, Excitation, Finding, Parameter
+from dsd_cli.identify.results import Estimate
+from dsd_cli.report.names import LEGEND, estimate_text, in_words, number_or_none
+from dsd_cli.report.terminal import escaped
+
+#: rad
+TURN = 2.0 * math.pi
+#: Best first: several logs together tell what one of them tells.
+_GRADES = ("identified", "weak", "not")
+_STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
+
+
+def verdict(result: CheckResult) -> str:
+    """The whole in one line."""
+    if result.errors:
+        return f"cannot answer: {'; '.join(one.what for one in result.errors)}"
+    warnings = sum(one.severity == "warning" for one in result.findings)
+    if not warnings:
+        return "can answer"
+    return f"can answer, with {'a warning' if warnings == 1 else f'{warnings} warnings'}"
+
+
+def to_json(results: Sequence[CheckResult]) -> dict[str, Any]:
+    """The object of the contract; of several logs together what stands at the top, each by itself in `by_log`."""
+    bands = [one.band_hz for one in results if one.band_hz is not None]
+    floors = [one.floor for one in results if one.floor is not None]
+    return {
+        "schema_version": 1,
+        "command": "check",
+        "log": [one.log for one in results],
+        "can_answer": not any(one.errors for one in results),
+        "findings": [{"log": one.log, **_finding_json(f)} for one in results for f in one.findings],
+        "parameters": _together(results),
+        "band_hz": min(bands, default=None),
+        "floor": max(floors, default=None),
+        "unit": "u",
+        "by_log": [_log_json(one) for one in results],
+    }
+
+
+def _log_json(result: CheckResult) -> dict[str, Any]:
+    return {
+        "log": result.log,
+        "can_answer": not result.errors,
+        "verdict_text": verdict(result),
+        "samples": result.samples,
+        "seconds": result.seconds,
+        "band_hz": result.band_hz,
+        "floor": result.floor,
+        "effects": result.excitation.effects,
+        "excitation": asdict(result.excitation),
+        "findings": [_finding_json(one) for one in result.findings],
+        "parameters": [_parameter_json(one) for one in result.parameters],
+    }
+
+
+def _finding_json(one: Finding) -> dict[str, Any]:
+    return {key: getattr(one, key) for key in ("what", "channel", "severity", "sure", "remedy")}
+
+
+def _parameter_json(one: Parameter) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "identified": one.identified,
+        "value": number_or_none(one.value),
+        "std_error": number_or_none(one.std_error),
+        "unit": in_words(one.unit),
+        "tied_to": list(one.tied_to),
+    }
+
+
+def _together(results: Sequence[CheckResult]) -> list[dict[str, Any]]:
+    """Each parameter as the log has it that tells it best."""
+    best: dict[str, Parameter] = {}
+    for one in (p for result in results for p in result.parameters):
+        if one.name not in best or _rank(one) < _rank(best[one.name]):
+            best[one.name] = one
+    return [_parameter_json(one) for one in best.values()]
+
+
+def _rank(one: Parameter) -> tuple[int, float]:
+    return _GRADES.index(one.identified), one.std_error
+
+
+def print_table(results: Sequence[CheckResult], file: Any) -> None:
+    """For a person: the verdict of each log first."""
+    from rich.console import Console
+
+    console = Console(file=file, highlight=False)  # wraps at the width of the terminal
+    for i, result in enumerate(results):
+        if i:
+            console.print()
+        console.print(f"[bold]{escaped(f'{result.log}: {verdict(result)}')}[/bold]")
+        for line in _facts(result):
+            console.print(escaped(f"  {line}"))
+        _print_findings(console, result.findings)
+        if result.parameters and not result.errors:
+            _print_parameters(console, result.parameters)
+
+
+def _facts(result: CheckResult) -> list[str]:
+    apart = 1e3 * result.seconds / max(result.samples, 1)
+    lines = [f"{result.samples:,} samples, {apart:.4g} ms apart: {result.seconds:.3g} s", *_moves(result.excitation)]
+    if result.band_hz is not None:
+        floor = "" if result.floor is None else f"; noise of the sensor there: {result.floor:.2g} u"
+        lines.append(f"acceleration seen up to {result.band_hz:.3g} Hz{floor}")
+    return lines
+
+
+def _moves(did: Excitation) -> list[str]:
+    room = f"room for {did.effects} effect{'' if did.effects == 1 else 's'}"
+    if did.moving is None or did.top_speed is None or did.travel is None:
+        return [f"no motion is logged; u turns {did.stretches} times: {room}"]
+    share = f"{100.0 * did.moving:.0f} % of the time"
+    return [
+        f"{did.stretches} move{'' if did.stretches == 1 else 's'} ({did.forward} forward), {share}: {room}",
+        f"speed up to {did.top_speed:.3g}, travel {did.travel:.3g} ({did.travel / TURN:.2g} turns, if it turns)",
+    ]
+
+
+def _print_findings(console: Any, findings: Sequence[Finding]) -> None:
+    from rich.table import Table
+
+    if not findings:
+        return
+    table = Table(box=None, show_header=False, padding=(0, 1, 0, 0))
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    for one in findings:
+        sure = "" if one.sure >= 0.9 else f" ({100.0 * one.sure:.0f} % sure)"
+        remedy = f"\n-> {escaped(one.remedy)}" if one.remedy else ""
+        table.add_row(f"[{_STYLES[one.severity]}]{one.severity}[/]", escaped(f"{one.what}{sure}") + remedy)
+    console.print(table)
+
+
+def _print_parameters(console: Any, parameters: Sequence[Parameter]) -> None:
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for name in ("value", "on this log", "fitted in the band"):
+        table.add_column(name, no_wrap=True)
+    for one in parameters:
+        fitted = estimate_text(Estimate(one.value, one.std_error, one.unit)) if one.identified != "not" else "-"
+        table.add_row(escaped(one.name), one.identified, escaped(fitted))
+        for other in one.tied_to:
+            table.add_row(escaped(f"  not to be told from {other}"))
+    console.print(table)
+    console.print(LEGEND)

@@ -1,0 +1,138 @@
+"""`dsd check`: verdict first, keys of the contract, exit codes, configs that lack sections, several logs."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.rig import csv_text, done, dsd, refused, write
+from tests.identify.checks.rig import servo
+
+KEYS = {"schema_version", "command", "log", "findings", "parameters", "band_hz", "floor", "unit"}
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("rig")
+    case, c = servo().truth, servo().channels
+    friction = "".join(
+        f"[model.effects.{name}]\n" + "".join(f"{p} = {value}\n" for p, value in values.items())
+        for name, values in (*case.base, *case.hidden)
+    )
+    observer = f"[observer]\nnominal_inertia = {case.nominal_inertia}\ntime_constant = {case.observer_time_constant}\n"
+    (folder / "dsd.toml").write_text(
+        f"{observer}[model]\ninertia = {case.inertia}\ndelay = {case.delay}\n{friction}", encoding="utf-8"
+    )
+    (folder / "signals.toml").write_text('[signals]\nvelocity = "velocity"\n', encoding="utf-8")
+    write(folder, "log.csv", c)
+    write(folder, "turned.csv", {**c, "u": -c["u"]})
+    write(folder, "still.csv", {**c, "velocity": 0.0 * c["u"], "position": 1.0 + 0.0 * c["u"]})
+    return folder
+
+
+def checked(*arguments: object, cwd: Path) -> dict:
+    return json.loads(done("check", *arguments, "--format", "json", cwd=cwd).stdout)
+
+
+def test_a_log_that_can_answer(rig):
+    found = checked("log.csv", cwd=rig)
+    assert set(found) >= KEYS
+    assert (found["schema_version"], found["command"], found["log"]) == (1, "check", ["log.csv"])
+    assert [one for one in found["findings"] if one["severity"] != "note"] == []
+    assert {one["name"]: one["identified"] for one in found["parameters"]} == dict.fromkeys(
+        ("inertia", "delay", "coulomb_friction.level", "viscous_friction.coefficient"), "identified"
+    )
+    assert found["band_hz"] > 20.0
+    assert 0.0 < found["floor"] < 0.2
+    assert found["unit"] == "u"
+    assert found["can_answer"] is True
+
+
+def test_a_log_that_cannot(rig):
+    found = checked("turned.csv", cwd=rig)
+    (error,) = [one for one in found["findings"] if one["severity"] == "error"]
+    assert set(error) == {"log", "what", "channel", "severity", "sure", "remedy"}
+    assert (error["channel"], error["remedy"]) == ("u", "signals.u_sign = -1")
+    assert 0.9 < error["sure"] <= 1.0
+    assert found["can_answer"] is False
+    mended = checked("turned.csv", "--set", "signals.u_sign=-1", cwd=rig)
+    assert mended["can_answer"] is True
+    again = checked("log.csv", "--set", "signals.u_sign=-1", cwd=rig)
+    assert [one["remedy"] for one in again["findings"] if one["severity"] == "error"] == ["signals.u_sign = 1"]
+
+
+def test_the_remedies_mend_it(rig):
+    """The key and value of a remedy, given with --set, leave nothing to say."""
+    c = servo().channels
+    write(rig, "units.csv", {**c, "velocity": c["velocity"] * 60.0 / (2.0 * np.pi), "position": -c["position"]})
+    settings: list[str] = []
+    for _ in range(3):
+        wrong = [one for one in checked("units.csv", *settings, cwd=rig)["findings"] if one["severity"] == "error"]
+        for one in wrong[:1]:
+            settings += ["--set", one["remedy"].replace(" = ", "=")]
+    assert wrong == []
+    assert {s.split("=")[0] for s in settings[1::2]} == {"signals.velocity_scale", "signals.position_scale"}
+
+
+def test_table_says_the_verdict_first_and_fits_80_columns(rig):
+    for log in ("log.csv", "turned.csv", "still.csv"):
+        lines = done("check", log, cwd=rig, COLUMNS="80").stdout.splitlines()
+        verdict = "can answer" if log == "log.csv" else "cannot answer"
+        assert lines[0].startswith(f"{log}: {verdict}")
+        assert max(map(len, lines)) <= 80
+    assert "-> signals.u_sign = -1" in done("check", "turned.csv", cwd=rig, COLUMNS="80").stdout
+
+
+def test_strict_is_exit_3_with_an_error_only(rig):
+    assert dsd("check", "log.csv", "--strict", cwd=rig).returncode == 0
+    assert dsd("check", "turned.csv", cwd=rig).returncode == 0
+    strict = dsd("check", "turned.csv", "--strict", cwd=rig)
+    assert strict.returncode == 3
+    assert strict.stdout.startswith("turned.csv: cannot answer")
+    assert strict.stderr == "dsd: error: turned.csv: u has the other sign than the motion it causes\n"
+
+
+def test_signals_alone_are_enough(rig):
+    found = checked("log.csv", "-c", "signals.toml", cwd=rig)
+    assert [one["name"] for one in found["parameters"]] == ["inertia", "delay"]
+    assert found["parameters"][0]["value"] == pytest.approx(servo().truth.inertia, rel=0.05)
+    assert checked("turned.csv", "-c", "signals.toml", cwd=rig)["can_answer"] is False
+
+
+def test_several_logs_are_judged_each_by_itself(rig):
+    found = checked("log.csv", "turned.csv", cwd=rig)
+    assert found["log"] == ["log.csv", "turned.csv"]
+    assert [one["can_answer"] for one in found["by_log"]] == [True, False]
+    assert {one["log"] for one in found["findings"] if one["severity"] == "error"} == {"turned.csv"}
+    assert {one["identified"] for one in found["parameters"]} == {"identified"}  # by the one that can
+    out = done("check", "log.csv", "turned.csv", cwd=rig).stdout
+    assert out.index("log.csv: can answer") < out.index("turned.csv: cannot answer")
+    refused(dsd("check", "log.csv", "log.csv", cwd=rig), 2, "given twice")
+
+
+def test_an_axis_at_rest_is_a_finding_and_no_failure(rig):
+    assert "does not move" in done("check", "still.csv", cwd=rig).stdout
+
+
+def test_stdin_gaps_and_missing_columns(rig):
+    c = {name: np.delete(x, np.s_[2000:2500]) for name, x in servo().channels.items()}
+    found = json.loads(done("check", "-", "--format", "json", cwd=rig, stdin=csv_text(c)).stdout)
+    assert any("1 gap" in one["what"] for one in found["findings"])
+    c.pop("velocity")
+    write(rig, "gap.csv", c)
+    said = done("check", "gap.csv", "-c", "signals.toml", cwd=rig)
+    assert 'no column "velocity" (signals.velocity)' in said.stderr
+    assert done("check", "gap.csv", "-c", "signals.toml", "-q", cwd=rig).stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("content", "code", "text"),
+    [
+        ({"t": np.arange(200) * 0.001, "x": np.ones(200)}, 1, 'no column "u"'),
+        ({"t": np.arange(200) * 0.001, "u": np.full(200, 1e200)}, 1, "goes beyond"),
+    ],
+)
+def test_what_cannot_be_read_is_one_line(rig, content, code, text):
+    write(rig, "bad.csv", content)
+    refused(dsd("check", "bad.csv", cwd=rig), code, text)

@@ -1,0 +1,13 @@
+"""Property tests draw the same examples in every run, so that red means a change; profile `random` draws new ones.
+
+`python -m bench random` does so for many seeds, and prints the one that repeats a failure. How fast the machine is, is
+no property of the code: no deadlines.
+"""
+
+from hypothesis import HealthCheck, settings
+
+settings.register_profile(
+    "repeatable", derandomize=True, database=None, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.register_profile("random", settings.get_profile("repeatable"), derandomize=False)
+settings.load_profile("repeatable")

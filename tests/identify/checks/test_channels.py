@@ -1,0 +1,97 @@
+"""Velocity against position: units, signs, lateness; wraps; counts; degrees."""
+
+import numpy as np
+import pytest
+
+from dsd_cli.identify.checks import check_log
+from tests.identify.checks.rig import log_of, only_error, recordings, said, servo
+
+DEGREE, TURN = np.pi / 180.0, 2.0 * np.pi
+#: (what the file's unit is of one SI unit for velocity and for position, remedies).
+UNITS = {
+    "deg/s": ((1.0 / DEGREE, 1.0), ["signals.velocity_scale = 0.0174533"]),
+    "rpm": ((60.0 / TURN, 1.0), ["signals.velocity_scale = 0.10472"]),
+    "turns/s": ((1.0 / TURN, 1.0), ["signals.velocity_scale = 6.28319"]),
+    "degrees": ((1.0, 1.0 / DEGREE), ["signals.position_scale = 0.0174533"]),
+    "turns": ((1.0, 1.0 / TURN), ["signals.position_scale = 6.28319"]),
+    "mm": ((1.0, 1000.0), ["signals.position_scale = 0.001"]),
+    "mm/s": ((1000.0, 1.0), ["signals.velocity_scale = 0.001"]),
+    "rpm and degrees": (
+        (60.0 / TURN, 1.0 / DEGREE),
+        ["signals.velocity_scale = 0.10472", "signals.position_scale = 0.0174533"],
+    ),
+}
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_the_unit_is_named(unit):
+    (v, q), remedies = UNITS[unit]
+    c = servo("velocity").channels
+    result = check_log(log_of(servo("velocity"), velocity=v * c["velocity"], position=q * c["position"]))
+    assert [one.remedy for one in result.errors] == remedies
+
+
+def test_factors_that_are_in_already_are_part_of_the_remedy():
+    c = servo("velocity").channels
+    turned = log_of(servo("velocity"), velocity=-c["velocity"])
+    assert only_error(check_log(turned, factors={"velocity": 0.5})).remedy == "signals.velocity_scale = -0.5"
+
+
+def test_a_factor_that_is_no_unit_is_said_as_it_is():
+    c = servo("velocity").channels
+    result = check_log(log_of(servo("velocity"), velocity=1.25 * c["velocity"]))
+    (one,) = said(result, "times the slope")
+    assert (one.severity, one.remedy.split(" and ")[0]) == ("warning", "signals.velocity_scale = 0.8")
+
+
+def test_right_channels_are_left_alone():
+    for recording in recordings("motion"):
+        assert [one.what for one in check_log(log_of(recording, d_hat=None)).findings if one.severity != "note"] == []
+
+
+@pytest.mark.parametrize("tau", [0.004, 0.02])
+def test_a_filtered_velocity_is_late_by_its_time_constant(tau):
+    c = servo("velocity").channels
+    p, late, state = np.exp(-0.001 / tau), np.empty_like(c["velocity"]), 0.0
+    for k, v in enumerate(c["velocity"]):
+        state = p * state + (1.0 - p) * v
+        late[k] = state
+    (one,) = said(check_log(log_of(servo("velocity"), velocity=late)), "later than the slope")
+    assert one.severity == "warning"
+    assert one.remedy.startswith('signals.velocity = ""')
+    assert float(one.what.split()[2]) == pytest.approx(1e3 * tau, rel=0.15)  # ms
+
+
+def test_a_backward_difference_is_not_late():
+    position = servo("velocity").channels["position"]
+    velocity = np.diff(position, prepend=position[:1]) / 0.001
+    assert said(check_log(log_of(servo("velocity"), velocity=velocity)), "later") == []
+
+
+@pytest.mark.parametrize("turn", [2.0 * np.pi, 360.0, 4096.0])
+def test_wraps_are_found_and_undone_for_the_other_checks(turn):
+    c = servo("position").channels
+    q = c["position"] / (2.0 * np.pi) * turn * 3.0
+    result = check_log(log_of(servo("position"), position=np.mod(q, turn)))
+    error = only_error(result)
+    assert error.what.startswith(f"position wraps: it jumps by {turn:.6g}")
+    assert result.band_hz == pytest.approx(check_log(log_of(servo("position"), position=q)).band_hz, rel=0.2)
+
+
+def test_counts_and_degrees_are_seen_without_a_velocity():
+    q = servo("position").channels["position"] / (2.0 * np.pi)
+    counts = check_log(log_of(servo("position"), position=np.rint(q * 65536.0)))
+    (one,) = said(counts, "whole numbers")
+    assert one.remedy == "signals.position_scale = 6.28319 / counts per turn"
+    degrees = check_log(log_of(servo("position"), position=np.rint(q * 65536.0) * (360.0 / 65536.0)))
+    assert [one.remedy for one in said(degrees, "in degrees")] == ["signals.position_scale = 0.0174533"]
+    radians = check_log(log_of(servo("position"), position=np.rint(q * 65536.0) * (2.0 * np.pi / 65536.0)))
+    assert said(radians, "in degrees") == []
+    assert "65536 per turn" in said(radians, "steps of")[0].what
+
+
+def test_a_velocity_that_is_another_signal_is_said():
+    rng = np.random.default_rng(0)
+    other = np.convolve(rng.normal(size=len(servo("velocity").channels["u"])), np.ones(50) / 50.0, "same")
+    result = check_log(log_of(servo("velocity"), velocity=other))
+    assert said(result, "not the slope of position")[0].severity == "error"

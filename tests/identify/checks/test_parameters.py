@@ -1,0 +1,101 @@
+"""Which values a log tells: the true machine's values within their errors, and what no such log can tell."""
+
+import math
+
+import numpy as np
+import pytest
+
+from dsd_cli.effects import get_effect
+from dsd_cli.identify.checks import check_log
+from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.log import Log
+from tests.identify.checks.rig import log_of, model_of, observer_of, recordings, servo
+from tests.oracle import machines
+from tests.oracle.machine_cases import cases
+
+
+def by_name(result):
+    return {one.name: one for one in result.parameters}
+
+
+def true_value(recording, name):
+    if name in ("inertia", "delay"):
+        return getattr(recording.truth, name)
+    effect, _, parameter = name.partition(".")
+    return dict((*recording.truth.base, *recording.truth.hidden))[effect][parameter]
+
+
+LAWS = ("coulomb_friction", "gravity", "cogging", "dead_zone", "actuator_lag")
+
+
+def test_what_is_identified_is_near_the_truth_from_a_model_that_is_a_little_off():
+    machine = [case for what in LAWS for case in cases(what, range(60, 63), "plain", "position", duration=6.0)]
+    identified = 0
+    for recording in machines.run(machine):
+        true = model_of(recording)
+        off = PlantModel(1.1 * true.inertia, 1.1 * true.delay, {n: _off(n, v) for n, v in true.effects.items()})
+        found = by_name(check_log(log_of(recording), off))
+        assert {one.identified for one in found.values()} <= {"identified", "weak"}
+        for name, one in found.items():
+            if one.identified == "identified" and name != "delay":
+                identified += 1
+                assert one.value == pytest.approx(true_value(recording, name), rel=0.15), name
+    assert identified > 30
+
+
+def _off(effect, values):
+    """Factors a fifth too large; shapes, which the forces are not linear in, a thousandth."""
+    known = {p.name: p for p in get_effect(effect).parameters}
+    return {
+        name: value * (1.2 if known[name].linear and known[name].unit != "rad" else 1.001)
+        for name, value in values.items()
+    }
+
+
+def test_inertia_and_delay_alone_without_a_model():
+    """All but an axis with a second mass, whose motor alone is seen above its resonance."""
+    for recording in recordings("motion")[::5]:
+        if recording.truth.hidden and recording.truth.hidden[0][0] == "flexible_coupling":
+            continue
+        found = by_name(check_log(log_of(recording)))
+        assert list(found) == ["inertia", "delay"]
+        if found["inertia"].identified == "identified":
+            assert found["inertia"].value == pytest.approx(recording.truth.inertia, rel=0.1)
+
+
+def test_what_a_log_without_reversals_cannot_tell_is_tied():
+    """One direction only: Coulomb friction and a constant load are one force."""
+    T, t = 0.001, np.arange(6000) * 0.001
+    velocity = 2.0 + np.sin(2.0 * np.pi * 1.3 * t) + 0.5 * np.sin(2.0 * np.pi * 3.1 * t)
+    u = 0.1 * np.gradient(velocity, T) + 0.5 + 1e-3 * np.random.default_rng(0).normal(size=t.size)
+    model = PlantModel(0.1, 0.0, {"coulomb_friction": {"level": 0.3}, "constant_load": {"force": -0.2}})
+    found = by_name(check_log(Log({"t": t, "u": u, "velocity": velocity}, T), model))
+    assert found["inertia"].identified == "identified"
+    assert found["coulomb_friction.level"].tied_to == ("constant_load.force",)
+    assert found["constant_load.force"].identified == "not"
+
+
+def test_gravity_of_an_axis_that_hardly_turns_is_not_told():
+    recording = servo("velocity")
+    true = model_of(recording)
+    model = PlantModel(true.inertia, true.delay, {**true.effects, "gravity": {"amplitude": 0.0, "phase": 0.0}})
+    found = by_name(check_log(log_of(recording), model))
+    assert found["gravity.phase"].identified == "not"  # of an amplitude of 0
+    assert math.isnan(found["gravity.phase"].value)
+    assert found["coulomb_friction.level"].identified == "identified"
+    warned = [one for one in check_log(log_of(recording), model).findings if "does not tell" in one.what]
+    assert [one.severity for one in warned] == ["warning"]
+
+
+def test_d_hat_alone_tells_inertia_and_delay_and_effects_weakly_at_best():
+    recording = servo("d_hat")
+    found = by_name(check_log(log_of(recording), model_of(recording), observer_of(recording)))
+    assert found["inertia"].identified == "identified"
+    assert found["inertia"].value == pytest.approx(recording.truth.inertia, rel=0.05)
+    assert {one.identified for name, one in found.items() if "." in name} <= {"weak", "not"}
+
+
+def test_nothing_is_identified_on_a_log_that_cannot_answer():
+    c = servo("velocity").channels
+    result = check_log(log_of(servo("velocity"), u=-c["u"]), model_of(servo("velocity")))
+    assert {one.identified for one in result.parameters} == {"not"}

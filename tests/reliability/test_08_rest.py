@@ -1,0 +1,104 @@
+"""The small ones: extreme values, names that are no text, terminals without signs, memory."""
+
+import os
+import subprocess
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dsd_cli.detect import DetectorSettings, Engine, Grid
+from dsd_cli.detect.engine import Measurement
+from dsd_cli.detect.transition import Transition
+from dsd_cli.errors import UsageError
+from tests.cli.rig import CONFIG, DSD, csv_text, dsd, make_log, refused, write
+
+MODEL = "\n[model]\ninertia = 1.0\ndelay = 0.005\n"
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    (tmp_path / "dsd.toml").write_text(CONFIG + MODEL)
+    write(tmp_path, "log.csv", make_log(300))
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        ("states.delays=[0.0, 1e30]", "at most 10000"),
+        ("states.delays=[0.01, 9999.0]", "no sample could be judged"),
+        ("observer.time_constant=1e30", "at most 10000"),
+        ("signals.sample_time=1e-320", "at least 1e-09"),
+        ("model.delay=1e30", "at most 10000"),
+        ("signals.u=" + "[" * 900 + "]" * 900, "nested too deeply"),
+    ],
+)
+def test_extreme_values_are_one_line(rig, value, text):
+    result = dsd("detect", "log.csv", "--set", value, cwd=rig)
+    refused(result, 1 if "judged" in text else 2, text)
+    assert len(result.stderr) < 1500
+
+
+def test_a_nested_config(rig):
+    (rig / "deep.toml").write_text("x = " + "[" * 900 + "]" * 900 + "\n" + CONFIG)
+    refused(dsd("detect", "log.csv", "-c", "deep.toml", cwd=rig), 2, "deep.toml: nested too deeply")
+
+
+def test_more_history_than_memory_is_refused():
+    with pytest.raises(UsageError, match="samples"):
+        Engine(Grid((0.0, 1e4), (1.0,)), DetectorSettings(window=2), Measurement(1e-9))
+
+
+def test_a_simulation_that_diverges_is_refused(rig):
+    gains = [f"simulate.controller.{key}" for key in ("kp=1e6", "kd=1e6", "limit=1e308")]
+    values = [text for gain in gains for text in ("--set", gain)]
+    result = dsd("simulate", "--template", "servo", *values, "--duration", "2", "-o", "x.csv", cwd=rig)
+    refused(result, 1, "no longer finite at t = ", "lower the gains")
+    assert not (rig / "x.csv").exists()
+
+
+def test_names_that_are_no_text(rig):
+    name, out = os.fsencode(rig) + b"/l\xff.csv", b"o\xff"
+    os.rename(rig / "log.csv", name)
+    for suffix in (b".csv", b".parquet"):
+        result = subprocess.run([*DSD, "detect", name, "-o", out + suffix], cwd=rig, capture_output=True, timeout=60)
+        assert result.returncode == 0, result.stderr
+        assert b"l\\udcff.csv" in result.stdout
+    bad = subprocess.run([*DSD, "detect", name, "-o", b"none\xff/x.csv"], cwd=rig, capture_output=True, timeout=60)
+    assert (bad.returncode, bad.stdout) == (1, b"")
+    assert sorted(os.listdir(os.fsencode(rig))) == [b"dsd.toml", b"l\xff.csv", b"o\xff.csv", b"o\xff.parquet"]
+
+
+def test_a_terminal_without_the_signs(rig):
+    result = dsd("effects", "gravity", cwd=rig, PYTHONIOENCODING="ascii")
+    assert result.returncode == 0, result.stderr
+    assert dsd("improve", "--help", cwd=rig, PYTHONIOENCODING="ascii").returncode == 0
+
+
+def test_many_states_with_a_uniform_transition_take_no_matrix():
+    tracemalloc.start()
+    log_a = Transition().log_matrix(20_000)
+    grid = Grid(tuple(np.arange(200) * 1e-3), tuple(1.0 + np.arange(100) * 0.01))
+    Engine(grid, DetectorSettings(window=2), Measurement(1e-3))
+    assert tracemalloc.get_traced_memory()[1] < 100e6
+    tracemalloc.stop()
+    assert log_a.shape == (20_000, 20_000)
+    assert log_a[3, 7] == log_a[0, 0] == np.log(1.0 / 20_000)
+
+
+def test_stdin_is_called_so(rig):
+    (rig / "at_rest.toml").write_text(CONFIG + MODEL + '[signals]\nd_hat = ""\n')
+    columns = {**make_log(300), "velocity": np.zeros(300)}
+    result = dsd("compare", "-", "-c", "at_rest.toml", cwd=rig, stdin=csv_text(columns))
+    refused(result, 1, "<stdin>: the axis does not move")
+
+
+def test_the_message_about_a_closed_loop_is_whole(rig):
+    columns = make_log(300)
+    columns["velocity"] = np.cumsum(columns["u"]) * 1e-3
+    write(rig, "v.csv", columns)
+    result = dsd("compare", "v.csv", "--horizon", "simulation", cwd=rig)
+    assert result.returncode == 0, result.stderr
+    assert "no closed loop: the config has no [simulate" in result.stdout
