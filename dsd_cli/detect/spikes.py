@@ -69,7 +69,7 @@ class Spikes:
             if size < FACTOR * level:
                 continue
             self.largest = max(self.largest, size)
-            reach = self._memory + self._decay * max(math.log(size / self._rho), 0.0)
+            reach = self._memory + self._decay * max(math.log(size) - math.log(self._rho), 0.0)
             self._active.append((row, size, row + math.ceil(reach)))
         self._cover(sizes, start, start + u.size, self._level.value)
         self._active = [one for one in self._active if one[2] > start + u.size]

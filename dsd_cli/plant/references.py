@@ -36,7 +36,7 @@ class Step:
     amplitude: float = 1.0
 
     def sample(self, samples: int, sample_time: float) -> Trajectory:
-        at = math.ceil(self.time / sample_time - _THERE)
+        at = math.ceil(min(self.time / sample_time, samples) - _THERE)
         position, rate = np.zeros(samples), np.zeros(samples)
         position[at:] = self.amplitude
         rate[at : at + 1] = self.amplitude / sample_time

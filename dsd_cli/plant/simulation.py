@@ -191,7 +191,7 @@ def _models(settings: SimulationSettings, samples: int) -> dict[int, PlantModel]
     model, models = settings.model, {}
     for event in sorted(settings.events, key=lambda e: e.time):
         model = model.changed(event.delay, event.inertia, event.effects)
-        models[math.ceil(event.time / settings.sample_time - _THERE)] = model
+        models[math.ceil(min(event.time / settings.sample_time, samples) - _THERE)] = model
     return {k: model for k, model in models.items() if k < samples}
 
 

@@ -45,7 +45,7 @@ class Level:
     def follow(self, x: Array, times: float) -> list[Standout]:
         """The rows of a chunk of shape (n,) that are at least `times` the level or raise it, in order.
 
-        Rows are numbered from the first of all chunks; NaN is none of them. `times` is 2 or more.
+        Rows are numbered from the first of all chunks; those that are not finite are none. `times` is 2 or more.
         """
         start, self.rows = self.rows, self.rows + x.size
         if x.size == 0 or max(-float(x.min()), float(x.max())) < 2.0 * self.value:  # not so where there is a NaN
@@ -56,7 +56,7 @@ class Level:
             stop = min(begin + block, x.size)
             sizes = np.abs(x[begin:stop])
             # 5e-324 is the smallest number above 0, which is no level
-            high = np.flatnonzero(sizes >= max(2.0 * level, 5e-324))
+            high = np.flatnonzero((sizes >= max(2.0 * level, 5e-324)) & (sizes < math.inf))
             rows, sizes = start + begin + high, sizes[high]
             end, after = self._until_change(rows, sizes, start + stop)
             far = (sizes >= times * level) & (rows < end)
@@ -80,7 +80,7 @@ class Level:
         last = int(close[0]) + TIMES
         near = rows[:last] > rows[last - 1] - WITHIN
         rows, sizes = rows[:last][near], sizes[:last][near]
-        reached = min(float(np.sort(sizes)[-TIMES]), np.finfo(float).max)
+        reached = float(np.sort(sizes)[-TIMES])
         self.value = math.ldexp(1.0, math.frexp(reached)[1] - 1)
         keep = sizes >= 2.0 * self.value
         self._high = rows[keep], sizes[keep]

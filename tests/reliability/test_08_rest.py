@@ -102,3 +102,21 @@ def test_the_message_about_a_closed_loop_is_whole(rig):
     result = dsd("compare", "v.csv", "--horizon", "simulation", cwd=rig)
     assert result.returncode == 0, result.stderr
     assert "no closed loop: the config has no [simulate" in result.stdout
+
+
+@pytest.mark.parametrize("value", ["inf", "1e400", "-1e308"])
+def test_a_column_of_one_extreme_value_is_one_line(rig, value):
+    columns = make_log(300)
+    lines = csv_text(columns).splitlines()
+    rows = [",".join([line.split(",")[0], value, line.split(",")[2]]) for line in lines[1:]]
+    (rig / "flat.csv").write_text("\n".join([lines[0], *rows]) + "\n")
+    result = dsd("detect", "flat.csv", "--format", "json", cwd=rig)
+    assert result.returncode in (0, 1)
+    assert "unexpected" not in result.stderr
+
+
+@pytest.mark.parametrize("key", ["simulate.reference.time", "simulate.events.0.time"])
+def test_what_happens_after_the_end_does_not_happen(rig, key):
+    name = "paper-step" if "reference" in key else "paper-delay-change"
+    done = dsd("simulate", "--template", name, "--set", f"{key}=1.7e308", "--duration", "1", "-o", "x.csv", cwd=rig)
+    assert done.returncode == 0, done.stderr

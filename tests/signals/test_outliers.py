@@ -20,10 +20,9 @@ def naive_levels(x: list[float]) -> list[float]:
     """The definition: the largest power of two that 8 of some 64 successive rows have reached."""
     level, out = 0.0, []
     for row in range(len(x)):
-        sizes = sorted(abs(v) for v in x[max(0, row - 63) : row + 1] if v == v and v != 0.0)
+        sizes = sorted(abs(v) for v in x[max(0, row - 63) : row + 1] if math.isfinite(v) and v != 0.0)
         if len(sizes) >= 8:
-            reached = min(sizes[-8], 1.7e308)
-            level = max(level, 2.0 ** math.floor(math.log2(reached)))
+            level = max(level, 2.0 ** math.floor(math.log2(sizes[-8])))
         out.append(level)
     return out
 
@@ -33,7 +32,9 @@ def in_chunks(x: np.ndarray, cuts: list[int]) -> list[np.ndarray]:
     return [x[a:b] for a, b in itertools.pairwise(edges)]
 
 
-values = st.one_of(st.floats(-4, 4, width=32), st.sampled_from([0.0, math.nan, 1e3, -1e9, 1e308, 50.0]))
+values = st.one_of(
+    st.floats(-4, 4, width=32), st.sampled_from([0.0, math.nan, math.inf, -math.inf, 1e3, -1e9, 1e308, 50.0])
+)
 
 
 @given(st.lists(values, max_size=300), st.lists(st.integers(0, 400), max_size=5), st.integers(0, 10**6))
@@ -44,7 +45,7 @@ def test_the_level_is_that_of_the_definition_for_every_chunking(seldom, cuts, se
     for chunk in in_chunks(x, cuts):
         seen += level.follow(chunk, 4.0)
         assert level.value == (expected[level.rows - 1] if level.rows else 0.0)
-    stands_out = [i for i, v in enumerate(x) if abs(v) >= 4.0 * expected[i] and v != 0.0]
+    stands_out = [i for i, v in enumerate(x) if 4.0 * expected[i] <= abs(v) < math.inf and v != 0.0]
     assert [row for row, size, at in seen if size >= 4.0 * at] == stands_out
 
 
@@ -85,3 +86,11 @@ def test_nothing_of_a_sample_log_is_an_outlier(path):
     for name in table.column_names:
         column = np.asarray(table[name].to_numpy(), dtype=float)
         assert Outliers(Limits(factor=1e5)).beyond(name, column) is None
+
+
+@pytest.mark.parametrize("value", [1e308, math.inf, math.nan, 5e-324, 1.7976931348623157e308])
+def test_a_column_of_one_extreme_value_comes_to_an_end(value):
+    level = Level()
+    for _ in range(3):
+        level.follow(np.full(100, value), 4.0)
+    assert level.value == (2.0 ** (math.frexp(value)[1] - 1) if math.isfinite(value) else 0.0)
