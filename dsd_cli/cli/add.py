@@ -9,13 +9,19 @@ import typer
 from dsd_cli.cli.identification import HoldoutOption
 from dsd_cli.cli.options import (
     CONFIG_FILE,
+    BoundsOption,
     ConfigOption,
     EffectsFromOption,
+    FixOption,
     Format,
     FormatOption,
+    FromOption,
     LogArgument,
+    PriorOption,
     QuietOption,
     SetOption,
+    ToOption,
+    with_window,
 )
 
 OutputNeeded = Annotated[
@@ -30,6 +36,11 @@ def add(
     config: ConfigOption = CONFIG_FILE,
     holdout: HoldoutOption = None,
     form: FormatOption = Format.TABLE,
+    fix: FixOption = None,
+    bounds: BoundsOption = None,
+    prior: PriorOption = None,
+    start: FromOption = None,
+    end: ToOption = None,
     override: SetOption = None,
     effects_from: EffectsFromOption = None,
     quiet: QuietOption = False,
@@ -52,7 +63,7 @@ def add(
     check_logs([log], apart)
     use_effects(effects_from)
     origin = read_origin(config)
-    settings = load_config(config, override or ())
+    settings = load_config(config, with_window(override, start, end)).knowing(fix or (), bounds or (), prior or ())
     check_outputs(output, form, [log, *apart, *settings.files, *(effects_from or ())])
     given = load_given(settings, [log], apart)
 

@@ -10,13 +10,19 @@ import typer
 
 from dsd_cli.cli.options import (
     CONFIG_FILE,
+    BoundsOption,
     ConfigOption,
     EffectOption,
     EffectsFromOption,
+    FixOption,
     Format,
     FormatOption,
+    FromOption,
+    PriorOption,
     QuietOption,
     SetOption,
+    ToOption,
+    with_window,
 )
 
 if TYPE_CHECKING:
@@ -57,6 +63,11 @@ def compare(
     plot: PlotOption = None,
     max_rmse: MaxRmseOption = None,
     form: FormatOption = Format.TABLE,
+    fix: FixOption = None,
+    bounds: BoundsOption = None,
+    prior: PriorOption = None,
+    start: FromOption = None,
+    end: ToOption = None,
     override: SetOption = None,
     effect: EffectOption = None,
     effects_from: EffectsFromOption = None,
@@ -79,7 +90,9 @@ def compare(
 
     _check_options(log, holdout, horizon, plot, max_rmse)
     use_effects(effects_from)
-    settings = load_config(config, override or (), effect or ())
+    settings = load_config(config, with_window(override, start, end), effect or ()).knowing(
+        fix or (), bounds or (), prior or ()
+    )
     check_plot(plot, [config, *log, *([] if holdout is None else [holdout]), *settings.files, *(effects_from or ())])
     believed_model(settings)  # without an inertia nothing needs to be read
     loaded = [load_recording(path, settings) for path in log]

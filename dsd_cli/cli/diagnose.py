@@ -5,12 +5,18 @@ from __future__ import annotations
 from dsd_cli.cli.identification import HoldoutOption, LogsArgument, PlotOption
 from dsd_cli.cli.options import (
     CONFIG_FILE,
+    BoundsOption,
     ConfigOption,
     EffectsFromOption,
+    FixOption,
     Format,
     FormatOption,
+    FromOption,
+    PriorOption,
     QuietOption,
     SetOption,
+    ToOption,
+    with_window,
 )
 
 
@@ -20,6 +26,11 @@ def diagnose(
     holdout: HoldoutOption = None,
     plot: PlotOption = None,
     form: FormatOption = Format.TABLE,
+    fix: FixOption = None,
+    bounds: BoundsOption = None,
+    prior: PriorOption = None,
+    start: FromOption = None,
+    end: ToOption = None,
     override: SetOption = None,
     effects_from: EffectsFromOption = None,
     quiet: QuietOption = False,
@@ -40,7 +51,7 @@ def diagnose(
     apart = holdout or []
     check_logs(log, apart)
     use_effects(effects_from)
-    settings = load_config(config, override or ())
+    settings = load_config(config, with_window(override, start, end)).knowing(fix or (), bounds or (), prior or ())
     check_plot(plot, [config, *log, *apart, *settings.files, *(effects_from or ())])
     given = load_given(settings, log, apart)
 

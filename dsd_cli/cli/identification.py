@@ -15,6 +15,7 @@ from dsd_cli.errors import printable
 
 if TYPE_CHECKING:
     from dsd_cli.files.config import Config
+    from dsd_cli.identify.fit.known import Known
     from dsd_cli.identify.recordings.recording import Recording
     from dsd_cli.identify.verdict.diagnose import Settings
     from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -36,6 +37,7 @@ class Given:
     holdout: tuple[Recording, ...]
     model: PlantModel
     observer: ObserverSettings
+    known: Known
     dropped: dict[str, int]
     warnings: tuple[str, ...]
 
@@ -44,7 +46,7 @@ class Given:
         """How the engine shall work."""
         from dsd_cli.identify.verdict.diagnose import Settings
 
-        return Settings()
+        return Settings(known=self.known)
 
 
 def check_logs(logs: Sequence[str], holdout: Sequence[str]) -> None:
@@ -92,9 +94,10 @@ def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str]) -> G
     DataError, UsageError : see `load_recording`; or [model] has no inertia.
     """
     from dsd_cli.cli.plan import observer_settings
-    from dsd_cli.cli.recordings import believed_model, load_recording
+    from dsd_cli.cli.recordings import believed_model, known_values, load_recording
 
     observer, model = observer_settings(config), believed_model(config)
+    known = known_values(config)
     loaded = {path: load_recording(path, config) for path in (*logs, *holdout)}
     dropped: dict[str, int] = {}
     for one in loaded.values():
@@ -106,6 +109,7 @@ def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str]) -> G
         tuple(loaded[path].recording for path in holdout),
         model,
         observer,
+        known,
         dropped,
         tuple(
             f"{'<stdin>' if path == '-' else path}: {warning}"

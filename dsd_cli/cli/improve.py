@@ -11,12 +11,18 @@ import typer
 from dsd_cli.cli.identification import HoldoutOption, PlotOption
 from dsd_cli.cli.options import (
     CONFIG_FILE,
+    BoundsOption,
     ConfigOption,
     EffectsFromOption,
+    FixOption,
     Format,
     FormatOption,
+    FromOption,
+    PriorOption,
     QuietOption,
     SetOption,
+    ToOption,
+    with_window,
 )
 
 if TYPE_CHECKING:
@@ -44,6 +50,11 @@ def improve(
     undo: Annotated[
         bool, typer.Option("--undo", help="Take the last step back, in the config or into the file of -o.")
     ] = False,
+    fix: FixOption = None,
+    bounds: BoundsOption = None,
+    prior: PriorOption = None,
+    start: FromOption = None,
+    end: ToOption = None,
     override: SetOption = None,
     effects_from: EffectsFromOption = None,
     quiet: QuietOption = False,
@@ -65,7 +76,7 @@ def improve(
         wanted.check_logs()
     use_effects(effects_from)
     origin = read_origin(config)
-    settings = load_config(config, override or ())
+    settings = load_config(config, with_window(override, start, end)).knowing(fix or (), bounds or (), prior or ())
     read = (*wanted.inputs, *settings.files, *(effects_from or ()))
     check_outputs(output, form, read)
     if history:

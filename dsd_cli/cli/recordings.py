@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from dsd_cli.files.config import Config
     from dsd_cli.files.logs import LoadedLog
+    from dsd_cli.identify.fit.known import Known
     from dsd_cli.identify.recordings.recording import Recording
     from dsd_cli.plant.model import PlantModel
 
@@ -63,15 +64,29 @@ def _wrong(loaded: LoadedLog, config: Config) -> list[str]:
 
 
 def believed_model(config: Config) -> PlantModel:
-    """[model], whose inertia must be given.
+    """[model] with what [fit] fixes in it; its inertia must be given, in one of them.
 
     Raises
     ------
     UsageError : it is not.
     """
+    return known_values(config).applied(_written_model(config))
+
+
+def _written_model(config: Config) -> PlantModel:
     from dsd_cli.cli.plan import plant_model
 
-    return plant_model(config, config.require_inertia())
+    return plant_model(config, config.fit.fix.get("inertia") or config.require_inertia())
+
+
+def known_values(config: Config) -> Known:
+    """[fit]: what a fit is told of values.
+
+    Raises
+    ------
+    UsageError : see `Fit.known`.
+    """
+    return config.fit.known(_written_model(config), config.name)
 
 
 #: Squares of larger values overflow.

@@ -18,17 +18,27 @@ INERTIA, DELAY = "inertia", "delay"
 class Estimate:
     """A fitted value; `unit` with {u}, {v}, {q} as in `Parameter`; std_error NaN where it cannot be given.
 
-    `at_bound` : the value stands on its bound, so neither it nor its error is to be believed.
+    Attributes
+    ----------
+    at_bound : the value stands on its bound, so neither it nor its error is to be believed.
+    held : the user fixed it; its standard error is 0.
+    pull : standard deviations by which the log alone is off the prior; NaN without one.
+    told : "identified", "weak" or "not" by the relative error, "held"; "" where nobody asked.
     """
 
     value: float
     std_error: float
     unit: str
     at_bound: bool = False
+    held: bool = False
+    pull: float = math.nan
+    told: str = ""
 
 
 #: "inertia", "delay" or "<effect>.<parameter>" -> estimate.
 Estimates = Mapping[str, Estimate]
+#: (value, value, correlation) of pairs that a log hardly tells apart, the strongest first.
+Correlations = tuple[tuple[str, str, float], ...]
 
 
 @dataclass(frozen=True)
@@ -98,6 +108,7 @@ class Diagnosis:
     depends_on : channels on which an unknown remainder depends.
     noise : rms of r that no smooth function of anything explains, unit of u.
     found : the whole set of effects that the search found; the verdict is the one of them that is worth most alone.
+    correlations : of the estimates.
     band_hz, floor : end of the band in which forces were balanced, Hz; rms of r that the sensor alone leaves in it.
     """
 
@@ -120,6 +131,7 @@ class Diagnosis:
     provenance: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     depends_on: tuple[str, ...] = ()
+    correlations: Correlations = ()
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ def estimate_text(estimate: Estimate, unit: bool = True) -> str:
             text = f"{estimate.value:.{max(places, 0)}f} +- {error:.{max(places, 0)}f}"
     if unit and estimate.unit not in ("", "1"):
         text += f" {in_words(estimate.unit)}"
-    return f"{text} (at its bound)" if estimate.at_bound else text
+    return f"{text} (held)" if estimate.held else f"{text} (at its bound)" if estimate.at_bound else text
 
 
 def values_text(estimates: Estimates, separator: str = ", ") -> str:
@@ -60,6 +60,9 @@ def estimates_json(estimates: Estimates) -> dict[str, Any]:
             "std_error": number_or_none(e.std_error),
             "unit": in_words(e.unit),
             "at_bound": e.at_bound,
+            **({"held": True} if e.held else {}),
+            **({"identified": e.told} if e.told else {}),
+            **({"prior_sigma": number_or_none(e.pull)} if math.isfinite(e.pull) else {}),
         }
         for name, e in estimates.items()
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, Literal
 
@@ -36,6 +37,15 @@ def _read_column(value: Any, at: Place) -> str | None:
     if not isinstance(value, str):
         raise at.wrong(value, 'a column name in quotes, "" for none')
     return value or None
+
+
+def _edge() -> Rule:
+    finite = number()
+
+    def read(value: Any, at: Place) -> float:
+        return value if isinstance(value, float) and math.isinf(value) else float(finite.read(value, at))
+
+    return Rule("a number, or inf", read)
 
 
 def _range(channel: str) -> Any:
@@ -87,6 +97,8 @@ class Signals(Section):
         "how u lives between samples: held by a drive until the next one, or sampled from a continuous signal",
         default="held",
     )
+    start: float = key(_edge(), "rows before this time are not read (--from)", "s", default=-math.inf)
+    end: float = key(_edge(), "rows after this time are not read (--to)", "s", default=math.inf)
     u_range: tuple[float, float] | None = _range("u")
     d_hat_range: tuple[float, float] | None = _range("d_hat")
     velocity_range: tuple[float, float] | None = _range("velocity")
@@ -110,6 +122,8 @@ class Signals(Section):
             )
         if self.time is None and self.sample_time is None:
             raise at.missing("sample_time", 'time = "" says there is no time column, then sample_time (s) is needed')
+        if not self.start < self.end:
+            raise at.child("end").wrong(self.end, f"after {at.child('start').path} = {self.start:g}")
         columns = self.columns()
         for channel, column in columns.items():
             twin = next(c for c in columns if columns[c] == column)

@@ -15,6 +15,7 @@ from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling,
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.beyond import Beyond, beyond_of, pushed
+from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
 from dsd_cli.identify.verdict.own_values import Own, own_values
 from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -191,6 +192,7 @@ class _Verdict:
         ranking = self._ranking(score, refitted)
         named = next((c for c in ranking if c.effect == verdict), None)
         fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
+        known = problem.values(fit)
         return Diagnosis(
             logs=tuple(r.name for r in problem.recordings),
             samples=sum(r.samples for r in problem.recordings),
@@ -201,7 +203,8 @@ class _Verdict:
             ranking=ranking,
             ceiling=Ceiling(self.beyond.heldout_rmse, self.beyond.on),
             advice=advice_for(verdict, named, self.beyond.unknown, self.beyond.on, problem.recordings[0].provenance),
-            estimates=problem.values(fit).estimates,
+            estimates=known.estimates,
+            correlations=known.correlations,
             model=problem.scale.model(fit),
             refitted_model=problem.scale.model(self.search.refit),
             noise=self.beyond.noise,
@@ -209,6 +212,7 @@ class _Verdict:
             band_hz=self.search.equations.band.hz,
             floor=problem.floor,
             provenance=problem.recordings[0].provenance,
+            warnings=contradictions(self.search, fit, known.estimates),
             depends_on=self.beyond.on if self.beyond.unknown else (),
         )
 
