@@ -69,10 +69,12 @@ def add(
 
     from dsd_cli.identify.compare.evaluation import force_view
     from dsd_cli.identify.improve import add_effect
+    from dsd_cli.identify.results import in_units
 
     added = add_effect(
         given.recordings, given.model, given.observer, effect, given.engine_settings, holdout=given.holdout
     )
+    added = in_units(added, settings.signals.units)
     view = force_view(given.recordings, given.model)
     report = AdditionReport(added, (log,), tuple(apart), output, view.log)
     text = with_steps(origin.text, added.before, [added_step(added)], [log])

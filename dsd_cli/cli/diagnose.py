@@ -55,6 +55,7 @@ def diagnose(
     check_plot(plot, [config, *log, *apart, *settings.files, *(effects_from or ())])
     given = load_given(settings, log, apart)
 
+    from dsd_cli.identify.results import in_units
     from dsd_cli.identify.verdict.diagnose import diagnose as run
 
     with ShareDone(not quiet) as progress:
@@ -65,7 +66,9 @@ def diagnose(
             given.engine_settings,
             holdout=given.holdout,
             progress=progress,
+            stability=True,
         )
+    found = in_units(found, settings.signals.units)
     report = DiagnosisReport(
         replace(found, warnings=(*given.warnings, *found.warnings)), given.model, tuple(apart), given.dropped
     )

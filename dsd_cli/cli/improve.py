@@ -43,6 +43,9 @@ def improve(
     config: ConfigOption = CONFIG_FILE,
     output: ConfigOut = None,
     holdout: HoldoutOption = None,
+    hold: Annotated[
+        bool, typer.Option("--hold", help="Fit nothing that [model] has: a known machine. Also: fit.hold.")
+    ] = False,
     auto: Annotated[bool, typer.Option("--auto", help="Do not ask: add what the diagnosis finds.")] = False,
     plot: PlotOption = None,
     form: FormatOption = Format.TABLE,
@@ -76,7 +79,8 @@ def improve(
         wanted.check_logs()
     use_effects(effects_from)
     origin = read_origin(config)
-    settings = load_config(config, with_window(override, start, end)).knowing(fix or (), bounds or (), prior or ())
+    texts = [*with_window(override, start, end), *(["fit.hold=true"] if hold else [])]
+    settings = load_config(config, texts).knowing(fix or (), bounds or (), prior or ())
     read = (*wanted.inputs, *settings.files, *(effects_from or ()))
     check_outputs(output, form, read)
     if history:
@@ -148,11 +152,12 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
 
     from dsd_cli.cli.identification import load_given, print_json, put_picture, say, warn
     from dsd_cli.cli.improve_loop import put_config, with_steps
+    from dsd_cli.identify.results import in_units
     from dsd_cli.report.ladder import LadderReport, improve_json, print_ladder
 
     output, quiet = wanted.output, wanted.quiet
     given = load_given(settings, wanted.logs, wanted.holdout)
-    ladder = _run(given, wanted.auto, quiet)
+    ladder = in_units(_run(given, wanted.auto, quiet), settings.signals.units)
     report = LadderReport(ladder, wanted.logs, output, given.dropped, given.warnings)
     text = with_steps(origin.text, ladder.steps[0].score, ladder.steps[1:], wanted.logs)
     if output is not None:

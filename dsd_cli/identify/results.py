@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal
 
 from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.units import Units
 
 #: Verdicts that are no effect.
 NONE, UNKNOWN = "none", "unknown"
 #: Candidates that are values of [model], not effects.
 INERTIA, DELAY = "inertia", "delay"
+#: What a rung of the ladder did.
+StepKind = Literal["given", "refit", "added", "taken back"]
 
 
 @dataclass(frozen=True)
@@ -61,11 +65,12 @@ class Candidate:
 
     Attributes
     ----------
-    probability : that it is part of what is missing, against whatever else could stand in its place; several effects
+    probability : that it is part of the final set, against whatever else could stand in its place; several effects
         can be missing at once, so these do not sum to 1.
     parameters : of this effect alone, by parameter name.
     indistinguishable_from : effects that explain this log as well.
     untestable : why it could not be tested on this log; then the numbers are NaN and `model` is None.
+    in_set : it is one of `Diagnosis.found`.
     note : what to know about the fit: a value on its bound, a fit that did not converge.
     model, score, all_values : of the model with the effect in it and everything fitted.
     """
@@ -79,6 +84,7 @@ class Candidate:
     indistinguishable_from: tuple[str, ...] = ()
     untestable: str = ""
     note: str = ""
+    in_set: bool = False
     model: PlantModel | None = None
     score: Score | None = None
     all_values: Estimates = field(default_factory=dict)
@@ -93,6 +99,15 @@ class Ceiling:
 
 
 @dataclass(frozen=True)
+class Variant:
+    """The verdict of the same question asked otherwise: `what` says how, `same` whether it is the same."""
+
+    what: str
+    verdict: str
+    same: bool
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The answer of `dsd diagnose`.
 
@@ -103,12 +118,13 @@ class Diagnosis:
     score : of the model as it stands; `refitted` with its own values fitted to the log.
     ranking : best first; untestable ones last.
     estimates : inertia, delay and the values of the effects that the model has, fitted with the verdict's effect in.
-    model : with the verdict's effect in it; refitted_model : without, its values fitted.
+    model : with the verdict's effect in it; refitted_model : without, its values fitted; refitted_values : these, with
+        their correlations. given : the model as given, with what is fixed in it.
     advice : what to do next, one sentence each.
     depends_on : channels on which an unknown remainder depends.
     noise : rms of r that no smooth function of anything explains, unit of u.
     found : the whole set of effects that the search found; the verdict is the one of them that is worth most alone.
-    correlations : of the estimates.
+    correlations : of the estimates. stability : the verdict with half of the data, and with half and twice the band.
     band_hz, floor : end of the band in which forces were balanced, Hz; rms of r that the sensor alone leaves in it.
     """
 
@@ -132,11 +148,19 @@ class Diagnosis:
     warnings: tuple[str, ...] = ()
     depends_on: tuple[str, ...] = ()
     correlations: Correlations = ()
+    stability: tuple[Variant, ...] = ()
+    given: PlantModel = field(default_factory=PlantModel)
+    units: Units = field(default_factory=Units)
+    refitted_values: Estimates = field(default_factory=dict)
+    refitted_correlations: Correlations = ()
 
 
 @dataclass(frozen=True)
 class Addition:
-    """The answer of `dsd add`: the model with one more effect, all values fitted again."""
+    """The answer of `dsd add`: the model with one more effect, all values fitted again.
+
+    refitted : of the model without it, its own values fitted again.
+    """
 
     effect: str
     model: PlantModel
@@ -144,25 +168,60 @@ class Addition:
     after: Score
     estimates: Estimates
     warnings: tuple[str, ...] = ()
+    refitted: Score | None = None
+    correlations: Correlations = ()
+    units: Units = field(default_factory=Units)
 
 
 @dataclass(frozen=True)
 class Step:
-    """One rung of the ladder: what was done ("as given", "refit" or an effect's id), and the errors after it."""
+    """One rung of the ladder: what was done ("as given", "refit" or an effect's id), and the errors after it.
+
+    `kind` says whether the effect was added or taken back.
+    """
 
     step: int
     effect: str
     score: Score
     estimates: Estimates
     model: PlantModel
+    kind: StepKind = "added"
 
 
 @dataclass(frozen=True)
 class Ladder:
-    """The answer of `dsd improve`; `stopped` says why no further step was taken, `last` is the last diagnosis."""
+    """The answer of `dsd improve`; `stopped` says why no further step was taken, `last` is the last diagnosis.
+
+    `values` : of the model at the end, fitted once more with the noise as it is beside it; `correlations` of these.
+    """
 
     steps: tuple[Step, ...]
     verdict: str
     stopped: str
     last: Diagnosis
     holdout: tuple[str, ...] = ()
+    values: Estimates = field(default_factory=dict)
+    correlations: Correlations = ()
+    warnings: tuple[str, ...] = ()
+
+
+def in_units(result: Any, units: Units) -> Any:
+    """A result whose estimates are in the user's units by name; numbers stay as they are (SI, u as it is)."""
+    if isinstance(result, Estimate):
+        return replace(result, unit=units.words(result.unit))
+    if isinstance(result, Mapping):
+        return {name: in_units(value, units) for name, value in result.items()}
+    if isinstance(result, tuple):
+        return tuple(in_units(value, units) for value in result)
+    if isinstance(result, Units):
+        return units
+    if isinstance(result, Diagnosis | Candidate | Addition | Step | Ladder):
+        held = {f.name: getattr(result, f.name) for f in fields(result)}
+        return replace(result, **{name: in_units(x, units) for name, x in held.items() if name in _WITH_UNITS})
+    return result
+
+
+#: Fields of results in which there are estimates.
+_WITH_UNITS = {
+    *("parameters", "all_values", "ranking", "estimates", "refitted_values", "units", "steps", "last", "values"),
+}

@@ -13,6 +13,7 @@ from dsd_cli.identify.compare.regimes import Where
 from dsd_cli.identify.compare.residuals import LARGE
 from dsd_cli.report.conclusions import conclusion, simulation_conclusion
 from dsd_cli.report.names import balance_json
+from dsd_cli.signals.units import Units
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def _prediction(result: Comparison) -> dict[str, Any]:
     return {
         "horizon": "prediction",
         "split": "all",
-        "force": _force(result.force.log),
+        "force": _force(result.force.log, result.units),
         "no_force": result.force.missing or None,
         **asdict(result.accuracy),
         "skipped_samples": result.skipped,
@@ -78,7 +79,7 @@ def _prediction(result: Comparison) -> dict[str, Any]:
         else {
             "split": "holdout",
             "log": aside.log,
-            "force": _force(result.force.holdout),
+            "force": _force(result.force.holdout, result.units),
             **asdict(aside.accuracy),
         },
         "residual": asdict(result.residual)
@@ -92,8 +93,8 @@ def _prediction(result: Comparison) -> dict[str, Any]:
     }
 
 
-def _force(force: Force | None) -> dict[str, Any] | None:
-    return None if force is None else asdict(force) | balance_json(force.band_hz, force.floor)
+def _force(force: Force | None, units: Units) -> dict[str, Any] | None:
+    return None if force is None else asdict(force) | balance_json(force.band_hz, force.floor, units)
 
 
 def _where(where: Where) -> dict[str, Any]:

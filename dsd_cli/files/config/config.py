@@ -15,7 +15,8 @@ from dsd_cli.files.config.fitting import Fit, with_known
 from dsd_cli.files.config.history import History
 from dsd_cli.files.config.overrides import with_effects, with_values
 from dsd_cli.files.config.rules import Place, Section, key, shown, table, tables
-from dsd_cli.files.config.sections import Detector, Model, Observer, Signals, States
+from dsd_cli.files.config.sections import Detector, Model, Observer, States
+from dsd_cli.files.config.signals import Signals
 from dsd_cli.files.config.simulation import Simulate
 
 S = TypeVar("S", bound=Section)
