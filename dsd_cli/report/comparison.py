@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -113,6 +114,7 @@ def _where(where: Where) -> dict[str, Any]:
 def _simulation(result: Forward, holdout: Forward | None) -> dict[str, Any]:
     return {
         "horizon": "simulation",
+        "horizon_seconds": result.horizon if math.isfinite(result.horizon) else None,
         "split": "all",
         **_forward(result),
         "relative_error_percent": None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
@@ -182,7 +183,7 @@ def _print_forward(console: Any, result: Forward, holdout: Forward | None) -> No
         if forward is None:
             continue
         name = escaped(what + ", ".join(forward.logs))
-        console.print(f"[bold]{name}[/bold]: {forward.samples:,} samples simulated")
+        console.print(f"[bold]{name}[/bold]: {forward.samples:,} samples simulated{_anew(forward)}")
         sources = [one for one in _sources(forward.provenance) if not one.startswith("d_hat")]
         if sources:
             console.print(escaped("; ".join(sources)))
@@ -194,6 +195,12 @@ def _print_forward(console: Any, result: Forward, holdout: Forward | None) -> No
         console.print(table)
         if forward.not_closed:
             console.print(escaped(f"no closed loop: {forward.not_closed}"))
+
+
+def _anew(forward: Forward) -> str:
+    return (
+        f", begun anew from the measured motion every {forward.horizon:g} s" if math.isfinite(forward.horizon) else ""
+    )
 
 
 def _sources(provenance: Mapping[str, str]) -> list[str]:
