@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from dsd_cli.files.config import Config
     from dsd_cli.files.config.edit import Origin
     from dsd_cli.identify.results import Ladder
+    from dsd_cli.identify.validation import Validation
 
 LogsOrNone = Annotated[list[str] | None, typer.Argument(metavar="LOG...", help="CSV or Parquet files; - is stdin.")]
 ConfigOut = Annotated[
@@ -46,6 +47,13 @@ def improve(
     hold: Annotated[
         bool, typer.Option("--hold", help="Fit nothing that [model] has: a known machine. Also: fit.hold.")
     ] = False,
+    from_prior: Annotated[
+        bool,
+        typer.Option("--from-prior", help="[model] was learnt on a sister machine: its values are priors, not truth."),
+    ] = False,
+    spread: Annotated[
+        float, typer.Option("--spread", metavar="SHARE", help="By which sister machines differ, for --from-prior.")
+    ] = 0.1,
     auto: Annotated[bool, typer.Option("--auto", help="Do not ask: add what the diagnosis finds.")] = False,
     plot: PlotOption = None,
     form: FormatOption = Format.TABLE,
@@ -72,7 +80,7 @@ def improve(
     from dsd_cli.files.config import load_config
     from dsd_cli.files.config.edit import read_origin
 
-    wanted = Request(config, tuple(log or ()), tuple(holdout or ()), auto, plot, output, form, quiet)
+    wanted = Request(config, tuple(log or ()), tuple(holdout or ()), auto, plot, output, form, quiet, from_prior)
     if history or undo:
         wanted.check_config_alone("--history" if history else "--undo", both=history and undo, override=override)
     else:
@@ -81,6 +89,10 @@ def improve(
     origin = read_origin(config)
     texts = [*with_window(override, start, end), *(["fit.hold=true"] if hold else [])]
     settings = load_config(config, texts).knowing(fix or (), bounds or (), prior or ())
+    if from_prior:
+        from dsd_cli.cli.transfer import with_priors
+
+        settings = with_priors(settings, spread)
     read = (*wanted.inputs, *settings.files, *(effects_from or ()))
     check_outputs(output, form, read)
     if history:
@@ -106,6 +118,7 @@ class Request:
     output: str | None
     form: Format
     quiet: bool
+    transfer: bool = False
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -152,13 +165,16 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
 
     from dsd_cli.cli.identification import load_given, print_json, put_picture, say, warn
     from dsd_cli.cli.improve_loop import put_config, with_steps
+    from dsd_cli.cli.transfer import transferred
     from dsd_cli.identify.results import in_units
     from dsd_cli.report.ladder import LadderReport, improve_json, print_ladder
 
     output, quiet = wanted.output, wanted.quiet
     given = load_given(settings, wanted.logs, wanted.holdout)
     ladder = in_units(_run(given, wanted.auto, quiet), settings.signals.units)
-    report = LadderReport(ladder, wanted.logs, output, given.dropped, given.warnings)
+    validated = in_units(_validated(given, ladder), settings.signals.units) if given.holdout else ()
+    moved = transferred(settings, ladder) if wanted.transfer else ()
+    report = LadderReport(ladder, wanted.logs, output, given.dropped, given.warnings, validated, moved)
     text = with_steps(origin.text, ladder.steps[0].score, ladder.steps[1:], wanted.logs)
     if output is not None:
         put_config(output, text, origin)
@@ -205,6 +221,13 @@ def _run(given: Given, auto: bool, quiet: bool) -> Ladder:
             on_step=on_step,
             progress=progress,
         )
+
+
+def _validated(given: Given, ladder: Ladder) -> tuple[Validation, ...]:
+    from dsd_cli.cli.compare import controller_of
+    from dsd_cli.identify.validation import validate
+
+    return validate(given.holdout, ladder.steps[-1].model, given.observer, controller_of(given.settings))
 
 
 def _show_history(settings: Config, wanted: Request) -> None:

@@ -198,9 +198,9 @@ def _print_forward(console: Any, result: Forward, holdout: Forward | None) -> No
 
 
 def _anew(forward: Forward) -> str:
-    return (
-        f", begun anew from the measured motion every {forward.horizon:g} s" if math.isfinite(forward.horizon) else ""
-    )
+    if not math.isfinite(forward.horizon):
+        return ""
+    return f", begun anew from the measured motion every {forward.horizon:g} s"
 
 
 def _sources(provenance: Mapping[str, str]) -> list[str]:

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from dsd_cli.identify.compare.evaluation import Force
+from dsd_cli.identify.compare.versus import Moved
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Addition, Estimate, Estimates, Ladder, Step
+from dsd_cli.identify.validation import Validation
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import error, named, plain_table, score_json, stability_line, verdict_line
 from dsd_cli.report.names import (
@@ -21,7 +23,9 @@ from dsd_cli.report.names import (
     values_text,
 )
 from dsd_cli.report.terminal import escaped
+from dsd_cli.report.validation import validation_json, validation_lines
 from dsd_cli.report.values_table import correlations_json, print_values
+from dsd_cli.report.versus import moved_json, print_moved
 from dsd_cli.signals.units import Units
 
 #: Characters of the longest bar.
@@ -38,6 +42,8 @@ class LadderReport:
     config: str | None = None
     dropped: Mapping[str, int] = field(default_factory=dict)
     reading: tuple[str, ...] = ()
+    validation: tuple[Validation, ...] = ()
+    moved: tuple[Moved, ...] = ()
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -55,6 +61,8 @@ def improve_json(report: LadderReport) -> dict[str, Any]:
         "holdout": list(result.holdout),
         **balance_json(result.last.band_hz, result.last.floor, result.last.units),
         "ladder": [_step_json(step) for step in result.steps],
+        "validation": [validation_json(one) for one in report.validation],
+        **({"moved": [moved_json(one) for one in report.moved]} if report.moved else {}),
         "values": estimates_json(result.values),
         "correlations": correlations_json(result.correlations),
         "verdict": result.verdict,
@@ -127,6 +135,11 @@ def print_ladder(report: LadderReport, file: Any) -> None:
         counts = ", ".join(f"{reason} {count:,}" for reason, count in report.dropped.items())
         console.print(escaped(f"rows not taken as they are: {counts}"))
     print_values(console, "values at the end", result.values, result.correlations)
+    if report.moved:
+        print_moved(console, "prior", "this machine", report.moved)
+    for one in report.validation:
+        for line in validation_lines(one, result.last.units):
+            console.print(escaped(line))
     if line := stability_line(result.last):
         console.print(escaped(line))
     _print_legend(console, result.last.units)

@@ -5,18 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from pathlib import PurePath
 from typing import Any
 
 from dsd_cli.identify.compare.versus import Contender, Moved, Versus
 from dsd_cli.identify.results import Estimate
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import error, plain_table
-from dsd_cli.report.names import estimate_text, force_error, number_or_none
+from dsd_cli.report.names import estimate_text, force_error, in_words, number_or_none
 from dsd_cli.report.terminal import escaped
 from dsd_cli.signals.units import Units
 
 #: Standard errors from which on a value has moved.
 _MOVED = 3.0
+#: Characters that the table of values may take.
+_WIDEST = 110
 
 
 def versus_json(
@@ -38,7 +41,7 @@ def versus_json(
         "models": models,
         "verdict_text": None if found is None else verdict_line(found),
         "differences": [
-            {"config": name, "values": [_moved_json(one) for one in values]} for name, values in differences.items()
+            {"config": name, "values": [moved_json(one) for one in values]} for name, values in differences.items()
         ],
     }
 
@@ -48,7 +51,7 @@ def _contender_json(one: Contender) -> dict[str, Any]:
     return {"config": one.name, **asdict(one.force), **figures, "differs": one.differs}
 
 
-def _moved_json(one: Moved) -> dict[str, Any]:
+def moved_json(one: Moved) -> dict[str, Any]:
     numbers = {k: number_or_none(v) for k, v in asdict(one).items() if isinstance(v, float)}
     return {"name": one.name, "unit": one.unit, **numbers, "sigma": number_or_none(one.sigma)}
 
@@ -88,11 +91,13 @@ def print_versus(
         console.print(table)
         console.print(f"[bold]{escaped(verdict_line(found))}[/bold]")
     for name, values in differences.items():
-        _print_differences(console, names[0], name, values)
+        print_moved(console, names[0], name, values)
 
 
-def _print_differences(console: Any, first: str, second: str, values: Sequence[Moved]) -> None:
-    table = plain_table("values", "", first, second, "difference", "sigma", "unit")
+def print_moved(console: Any, first: str, second: str, values: Sequence[Moved]) -> None:
+    """Value by value, with the difference in standard errors."""
+    table = plain_table("values", "", *_short(first, second), "difference", "sigma", "unit")
+    table.columns[0].no_wrap, table.columns[-1].justify = True, "left"
     for one in values:
         change = one.second - one.first
         share = f" ({100 * change / abs(one.first):+.1f} %)" if one.first and math.isfinite(change) else ""
@@ -102,9 +107,17 @@ def _print_differences(console: Any, first: str, second: str, values: Sequence[M
             _value(one.second, one.second_error),
             f"{change:+.3g}{share}" if math.isfinite(change) else "-",
             _sigma(one.sigma),
-            escaped(one.unit),
+            escaped(in_words(one.unit)),
         )
-    console.print(table)
+    wide = terminal.console(console.file)
+    wide.width = max(console.width, _WIDEST)
+    wide.print(table)
+
+
+def _short(first: str, second: str) -> tuple[str, str]:
+    """Without folders, where they differ all the same."""
+    one, other = PurePath(first).name, PurePath(second).name
+    return (one, other) if one != other else (first, second)
 
 
 def _value(value: float, spread: float) -> str:

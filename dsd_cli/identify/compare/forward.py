@@ -92,7 +92,9 @@ def run_forward(
     names = [name for name in _CHANNELS if all(name in piece for piece in pieces)]
     if "velocity" not in names:
         raise DataError(f"{recordings[0].name}: no motion to simulate against", "set signals.velocity or .position")
-    not_closed = _not_closed(pieces, controller) if math.isinf(horizon) else "it is begun anew again and again"
+    not_closed = (
+        _not_closed(pieces, controller) if math.isinf(horizon) else "a horizon in seconds looks at the open loop alone"
+    )
     starts = [_start(piece, recording) for recording in recordings for piece in recording.pieces]
     rest = [recording.rest_speed for recording in recordings for _ in recording.pieces]
     runs = [open_loop(p, model, horizon, *how) for p, *how in zip(pieces, starts, rest, strict=True)]
