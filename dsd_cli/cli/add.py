@@ -60,10 +60,10 @@ def add(
     from dsd_cli.report.ladder import AdditionReport, add_json, added_step, print_addition
 
     apart = holdout or []
-    check_logs([log], apart)
     use_effects(effects_from)
     origin = read_origin(config)
     settings = load_config(config, with_window(override, start, end)).knowing(fix or (), bounds or (), prior or ())
+    check_logs([log], apart, settings.signals)
     check_outputs(output, form, [log, *apart, *settings.files, *(effects_from or ())])
     given = load_given(settings, [log], apart)
 

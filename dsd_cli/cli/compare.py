@@ -29,7 +29,7 @@ PREDICTION, SIMULATION = "prediction", "simulation"
 
 if TYPE_CHECKING:
     from dsd_cli.cli.recordings import LoadedRecording
-    from dsd_cli.files.config import Config
+    from dsd_cli.files.config import Config, Signals
     from dsd_cli.identify.compare.evaluation import Evaluation
     from dsd_cli.identify.compare.forward import Forward
     from dsd_cli.plant.controllers import ControllerSettings
@@ -96,7 +96,7 @@ def compare(
     ]
     wanted = Wanted(tuple(logs), holdout, seconds_of(horizon), plot, max_rmse, form, quiet)
     inputs = [*configs, *(file for settings in all_settings for file in settings.files), *(effects_from or ())]
-    wanted.check(len(configs), inputs)
+    wanted.check(len(configs), inputs, all_settings[0].signals)
     if len(configs) > 1:
         from dsd_cli.cli.versus import compare_configs
 
@@ -117,7 +117,7 @@ class Wanted:
     form: Format
     quiet: bool
 
-    def check(self, configs: int, inputs: list[Path]) -> None:
+    def check(self, configs: int, inputs: list[Path], signals: Signals) -> None:
         """Raises UsageError : options that contradict each other."""
         import math
 
@@ -134,7 +134,7 @@ class Wanted:
                 raise UsageError(f"{given[0]} looks at one model", "give one -c")
         elif not self.logs:
             raise UsageError("LOG is missing", "give the log to judge the model by, or two configs (-c a -c b)")
-        check_logs(self.logs, aside)
+        check_logs(self.logs, aside, signals)
         if self.plot is not None and self.horizon is not None:
             raise UsageError("--plot", "draws the prediction; leave out --horizon")
         check_plot(self.plot, [*self.logs, *aside, *inputs])
@@ -166,7 +166,7 @@ def _compare(settings: Config, wanted: Wanted) -> None:
     import sys
 
     from dsd_cli.cli.identification import print_json, put_picture, say
-    from dsd_cli.cli.recordings import believed_model, load_recording
+    from dsd_cli.cli.recordings import believed_model, load_holdout, load_recording
     from dsd_cli.identify.compare.comparison import Comparison
     from dsd_cli.report.comparison import to_json
     from dsd_cli.report.comparison_table import print_table
@@ -175,7 +175,7 @@ def _compare(settings: Config, wanted: Wanted) -> None:
     quiet, holdout = wanted.quiet, wanted.holdout
     believed_model(settings)  # without an inertia nothing needs to be read
     loaded = [load_recording(path, settings) for path in wanted.logs]
-    aside = None if holdout is None else load_recording(holdout, settings)
+    aside = None if holdout is None else load_holdout(holdout, wanted.logs, settings)
     for path, one in zip([*wanted.logs, holdout], [*loaded, aside], strict=True):
         for warning in () if one is None else one.warnings:
             say(quiet, f"dsd: warning: {path}: {warning}")

@@ -49,9 +49,9 @@ def diagnose(
     from dsd_cli.report.diagnosis import DiagnosisReport, print_table, to_json
 
     apart = holdout or []
-    check_logs(log, apart)
     use_effects(effects_from)
     settings = load_config(config, with_window(override, start, end)).knowing(fix or (), bounds or (), prior or ())
+    check_logs(log, apart, settings.signals)
     check_plot(plot, [config, *log, *apart, *settings.files, *(effects_from or ())])
     given = load_given(settings, log, apart)
 

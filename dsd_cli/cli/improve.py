@@ -74,7 +74,7 @@ def improve(
 
     Each step is kept only if the error on data that no fit saw falls. Without -o nothing is written.
     """
-    from dsd_cli.cli.identification import check_plot
+    from dsd_cli.cli.identification import check_logs, check_plot
     from dsd_cli.cli.improve_loop import check_outputs
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
@@ -93,6 +93,7 @@ def improve(
         from dsd_cli.cli.transfer import with_priors
 
         settings = with_priors(settings, spread)
+    check_logs(wanted.logs, wanted.holdout, settings.signals)
     read = (*wanted.inputs, *settings.files, *(effects_from or ()))
     check_outputs(output, form, read)
     if history:
@@ -149,12 +150,10 @@ class Request:
         """
         import sys
 
-        from dsd_cli.cli.identification import check_logs
         from dsd_cli.errors import UsageError
 
         if not self.logs:
             raise UsageError("LOG is missing", "give the log to improve the model with, or --history or --undo")
-        check_logs(self.logs, self.holdout)
         terminal = sys.stdin.isatty() and sys.stderr.isatty() and "-" not in self.inputs
         if not self.auto and not terminal:
             raise UsageError("no terminal to ask on", "--auto adds what the diagnosis finds without asking")
@@ -172,7 +171,7 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
     output, quiet = wanted.output, wanted.quiet
     given = load_given(settings, wanted.logs, wanted.holdout)
     ladder = in_units(_run(given, wanted.auto, quiet), settings.signals.units)
-    validated = in_units(_validated(given, ladder), settings.signals.units) if given.holdout else ()
+    validated = _validated(given, ladder) if given.holdout else ()
     moved = transferred(settings, ladder) if wanted.transfer else ()
     report = LadderReport(ladder, wanted.logs, output, given.dropped, given.warnings, validated, moved)
     text = with_steps(origin.text, ladder.steps[0].score, ladder.steps[1:], wanted.logs)
@@ -227,7 +226,8 @@ def _validated(given: Given, ladder: Ladder) -> tuple[Validation, ...]:
     from dsd_cli.cli.compare import controller_of
     from dsd_cli.identify.validation import validate
 
-    return validate(given.holdout, ladder.steps[-1].model, given.observer, controller_of(given.settings))
+    model, units = ladder.steps[-1].model, given.settings.signals.units
+    return validate(given.holdout, model, given.observer, controller_of(given.settings), units)
 
 
 def _show_history(settings: Config, wanted: Request) -> None:

@@ -25,8 +25,12 @@ class Window:
         return self.outside or self.start > -math.inf or self.end < math.inf
 
     def __str__(self) -> str:
-        words = [f"from {self.start:g} s"] * (self.start > -math.inf) + [f"to {self.end:g} s"] * (self.end < math.inf)
-        return f"{'outside of ' * self.outside}{' '.join(words) or 'all'}"
+        since, until = self.start > -math.inf, self.end < math.inf
+        if since and until:
+            part = f"from {self.start:g} s to {self.end:g} s"
+        else:
+            part = f"from {self.start:g} s on" if since else f"up to {self.end:g} s"
+        return f"{'without its part ' * self.outside}{part}"
 
     @property
     def rest(self) -> Window:

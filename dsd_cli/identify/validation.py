@@ -15,6 +15,7 @@ from dsd_cli.identify.results import Estimates
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.controllers import ControllerSettings
 from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.units import Units
 
 #: Values that differ from log to log of one machine: the offset of an amplifier, friction that warms up.
 LEVELS = ("constant_load.force", "coulomb_friction.level", "viscous_friction.coefficient")
@@ -45,13 +46,18 @@ def validate(
     model: PlantModel,
     observer: ObserverSettings,
     controller: ControllerSettings | None = None,
+    units: Units = Units(),  # noqa: B008
 ) -> tuple[Validation, ...]:
     """Each log by itself; nothing but `levels` is fitted."""
-    return tuple(_validated(one, model, observer, controller) for one in recordings)
+    return tuple(_validated(one, model, observer, controller, units) for one in recordings)
 
 
 def _validated(
-    recording: Recording, model: PlantModel, observer: ObserverSettings, controller: ControllerSettings | None
+    recording: Recording,
+    model: PlantModel,
+    observer: ObserverSettings,
+    controller: ControllerSettings | None,
+    units: Units,
 ) -> Validation:
     held = Known().holding(model)
     free = [name for name in LEVELS if name in held.fixed]
@@ -61,10 +67,10 @@ def _validated(
     rmse = problem.errors.of_model(model).rmse
     fit = search.fit(terms_of(model), round(model.delay / problem.solver.bank.tap_time))
     values = problem.values(fit).estimates
-    levels = {name: values[name] for name in free}
+    levels = {name: replace(values[name], unit=units.words(values[name].unit)) for name in free}
     simulation, why = None, ""
     try:
-        simulation = run_forward([recording], model, observer, controller)
+        simulation = run_forward([recording], model, observer, controller, units=units)
     except DsdError as error:
         why = error.message
     with_levels = problem.score(fit).rmse if levels else float("nan")

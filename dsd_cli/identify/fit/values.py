@@ -174,7 +174,8 @@ def _estimate(
         return Estimate(value, 0.0, unit, held=True, told="held")
     size = 1.0 if unit == "rad" else abs(value)
     told = grade(size, error, sample_time if name == DELAY else math.nan)
-    return Estimate(value, _told(value, error), unit, at_bound, told="not" if at_bound else told)
+    judged = not at_bound or (name == DELAY and value == 0.0)  # nothing is earlier: no bound that anybody set
+    return Estimate(value, _told(value, error), unit, at_bound, told=told if judged else "not")
 
 
 def _pull(value: float, prior: tuple[float, float], alone: float, share: float) -> float:
