@@ -25,7 +25,7 @@ from dsd_cli.identify.results import (
     Step,
     StepKind,
 )
-from dsd_cli.identify.search.pulses import with_pulses
+from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.diagnose import Progress, Settings, diagnose
@@ -97,7 +97,7 @@ def _with_effect(search: Search, effect_id: str) -> Fit:
         found = with_pulses(search, search.refit)
         if found is None:
             raise DataError(f"{name}: no pulse stands out of the residual", "nothing was added")
-        return found
+        return sharpened(search, found)
     options = search.options(search.refit)
     if not options:
         raise DataError(f"{effect_id} is not testable on {name}", "the log does not vary where it would show")

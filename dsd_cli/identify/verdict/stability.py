@@ -11,6 +11,7 @@ from dataclasses import replace
 from dsd_cli.errors import DsdError
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Diagnosis, Variant
 from dsd_cli.identify.search.sets import Search
@@ -51,7 +52,7 @@ def _variant(
 ) -> Variant | None:
     """None where the rest is too short to be asked."""
     try:
-        search = Search(pose(recordings, model, settings))
+        search = Search(pose(excerpts(recordings), model, settings))
     except DsdError:
         return None
     whole = search.run(search.refit)
