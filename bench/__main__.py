@@ -1,7 +1,8 @@
 """`python -m bench [--rows N] [--repeats N]`: a table on stdout, and bench/results/latest.json.
 
 `python -m bench hidden` is the study of hidden effects, see bench/hidden.py; `python -m bench random` runs the property
-tests on new examples, see bench/properties.py; `python -m bench fuzz` looks for input that breaks the commands, see
+tests on new examples, see bench/properties.py; `python -m bench coverage` counts how often standard errors hold the
+truth, see bench/coverage.py; `python -m bench fuzz` looks for input that breaks the commands, see
 bench/fuzz.py.
 """
 
@@ -40,6 +41,11 @@ def main() -> None:
         from bench import properties
 
         properties.main(sys.argv[2:])
+        return
+    if sys.argv[1:2] == ["coverage"]:
+        from bench import coverage
+
+        coverage.main(sys.argv[2:])
         return
     if sys.argv[1:2] == ["fuzz"]:
         from bench import fuzz

@@ -1,4 +1,4 @@
-"""How often the +- of a fit holds the truth: logs of the outside rig, all that is in them fitted, with and without help.
+"""How often the +- of a fit holds the truth: the outside rig, all that is in a log fitted, with help and without.
 
 `python -m bench coverage [--logs 200]`
 """
@@ -41,7 +41,7 @@ class Deviation:
 
 
 def deviations(seed: int, sensing: str = "speed40k", duration: float = 20.0) -> Iterator[Deviation]:
-    """Of one log: with nothing known, with J held at its truth, with a prior of J that is off by a draw of its spread."""
+    """Of one log: with nothing known, J held at its truth, and a prior of J that is off by a draw of its spread."""
     made = make([RigCase(HIDDEN, seed, sensing, duration=duration)])[0]
     truth = PlantModel(made.truth["inertia"], made.truth["delay"], made.truth["effects"])
     draw = np.random.default_rng(seed).normal()
