@@ -37,6 +37,15 @@ ConfigOut = Annotated[
     str | None,
     typer.Option("-o", "--output", metavar="FILE", help="Config to write, may be that of -c; - is stdout."),
 ]
+HoldOption = Annotated[
+    bool, typer.Option("--hold", help="Fit nothing that [model] has: a known machine. Also: fit.hold.")
+]
+FromPriorOption = Annotated[
+    bool, typer.Option("--from-prior", help="[model] was learnt on a sister machine: its values are priors, not truth.")
+]
+SpreadOption = Annotated[
+    float, typer.Option("--spread", metavar="SHARE", help="By which sister machines differ, for --from-prior.")
+]
 
 
 def improve(
@@ -44,16 +53,9 @@ def improve(
     config: ConfigOption = CONFIG_FILE,
     output: ConfigOut = None,
     holdout: HoldoutOption = None,
-    hold: Annotated[
-        bool, typer.Option("--hold", help="Fit nothing that [model] has: a known machine. Also: fit.hold.")
-    ] = False,
-    from_prior: Annotated[
-        bool,
-        typer.Option("--from-prior", help="[model] was learnt on a sister machine: its values are priors, not truth."),
-    ] = False,
-    spread: Annotated[
-        float, typer.Option("--spread", metavar="SHARE", help="By which sister machines differ, for --from-prior.")
-    ] = 0.1,
+    hold: HoldOption = False,
+    from_prior: FromPriorOption = False,
+    spread: SpreadOption = 0.1,
     auto: Annotated[bool, typer.Option("--auto", help="Do not ask: add what the diagnosis finds.")] = False,
     plot: PlotOption = None,
     form: FormatOption = Format.TABLE,
@@ -76,6 +78,7 @@ def improve(
     """
     from dsd_cli.cli.identification import check_logs, check_plot
     from dsd_cli.cli.improve_loop import check_outputs
+    from dsd_cli.cli.transfer import with_priors
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
     from dsd_cli.files.config.edit import read_origin
@@ -89,10 +92,7 @@ def improve(
     origin = read_origin(config)
     texts = [*with_window(override, start, end), *(["fit.hold=true"] if hold else [])]
     settings = load_config(config, texts).knowing(fix or (), bounds or (), prior or ())
-    if from_prior:
-        from dsd_cli.cli.transfer import with_priors
-
-        settings = with_priors(settings, spread)
+    settings = with_priors(settings, spread) if from_prior else settings
     check_logs(wanted.logs, wanted.holdout, settings.signals)
     read = (*wanted.inputs, *settings.files, *(effects_from or ()))
     check_outputs(output, form, read)

@@ -70,7 +70,6 @@ class Candidate:
     parameters : of this effect alone, by parameter name.
     indistinguishable_from : effects that explain this log as well.
     untestable : why it could not be tested on this log; then the numbers are NaN and `model` is None.
-    in_set : it is one of `Diagnosis.found`.
     note : what to know about the fit: a value on its bound, a fit that did not converge.
     model, score, all_values : of the model with the effect in it and everything fitted.
     """
@@ -84,7 +83,6 @@ class Candidate:
     indistinguishable_from: tuple[str, ...] = ()
     untestable: str = ""
     note: str = ""
-    in_set: bool = False
     model: PlantModel | None = None
     score: Score | None = None
     all_values: Estimates = field(default_factory=dict)

@@ -86,7 +86,7 @@ def to_json(report: DiagnosisReport) -> dict[str, Any]:
         **score_json(result.score),
         **balance_json(result.band_hz, result.floor, result.units),
         "refitted": score_json(result.refitted),
-        "ranking": [_candidate_json(c) for c in result.ranking],
+        "ranking": [_candidate_json(c, result.found) for c in result.ranking],
         "ceiling": {"heldout_rmse": number_or_none(result.ceiling.heldout_rmse), "on": list(result.ceiling.on)},
         "noise": number_or_none(result.noise),
         "depends_on": list(result.depends_on),
@@ -120,14 +120,14 @@ def stability_line(result: Diagnosis) -> str:
     return "not sure: " + "; ".join(f"with {one.what} it is {one.verdict}" for one in other)
 
 
-def _candidate_json(one: Candidate) -> dict[str, Any]:
+def _candidate_json(one: Candidate, found: Sequence[str]) -> dict[str, Any]:
     out: dict[str, Any] = {
         "effect": one.effect,
         "rmse_after": number_or_none(one.rmse_after),
         "heldout_rmse_before": number_or_none(one.heldout_rmse_before),
         "heldout_rmse_after": number_or_none(one.heldout_rmse_after),
         "probability": number_or_none(one.probability),
-        "in_final_set": one.in_set,
+        "in_final_set": one.effect in found,
         "parameters": estimates_json(one.parameters),
         "indistinguishable_from": list(one.indistinguishable_from),
     }
@@ -176,7 +176,7 @@ def _print_ranking(console: Any, result: Diagnosis, most: int) -> None:
             named(one.effect, one.parameters, notes),
             error(one.heldout_rmse_after),
             fall_text(one.heldout_rmse_before, one.heldout_rmse_after),
-            f"{'yes, ' * one.in_set}{percent(one.probability)}",
+            f"{'yes, ' * (one.effect in result.found)}{percent(one.probability)}",
         )
     console.print(table)
     if len(tested) > most:

@@ -252,7 +252,6 @@ class _Verdict:
             parameters=values,
             indistinguishable_from=rivals,
             note="; ".join(notes),
-            in_set=option.effect in self.members,
             model=self.problem.scale.model(option.fit),
             score=score,
             all_values=everything,
