@@ -47,18 +47,22 @@ def ended(
     terms = terms_of(problem.solver.known.applied(reached))
     tap = round(reached.delay / problem.solver.bank.tap_time)
     search = Search(problem.measured_again(search.fit(terms, tap)))
-    fit, gone = search.fit(terms, tap), ""
+    fit, gone, newest = search.fit(terms, tap), "", added[-1] if added else ""
     while True:
         yield _ended(search, fit, gone)
-        found = _needless(search, fit)
+        found = _needless(search, fit, newest)
         if found is None:
             return
         gone, fit = found
 
 
-def _needless(search: Search, fit: Fit) -> tuple[str, Fit] | None:
-    """(an added effect without which the model is as good, the fit without it); the one that is missed least."""
-    less = [(t.id, search.fit(_without(fit.terms, t.id), fit.tap)) for t in search.added(fit.terms)]
+def _needless(search: Search, fit: Fit, newest: str) -> tuple[str, Fit] | None:
+    """(an added effect without which the model is as good, the fit without it); the one that is missed least.
+
+    The newest was taken just now, and nothing came after it that could stand in for it.
+    """
+    older = [t.id for t in search.added(fit.terms) if t.id != newest]
+    less = [(name, search.fit(_without(fit.terms, name), fit.tap)) for name in older]
     needless = [(name, one) for name, one in less if not search.matters(one, fit)]
     return max(needless, key=lambda pair: search.evidence(pair[1]), default=None)
 
