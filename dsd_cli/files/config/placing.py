@@ -5,8 +5,13 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 
+from dsd_cli.files.config.rules import Place, read_section
+from dsd_cli.files.config.signals import Signals
 from dsd_cli.files.config.toml_text import Path, Statement, inline, leaves, statements
 from dsd_cli.signals.units import Units
+
+#: Keys of [signals] that name units.
+_UNITS = ("u_unit", "position_unit", "velocity_unit", "counts_per_turn", "counts_per_metre")
 
 
 def with_raws(text: str, wanted: Mapping[Path, str], keep_header: bool = True) -> str:
@@ -114,10 +119,9 @@ def _last_of_model(all_of_it: Sequence[Statement]) -> int:
 
 
 def _units(text: str) -> Units:
-    """As [signals] names them."""
-    from dsd_cli.files.config.config import parse_config
-
-    return parse_config(text).signals.units
+    """As [signals] names them; nothing else of the config needs to be right here."""
+    written = tomllib.loads(text).get("signals", {})
+    return read_section(Signals, {k: v for k, v in written.items() if k in _UNITS}, Place("", "signals")).units
 
 
 def _effect_blocks(missing: Mapping[Path, str], end: str, units: Units) -> str:
