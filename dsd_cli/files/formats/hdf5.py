@@ -10,6 +10,9 @@ import numpy as np
 from dsd_cli.files.formats.base import Group, numbers
 from dsd_cli.signals.log import Array
 
+#: Attributes that name the unit of a dataset.
+UNITS = ("units", "unit", "Units", "Unit")
+
 
 class Hdf5File:
     """Datasets by their path, columns of a matrix as `path/1`, ..., fields of a compound one as `path/field`."""

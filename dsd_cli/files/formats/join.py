@@ -20,6 +20,8 @@ DECIDING = ("u", "d_hat", "velocity", "position")
 SAME_RATE = 0.01
 #: Neighbours farther apart than this many median steps leave a hole, and no value between them.
 HOLE = 2.5
+#: Steps longer than this many mean steps are pauses, and no part of the rate.
+PAUSE = 10.0
 
 
 class Sampled(NamedTuple):
@@ -31,10 +33,11 @@ class Sampled(NamedTuple):
 
     @property
     def rate(self) -> float:
-        """Samples per unit of time; 0 where there is no telling."""
-        t = self.t[np.isfinite(self.t)]
-        span = float(t[-1] - t[0]) if t.size > 1 else 0.0
-        return (t.size - 1) / span if span > 0.0 else 0.0
+        """Samples per unit of time, where it was sampled; 0 where there is no telling."""
+        steps = np.diff(self.t[np.isfinite(self.t)])
+        steps = steps[steps > 0.0]
+        steps = steps[steps <= PAUSE * steps.mean()] if steps.size else steps
+        return 1.0 / float(steps.mean()) if steps.size else 0.0
 
 
 class Joined(NamedTuple):
@@ -123,24 +126,24 @@ def _held(rows: Array, t: Array, values: Array) -> Array:
 
 
 def _averaged(rows: Array, t: Array, values: Array) -> Array:
-    """The mean of held values from each row to the next; where the rows do not go on, or miss values, the value there."""
-    there = _held(rows, t, values)
-    there = np.where(rows <= t[-1] + np.median(np.diff(t)) if t.size > 1 else rows <= t[-1], there, np.nan)
-    if t.size < 2 or rows.size < 2:
-        return there
-    # the integral of u up to each sample, from pieces that start anew at a missing value
-    steps = np.append(np.diff(t), np.median(np.diff(t)))
-    known = np.where(np.isfinite(values), values, 0.0)
-    centre = float(known.mean())  # sums of what varies lose no digits to what does not
-    ends = np.append(t, t[-1] + steps[-1])
-    integral = np.concatenate([[0.0], np.cumsum((known - centre) * steps)])
-    unknown = np.concatenate([[0.0], np.cumsum(~np.isfinite(values) | (steps > HOLE * np.median(steps)))])
+    """The mean of held values from each row to the next; at the last row, and before a jump back, the value there."""
+    if t.size == 1:
+        return np.where(rows == t[0], values[0], np.nan)
+    usual = float(np.median(np.diff(t)))
+    ends = np.append(t, t[-1] + usual)
+    steps = np.diff(ends)
+    known = np.isfinite(values) & (steps <= HOLE * usual)
+    at = np.searchsorted(t, rows, side="right") - 1
+    out = np.where((at >= 0) & (rows < ends[-1]) & known[at], values[at], np.nan)
+    centre = float(values[known].mean()) if known.any() else 0.0  # its digits need not be carried through the sums
+    integral = np.concatenate([[0.0], np.cumsum(np.where(known, (values - centre) * steps, 0.0))])
+    covered = np.concatenate([[0.0], np.cumsum(np.where(known, steps, 0.0))])
     length = np.diff(rows)
-    usable = (length > 0.0) & (rows[:-1] >= t[0]) & (rows[1:] <= ends[-1])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean = np.diff(np.interp(rows, ends, integral)) / length + centre
-    touched = np.diff(unknown[np.clip(np.searchsorted(ends, rows, side="left"), 0, ends.size - 1)]) > 0
-    return np.append(np.where(usable & ~touched, mean, there[:-1]), there[-1])
+    forward = np.flatnonzero(length > 0.0)
+    mean = np.diff(np.interp(rows, ends, integral))[forward] / length[forward] + centre
+    complete = np.diff(np.interp(rows, ends, covered))[forward] >= length[forward] * (1.0 - 1e-6)
+    out[forward] = np.where(complete, mean, np.nan)
+    return out
 
 
 def _note(base: Sampled, part: Sampled) -> str:

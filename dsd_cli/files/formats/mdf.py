@@ -24,19 +24,19 @@ class MdfFile:
 
     def _groups(self) -> list[Group]:
         found, taken = [], set()
-        for at, group in enumerate(self._mdf.groups):
+        groups: list[Any] = list(self._mdf.groups)
+        for at, group in enumerate(groups):
             rows = group.channel_group.cycles_nr
             master = self._mdf.masters_db.get(at)
             # a name that is twice in a group is read by its place
             places: dict[str, int] = {}
             for k, channel in enumerate(group.channels):
-                if k != master:
-                    places.setdefault(channel.name if channel.name not in places else f"{channel.name}#{k}", k)
+                places.setdefault(channel.name if channel.name not in places else f"{channel.name}#{k}", k)
             units = {name: group.channels[k].unit or "" for name, k in places.items()}
             name = getattr(group.channel_group, "acq_name", None) or f"group{at}"
             name = name if name not in taken else f"{name}#{at}"
             taken.add(name)
-            if rows and (units or master is not None):
+            if rows:
                 found.append(Group(name, rows, units, clock=master is not None, handle=(at, places)))
         return found
 
@@ -46,7 +46,8 @@ class MdfFile:
         out: dict[str, Array] = {}
         for name in channels:
             if name == CLOCK and name not in places:
-                out[name] = numbers(self._mdf.get_master(at, record_offset=start, record_count=count))  # type: ignore
+                stamps: Array = self._mdf.get_master(at, record_offset=start, record_count=count).astype(np.float64)
+                out[name] = stamps
                 continue
             signal = self._mdf.get(group=at, index=places[name], record_offset=start, record_count=count)
             out[name] = _valid(signal, count)

@@ -27,7 +27,7 @@ def fields(message: Any, prefix: str = "") -> Iterator[tuple[str, float]]:
                 yield from fields(part, f"{prefix}/{at + 1}")
         return
     members = _members(message)
-    names = members.get("name")
+    names: Any = members.get("name")
     for key, value in members.items():
         way = f"{prefix}/{key}" if prefix else key
         if _named_by(names, value):
@@ -57,8 +57,8 @@ def _plain(value: Any) -> Any:
     return list(value) if hasattr(value, "append") and hasattr(value, "extend") else value
 
 
-def stamp(message: Any) -> float | None:
-    """The stamp of its header in s, whole and exact enough as (s, ns) apart; None without one."""
+def stamp(message: Any) -> int | None:
+    """The stamp of its header in ns since 1970; None without one."""
     header = _members(message).get("header")
     at = None if header is None else _members(header).get("stamp")
     if at is None:

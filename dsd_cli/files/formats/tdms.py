@@ -59,6 +59,8 @@ def _timing(channel: Any) -> tuple[float, float, Any]:
 
 
 def _after(begin: Any, first: Any) -> float:
-    return (
-        0.0 if begin is None else float((np.datetime64(begin) - np.datetime64(first)) / np.timedelta64(1, "ns")) / 1e9
-    )
+    """s from the first waveform's start to this one."""
+    if begin is None:
+        return 0.0
+    after: Any = np.datetime64(begin) - np.datetime64(first)
+    return float(after.astype("timedelta64[ns]").astype(np.int64)) / 1e9

@@ -95,7 +95,7 @@ def hdf5(folder: Path, data: dict) -> Made:
     with h5py.File(folder / "log.h5", "w") as file:
         file["time"] = data["t"]
         drive = file.create_group("drive")
-        drive.create_dataset("u", data=data["u"].astype("f8"), chunks=(64,), compression="gzip")
+        drive.create_dataset("u", data=data["u"].astype("f8"), chunks=(32,), compression="gzip")
         drive["u"].attrs["unit"] = "A"
         file["axis"] = np.rec.fromarrays([data["velocity"], data["velocity"] * 2], names=["speed", "twice"])
         file["picture"] = np.zeros((3, 4, 5))
