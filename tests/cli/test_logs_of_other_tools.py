@@ -103,7 +103,9 @@ def test_a_missing_library_is_one_line_with_what_installs_it(
 def test_channels_that_are_not_there_or_are_there_twice(tmp_path: Path) -> None:
     made = makers.hdf5(tmp_path, makers.channels(50))
     config_of(tmp_path, {**made.names, "u": "drive/i"})
-    refused(dsd("detect", made.path, cwd=tmp_path), 1, 'no column "drive/i"; it has axis/speed, axis/twice, drive/u, time')
+    refused(
+        dsd("detect", made.path, cwd=tmp_path), 1, 'no column "drive/i"; it has axis/speed, axis/twice, drive/u, time'
+    )
     np.savez(tmp_path / "two.npz", **{"t": np.arange(9.0), "a/u": np.arange(9.0), "b/u": np.arange(9.0)})
     config_of(tmp_path, {"t": "t", "u": "u"})
     refused(dsd("detect", "two.npz", cwd=tmp_path), 1, '2 channels are called "u": write which: a/u, b/u')
