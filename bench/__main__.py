@@ -41,6 +41,11 @@ def main() -> None:
 
         properties.main(sys.argv[2:])
         return
+    if sys.argv[1:2] == ["longlog"]:
+        from bench import longlog
+
+        longlog.main(sys.argv[2:])
+        return
     if sys.argv[1:2] == ["fuzz"]:
         from bench import fuzz
 

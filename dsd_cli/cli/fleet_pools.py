@@ -23,8 +23,10 @@ AHEAD = 2
 class Pool(Protocol):
     """Workers. `lost` : what a future raises when the worker that had it is gone."""
 
-    workers: int
     lost: tuple[type[BaseException], ...]
+
+    @property
+    def workers(self) -> int: ...
 
     def submit(self, task: Task) -> Future[Row]: ...
 

@@ -242,8 +242,8 @@ def _said(dropped: Any, warnings: Any) -> Row:
     return {"not_taken": sum(dropped), "warnings": "; ".join(warnings)}
 
 
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+def _finite(value: float | None) -> float | None:
+    return float(value) if value is not None and math.isfinite(value) else None
 
 
 _COMMANDS = {"detect": _detect, "compare": _compare, "diagnose": _diagnose}

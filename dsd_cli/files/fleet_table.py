@@ -51,7 +51,7 @@ class Journal:
         self.table, self.path = table, table.with_name(table.name + ".part")
         self._places: dict[str, int] = {}
         try:
-            self._file = open(self.path, "a+b")
+            self._file = open(self.path, "a+b")  # noqa: SIM115 (open as long as the run)
         except OSError as error:
             raise cannot_be_written(self.path, error) from None
         try:

@@ -131,7 +131,7 @@ def _odd(rows: Sequence[Row]) -> list[Odd]:
         scale = np.sqrt(max(spread, AGREES * abs(usual)) ** 2 + np.where(np.isfinite(own), own, 0.0) ** 2)
         with np.errstate(divide="ignore", invalid="ignore"):
             away = np.where(known & (scale > 0.0), (values - usual) / scale, 0.0)
-        for at in np.flatnonzero(np.abs(away) > FAR):
+        for at in np.flatnonzero(np.abs(away) > FAR).tolist():
             found.append(Odd(str(rows[at]["log"]), column, float(values[at]), usual, float(away[at])))
     return sorted(found, key=lambda one: (-abs(one.away), one.log, one.column))
 
