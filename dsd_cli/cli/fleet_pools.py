@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool, ProcessPoolExecutor
+from multiprocessing import active_children, get_context
 from typing import Any, Protocol
 
 from dsd_cli.cli.fleet_tasks import Row, Task, failed, run_task
@@ -88,8 +89,6 @@ class ProcessPool:
         self._executor = self._started()
 
     def _started(self) -> Executor:
-        from multiprocessing import get_context
-
         # spawned, not forked: the libraries' threads do not survive a fork
         return ProcessPoolExecutor(self.workers, mp_context=get_context("spawn"), initializer=start_worker)
 
@@ -102,11 +101,14 @@ class ProcessPool:
             return broken
 
     def renew(self) -> None:
-        self._executor.shutdown(wait=False, cancel_futures=True)
+        self.close()
         self._executor = self._started()
 
     def close(self) -> None:
-        self._executor.shutdown(wait=False, cancel_futures=True)
+        """Nothing of what is still in work is wanted."""
+        for worker in active_children():
+            worker.terminate()
+        self._executor.shutdown(wait=True, cancel_futures=True)
 
 
 def start_worker() -> None:

@@ -51,7 +51,7 @@ def run_fleet(tasks: list[Task], output: Path, workers: Workers, anew: bool, qui
         left = [task for task in tasks if task.key not in journal]
         if kept:
             say(f"{kept:,} of {len(tasks):,} logs are done already")
-        with _counting(len(left), quiet) as count, _keeping(journal, len(tasks), say):
+        with _counting(len(left), quiet) as count, _keeping(journal, say):
             for row in _rows(workers, left, say):
                 journal.add(row)
                 count(row["status"] == DONE)
@@ -91,11 +91,12 @@ def _take_up(journal: Journal, output: Path, wanted: Collection[str], anew: bool
 
 
 @contextlib.contextmanager
-def _keeping(journal: Journal, total: int, say: Callable[[str], None]) -> Iterator[None]:
+def _keeping(journal: Journal, say: Callable[[str], None]) -> Iterator[None]:
     try:
         yield
     except BaseException:
-        say(f"stopped; the rows so far are in {journal.path}: the same command goes on from there")
+        if len(journal):
+            say(f"stopped; the rows so far are in {journal.path}: the same command goes on from there")
         raise
 
 

@@ -74,6 +74,9 @@ class Journal:
         self._file.truncate(end)
         self._file.seek(0, os.SEEK_END)
 
+    def __len__(self) -> int:
+        return len(self._places)
+
     def __contains__(self, key: object) -> bool:
         return key in self._places
 
@@ -104,9 +107,12 @@ class Journal:
         columns = _columns(self.rows(keys), first)
         write_table(self.table, self.rows(keys), columns)
         self.path.unlink(missing_ok=True)
-        self.close()
+        self._file.close()
 
     def close(self) -> None:
+        """A journal without rows goes; after `finish` nothing is left to do."""
+        if not self._file.closed and not self._places:
+            self.path.unlink(missing_ok=True)
         self._file.close()
 
 
