@@ -50,6 +50,7 @@ def load_log(
     factors: Mapping[str, float] | None = None,
     u_hold: Hold = "held",
     limits: Limits | None = None,
+    most_rows: int | None = None,
 ) -> LoadedLog:
     """Read a whole log, cleaned.
 
@@ -61,6 +62,7 @@ def load_log(
     factors : channel -> what its column is multiplied by.
     u_hold : how u lives between the samples.
     limits : rows with values beyond them, with the factors in, are dropped.
+    most_rows : about so many rows are enough.
 
     Raises
     ------
@@ -70,12 +72,15 @@ def load_log(
         raise DataError(f"{path}: no time column", "set signals.time, or signals.sample_time")
     table = scaled(open_table(path, signals, optional), factors or {})
     cleaner = Cleaner(sample_time, time_scale, limits=limits)
-    pieces = []
+    pieces, rows = [], 0
     for batch in table.batches():
         if batch.restart:
             pieces += cleaner.restart()
         values = dict(batch.columns)
         pieces += cleaner.feed(values.pop("t", None), values)
+        rows += batch.rows
+        if most_rows is not None and rows >= most_rows:
+            break
     pieces += cleaner.finish()
     channels, restarts = _joined(pieces)
     if not channels or cleaner.sample_time is None:
