@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import resource
+import sys
 import time
 from collections.abc import Iterator, Mapping
 
@@ -30,6 +31,8 @@ NOISE = 0.01
 STATES = ((0.001, 0.01), (0.002, 0.015))
 #: Rows at each place that is labelled by itself too, and rows before them that it takes to forget where it began.
 PART_ROWS, LEAD_ROWS = 50_000, 100_000
+#: So often it says how far it is, and how large.
+REPORT_ROWS = 100_000_000
 CONFIG = """
 [observer]
 nominal_inertia = 0.01
@@ -95,6 +98,9 @@ class LongJob(Job):
                 a, b = max(part.start - self._at, 0), min(part.stop - self._at, rows.state.size)
                 if a < b:
                     kept.append(Rows(*(column[a:b].copy() for column in rows)))
+            if (self._at + rows.state.size) // REPORT_ROWS > self._at // REPORT_ROWS:
+                done = self._at + rows.state.size
+                print(f"  {done:,} rows, {_resident():.0f} MB", file=sys.stderr, flush=True)
             self._at += rows.state.size
             yield rows
 
