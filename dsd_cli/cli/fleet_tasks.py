@@ -162,6 +162,8 @@ def _detect(path: str, settings: Config) -> Row:
     summary = result.summary
     usual = max(summary.states, key=lambda state: (state.confident_share, state.share))
     verdict = ", ".join(f"{axis} {value:g}" for axis, value in usual.values.items())
+    if summary.confident_share < 0.5:
+        verdict = "not confident"
     row: Row = {
         "verdict": verdict if result.explains else "unexplained",
         "samples": summary.samples,
