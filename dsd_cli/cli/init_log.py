@@ -25,6 +25,8 @@ ROWS = 200_000
 #: share of u where there is no model.
 WINDOW, FEWEST, MOST = 0.1, 50, 5000
 RHO_OF_LEFT, RHO_OF_U = 1.5, 0.1
+#: rho at least, as a share of u: no sensor is better than that.
+RHO_LEAST = 0.002
 _SCALE_KEYS = {"u": "u_scale", "velocity": "velocity_scale", "position": "position_scale"}
 _TIME_SCALE = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
@@ -83,7 +85,8 @@ def _name_columns(path: str, look: FirstLook, out: Proposal) -> None:
             out.put("signals", _SCALE_KEYS[channel], float(f"{factor:.6g}"), f'"{one.column}" is in {one.unit}')
         elif channel in ("velocity", "position") and factor is None:
             si = "rad/s or m/s" if channel == "velocity" else "rad or m"
-            out.said.append(f'{channel}: the unit of "{one.column}" is not said, it is taken as {si}')
+            known = "not said" if not one.unit else f'"{one.unit}", which is not known'
+            out.said.append(f'{channel}: the unit of "{one.column}" is {known}; it is taken as {si}')
 
 
 def _read(path: str, look: FirstLook, out: Proposal) -> tuple[LoadedLog, dict[str, float]]:
@@ -134,7 +137,7 @@ def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal
     _put_delays(at, step, delay is not None, out)
     left = _left(loaded, PlantModel(inertia, at), ObserverSettings(inertia, 5 * step, 1))
     if left > 0.0:
-        rho = float(f"{RHO_OF_LEFT * left:.3g}")
+        rho = float(f"{max(RHO_OF_LEFT * left, RHO_LEAST * float(np.std(log['u']))):.3g}")
         out.put("detector", "rho", rho, f"{RHO_OF_LEFT:g} times what inertia and delay leave")
 
 

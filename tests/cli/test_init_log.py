@@ -103,7 +103,7 @@ def test_without_a_time_or_units_it_says_what_it_took(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(csv_text({"torque": data["u"], "speed": data["velocity"]}))
     said = done("init", "a.csv", cwd=tmp_path).stderr
     assert "sample_time = 0.001: no time is recognised; put yours" in said
-    assert 'the unit of "speed" is not said, it is taken as rad/s or m/s' in said
+    assert 'the unit of "speed" is not said; it is taken as rad/s or m/s' in said
     assert load_config(tmp_path / "dsd.toml").signals.sample_time == 0.001
     (tmp_path / "b.csv").write_text(csv_text({"t": data["t"] * 1e6, "torque": data["u"], "speed": data["velocity"]}))
     said = done("init", "b.csv", "--force", cwd=tmp_path).stderr

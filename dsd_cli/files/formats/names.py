@@ -58,8 +58,8 @@ def chosen_places(
             named[canonical] = found[0]
             home = found[0].group if canonical == "u" else home
     wanted = {c: named[c].full if c in named else column for c, column in columns.items() if c != "t"}
-    listed_names = list(dict.fromkeys(place.full for place in all_places))
-    kept = choose_columns(source, listed_names, wanted, optional)
+    channels = (place for place in all_places if place.channel in place.group.units)  # the file's own stamps are no u
+    kept = choose_columns(source, list(dict.fromkeys(place.full for place in channels)), wanted, optional)
     return {canonical: named[canonical] for canonical in kept if canonical in named}
 
 
