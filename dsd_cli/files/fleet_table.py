@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -176,9 +176,11 @@ def write_table(path: Path, rows: Iterator[Row], columns: Mapping[str, Any]) -> 
 
 
 def _fitting(row: Row, columns: Mapping[str, Any]) -> dict[str, Any]:
-    """Text where the column is text because other rows have text in it."""
+    """Text where the column is text because other rows have text in it; bytes of names that are no text, escaped."""
     return {
-        name: str(value) if value is not None and str(columns[name]) == "string" else value
+        name: str(value).encode("utf-8", "backslashreplace").decode()
+        if value is not None and str(columns[name]) == "string"
+        else value
         for name, value in row.items()
     }
 
@@ -199,27 +201,29 @@ def read_rows(path: str | Path) -> list[dict[str, Any]]:
             with open(journal, "rb") as file:
                 lines = [json.loads(line) for line in file if line.endswith(b"\n")]
             return list({row[KEY]: row for row in lines}.values())
-        found = _read_table(table)
+        names, found = _read_table(table)
     except FileNotFoundError:
         raise DataError(f"{path}: no such file", "dsd fleet detect, compare or diagnose writes it") from None
     except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
         said = (str(error).splitlines() or [""])[0]
         raise DataError(f"{path}: cannot be read as a table of results ({said})") from None
-    missing = [name for name in ("log", "status", "verdict", KEY) if name not in found.column_names]
+    missing = [name for name in ("log", "status", "verdict", KEY) if name not in names]
     if missing:
         raise DataError(f"{path}: is no table of results of dsd fleet, it has no column {missing[0]}")
-    rows: list[dict[str, Any]] = found.to_pylist()
+    rows: list[dict[str, Any]] = found().to_pylist()
     return rows
 
 
-def _read_table(table: Path) -> Any:
+def _read_table(table: Path) -> tuple[list[str], Callable[[], Any]]:
+    """Its columns, and what gives all of it: it may be a large file of another kind."""
     if table.suffix.lower() == ".csv":
         import pyarrow.csv as pc
 
-        return pc.read_csv(table, convert_options=pc.ConvertOptions(strings_can_be_null=False, column_types=_texts()))
+        found = pc.read_csv(table, convert_options=pc.ConvertOptions(column_types=_texts()))
+        return found.column_names, lambda: found
     import pyarrow.parquet as pq
 
-    return pq.read_table(table)
+    return pq.read_schema(table).names, lambda: pq.read_table(table)
 
 
 def _texts() -> dict[str, Any]:
