@@ -193,6 +193,9 @@ def _refuse_nothing(table: TableSource, session: Session, summarizer: Summarizer
 def _interrupt_ends_reading(wanted: bool) -> Iterator[list[bool]]:
     """The first Ctrl-C (SIGTERM, SIGHUP) fills the list and nothing else, so that what was read is labelled."""
     interrupted: list[bool] = []
+    if not wanted:
+        yield interrupted
+        return
     before = {number: signal.getsignal(number) for number in ENDING}
 
     def back() -> None:
@@ -203,7 +206,7 @@ def _interrupt_ends_reading(wanted: bool) -> Iterator[list[bool]]:
         interrupted.append(True)
         back()
 
-    for number in ENDING if wanted else ():
+    for number in ENDING:
         signal.signal(number, note)
     try:
         yield interrupted
