@@ -62,15 +62,15 @@ class Destination:
             raise UsageError(f"--format {self.form} puts the labels on stdout, -o into {self.output}", "give one")
         check_output(str(self.output), self.inputs)
 
-    def writer(self, grid: Grid) -> AbstractContextManager[Write]:
-        """Gives a function that writes rows of labels."""
+    def writer(self, grid: Grid, estimates: bool) -> AbstractContextManager[Write]:
+        """Gives a function that writes rows of labels, with the columns of `Estimates` if there are any."""
         if self.form == "jsonl":
             return json_lines(grid)
         if self.labels_on_stdout:
-            return LabelsFile("-", grid, {}, ())
+            return LabelsFile("-", grid, {}, (), estimates)
         if self.output is None:
             return NoLabels()
-        return LabelsFile(self.output, grid, {}, self.inputs)
+        return LabelsFile(self.output, grid, {}, self.inputs, estimates)
 
     def show(self, result: Detection) -> None:
         """The summary on stdout; on stderr where stdout carries the labels."""
@@ -130,13 +130,16 @@ class Job:
     def _plan(self, table: TableSource) -> Plan:
         plan = detection_plan(self.config, table.columns, table.metadata, table.name)
         if self.follow and plan.settings.method in OFFLINE:
-            raise UsageError(f"method '{plan.settings.method}' needs the whole log", "use dsd, average or imm live")
+            raise UsageError(
+                f"method '{plan.settings.method}' needs the whole log", "use dsd, average, imm or profile live"
+            )
         return plan
 
     def _label_all(self, table: TableSource, session: Session, summarizer: Summarizer) -> None:
         truth = _Truth([name for name in TRUTH if name in table.columns])
         labels = closing(self._labels(table, session, truth))  # a label that cannot be written ends the reading too
-        with self.to.writer(session.plan.grid) as write, labels as parts:
+        has_estimates = session.plan.settings.method == "profile"
+        with self.to.writer(session.plan.grid, has_estimates) as write, labels as parts:
             for rows in parts:
                 summarizer.add(rows, truth.take(rows.state.size))
                 write(rows)

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.detect.engine import Engine, Forces, Labels, Measurement
 from dsd_cli.detect.plan import Plan
-from dsd_cli.detect.rows import Inputs, Rows, cut, joined, labels_arrays, unjudged
+from dsd_cli.detect.profile.cells import Estimates
+from dsd_cli.detect.rows import (
+    Inputs,
+    Rows,
+    cut,
+    estimates_of,
+    joined,
+    labels_arrays,
+    part,
+    unjudged,
+    without_confidence,
+)
 from dsd_cli.detect.settings import OFFLINE
 from dsd_cli.detect.spikes import Spikes
 from dsd_cli.effects import Channels
@@ -40,6 +50,8 @@ class Session:
         self._label = plan.settings.initial
         self._waiting: list[Piece] = []
         self._early = 0
+        # before the first estimate; () for methods that have none
+        self._estimates: tuple[float, ...] = (np.nan,) * 4 if plan.settings.method == "profile" else ()
         self._in_window = 0
         self._turned, self._turning = 0.0, np.zeros(0)  # Q of what turns put into d_hat: last, and of this piece
         self._stamps: Array | None = np.empty(0) if cleaner.sample_time is None else None
@@ -82,12 +94,13 @@ class Session:
         nothing = np.full(new, np.nan)
         state = np.full(new, self._label, dtype=np.int32)
         unsure, none = np.zeros(new, dtype=np.bool_), np.zeros(new, dtype=np.int32)
-        return Rows(t[-new:], state, nothing, nothing, unsure, none)
+        found = Estimates(nothing, nothing, nothing, nothing, unsure, unsure) if self._estimates else ()
+        return Rows(t[-new:], state, nothing, nothing, unsure, none, found)
 
     def _after_early(self, rows: Rows) -> Rows:
         skip = min(self._early, rows.state.size)
         self._early -= skip
-        return Rows(*(column[skip:] for column in rows)) if skip else rows
+        return part(rows, skip) if skip else rows
 
     def finish(self) -> Iterator[Rows]:
         """The end of the log."""
@@ -155,7 +168,7 @@ class Session:
         if unfounded is None:
             return labels
         self._doubted += int((labels.confident & unfounded).sum())
-        return replace(labels, confident=labels.confident & ~unfounded)
+        return without_confidence(labels, unfounded)
 
     def _engine_now(self) -> Engine:
         if self.engine is None:
@@ -247,10 +260,13 @@ class Session:
 
     def _to_rows(self, piece: Piece, labels: Labels | None) -> Rows:
         """Samples back to the rows they came from; every row gets a label."""
+        estimates = estimates_of(labels, piece.keep, piece.rows, self._estimates)
+        if estimates and piece.rows:
+            self._estimates = tuple(float(column[-1]) for column in estimates[:4])
         if labels is not None and piece.keep is None:
             self._label = int(labels.state[-1])
             state, ll, probability, confident = labels_arrays(labels)
-            return Rows(piece.row_t, state, ll, probability, confident, self._samples(ll))
+            return Rows(piece.row_t, state, ll, probability, confident, self._samples(ll), estimates)
         n = piece.rows
         out = Rows(
             piece.row_t,
@@ -259,13 +275,14 @@ class Session:
             np.full(n, np.nan),
             np.zeros(n, dtype=np.bool_),
             np.zeros(n, dtype=np.int32),
+            estimates,
         )
         if labels is None or piece.keep is None:
             return out
         at = np.flatnonzero(piece.keep >= 0)
         rows = piece.keep[at]
         sources = (*labels_arrays(labels), self._samples(labels.log_likelihood))
-        for target, source in zip(out[1:], sources, strict=True):
+        for target, source in zip(out[1:6], sources, strict=True):
             target[rows] = source[at]
         kept = np.zeros(n, dtype=np.int64)
         kept[rows] = rows + 1

@@ -7,7 +7,7 @@ from typing import Literal
 
 from dsd_cli.detect.transition import Transition
 
-Method = Literal["dsd", "average", "imm", "viterbi", "smooth"]
+Method = Literal["dsd", "average", "imm", "viterbi", "smooth", "profile"]
 
 #: Methods that need the whole log before the first label.
 OFFLINE = ("viterbi", "smooth")
@@ -19,7 +19,8 @@ class DetectorSettings:
 
     Attributes
     ----------
-    method : dsd (eq. 18-19), average (eq. 7-9), imm (eq. 10), viterbi, smooth (forward-backward).
+    method : dsd (eq. 18-19), average (eq. 7-9), imm (eq. 10), viterbi, smooth (forward-backward), profile (estimates
+        between the candidates, see `detect.profile`).
     window : M of eq. 16-17, samples; imm, viterbi and smooth use one sample (their recursion is the memory).
     rho : standard deviation of eq. 5, unit of u.
     average : N of eq. 8, samples.

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from dsd_cli.detect.profile.summary import Estimate
 from dsd_cli.detect.summary import Segment, StateShare, Summary
 from dsd_cli.report import terminal
 from dsd_cli.report.terminal import escaped
@@ -64,6 +65,8 @@ def to_json(result: Detection) -> dict[str, Any]:
         "dropped": [{"reason": reason, "count": count} for reason, count in result.dropped.items()],
         "warnings": list(result.warnings),
     }
+    if summary.estimates:
+        out["estimates"] = {name: asdict(estimate) for name, estimate in summary.estimates.items()}
     if summary.truth is not None:
         out["truth"] = asdict(summary.truth)
     if summary.checks:
@@ -128,6 +131,8 @@ def _closing_lines(result: Detection) -> list[str]:
     summary = result.summary
     final = ", ".join(f"{name} {value:g}" for name, value in summary.final.items())
     lines = [f"final: {final} ({'confident' if summary.final_confident else 'not confident'})"]
+    if summary.estimates:
+        lines.append("estimated between the candidates: " + "; ".join(map(_estimate, summary.estimates.items())))
     if summary.residual_rms is not None:
         line = f"left unexplained by the labels: {summary.residual_rms:.3g} (rms of d_hat, rho is {result.rho:g})"
         if summary.explained_share is not None:
@@ -152,6 +157,15 @@ def _closing_lines(result: Detection) -> list[str]:
         counts = ", ".join(f"{reason} {count:,}" for reason, count in result.dropped.items())
         lines.append(f"rows not taken as they are: {escaped(counts)}")
     return lines
+
+
+def _estimate(named: tuple[str, Estimate]) -> str:
+    """The last well-founded value of an axis."""
+    name, found = named
+    if found.value is None:
+        return f"{name} never founded"
+    spread = "" if found.std is None else f" +- {found.std:.2g}"
+    return f"{name} {found.value:.5g}{spread} (founded in {_percent(found.confident_share)})"
 
 
 def _heading(axis: str) -> str:

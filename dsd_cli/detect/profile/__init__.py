@@ -1,1 +1,1 @@
-"""method = "profile": every delay between the candidates, the inertia solved in closed form, both with their uncertainty."""
+"""method = "profile": every delay between the candidates, the best inertia of each, both with their uncertainty."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from dsd_cli.signals.log import Array
 class Estimates(NamedTuple):
     """Delay and inertia per sample, each of shape (n,), with what they are worth.
 
-    Estimate and standard deviation belong together: they are of the last sample whose flag is set, NaN before the first.
+    Estimate and standard deviation belong together: of the last sample whose flag is set, NaN before the first.
 
     Attributes
     ----------
@@ -59,12 +59,13 @@ class Axis:
         return np.asarray(gaps[between])
 
 
-def settled(low: NDArray[np.intp], high: NDArray[np.intp], nearest: NDArray[np.intp], founded: NDArray[np.bool_],
-            last: int) -> NDArray[np.intp]:
+def settled(
+    low: NDArray[np.intp], high: NDArray[np.intp], nearest: NDArray[np.intp], founded: NDArray[np.bool_], last: int
+) -> NDArray[np.intp]:
     """The rank that stands at every sample.
 
-    It changes where the data are well founded and exclude its cell; between two cells that both are possible the last one
-    stays, else the nearest is taken.
+    It changes where the data are well founded and exclude its cell, to the nearest; between two cells that both are
+    possible the last one stays.
 
     Parameters
     ----------
@@ -85,7 +86,7 @@ def settled(low: NDArray[np.intp], high: NDArray[np.intp], nearest: NDArray[np.i
     return out
 
 
-def held(values: Array, founded: NDArray[np.bool_], last: float) -> Array:
+def held(values: NDArray[Any], founded: NDArray[np.bool_], last: float) -> NDArray[Any]:
     """Values where they are founded, else the last one that was; shape (n,)."""
     at = np.maximum.accumulate(np.where(founded, np.arange(1, values.size + 1), 0))
     return np.concatenate([[last], values])[at]

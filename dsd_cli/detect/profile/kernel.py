@@ -60,8 +60,10 @@ class ProfileKernel:
         combos, inertias = len(grid.combinations), len(grid.inertias)
         group, inertia = divmod(spec.settings.initial, inertias)
         delay, self._combination = divmod(group, combos)
-        self._ranks = [int(np.flatnonzero(self._delay_axis.order == delay)[0]),
-                       int(np.flatnonzero(self._alpha_axis.order == inertia)[0])]
+        self._ranks = [
+            int(np.flatnonzero(self._delay_axis.order == delay)[0]),
+            int(np.flatnonzero(self._alpha_axis.order == inertia)[0]),
+        ]
         self._last = [np.nan] * 4
         self.restart()
 
@@ -99,12 +101,13 @@ class ProfileKernel:
     def _nothing(self, n: int) -> Profiled:
         """Rows of the warm-up: what stood before them stands."""
         no = np.zeros(n, dtype=np.bool_)
-        held_values = [np.full(n, value) for value in self._last]
-        state = np.full(n, self._states(*self._ranks, self._combination), dtype=np.int32)
-        return Profiled(state, np.full(n, np.nan), np.full(n, np.nan), no, Estimates(*held_values, no, no))
+        columns: list[Any] = [*(np.full(n, value) for value in self._last), no, no]
+        state = np.full(n, self._states(self._ranks, self._combination), dtype=np.int32)
+        return Profiled(state, np.full(n, np.nan), np.full(n, np.nan), no, Estimates(*columns))
 
-    def _states(self, delay: Any, alpha: Any, combination: Any) -> Any:
-        """Index on the grid of these ranks."""
+    def _states(self, ranks: list[Any], combination: Any) -> Any:
+        """Index on the grid of these ranks of delay and alpha."""
+        delay, alpha = ranks
         combos, inertias = self._shape[1], len(self._spec.grid.inertias)
         return (self._delay_axis.order[delay] * combos + combination) * inertias + self._alpha_axis.order[alpha]
 
@@ -121,7 +124,7 @@ class ProfileKernel:
         ranks, sure, combination = self._label(found, delay, inertia, explained)
         probability = self._probability(found, ranks)
         log_likelihood[missing], probability[missing] = np.nan, np.nan
-        state = self._states(*ranks, combination).astype(np.int32)
+        state = self._states(ranks, combination).astype(np.int32)
         return Profiled(state, log_likelihood, probability, sure, self._estimates(found, delay, inertia))
 
     def _summed(self, y: Array, z: Array, missing: NDArray[np.bool_]) -> Sums:
@@ -141,7 +144,7 @@ class ProfileKernel:
     def _delay(self, lag: Array) -> Array:
         return self._lattice.delays[0] + lag * self._lattice.step
 
-    def _delay_sure(self, found: Fit) -> NDArray[np.bool_]:
+    def _delay_sure(self, found: Fit) -> NDArray[Any]:
         """The possible delays are within one spacing of the candidates, and not at an end that may hide others."""
         low, high = found.lag_range
         sure = (high - low) * self._lattice.step < self._lattice.spacing
@@ -151,9 +154,11 @@ class ProfileKernel:
             sure &= high < self._lattice.delays.size - 1
         return np.asarray(sure)
 
-    def _inertia_sure(self, found: Fit) -> NDArray[np.bool_]:
+    def _inertia_sure(self, found: Fit) -> NDArray[Any]:
         low, high = found.alpha_range
-        return np.asarray((low > 0.0) & (high - low < self._alpha_axis.spacing_at(found.alpha)))
+        with np.errstate(over="ignore"):
+            width = high - low
+        return np.asarray((low > 0.0) & (width < self._alpha_axis.spacing_at(found.alpha)))
 
     def _label(
         self, found: Fit, delay: NDArray[np.bool_], inertia: NDArray[np.bool_], explained: NDArray[np.bool_]
@@ -180,9 +185,9 @@ class ProfileKernel:
             inertia_std = values * found.alpha_std / found.alpha
         now = (self._delay(found.lag), found.lag_std * self._lattice.step, values, inertia_std)
         flags = (delay, delay, inertia, inertia)
-        columns = [held(*three) for three in zip(now, flags, self._last, strict=True)]
+        columns: list[Any] = [held(*three) for three in zip(now, flags, self._last, strict=True)]
         self._last = [float(column[-1]) for column in columns]
-        return Estimates(*columns, delay, inertia)
+        return Estimates(*columns, *[delay, inertia])
 
     def _probability(self, found: Fit, ranks: list[NDArray[np.intp]]) -> Array:
         """Share of the likelihood that falls into the label's cell: over the delays, times that over alpha."""
@@ -193,14 +198,15 @@ class ProfileKernel:
         delay = (weights * mine).sum(axis=1) / weights.sum(axis=1)
         low, high = self._alpha_axis.borders(ranks[1])
         reach = 2.0 * np.sqrt(2.0 * self._spec.settings.confidence)
-        std = np.where(np.isfinite(found.alpha_std), found.alpha_std, np.subtract(*found.alpha_range[::-1]) / reach)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            wide = np.subtract(*found.alpha_range[::-1]) / reach  # where no finite one is known
+            std = np.where(np.isfinite(found.alpha_std), found.alpha_std, wide)
             inertia = ndtr((high - found.alpha) / std) - ndtr((low - found.alpha) / std)
         inertia = np.where(std > 0.0, inertia, (low <= found.alpha) & (found.alpha <= high))
         return np.nan_to_num(delay * inertia)
 
 
 def _joined(parts: list[Profiled]) -> Profiled:
-    columns = [np.concatenate(column) for column in zip(*(part[:4] for part in parts), strict=True)]
-    estimates = [np.concatenate(column) for column in zip(*(part.estimates for part in parts), strict=True)]
-    return Profiled(*columns, Estimates(*estimates))
+    columns: list[Any] = [np.concatenate(column) for column in zip(*(part[:4] for part in parts), strict=True)]
+    estimates: list[Any] = [np.concatenate(column) for column in zip(*(part.estimates for part in parts), strict=True)]
+    return Profiled(*columns, *[Estimates(*estimates)])

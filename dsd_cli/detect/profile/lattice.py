@@ -57,4 +57,4 @@ def make_lattice(grid: Grid, sample_time: float) -> Lattice:
             f'method "profile" looks at every sample between the candidate delays: {count:,} of them',
             f"narrow states.delays to less than {MOST_DELAYS:,} samples",
         )
-    return Lattice(np.arange(first, last + 1) * sample_time, sample_time, float(gaps.min()), first > 0, True)
+    return Lattice(np.arange(float(first), last + 1.0) * sample_time, sample_time, float(gaps.min()), first > 0, True)

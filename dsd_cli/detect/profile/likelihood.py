@@ -1,8 +1,8 @@
 """The likelihood of the delay with the best inertia at every delay, and what it says about both.
 
 Model of a window (docs/beyond.md): y = alpha z(L) + noise, with alpha = Jn / J. u is held between samples, so that z is
-exactly linear between two delays a sample apart: z(L + f T) = z + f D with D = z(L + T) - z(L). Delay and inertia are thus a
-linear regression of y on (z, D), solved in closed form.
+exactly linear between two delays a sample apart: z(L + f T) = z + f D with D = z(L + T) - z(L). Delay and inertia are
+thus a linear regression of y on (z, D), solved in closed form.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.signals.log import Array
 
@@ -20,13 +21,13 @@ ROUNDING = 1e-11
 class Sums(NamedTuple):
     """Sums over the windows that end at n samples.
 
-    yy, count : shape (n,); count is how many samples voted.
+    yy, votes : shape (n,); votes is how many samples voted.
     zz, zy : of z z and z y, shape (n, G, E): per delay and combination of effect values.
     adjacent : of z(L) z(L + T), shape (n, G - 1, E).
     """
 
     yy: Array
-    count: Array
+    votes: Array
     zz: Array
     zy: Array
     adjacent: Array
@@ -42,8 +43,8 @@ class Fit(NamedTuple):
     combination : index of the effect values.
     square : residual sum of squares at the best fit.
     variance : of the noise, as used.
-    lag_range, alpha_range : lowest and highest value less than `confidence` nats worse than the best.
-    other_combination : whether another combination is less than `confidence` nats worse.
+    lag_range, alpha_range : lowest and highest value that is possible: less than `confidence` + ln(G) nats worse.
+    other_combination : whether another combination is possible.
     excess : of the best alpha at each delay over `square`, in nats, shape (n, G): the profile.
     """
 
@@ -56,7 +57,7 @@ class Fit(NamedTuple):
     variance: Array
     lag_range: tuple[Array, Array]
     alpha_range: tuple[Array, Array]
-    other_combination: Array
+    other_combination: NDArray[np.bool_]
     excess: Array
 
 
@@ -87,15 +88,17 @@ def fit(sums: Sums, rho: float, confidence: float, known_alpha: float | None) ->
     if delays > 1:
         peak = _refined(sums, peak, at, combination, known_alpha)
     free = (delays > 1) + (known_alpha is None)
-    variance = np.maximum(rho * rho, peak.square / np.maximum(sums.count - free, 1.0))
+    variance = np.maximum(rho * rho, peak.square / np.maximum(sums.votes - free, 1.0))
     reach = np.sqrt(2.0 * confidence)
     sigma = np.sqrt(variance)
     lag_std, alpha_std = peak.lag_unit * sigma, peak.alpha_unit * sigma
     excess = (squares - peak.square[:, None, None]) / (2.0 * variance[:, None, None])
     excess = np.maximum(excess - _rounding(sums, variance)[:, None, None], 0.0)
-    near = excess < confidence
+    # the best of many delays is better than the right one by chance alone: ln(delays) is what it costs to look at all
+    allowed = confidence + np.log(delays)
+    near = excess < allowed
     lags = _lag_range(near.any(axis=2), peak.lag, np.where(delays > 1, reach * lag_std, 0.0))
-    alpha_range = _alpha_range(sums, alphas, excess, near, sigma, confidence)
+    alpha_range = _alpha_range(sums, alphas, excess, near, sigma, allowed)
     spread = np.where(np.isfinite(alpha_std), reach * alpha_std, 0.0)  # without a finite one the points say it
     alpha_range = np.minimum(alpha_range[0], peak.alpha - spread), np.maximum(alpha_range[1], peak.alpha + spread)
     if known_alpha is not None:
@@ -119,7 +122,7 @@ def fit(sums: Sums, rho: float, confidence: float, known_alpha: float | None) ->
 
 def _rounding(sums: Sums, variance: Array) -> Array:
     """Nats by which two sums of this size may differ for no other reason than rounding."""
-    return np.asarray(1e-15 * (sums.count + 10.0) * sums.yy / (2.0 * variance))
+    return np.asarray(1e-15 * (sums.votes + 10.0) * sums.yy / (2.0 * variance))
 
 
 def _at_points(sums: Sums, known_alpha: float | None) -> tuple[Array, Array]:
@@ -202,11 +205,11 @@ def _lag_range(near: Array, lag: Array, reach: Array) -> tuple[Array, Array]:
 
 
 def _alpha_range(
-    sums: Sums, alphas: Array, excess: Array, near: Array, sigma: Array, confidence: float
+    sums: Sums, alphas: Array, excess: Array, near: Array, sigma: Array, allowed: float
 ) -> tuple[Array, Array]:
     """The projection of the likelihood region on alpha: at every near delay what is left of the nats."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        reach = sigma[:, None, None] * np.sqrt(2.0 * np.maximum(confidence - excess, 0.0) / sums.zz)
+        reach = sigma[:, None, None] * np.sqrt(2.0 * np.maximum(allowed - excess, 0.0) / sums.zz)
     low = np.where(near, alphas - reach, np.inf).min(axis=(1, 2))
     high = np.where(near, alphas + reach, -np.inf).max(axis=(1, 2))
     return np.nan_to_num(low, nan=-np.inf, posinf=np.inf), np.nan_to_num(high, nan=np.inf, neginf=-np.inf)

@@ -204,13 +204,15 @@ def _read_transition(value: Any, at: Place) -> Transition:
 
 
 _TRANSITIONS = '"uniform", { stay = 0.99 } or { file = "A.csv" }'
-_METHODS = ("dsd", "average", "imm", "viterbi", "smooth")
+_METHODS = ("dsd", "average", "imm", "viterbi", "smooth", "profile")
 
 
 class Detector(Section):
     """[detector]: how the state is chosen, sample by sample."""
 
-    method: Literal["dsd", "average", "imm", "viterbi", "smooth"] = key(choice(*_METHODS), "method", default="dsd")
+    method: Literal["dsd", "average", "imm", "viterbi", "smooth", "profile"] = key(
+        choice(*_METHODS), "method", default="dsd"
+    )
     window: int = key(integer(1), "window M of eq. 16", "samples", default=100)
     rho: float = key(number(above=0), "standard deviation rho of d_hat around its prediction", "unit of u", default=0.3)
     average: int = key(integer(1), 'N of eq. 8; above 1 it needs method = "average"', "samples", default=1)
