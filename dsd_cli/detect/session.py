@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dsd_cli.detect.engine import Engine, Forces, Labels, Measurement
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.profile.cells import Estimates
+from dsd_cli.detect.rest import FrictionMarks
 from dsd_cli.detect.rows import (
     Inputs,
     Rows,
@@ -24,7 +25,6 @@ from dsd_cli.detect.rows import (
 from dsd_cli.detect.settings import OFFLINE
 from dsd_cli.detect.spikes import Spikes
 from dsd_cli.effects import Channels
-from dsd_cli.plant.filtering import lowpass_irregular, poles_of
 from dsd_cli.plant.forces import Sample, interval_channels, interval_forces
 from dsd_cli.plant.observer import DisturbanceObserver
 from dsd_cli.signals.cleaning import Cleaner, Piece
@@ -47,13 +47,13 @@ class Session:
         self._observer: DisturbanceObserver | None = None
         self._last_t: float | None = None
         self._before: Sample | None = None
+        self._friction: FrictionMarks | None = None
         self._label = plan.settings.initial
         self._waiting: list[Piece] = []
         self._early = 0
         # before the first estimate; () for methods that have none
         self._estimates: tuple[float, ...] = (np.nan,) * 4 if plan.settings.method == "profile" else ()
         self._in_window = 0
-        self._turned, self._turning = 0.0, np.zeros(0)  # Q of what turns put into d_hat: last, and of this piece
         self._stamps: Array | None = np.empty(0) if cleaner.sample_time is None else None
         self._settling = 0
 
@@ -153,8 +153,8 @@ class Session:
             self.engine.restart()
         if self._spikes is not None:
             self._spikes.restart()
-        self._observer, self._last_t, self._before = None, None, None
-        self._in_window, self._turned = 0, 0.0
+        self._observer, self._last_t, self._before, self._friction = None, None, None, None
+        self._in_window = 0
 
     def _run(self, piece: Piece) -> Labels:
         return self._run_inputs(self._inputs(piece))
@@ -197,30 +197,10 @@ class Session:
                 self._observer = DisturbanceObserver(self.plan.observer, self._sample_time(), self.plan.d_hat_source)
             d_hat = self._observer.run(u, d_hat, piece.stamps)
         forces = self._forces(piece) if any(model.effects for model in self.plan.effects) else None
-        if forces is not None and self._turning.any():
-            d_hat = d_hat - self.plan.observer.sign * self._turning
+        if forces is not None and self._friction is not None and self._friction.turning.any():
+            d_hat = d_hat - self.plan.observer.sign * self._friction.turning
         self._last_t = float(piece.t[-1])
         return Inputs(u, d_hat, piece.t, forces)
-
-    def _without_turns(self, acceleration: Array, sign: Array, interval: float | Array) -> Array:
-        """Marks the intervals in which the plant starts, stops or turns, and keeps what they put into d_hat.
-
-        Friction there is whatever explains the change of speed, so that J a is what was measured, for every inertia:
-        such an interval says nothing, and Q { Jn a } of it is taken out of d_hat instead of being predicted.
-        """
-        observer = self.plan.observer
-        turns = np.isfinite(acceleration)
-        self._turning = np.zeros(sign.size)
-        if not (self.plan.has_friction and self.plan.settings.observer_filter):
-            return sign
-        if turns.any() or self._turned != 0.0:
-            raw = observer.nominal_inertia * np.where(turns, acceleration, 0.0)
-            lengths = np.broadcast_to(interval, sign.shape)
-            poles = poles_of(lengths.tolist(), observer.time_constant)
-            self._turning = lowpass_irregular(raw, poles, self._turned)
-            self._turned = float(self._turning[-1])
-            self._turned = 0.0 if abs(self._turned) < 1e-300 else self._turned
-        return np.where(turns, np.inf, sign)
 
     def _forces(self, piece: Piece) -> Forces:
         """Forces of every combination of effect values, per interval that ends at a sample."""
@@ -241,7 +221,9 @@ class Session:
             self._before = Sample(
                 None if velocity is None else float(velocity[-1]), None if position is None else float(position[-1])
             )
-            sign = self._without_turns(means.acceleration, sign, interval)
+            if self._friction is None:
+                self._friction = FrictionMarks(self.plan, self._sample_time())
+            sign = self._friction.marked(means, position if velocity is None else None, interval)
         pairs = [interval_forces(model.effects, channels, model.inertia) for model in self.plan.effects]
         applied, budget = (np.column_stack([np.broadcast_to(pair[i], n) for pair in pairs]) for i in (0, 1))
         return Forces(applied, budget, sign)

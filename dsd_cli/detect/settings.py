@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from dsd_cli.detect.coloured import SensorNoise
 from dsd_cli.detect.transition import Transition
 
 Method = Literal["dsd", "average", "imm", "viterbi", "smooth", "profile"]
@@ -30,6 +31,7 @@ class DetectorSettings:
     hold : nats by which another state must lead before the label changes; 0 is the paper's rule.
     confidence : nats of lead, on every axis of the grid, for `confident`; the state must also explain the window to
         within about 2 rho, or no label is confident.
+    sensor_noise : white noise of the sensor behind d_hat, beside rho; see `detect.coloured`.
     """
 
     method: Method = "dsd"
@@ -41,6 +43,7 @@ class DetectorSettings:
     observer_filter: bool = True
     hold: float = 0.0
     confidence: float = 3.0
+    sensor_noise: SensorNoise = field(default_factory=SensorNoise)
 
     @property
     def effective_window(self) -> int:

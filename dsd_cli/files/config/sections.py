@@ -177,6 +177,18 @@ class Initial(Section):
     inertia: float = key(number(above=0), "inertia of the initial state", "as nominal_inertia")
 
 
+class SensorNoise(Section):
+    """detector.sensor_noise: white noise of the sensor that d_hat was made from."""
+
+    velocity: float = key(number(lower=0), "standard deviation of the velocity", "rad/s or m/s", default=0.0)
+    position: float = key(
+        number(lower=0),
+        "standard deviation of the position; of an encoder its step / sqrt(12)",
+        "rad or m",
+        default=0.0,
+    )
+
+
 class Stay(Section):
     """detector.transition: stays with this probability, changes to each of the other states alike."""
 
@@ -220,6 +232,9 @@ class Detector(Section):
         Rule(_TRANSITIONS, _read_transition, (Stay, TransitionFile)), "transition probabilities A", default="uniform"
     )
     initial: Initial | None = key(table(Initial), "state before the first sample", default=None)
+    sensor_noise: SensorNoise | None = key(
+        table(SensorNoise), "noise that the observer has differentiated, beside rho", default=None
+    )
     observer_filter: bool = key(flag(), "predictions pass Q like the measurement; false is eq. 14", default=True)
     hold: float = key(
         number(lower=0),
