@@ -19,6 +19,7 @@ from dsd_cli.cli.progress import Progress
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import active_backend
 from dsd_cli.detect.plan import Plan
+from dsd_cli.detect.profile.changes import false_alarms_per_hour
 from dsd_cli.detect.rows import Rows
 from dsd_cli.detect.session import Session
 from dsd_cli.detect.settings import OFFLINE
@@ -29,6 +30,7 @@ from dsd_cli.files.config import Config
 from dsd_cli.files.scaled import scaled
 from dsd_cli.files.tables_in import Batch, TableSource, dropped_with_unreadable, is_stream, open_table, read_head
 from dsd_cli.files.tables_out import check_output
+from dsd_cli.report.changes import Changes
 from dsd_cli.report.detection import Detection, print_table, to_json
 from dsd_cli.report.terminal import json_text
 from dsd_cli.signals.cleaning import BRIDGE, Cleaner
@@ -226,9 +228,19 @@ def _detection(table: TableSource, session: Session, summarizer: Summarizer) -> 
         regular=cleaner.regular,
         d_hat_source=plan.d_hat_source,
         rho=plan.settings.rho,
+        changes=_changes(session),
         dropped={reason: count for reason, count in dropped.items() if count},
         warnings=(*table.warnings, *session.warnings),
     )
+
+
+def _changes(session: Session) -> Changes | None:
+    """What the test for changes found; None where there was no test."""
+    settings, sample_time = session.plan.settings, session.cleaner.sample_time
+    if settings.method != "profile" or settings.change <= 0.0 or sample_time is None:
+        return None
+    expected = false_alarms_per_hour(settings.change, settings.window, sample_time)
+    return Changes(tuple(session.changes), settings.change, expected, tuple(session.plan.grid.combinations))
 
 
 class _Truth:

@@ -154,6 +154,7 @@ def detector_settings(config: Config, grid: Grid) -> DetectorSettings:
         observer_filter=section.observer_filter,
         hold=section.hold,
         confidence=section.confidence,
+        change=section.change,
         sensor_noise=SensorNoise(noise.velocity, noise.position) if noise is not None else SensorNoise(),
     )
 

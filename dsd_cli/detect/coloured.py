@@ -78,15 +78,15 @@ def whitening(rho: float, b: float, c: float, pole: float) -> Whitening:
     scale = rho * abs(np.polyval(theta, -1.0)) / np.sqrt(at_nyquist)
     slowest = max([abs(zero) for zero in zeros], default=0.0)
     memory = 0 if slowest == 0.0 else int(np.ceil(np.log(0.01) / np.log(min(slowest, 0.9999))))
-    bound = np.poly(np.abs(zeros)) if zeros else np.ones(1)
+    bound = np.asarray(np.poly(np.abs(zeros)), dtype=np.float64) if zeros else np.ones(1)
     return Whitening(scale * np.array([1.0, -p]), theta, memory, bound, scale * (1.0 - p), rho)
 
 
 class Whitened:
     """A prediction (`numpy_prediction`) whose y and z pass W; rows that W's own start still disturbs are warm-up.
 
-    What friction did in an interval without a vote (its sign is infinite, see `detect.rest`) is not known, and W remembers
-    it for long. It may have been the whole budget: as much is added to the variance of the rows it still acts on.
+    What friction did in an interval without a vote (its sign is infinite, see `detect.rest`) is not known, and W
+    remembers it for long. It may have been the whole budget: as much is added to the variance of the rows it acts on.
     """
 
     def __init__(self, prediction: Any, found: Whitening) -> None:

@@ -15,6 +15,7 @@ from dsd_cli.errors import UsageError
 from dsd_cli.signals.log import Array
 
 if TYPE_CHECKING:
+    from dsd_cli.detect.profile.changes import Change
     from dsd_cli.detect.profile.kernel import ProfileKernel
     from dsd_cli.detect.recursions import Decisions, Recursion
 
@@ -137,6 +138,7 @@ class Engine:
             )
         self._floor = spec.log_likelihood_floor
         self._profile = self._make_profile()
+        self._rows = 0
         # noise that is not white is made white between prediction and likelihood: the NumPy kernel has that
         self._kernel = make_kernel(spec, "numpy" if settings.sensor_noise else backend)
         self._delays, self._inertias = (grid.axes[name].tolist() for name in ("delay", "inertia"))
@@ -166,6 +168,11 @@ class Engine:
             self._profile.restart()
         if self._recursion is not None:
             self._recursion.restart()
+
+    @property
+    def changes(self) -> list[Change]:
+        """Changes of delay, inertia or effect values found so far (method "profile"); times as t, or in samples."""
+        return [] if self._profile is None else self._profile.changes
 
     def step(self, u: float, d_hat: float) -> Label:
         """Take one sample of a regular clock, for a model without effects.
@@ -208,7 +215,9 @@ class Engine:
             raise UsageError("the grid has effect axes", "give the forces of every combination of their values")
         stamps = np.ascontiguousarray(t, dtype=np.float64) if self.measurement.timed else None
         if self._profile is not None:
-            return Labels(self.grid, *self._profile.run(u, d_hat, stamps, *(forces or (None, None, None))))
+            clock = self._rows + np.arange(float(len(u))) if t is None else np.asarray(t, dtype=np.float64)
+            self._rows += len(u)
+            return Labels(self.grid, *self._profile.run(clock, u, d_hat, stamps, *(forces or ())))
         n = len(u)
         matrix = None if self.settings.method == "dsd" else np.empty((n, len(self.grid)))
         state, confident = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.uint8)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dsd_cli.detect.engine import Engine, Forces, Labels, Measurement
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.profile.cells import Estimates
+from dsd_cli.detect.profile.changes import Change
 from dsd_cli.detect.rest import FrictionMarks
 from dsd_cli.detect.rows import (
     Inputs,
@@ -61,6 +62,11 @@ class Session:
     def label(self) -> int:
         """The state chosen last."""
         return self._label
+
+    @property
+    def changes(self) -> list[Change]:
+        """Changes of state so far (method "profile"); times are stamps, s."""
+        return [] if self.engine is None else self.engine.changes
 
     @property
     def warnings(self) -> list[str]:

@@ -31,6 +31,7 @@ class DetectorSettings:
     hold : nats by which another state must lead before the label changes; 0 is the paper's rule.
     confidence : nats of lead, on every axis of the grid, for `confident`; the state must also explain the window to
         within about 2 rho, or no label is confident.
+    change : nats by which two windows must be better than one for a change (method "profile"); 0 looks for none.
     sensor_noise : white noise of the sensor behind d_hat, beside rho; see `detect.coloured`.
     """
 
@@ -43,6 +44,7 @@ class DetectorSettings:
     observer_filter: bool = True
     hold: float = 0.0
     confidence: float = 3.0
+    change: float = 20.0
     sensor_noise: SensorNoise = field(default_factory=SensorNoise)
 
     @property

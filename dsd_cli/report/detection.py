@@ -9,6 +9,7 @@ from typing import Any
 from dsd_cli.detect.profile.summary import Estimate
 from dsd_cli.detect.summary import Segment, StateShare, Summary
 from dsd_cli.report import terminal
+from dsd_cli.report.changes import Changes
 from dsd_cli.report.terminal import escaped
 
 #: Rows of a table on the screen; the JSON has all.
@@ -28,6 +29,7 @@ class Detection:
     d_hat_source: str
     rho: float
     dropped: Mapping[str, int]
+    changes: Changes | None
     warnings: tuple[str, ...]
 
     @property
@@ -62,6 +64,7 @@ def to_json(result: Detection) -> dict[str, Any]:
         "segments": [_segment(segment) for segment in summary.segments],
         "segments_total": summary.segments_total,
         "final": {**summary.final, "confident": summary.final_confident},
+        **({} if result.changes is None else result.changes.to_json()),
         "dropped": [{"reason": reason, "count": count} for reason, count in result.dropped.items()],
         "warnings": list(result.warnings),
     }
@@ -114,6 +117,8 @@ def print_table(result: Detection, file: Any) -> None:
         table.add_row(_stamp(segment.start), _stamp(segment.end), *values, _percent(segment.confident_share))
     console.print(table)
     _more(console, summary.segments_total, MOST_SEGMENTS, "segments")
+    for line in result.changes.lines() if result.changes is not None else ():
+        console.print(line)
     for line in _closing_lines(result):
         console.print(line)
 

@@ -12,6 +12,7 @@ from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import KernelSpec
 from dsd_cli.detect.numpy_prediction import make_prediction
 from dsd_cli.detect.profile.cells import Axis, Estimates, held, settled
+from dsd_cli.detect.profile.changes import Change, ChangeTest, Evidence, Found, Side
 from dsd_cli.detect.profile.lattice import make_lattice
 from dsd_cli.detect.profile.likelihood import Fit, Sums, fit
 from dsd_cli.detect.profile.windowed import WindowedSums
@@ -65,20 +66,32 @@ class ProfileKernel:
             int(np.flatnonzero(self._alpha_axis.order == inertia)[0]),
         ]
         self._last = [np.nan] * 4
+        self._changes = ChangeTest(spec.settings, self._shape, self._width, self._known_alpha, spec.pole)
         self.restart()
 
     def restart(self) -> None:
         """Forget the window; labels and estimates stand until there is new evidence."""
         self._prediction = make_prediction(self._fine)
         self._sums = WindowedSums(self._spec.settings.window, self._width)
+        self._changes.restart()
         self._seen = 0
 
     def run(
-        self, u: Array, d_hat: Array, t: Array | None, force: Array | None, budget: Array | None, sign: Array | None
+        self,
+        clock: Array,
+        u: Array,
+        d_hat: Array,
+        t: Array | None,
+        force: Any = None,
+        budget: Any = None,
+        sign: Any = None,
     ) -> Profiled:
-        """The next n samples; arguments of shape (n,), forces of shape (n, combinations)."""
+        """The next n samples; arguments of shape (n,), forces of shape (n, combinations).
+
+        `clock` : stamps to name changes by; `t` : stamps of an irregular clock.
+        """
         rows = max(1, BLOCK // self._width)
-        inputs = (u, d_hat, t, force, budget, sign)
+        inputs = (clock, u, d_hat, t, force, budget, sign)
         return _joined(
             [
                 self._pass(*(None if a is None else a[begin : begin + rows] for a in inputs))
@@ -86,7 +99,7 @@ class ProfileKernel:
             ]
         )
 
-    def _pass(self, u: Any, d_hat: Any, *others: Any) -> Profiled:
+    def _pass(self, clock: Any, u: Any, d_hat: Any, *others: Any) -> Profiled:
         if len(u) == 0:
             return self._nothing(0)
         y, z, warm = self._prediction.run(u, d_hat, *others)
@@ -95,7 +108,7 @@ class ProfileKernel:
         if warm == 0:
             return before
         missing = ~(np.isfinite(u) & np.isfinite(d_hat))[cold:]
-        found = self._judge(y[cold:], z[cold:].reshape(warm, *self._shape), missing)
+        found = self._judge(clock[cold:], y[cold:], z[cold:].reshape(warm, *self._shape), missing)
         return _joined([before, found]) if cold else found
 
     def _nothing(self, n: int) -> Profiled:
@@ -111,11 +124,27 @@ class ProfileKernel:
         combos, inertias = self._shape[1], len(self._spec.grid.inertias)
         return (self._delay_axis.order[delay] * combos + combination) * inertias + self._alpha_axis.order[alpha]
 
+    @property
+    def changes(self) -> list[Change]:
+        """The changes found so far."""
+        return [self._named(found) for found in self._changes.changes]
+
+    def _named(self, found: Found) -> Change:
+        """Lags and alphas as delays and inertias."""
+        jn = self._fine.grid.inertias[0] * float(self._fine.alphas[0])
+        sides = [
+            Side(float(self._delay(side.lag)), jn / side.alpha if side.alpha > 0.0 else np.inf, side.combination)
+            for side in (found.before, found.after)
+        ]
+        return Change(found.time, found.low, found.high, found.detected, found.nats, *sides)
+
     # -- one pass --------------------------------------------------------------------------------------------------
 
-    def _judge(self, y: Array, z: Array, missing: NDArray[np.bool_]) -> Profiled:
+    def _judge(self, clock: Array, y: Array, z: Array, missing: NDArray[np.bool_]) -> Profiled:
         settings, spec = self._spec.settings, self._spec
-        found = fit(self._summed(y, z, missing), settings.rho, settings.confidence, self._known_alpha)
+        summed = self._sums.feed(self._products(y, z, missing))
+        found = fit(self._as_sums(summed), settings.rho, settings.confidence, self._known_alpha)
+        self._changes.feed(Evidence(clock, y, z, missing, summed, found), self._as_sums)
         full = self._seen + np.arange(1, len(y) + 1) >= settings.window
         self._seen += len(y)
         log_likelihood = spec.log_likelihood_constant - found.square / (2.0 * settings.rho**2)
@@ -127,8 +156,8 @@ class ProfileKernel:
         state = self._states(ranks, combination).astype(np.int32)
         return Profiled(state, log_likelihood, probability, sure, self._estimates(found, delay, inertia))
 
-    def _summed(self, y: Array, z: Array, missing: NDArray[np.bool_]) -> Sums:
-        """Windowed sums of the products; a missing sample adds nothing."""
+    def _products(self, y: Array, z: Array, missing: NDArray[np.bool_]) -> Array:
+        """What is summed over the window, shape (n, width); a missing sample adds nothing."""
         n, (delays, combos) = len(y), self._shape
         products = np.empty((n, self._width))
         products[:, 0], products[:, 1] = y * y, 1.0
@@ -137,11 +166,16 @@ class ProfileKernel:
         products[:, 2 + wide : 2 + 2 * wide] = (z * y[:, None, None]).reshape(n, -1)
         products[:, 2 + 2 * wide :] = (z[:, 1:] * z[:, :-1]).reshape(n, -1)
         products[missing] = 0.0
-        sums = self._sums.feed(products)
+        return products
+
+    def _as_sums(self, sums: Array) -> Sums:
+        """The same columns by name."""
+        n, (delays, combos) = len(sums), self._shape
+        wide = delays * combos
         zz, zy = (sums[:, 2 + i * wide : 2 + (i + 1) * wide].reshape(n, delays, combos) for i in (0, 1))
         return Sums(sums[:, 0], sums[:, 1], zz, zy, sums[:, 2 + 2 * wide :].reshape(n, delays - 1, combos))
 
-    def _delay(self, lag: Array) -> Array:
+    def _delay(self, lag: Any) -> Any:
         return self._lattice.delays[0] + lag * self._lattice.step
 
     def _delay_sure(self, found: Fit) -> NDArray[Any]:

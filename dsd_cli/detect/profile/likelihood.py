@@ -52,7 +52,7 @@ class Fit(NamedTuple):
     lag_std: Array
     alpha: Array
     alpha_std: Array
-    combination: Array
+    combination: NDArray[np.intp]
     square: Array
     variance: Array
     lag_range: tuple[Array, Array]
@@ -76,17 +76,9 @@ def fit(sums: Sums, rho: float, confidence: float, known_alpha: float | None) ->
 
     `known_alpha` : where the grid has one inertia, so that only the delay is estimated.
     """
-    n, delays, combinations = sums.zz.shape
-    alphas, squares = _at_points(sums, known_alpha)
-    flat = squares.reshape(n, -1)
-    best = flat.argmin(axis=1)
-    at, combination = best // combinations, best % combinations
+    n, delays, _ = sums.zz.shape
+    peak, combination, alphas, squares = best(sums, known_alpha)
     rows = np.arange(n)
-    peak = Peak(at.astype(float), alphas[rows, at, combination], flat[rows, best], *_alone(sums, at, combination))
-    if known_alpha is not None:
-        peak = peak._replace(alpha_unit=np.zeros(n))
-    if delays > 1:
-        peak = _refined(sums, peak, at, combination, known_alpha)
     free = (delays > 1) + (known_alpha is None)
     variance = np.maximum(rho * rho, peak.square / np.maximum(sums.votes - free, 1.0))
     reach = np.sqrt(2.0 * confidence)
@@ -118,6 +110,22 @@ def fit(sums: Sums, rho: float, confidence: float, known_alpha: float | None) ->
         others.any(axis=1),
         excess.min(axis=2),
     )
+
+
+def best(sums: Sums, known_alpha: float | None) -> tuple[Peak, NDArray[np.intp], Array, Array]:
+    """The best fit, its combination of effect values, and alpha and square at every delay, shape (n, G, E)."""
+    n, delays, combinations = sums.zz.shape
+    alphas, squares = _at_points(sums, known_alpha)
+    flat = squares.reshape(n, -1)
+    first = flat.argmin(axis=1)
+    at, combination = first // combinations, first % combinations
+    rows = np.arange(n)
+    peak = Peak(at.astype(float), alphas[rows, at, combination], flat[rows, first], *_alone(sums, at, combination))
+    if known_alpha is not None:
+        peak = peak._replace(alpha_unit=np.zeros(n))
+    if delays > 1:
+        peak = _refined(sums, peak, at, combination, known_alpha)
+    return peak, combination, alphas, squares
 
 
 def _rounding(sums: Sums, variance: Array) -> Array:

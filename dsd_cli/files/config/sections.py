@@ -232,6 +232,12 @@ class Detector(Section):
         Rule(_TRANSITIONS, _read_transition, (Stay, TransitionFile)), "transition probabilities A", default="uniform"
     )
     initial: Initial | None = key(table(Initial), "state before the first sample", default=None)
+    change: float = key(
+        number(lower=0),
+        'threshold of the test for changes of state (method = "profile"); 0 looks for none',
+        "nats",
+        default=20.0,
+    )
     sensor_noise: SensorNoise | None = key(
         table(SensorNoise), "noise that the observer has differentiated, beside rho", default=None
     )
