@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.cli.labels_out import ESTIMATES
-from tests.cli.rig import CONFIG, LABELS, done, make_log, read_labels, refused, summary, write
+from tests.cli.rig import CONFIG, LABELS, done, dsd, make_log, read_labels, refused, summary, write
 
 METHOD = ("--set", "detector.method=profile")
 
@@ -65,4 +65,5 @@ def test_other_methods_have_no_estimates(rig: Path) -> None:
 
 
 def test_a_short_window_is_refused_in_one_line(rig: Path) -> None:
-    refused(2, "needs 10 samples", "detect", "log.csv", *METHOD, "--set", "detector.window=5", cwd=rig)
+    result = dsd("detect", "log.csv", *METHOD, "--set", "detector.window=5", cwd=rig)
+    refused(result, 2, "needs 10 samples")

@@ -25,9 +25,7 @@ def run(template: tuple[str, ...], noise: float, rho: float, inertia: float) -> 
 
 @pytest.mark.parametrize("inertia", INERTIAS)
 @pytest.mark.parametrize(("noise", "rho"), [(0.0, 0.3), *NOISES])
-def test_fig6_the_delay_is_right_wherever_confident_and_held_to_the_end(
-    noise: float, rho: float, inertia: float
-) -> None:
+def test_fig6_a_confident_delay_is_right_and_held_to_the_end(noise: float, rho: float, inertia: float) -> None:
     """And the inertia is an estimate: where it is best known, within 4 standard errors."""
     log, labels = run(("paper-step",), noise, rho, inertia)
     _, _, value, std, sure, inertia_sure = labels.estimates
@@ -52,7 +50,7 @@ def test_fig7_with_a_sine_delay_and_inertia_are_known_throughout(inertia: float)
 
 
 @pytest.mark.parametrize("template", [("paper-delay-change",), MOVING], ids=["step", "sine"])
-@pytest.mark.parametrize("inertia", (0.6, 0.7, 1.0))
+@pytest.mark.parametrize("inertia", [0.6, 0.7, 1.0])
 def test_fig8_no_confident_delay_is_wrong_and_a_moving_reference_follows(
     template: tuple[str, ...], inertia: float
 ) -> None:
