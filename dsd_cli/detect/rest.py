@@ -73,16 +73,17 @@ class FrictionMarks:
         self._turned = 0.0
         self.turning = np.zeros(0)
 
-    def marked(self, means: IntervalChannels, position: Array | None, interval: float | Array) -> Array:
+    def marked(self, means: IntervalChannels, position: Array | None, alone: bool, interval: float | Array) -> Array:
         """The signs of the speed, infinite where an interval says nothing; shape (n,).
 
-        `position` : where it alone tells the motion, shape (n,).
+        `position` : shape (n,), where it is read; `alone`: it alone tells the motion.
         """
         self.turning = np.zeros(means.sign.size)
         if not self._acts:
             return means.sign
-        sign = means.sign if position is None else self._motion.direction(position)
-        still = np.isnan(sign)
+        direction = means.sign if position is None else self._motion.direction(position)
+        sign = direction if alone else means.sign
+        still = np.isnan(sign) | np.isnan(direction)  # a speed flickers at rest where the position stands
         turns = self._taken_out(means.acceleration, interval) if self._plan.has_friction else still
         return np.where(still | turns, np.inf, sign)
 

@@ -229,7 +229,7 @@ class Session:
             )
             if self._friction is None:
                 self._friction = FrictionMarks(self.plan, self._sample_time())
-            sign = self._friction.marked(means, position if velocity is None else None, interval)
+            sign = self._friction.marked(means, position, velocity is None, interval)
         pairs = [interval_forces(model.effects, channels, model.inertia) for model in self.plan.effects]
         applied, budget = (np.column_stack([np.broadcast_to(pair[i], n) for pair in pairs]) for i in (0, 1))
         return Forces(applied, budget, sign)

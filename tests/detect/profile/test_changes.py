@@ -91,6 +91,18 @@ def test_a_change_that_q_smears_is_followed_sample_by_sample() -> None:
         assert costs[i - 1] == pytest.approx(expected, rel=1e-9)
 
 
+def test_a_change_right_before_a_gap_is_kept() -> None:
+    u = excitation(2060, 9)
+    d_hat = measured(u, [State(0.004, 1.0), State(0.004, 2.0)], [2000])
+    found = engine()
+    found.run(u, d_hat + 0.1 * np.random.default_rng(9).normal(size=2060))
+    before = found.changes
+    assert len(before) == 1
+    found.restart()
+    found.run(u[:200], d_hat[:200])
+    assert found.changes == before
+
+
 def test_zero_looks_for_none() -> None:
     u = excitation(3000, 1)
     found = engine(change=0.0)
