@@ -36,6 +36,7 @@ class Motion:
         self._span = max(span, LEAST_SPAN)
         self._past: Array | None = None
         self._step = np.inf
+        self._seen = 0
 
     def follow(self, position: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Direction of the next samples, and whether the axis rests; both shape (n,).
@@ -55,6 +56,8 @@ class Motion:
         clear &= (forward == 0) | (back == 0)
         clear &= self._counted(every != 0.0, (self._span + 1) // 2) > 0
         rests = (forward + back < LEAST_STEPS) & ~(np.abs(moved) >= (LEAST_STEPS - 1e-6) * steps)
+        rests &= self._seen + np.arange(position.size) >= self._span  # nothing is known of what was before
+        self._seen += position.size
         return np.where(clear, np.sign(moved), np.nan), rests
 
     def _counted(self, changes: NDArray[np.bool_], span: int) -> NDArray[np.intp]:

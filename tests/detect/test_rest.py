@@ -27,7 +27,7 @@ def plain_motion(position: list[float], span: int) -> tuple[list[float], list[bo
         monotone = all(c >= 0 for c in changes) or all(c <= 0 for c in changes)
         known = abs(moved) >= (2 - 1e-6) * step and monotone and any(recent)
         out.append(float(np.sign(moved)) if known else np.nan)
-        rests.append(sum(c != 0 for c in changes) < 2 and not abs(moved) >= (2 - 1e-6) * step)
+        rests.append(k >= span and sum(c != 0 for c in changes) < 2 and not abs(moved) >= (2 - 1e-6) * step)
     return out, rests
 
 
