@@ -112,6 +112,10 @@ class FrictionMarks:
                 still |= np.isnan(direction)
         else:
             still &= ~self._explained(*pushed)
+        if np.ndim(interval) > 0:
+            # irregular stamps: with rests left out, a real servo whose friction the model lacks had labels that are
+            # confident and wrong where it had none before
+            still = np.zeros(sign.size, dtype=np.bool_)
         turns = self._taken_out(means.acceleration, interval) if self._plan.has_friction else still
         return np.where(still | turns, np.inf, sign)
 
