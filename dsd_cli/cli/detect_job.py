@@ -225,6 +225,7 @@ def _detection(table: TableSource, session: Session, summarizer: Summarizer) -> 
         rho=plan.settings.rho,
         dropped={reason: count for reason, count in dropped.items() if count},
         warnings=(*table.warnings, *session.warnings),
+        output="d(d_hat)/dt" if plan.settings.output == "derivative" else "d_hat",
     )
 
 

@@ -119,7 +119,9 @@ class Engine:
             raise UsageError(f"a window of {window} over {len(grid)} states needs too much memory", "reduce either")
         self.spec = spec = KernelSpec(
             grid=grid,
-            settings=replace(settings, window=window),
+            settings=replace(
+                settings, window=window, observer_filter=settings.observer_filter and settings.output == "d_hat"
+            ),
             alphas=measurement.nominal_inertia / np.array(grid.inertias),
             sample_time=measurement.sample_time,
             time_constant=measurement.time_constant,

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dsd_cli.detect.damping.derivative import DampingStates
 from dsd_cli.detect.engine import Engine, Forces, Labels, Measurement
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.rows import Inputs, Rows, cut, joined, labels_arrays, unjudged
@@ -35,6 +36,7 @@ class Session:
         self._spikes: Spikes | None = None
         self._doubted = 0
         self._observer: DisturbanceObserver | None = None
+        self._damping: DampingStates | None = None
         self._last_t: float | None = None
         self._before: Sample | None = None
         self._label = plan.settings.initial
@@ -141,6 +143,7 @@ class Session:
         if self._spikes is not None:
             self._spikes.restart()
         self._observer, self._last_t, self._before = None, None, None
+        self._damping = None
         self._in_window, self._turned = 0, 0.0
 
     def _run(self, piece: Piece) -> Labels:
@@ -176,6 +179,13 @@ class Session:
         assert sample_time is not None, "pieces come only after the clock is settled"
         return sample_time
 
+    def _derivatives(self, u: Array, d_hat: Array, t: Array) -> Inputs:
+        """Eq. 6: the engine compares derivatives; u has done its part in them."""
+        if self._damping is None:
+            self._damping = DampingStates(self.plan.grid, self._engine_now().measurement)
+        rate, forces = self._damping.run(u, d_hat)
+        return Inputs(np.zeros_like(u), rate, t, forces)
+
     def _inputs(self, piece: Piece) -> Inputs:
         u = piece.values["u"]
         d_hat = piece.values[self.plan.measured]
@@ -183,6 +193,8 @@ class Session:
             if self._observer is None:
                 self._observer = DisturbanceObserver(self.plan.observer, self._sample_time(), self.plan.d_hat_source)
             d_hat = self._observer.run(u, d_hat, piece.stamps)
+        if self.plan.settings.output == "derivative":
+            return self._derivatives(u, d_hat, piece.t)
         forces = self._forces(piece) if any(model.effects for model in self.plan.effects) else None
         if forces is not None and self._turning.any():
             d_hat = d_hat - self.plan.observer.sign * self._turning

@@ -9,6 +9,8 @@ from dsd_cli.detect.transition import Transition
 
 Method = Literal["dsd", "average", "imm", "viterbi", "smooth"]
 
+Output = Literal["d_hat", "derivative"]
+
 #: Methods that need the whole log before the first label.
 OFFLINE = ("viterbi", "smooth")
 
@@ -29,6 +31,8 @@ class DetectorSettings:
     hold : nats by which another state must lead before the label changes; 0 is the paper's rule.
     confidence : nats of lead, on every axis of the grid, for `confident`; the state must also explain the window to
         within about 2 rho, or no label is confident.
+    output : what the states predict: d_hat (eq. 14), or its derivative from u and d_hat (eq. 6: damping states alone;
+        rho is then in unit of u per s).
     """
 
     method: Method = "dsd"
@@ -40,6 +44,7 @@ class DetectorSettings:
     observer_filter: bool = True
     hold: float = 0.0
     confidence: float = 3.0
+    output: Output = "d_hat"
 
     @property
     def effective_window(self) -> int:

@@ -28,6 +28,7 @@ class Detection:
     rho: float
     dropped: Mapping[str, int]
     warnings: tuple[str, ...]
+    output: str = "d_hat"
 
     @property
     def explains(self) -> bool:
@@ -129,7 +130,7 @@ def _closing_lines(result: Detection) -> list[str]:
     final = ", ".join(f"{name} {value:g}" for name, value in summary.final.items())
     lines = [f"final: {final} ({'confident' if summary.final_confident else 'not confident'})"]
     if summary.residual_rms is not None:
-        line = f"left unexplained by the labels: {summary.residual_rms:.3g} (rms of d_hat, rho is {result.rho:g})"
+        line = f"left unexplained by the labels: {summary.residual_rms:.3g} (rms of {result.output}, rho is {result.rho:g})"
         if summary.explained_share is not None:
             line += f"; {_percent(summary.explained_share)} of the judged samples are within 2 rho"
         if not result.explains:

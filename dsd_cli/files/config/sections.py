@@ -225,6 +225,11 @@ class Detector(Section):
         "nats",
         default=0.0,
     )
+    output: Literal["d_hat", "derivative"] = key(
+        choice("d_hat", "derivative"),
+        "what the states predict: d_hat (eq. 14), or d(d_hat)/dt (eq. 6: dampings, without velocity; rho is per s)",
+        default="d_hat",
+    )
     confidence: float = key(
         number(lower=0),
         "lead over the best state of another delay (inertia) for `confident`; it also needs a residual within 2 rho",
