@@ -80,4 +80,4 @@ def test_oscillation_between_two_states_is_adjusted_by_rho_and_a():
     for detector in (("detector.transition=uniform", "detector.rho=1.5"), ("detector.rho=1.5",), ()):
         t, found, _ = labels(1.5, 1, (), *detector)
         switches.append(int((np.diff(found[t > MOVING]) != 0).sum()))
-    assert switches[0] > 3 * switches[1] > 9 * max(switches[2], 1)
+    assert switches[0] > 100 > 5 >= switches[1] > switches[2] == 0

@@ -1,5 +1,7 @@
 """The damping states of eq. 6: exact under the hold, equal to eq. 6 as T goes to 0, the same in chunks of any size."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -77,7 +79,7 @@ def test_chunks_of_any_size_give_the_same_bits():
     rate, forces = DampingStates(grid, measurement).run(u, d)
     parts = DampingStates(grid, measurement)
     cuts = [0, 1, 2, 30, 31, 200, 400]
-    runs = [parts.run(u[a:b], d[a:b]) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+    runs = [parts.run(u[a:b], d[a:b]) for a, b in itertools.pairwise(cuts)]
     np.testing.assert_array_equal(np.concatenate([r for r, _ in runs]), rate)
     np.testing.assert_array_equal(np.concatenate([f.applied for _, f in runs]), forces.applied)
 
