@@ -1,7 +1,8 @@
 """`python -m bench.beyond [ITEM ...]`: measures, draws, and writes the tables of docs/beyond.md anew.
 
-An item is a file of this folder. Its `section(pictures: Path) -> str` gives Markdown, and saves its pictures in the folder
-`pictures` as `beyond-*.png`. The text goes between the lines `<!-- made by ITEM -->` and `<!-- end of ITEM -->` of the page.
+An item is a file of this folder. Its `section(pictures: Path) -> str` gives Markdown, and saves its pictures in the
+folder `pictures` as `beyond-*.png`. The text goes between the lines `<!-- made by ITEM -->` and `<!-- end of ITEM -->`
+of the page.
 """
 
 from __future__ import annotations

@@ -58,7 +58,7 @@ def print_lines(report: TuningReport, file: Any) -> None:
     for line in (
         f"rho         {old.rho:g} -> {now.rho:g}: the right states leave {tuning.noise:.3g}{_lasting(tuning)}",
         f"window      {old.window} -> {now.window} samples",
-        f"transition  {_shown(old)} -> {_shown(now)}: {tuning.changes} changes seen, a state lasts {tuning.dwell:.3g} s",
+        f"transition  {_shown(old)} -> {_shown(now)}: {tuning.changes} changes seen, one in {tuning.dwell:.3g} s",
         *_grid_lines(tuning),
         f"labels like the path that the whole log says: {100 * tuning.before.agreement:.1f} % -> "
         f"{100 * tuning.after.agreement:.1f} %",

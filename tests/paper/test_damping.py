@@ -21,7 +21,7 @@ SEEDS = range(3)
 
 @cache
 def labels(damping, seed=1, plant=(), *detector):
-    """(t, damping label, confident) of a run with that true damping; `plant` is in the simulation, not in the states."""
+    """(t, damping label, confident) of a run with that true damping; `plant` is in the simulation only."""
     config = load_template("damping").override(
         [f"model.effects.viscous_friction.coefficient={damping}", f"simulate.seed={seed}", *plant]
     )
@@ -51,15 +51,13 @@ def test_claim_2_a_state_between_two_candidates_goes_to_the_nearer(damping, near
     assert set(found[t > MOVING]) == {nearer}
 
 
-PULSES = (
-    "model.effects.external_force.events=[{start = 1.0, end = 1.4, force = 0.4}, {start = 2.0, end = 2.2, force = -0.3}]",
-)
+PULSES = ("model.effects.external_force.events=[{start=1.0, end=1.4, force=0.4}, {start=2.0, end=2.2, force=-0.3}]",)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("damping", [0.0, 1.0, 2.0])
 def test_claim_3_robust_to_an_external_force_that_is_no_state(damping, seed):
-    """ "By the Markov property specified by the matrix A, ... robust to external forces": pulses of 4 % of the peak of u.
+    """Claim 3, "by the Markov property specified by the matrix A, ... robust to external forces": 4 % of the peak of u.
 
     They come when the step has gone quiet. An edge of force f is f/T in the derivative: while the axis accelerates
     hard it can outweigh the window, with any A (docs/beyond.md).

@@ -1,0 +1,100 @@
+"""Which intervals may vote: those in which the axis moves in a direction that the sensor shows.
+
+A resting axis has no net force, whatever u is: friction takes up what it must, and no level of friction tells how much
+it could take. Such an interval says nothing about inertia or delay, so its prediction is no force, for every candidate.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsd_cli.detect.plan import Plan
+from dsd_cli.effects import Role, get_effect
+from dsd_cli.plant.filtering import lowpass_irregular, poles_of
+from dsd_cli.plant.forces import IntervalChannels
+from dsd_cli.signals.log import Array
+
+#: Steps of the encoder that must lie behind a sample for the direction to be known.
+LEAST_STEPS = 2.0
+
+
+class Motion:
+    """Follows a position sample by sample: is it moving, by more than its resolution?
+
+    The resolution is the smallest change seen so far, so that a position that is not quantised always moves.
+
+    Parameters
+    ----------
+    span : samples to look back on.
+    """
+
+    def __init__(self, span: int) -> None:
+        self._span = max(span, 1)
+        self._past: Array | None = None
+        self._step = np.inf
+
+    def direction(self, position: Array) -> Array:
+        """1 or -1 for each of the next samples, shape (n,); NaN where it is not known.
+
+        It is known where the position moved by two steps or more over the span, and never back.
+        """
+        past = np.full(self._span, position[0]) if self._past is None else self._past
+        all_of_it = np.concatenate([past, position])
+        every = np.diff(all_of_it)
+        changes = np.abs(every[self._span - 1 :])
+        steps = np.minimum.accumulate(np.minimum(np.where(changes > 0.0, changes, np.inf), self._step))
+        self._past, self._step = all_of_it[position.size :], float(steps[-1])
+        moved = position - all_of_it[: position.size]
+        clear = np.abs(moved) >= (LEAST_STEPS - 1e-6) * steps
+        forward, back = (self._counted(every * side > 0.0, self._span) for side in (1.0, -1.0))
+        clear &= (forward == 0) | (back == 0)
+        clear &= self._counted(every != 0.0, (self._span + 1) // 2) > 0  # and has not come to rest since
+        return np.where(clear, np.sign(moved), np.nan)
+
+    def _counted(self, changes: NDArray[np.bool_], span: int) -> NDArray[np.intp]:
+        """How many of the last `span` changes are of a kind, per sample."""
+        total = np.concatenate([[0], np.cumsum(changes)])
+        return np.asarray(total[self._span :] - total[self._span - span : -span])
+
+
+class FrictionMarks:
+    """Marks the intervals that say nothing because friction there is whatever explains the motion.
+
+    These are those at rest, and those in which the plant starts, stops or turns: there J a is what was measured, for
+    every inertia, so that Q { Jn a } of it is taken out of d_hat (`turning`) instead of being predicted.
+    """
+
+    def __init__(self, plan: Plan, sample_time: float) -> None:
+        effects = {name for model in plan.effects for name in model.effects}
+        self._acts = any(get_effect(name).role is Role.FRICTION for name in effects)
+        self._plan = plan
+        self._motion = Motion(round(2.0 * plan.observer.time_constant / sample_time))
+        self._turned = 0.0
+        self.turning = np.zeros(0)
+
+    def marked(self, means: IntervalChannels, position: Array | None, interval: float | Array) -> Array:
+        """The signs of the speed, infinite where an interval says nothing; shape (n,).
+
+        `position` : where it alone tells the motion, shape (n,).
+        """
+        self.turning = np.zeros(means.sign.size)
+        if not self._acts:
+            return means.sign
+        sign = means.sign if position is None else self._motion.direction(position)
+        still = np.isnan(sign)
+        turns = self._taken_out(means.acceleration, interval) if self._plan.has_friction else still
+        return np.where(still | turns, np.inf, sign)
+
+    def _taken_out(self, acceleration: Array, interval: float | Array) -> NDArray[np.bool_]:
+        """Which intervals start, stop or turn; `turning` is what they put into d_hat."""
+        observer, turns = self._plan.observer, np.isfinite(acceleration)
+        if not self._plan.settings.observer_filter:
+            return np.zeros(turns.size, dtype=np.bool_)
+        if turns.any() or self._turned != 0.0:
+            raw = observer.nominal_inertia * np.where(turns, acceleration, 0.0)
+            poles = poles_of(np.broadcast_to(interval, turns.shape).tolist(), observer.time_constant)
+            self.turning = lowpass_irregular(raw, poles, self._turned)
+            self._turned = float(self.turning[-1])
+            self._turned = 0.0 if abs(self._turned) < 1e-300 else self._turned
+        return turns
