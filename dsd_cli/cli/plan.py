@@ -111,6 +111,8 @@ def detection_plan(config: Config, found: Mapping[str, str], metadata: Mapping[s
     settings = detector_settings(config, grid)
     if settings.output == "derivative":
         check(grid)
+        if settings.method == "profile":
+            raise UsageError('detector.output = "derivative" has no method "profile"', "use dsd or another method")
         template = model.changed()  # eq. 6 needs no motion
         channels: tuple[str, ...] = ()
     else:

@@ -83,31 +83,15 @@ def tune(
 
 def _evidence(log: str, config: Config) -> tuple[Evidence, tuple[str, ...]]:
     """The longest recording of the log as the engine of the config takes it, and warnings."""
-    from dsd_cli.cli.plan import TIME_SCALE, detection_plan, limits, log_columns, naming, optional_columns
+    from dsd_cli.cli.labelling import cleaner_for, open_log, run_log
     from dsd_cli.detect.tune.evidence import Evidence, Gatherer, refuse
-    from dsd_cli.errors import DataError
-    from dsd_cli.files.scaled import scaled
-    from dsd_cli.files.tables_in import open_table
-    from dsd_cli.signals.cleaning import BRIDGE, Cleaner
 
-    signals = config.signals
-    columns = log_columns(signals)
-    table = scaled(open_table(log, columns, optional_columns(config) & set(columns)), signals.factors())
-    plan = detection_plan(config, table.columns, table.metadata, table.name)
+    table, plan = open_log(log, config)
     refuse(plan)
-    bridge = BRIDGE if plan.d_hat_source == "logged" else 0
-    session = Gatherer(plan, Cleaner(signals.sample_time, TIME_SCALE[signals.time_unit], bridge, limits(signals)))
-    with naming(table.name):
-        for batch in table.batches():
-            for _ in session.feed(batch.columns.get("t"), batch.columns, batch.restart):
-                pass
-        for _ in session.finish():
-            pass
-    if session.engine is None:
-        raise DataError(
-            f"{table.name}: no row has a value in every needed column ({', '.join(table.columns.values())})"
-        )
-    return Evidence(session.longest(), session.engine), (*table.warnings, *session.warnings)
+    session = Gatherer(plan, cleaner_for(config, plan))
+    warnings = run_log(table, session).warnings
+    assert session.engine is not None, "run_log refuses a log without samples"
+    return Evidence(session.longest(), session.engine), warnings
 
 
 def _written(text: str, config: Config, tuning: Tuning) -> str:

@@ -24,7 +24,7 @@ from dsd_cli.detect.rows import (
     unjudged,
     without_confidence,
 )
-from dsd_cli.detect.settings import OFFLINE
+from dsd_cli.detect.settings import ESTIMATING, OFFLINE
 from dsd_cli.detect.spikes import Spikes
 from dsd_cli.effects import Channels
 from dsd_cli.plant.forces import Sample, interval_channels, interval_forces
@@ -55,7 +55,7 @@ class Session:
         self._waiting: list[Piece] = []
         self._early = 0
         # before the first estimate; () for methods that have none
-        self._estimates: tuple[float, ...] = (np.nan,) * 4 if plan.settings.method == "profile" else ()
+        self._estimates: tuple[float, ...] = (np.nan,) * 4 if plan.settings.method in ESTIMATING else ()
         self._in_window = 0
         self._stamps: Array | None = np.empty(0) if cleaner.sample_time is None else None
         self._settling = 0

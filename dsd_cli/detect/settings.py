@@ -8,9 +8,12 @@ from typing import Literal
 from dsd_cli.detect.coloured import SensorNoise
 from dsd_cli.detect.transition import Transition
 
-Method = Literal["dsd", "average", "imm", "viterbi", "smooth", "profile"]
+Method = Literal["dsd", "average", "imm", "viterbi", "smooth", "profile", "combination"]
 
 Output = Literal["d_hat", "derivative"]
+
+#: Methods whose labels have estimates of delay and inertia between the candidates.
+ESTIMATING = ("profile", "combination")
 
 #: Methods that need the whole log before the first label.
 OFFLINE = ("viterbi", "smooth")
@@ -23,7 +26,7 @@ class DetectorSettings:
     Attributes
     ----------
     method : dsd (eq. 18-19), average (eq. 7-9), imm (eq. 10), viterbi, smooth (forward-backward), profile (estimates
-        between the candidates, see `detect.profile`).
+        between the candidates, see `detect.profile`), combination (eq. 12).
     window : M of eq. 16-17, samples; imm, viterbi and smooth use one sample (their recursion is the memory).
     rho : standard deviation of eq. 5, unit of u.
     average : N of eq. 8, samples.

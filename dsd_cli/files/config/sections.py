@@ -216,18 +216,20 @@ def _read_transition(value: Any, at: Place) -> Transition:
 
 
 _TRANSITIONS = '"uniform", { stay = 0.99 } or { file = "A.csv" }'
-_METHODS = ("dsd", "average", "imm", "viterbi", "smooth", "profile")
+_METHODS = ("dsd", "average", "imm", "viterbi", "smooth", "profile", "combination")
 
 
 class Detector(Section):
     """[detector]: how the state is chosen, sample by sample."""
 
-    method: Literal["dsd", "average", "imm", "viterbi", "smooth", "profile"] = key(
+    method: Literal["dsd", "average", "imm", "viterbi", "smooth", "profile", "combination"] = key(
         choice(*_METHODS), "method", default="dsd"
     )
     window: int = key(integer(1), "window M of eq. 16", "samples", default=100)
     rho: float = key(number(above=0), "standard deviation rho of d_hat around its prediction", "unit of u", default=0.3)
-    average: int = key(integer(1), 'N of eq. 8; above 1 it needs method = "average"', "samples", default=1)
+    average: int = key(
+        integer(1), 'N of eq. 8; above 1 it needs method = "average" or "combination"', "samples", default=1
+    )
     transition: Transition = key(
         Rule(_TRANSITIONS, _read_transition, (Stay, TransitionFile)), "transition probabilities A", default="uniform"
     )
@@ -261,6 +263,6 @@ class Detector(Section):
     )
 
     def check(self, at: Place) -> None:
-        if self.average > 1 and self.method != "average":
+        if self.average > 1 and self.method not in ("average", "combination"):
             message = f"{at.file}: {at.path}.average = {self.average} contradicts {at.path}.method = "
-            raise UsageError(message + shown(self.method), 'above 1 it needs method = "average"')
+            raise UsageError(message + shown(self.method), 'above 1 it needs method = "average" or "combination"')
