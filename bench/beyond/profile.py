@@ -17,8 +17,10 @@ RUNS = {
     "Fig. 8 with the sine": MOVING,
 }
 #: Standard deviation on d_hat, and rho.
-NOISES = ((0.0, 0.3), (0.01, 0.3), (0.03, 0.3), (0.1, 0.3), (1.0, 1.0), (10.0, 10.0), (100.0, 100.0))
-SEEDS = 3
+NOISES = ((0.0, 0.3), (0.01, 0.3), (0.1, 0.3), (1.0, 1.0), (10.0, 10.0))
+SEEDS = 1
+#: Shorter than the templates: after 3 s nothing moves any more.
+SHORT = "simulate.duration=3"
 #: s after a change in which a window holds more of the old state than of the new one.
 FOLLOW = 0.1
 
@@ -37,7 +39,7 @@ def counts(template: tuple[str, ...], method: str, noise: float, rho: float, see
     """
     confident, wrong, total, end = 0, 0, 0, []
     for inertia in INERTIAS:
-        config, log = simulated(*template, f"model.inertia={inertia}")
+        config, log = simulated(*template, SHORT, f"model.inertia={inertia}")
         truth = np.array(log["true_delay"])
         changes = log["t"][1:][np.diff(truth) != 0.0]
         use = np.all(
@@ -66,7 +68,7 @@ def _picture(path: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    config, log = simulated("paper-step", "model.inertia=0.7")
+    config, log = simulated("paper-step", SHORT, "model.inertia=0.7")
     t = log["t"]
     figure, axes = plt.subplots(2, 1, figsize=(8, 5), sharex=True, layout="constrained")
     for method, colour in (("dsd", "tab:orange"), ("profile", "tab:blue")):
@@ -86,7 +88,7 @@ def _picture(path: Path) -> None:
     axes[0].set(
         ylabel="delay, s", ylim=(0.15, 0.45), title="Fig. 6, J = 0.7 between the candidates 0.5 and 1, noise 0.01"
     )
-    axes[1].set(ylabel="inertia", xlabel="t, s", ylim=(0.4, 1.1), xlim=(0.3, 3.5))
+    axes[1].set(ylabel="inertia", xlabel="t, s", ylim=(0.4, 1.1), xlim=(0.3, 3.0))
     axes[0].legend(loc="lower right", ncols=2, fontsize=8)
     figure.savefig(path, dpi=110)
     plt.close(figure)

@@ -1,7 +1,8 @@
 """Which intervals may vote: those in which the axis moves in a direction that the sensor shows.
 
-A resting axis has no net force, whatever u is: friction takes up what it must, and no level of friction tells how much
-it could take. Such an interval says nothing about inertia or delay, so its prediction is no force, for every candidate.
+A resting axis has no net force, whatever u is: friction takes up what it must. Where the model's friction could not do
+that for any candidate, the axis sticks by a friction that the model does not have: such an interval says nothing about
+inertia or delay, so its prediction is no force, for every candidate.
 """
 
 from __future__ import annotations
@@ -34,10 +35,11 @@ class Motion:
         self._past: Array | None = None
         self._step = np.inf
 
-    def direction(self, position: Array) -> Array:
-        """1 or -1 for each of the next samples, shape (n,); NaN where it is not known.
+    def follow(self, position: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Direction of the next samples, and whether the axis rests; both shape (n,).
 
-        It is known where the position moved by two steps or more over the span, and never back.
+        1 or -1 where it moved by two steps or more over the span, never back, and not come to rest since; else NaN. It
+        rests where it made less than two changes and two steps.
         """
         past = np.full(self._span, position[0]) if self._past is None else self._past
         all_of_it = np.concatenate([past, position])
@@ -49,8 +51,9 @@ class Motion:
         clear = np.abs(moved) >= (LEAST_STEPS - 1e-6) * steps
         forward, back = (self._counted(every * side > 0.0, self._span) for side in (1.0, -1.0))
         clear &= (forward == 0) | (back == 0)
-        clear &= self._counted(every != 0.0, (self._span + 1) // 2) > 0  # and has not come to rest since
-        return np.where(clear, np.sign(moved), np.nan)
+        clear &= self._counted(every != 0.0, (self._span + 1) // 2) > 0
+        rests = (forward + back < LEAST_STEPS) & ~(np.abs(moved) >= (LEAST_STEPS - 1e-6) * steps)
+        return np.where(clear, np.sign(moved), np.nan), rests
 
     def _counted(self, changes: NDArray[np.bool_], span: int) -> NDArray[np.intp]:
         """How many of the last `span` changes are of a kind, per sample."""
@@ -61,30 +64,63 @@ class Motion:
 class FrictionMarks:
     """Marks the intervals that say nothing because friction there is whatever explains the motion.
 
-    These are those at rest, and those in which the plant starts, stops or turns: there J a is what was measured, for
-    every inertia, so that Q { Jn a } of it is taken out of d_hat (`turning`) instead of being predicted.
+    These are those at rest that no candidate explains, and those in which the plant starts, stops or turns: there J a
+    is what was measured, for every inertia, so that Q { Jn a } of it is taken out of d_hat (`turning`) instead of being
+    predicted.
     """
 
-    def __init__(self, plan: Plan, sample_time: float) -> None:
+    def __init__(self, plan: Plan, sample_time: float, alone: bool) -> None:
         effects = {name for model in plan.effects for name in model.effects}
         self._acts = any(get_effect(name).role is Role.FRICTION for name in effects)
         self._plan = plan
         self._motion = Motion(round(2.0 * plan.observer.time_constant / sample_time))
+        self._alone = alone
+        self._lags = sorted({round(delay / sample_time) for delay in plan.grid.delays})
+        self._past: Array | None = None  # the last samples of u, as far as a delay reaches
         self._turned = 0.0
         self.turning = np.zeros(0)
 
-    def marked(self, means: IntervalChannels, position: Array | None, interval: float | Array) -> Array:
+    def marked(
+        self,
+        means: IntervalChannels,
+        position: Array | None,
+        interval: float | Array,
+        pushed: tuple[Array, Array, Array],
+    ) -> Array:
         """The signs of the speed, infinite where an interval says nothing; shape (n,).
 
-        `position` : where it alone tells the motion, shape (n,).
+        Parameters
+        ----------
+        position : shape (n,), where it is read; `alone` of the constructor: it alone tells the motion.
+        pushed : u, shape (n,); forces and friction budgets, shape (n, combinations).
         """
         self.turning = np.zeros(means.sign.size)
         if not self._acts:
             return means.sign
-        sign = means.sign if position is None else self._motion.direction(position)
-        still = np.isnan(sign)
+        sign, still = means.sign, np.isnan(means.sign)
+        if position is not None:
+            direction, rests = self._motion.follow(position)
+            unknown = np.isnan(direction)
+            # a speed flickers at rest where the position stands; of the position alone a step is no direction
+            sign = np.where(unknown, sign, direction) if self._alone else sign
+            still = (rests if self._alone else still | rests) & ~self._explained(*pushed)
+            still |= unknown if self._alone and self._plan.settings.sensor_noise else False
+        else:
+            still &= ~self._explained(*pushed)
         turns = self._taken_out(means.acceleration, interval) if self._plan.has_friction else still
         return np.where(still | turns, np.inf, sign)
+
+    def _explained(self, u: Array, force: Array, budget: Array) -> NDArray[np.bool_]:
+        """Where, for some candidate, friction holds the axis against what has arrived of u; shape (n,)."""
+        longest = max(self._lags) + 1
+        past = np.full(longest, u[0]) if self._past is None else self._past
+        history = np.concatenate([past, u])
+        self._past = history[u.size :]
+        held = np.zeros(u.size, dtype=np.bool_)
+        for lag in self._lags:
+            drive = history[longest - 1 - lag : longest - 1 - lag + u.size]  # u of the interval that ends at a sample
+            held |= (np.abs(drive[:, None] + force) <= budget).any(axis=1)
+        return held
 
     def _taken_out(self, acceleration: Array, interval: float | Array) -> NDArray[np.bool_]:
         """Which intervals start, stop or turn; `turning` is what they put into d_hat."""

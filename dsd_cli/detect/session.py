@@ -229,6 +229,7 @@ class Session:
             start = piece.t[0] - interval if self._last_t is None else self._last_t
             interval = np.diff(piece.t, prepend=start)
         u, n = piece.values["u"], piece.t.size
+        means = None
         missing, middle = np.full(n, np.nan), piece.t - 0.5 * interval
         if velocity is None and position is None:
             channels, sign = Channels(middle, u, missing, missing, interval), np.zeros(n)
@@ -238,11 +239,12 @@ class Session:
             self._before = Sample(
                 None if velocity is None else float(velocity[-1]), None if position is None else float(position[-1])
             )
-            if self._friction is None:
-                self._friction = FrictionMarks(self.plan, self._sample_time())
-            sign = self._friction.marked(means, position if velocity is None else None, interval)
         pairs = [interval_forces(model.effects, channels, model.inertia) for model in self.plan.effects]
         applied, budget = (np.column_stack([np.broadcast_to(pair[i], n) for pair in pairs]) for i in (0, 1))
+        if means is not None:
+            if self._friction is None:
+                self._friction = FrictionMarks(self.plan, self._sample_time(), alone=velocity is None)
+            sign = self._friction.marked(means, position, interval, (u, applied, budget))
         return Forces(applied, budget, sign)
 
     # -- rows ------------------------------------------------------------------------------------------------------

@@ -102,10 +102,12 @@ class ChangeTest:
         self._known_alpha = known_alpha
         self._memory = int(np.ceil(-QUIET / np.log(pole))) if pole > 0.0 else 0
         self.found: list[Found] = []
+        self._peak: _Peak | None = None
         self.restart()
 
     def restart(self) -> None:
-        """What comes next is another recording; what was found stays."""
+        """What comes next is another recording; what was found stays, a change that is being placed as it is now."""
+        self.found = self.changes
         window = self._settings.window
         self._row = 0
         self._sums = np.zeros((window, self._width if self._settings.change > 0.0 else 0))
@@ -113,7 +115,7 @@ class ChangeTest:
         kept = 4 * window if self._settings.change > 0.0 else 0
         self._levels = np.zeros((kept, 4))
         self._past = np.zeros((kept, 2 + self._shape[0] * self._shape[1]))
-        self._peak: _Peak | None = None
+        self._peak = None
         self._detected = np.nan
         self._blind = 0  # first sample whose two windows are clear of the last change
 

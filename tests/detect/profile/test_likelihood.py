@@ -79,7 +79,8 @@ def test_a_constant_u_tells_the_inertia_and_nothing_of_the_delay() -> None:
     rng = np.random.default_rng(3)
     z = np.ones((M, G))
     found = fit(sums_of(z, 1.5 * z[:, 0] + 0.01 * rng.normal(size=M)), 0.01, 3.0, None)
-    assert found.lag_range[0][0] <= 0 and found.lag_range[1][0] >= G - 1
+    assert found.lag_range[0][0] <= 0
+    assert found.lag_range[1][0] >= G - 1
     low, high = found.alpha_range[0][0], found.alpha_range[1][0]
     assert low < 1.5 < high
     assert high - low < 0.02
