@@ -18,6 +18,8 @@ from dsd_cli.signals.log import Array
 
 #: Steps of the encoder that must lie behind a sample for the direction to be known.
 LEAST_STEPS = 2.0
+#: Samples to look back on at least: two changes must fit in.
+LEAST_SPAN = 4
 
 
 class Motion:
@@ -31,7 +33,7 @@ class Motion:
     """
 
     def __init__(self, span: int) -> None:
-        self._span = max(span, 1)
+        self._span = max(span, LEAST_SPAN)
         self._past: Array | None = None
         self._step = np.inf
 
@@ -100,11 +102,11 @@ class FrictionMarks:
         sign, still = means.sign, np.isnan(means.sign)
         if position is not None:
             direction, rests = self._motion.follow(position)
-            unknown = np.isnan(direction)
-            # a speed flickers at rest where the position stands; of the position alone a step is no direction
-            sign = np.where(unknown, sign, direction) if self._alone else sign
+            # a speed flickers at rest where the position stands
             still = (rests if self._alone else still | rests) & ~self._explained(*pushed)
-            still |= unknown if self._alone and self._plan.settings.sensor_noise else False
+            if self._alone and self._plan.settings.sensor_noise:  # a single step of a coarse position is no direction
+                sign = direction
+                still |= np.isnan(direction)
         else:
             still &= ~self._explained(*pushed)
         turns = self._taken_out(means.acceleration, interval) if self._plan.has_friction else still

@@ -189,10 +189,13 @@ class ProfileKernel:
         return np.asarray(sure)
 
     def _inertia_sure(self, found: Fit) -> NDArray[Any]:
+        """The possible inertias are within one spacing, and not for the only reason that the delays are bounded."""
         low, high = found.alpha_range
         with np.errstate(over="ignore"):
             width = high - low
-        return np.asarray((low > 0.0) & (width < self._alpha_axis.spacing_at(found.alpha)))
+        return np.asarray(
+            (low > 0.0) & np.isfinite(found.alpha_std) & (width < self._alpha_axis.spacing_at(found.alpha))
+        )
 
     def _label(
         self, found: Fit, delay: NDArray[np.bool_], inertia: NDArray[np.bool_], explained: NDArray[np.bool_]
