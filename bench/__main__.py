@@ -1,9 +1,10 @@
 """`python -m bench [--rows N] [--repeats N]`: a table on stdout, and bench/results/latest.json.
 
 `python -m bench hidden` is the study of hidden effects, see bench/hidden.py; `python -m bench random` runs the property
-tests on new examples, see bench/properties.py; `python -m bench coverage` counts how often standard errors hold the
-truth, see bench/coverage.py; `python -m bench fuzz` looks for input that breaks the commands, see
-bench/fuzz.py.
+tests on new examples, see bench/properties.py; `python -m bench fuzz` looks for input that breaks the commands, see
+bench/fuzz.py; `python -m bench coverage` counts how often standard errors hold the truth, see bench/coverage.py;
+`python -m bench longlog` labels a day at 10 kHz, see bench/longlog.py; `python -m bench fleet`
+runs over many logs, see bench/fleet.py.
 """
 
 from __future__ import annotations
@@ -46,6 +47,16 @@ def main() -> None:
         from bench import coverage
 
         coverage.main(sys.argv[2:])
+        return
+    if sys.argv[1:2] == ["fleet"]:
+        from bench import fleet
+
+        fleet.main(sys.argv[2:])
+        return
+    if sys.argv[1:2] == ["longlog"]:
+        from bench import longlog
+
+        longlog.main(sys.argv[2:])
         return
     if sys.argv[1:2] == ["fuzz"]:
         from bench import fuzz

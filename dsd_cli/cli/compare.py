@@ -38,7 +38,9 @@ if TYPE_CHECKING:
 
 LogsOrNone = Annotated[
     list[str] | None,
-    typer.Argument(metavar="LOG...", help="CSV or Parquet files; - is stdin. None: two configs, value by value."),
+    typer.Argument(
+        metavar="LOG...", help="Log files (CSV, Parquet, MF4, ...); - is stdin. None: two configs, value by value."
+    ),
 ]
 ConfigsOption = Annotated[
     list[Path] | None,

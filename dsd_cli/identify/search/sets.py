@@ -30,8 +30,8 @@ PULSE = 14.0
 #: A step must gain so many nats beyond its price; without its best block, too, and lose little in the others.
 LEAST_GAIN, MOST_LOST = 6.0, 0.3
 #: Effects that are refined in a scan: those whose best start comes within this share of the best gain; loads on the
-#: motor earlier, for their best shape is narrow.
-WORTH_REFINING, WORTH_FOR_LOADS = 0.5, 0.04
+#: motor and lags earlier, for their best shape (with the delay beside it) is narrow.
+WORTH_REFINING, WORTH_FOR_NARROW = 0.5, 0.04
 MOST_EFFECTS = 8
 #: Steps that a delay walks from where it was.
 MOST_WALKED = 12
@@ -100,7 +100,10 @@ class Search:
     @cached_property
     def refit(self) -> Fit:
         """The model's own effects with all values free."""
-        fit = self.fit(self.base, best_delay(self.solver, self.problem.beside, self.most_tap))
+        return self.converged(self.fit(self.base, best_delay(self.solver, self.problem.beside, self.most_tap)))
+
+    def converged(self, fit: Fit) -> Fit:
+        """With the shapes of all effects refined until that gains nothing any more."""
         for _ in range(MOST_REFINEMENTS):
             better = self.refined(fit)
             if better.squares > (1.0 - STALLED) * fit.squares:
@@ -129,7 +132,7 @@ class Search:
         if term.effect.lateness is None:
             return [tap]
         late = term.effect.lateness(term.shape) / self.solver.bank.tap_time
-        tried = {round(tap - share * late) for share in (0.5, 0.8, 1.0)}
+        tried = {round(tap - share * late) for share in (0.5, 0.65, 0.8, 0.9, 1.0)}
         return sorted({min(max(n, self.taps[0]), self.taps[-1]) for n in tried})
 
     # -- steps -----------------------------------------------------------------------------------------------------
@@ -147,7 +150,8 @@ class Search:
         options = []
         for gain, tap, term in found:
             terms = (*current.terms, term)
-            share = WORTH_FOR_LOADS if term.effect.role is Role.STRUCTURE else WORTH_REFINING
+            narrow = term.effect.role is Role.STRUCTURE or term.effect.lateness is not None
+            share = WORTH_FOR_NARROW if narrow else WORTH_REFINING
             worth = gain >= share * most
             if term.items and worth:
                 terms, tap = refined(self, terms, len(terms) - 1, tap, ROUNDS_IN_SCAN)

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 BRACKET = 0.6
 STEPS = 7
 #: With several parameters they are searched in turn, in so many rounds of narrower brackets, until a round gains less
-#: than this share; those that matter less come last.
-ROUNDS, SHRINK, ENOUGH = 5, 0.7, 1e-3
+#: than this share; those that matter less come last. A single one takes a second, much narrower round at most.
+ROUNDS, SHRINK, SHRINK_ALONE, ENOUGH = 5, 0.7, 0.1, 1e-3
 
 
 def refined(search: Search, terms: Terms, i: int, tap: int, rounds: int = ROUNDS) -> tuple[Terms, int]:
@@ -31,10 +31,12 @@ def refined(search: Search, terms: Terms, i: int, tap: int, rounds: int = ROUNDS
     names = [n for n in names if f"{term.id}.{n}" not in held or not is_shape(term.effect, n, term.shape)]
     names.sort(key=lambda name: name in term.effect.broad)
     found = (*scan.gain(term), term)
-    for turn in range(min(len(names), 1) if len(names) < 2 else rounds):
+    shrink = SHRINK if len(names) > 1 else SHRINK_ALONE
+    alone = 1 + (rounds == ROUNDS) if names else 0
+    for turn in range(rounds if len(names) > 1 else alone):
         before = found[0]
         for name in names:
-            found = _along(search, scan, found, name, _half_width(search, term, name) * (SHRINK**turn))
+            found = _along(search, scan, found, name, _half_width(search, term, name) * (shrink**turn))
         if found[0] < (1.0 + ENOUGH) * before:
             break
     return (*terms[:i], found[2], *terms[i + 1 :]), found[1]
