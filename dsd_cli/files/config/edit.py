@@ -64,7 +64,9 @@ def with_step(text: str, step: History, before: str) -> str:
     end = newline(text)
     lines = ["[[history]]  # `dsd improve --undo` takes the last step back"]
     given = {name: getattr(step, name) for name in History.keys if name != "before"}
-    lines += [f"{name} = {_history_value(v)}" for name, v in given.items() if v is not None and v != {}]
+    lines += [
+        f"{name} = {_history_value(v)}" for name, v in given.items() if v is not None and v != {} and v is not False
+    ]
     if "model" in tomllib.loads(before):
         kept = {path[1:]: raw for path, raw in _raws(before).items() if path[1] in FITTED}
         lines.append(f"before = {inline(kept)}")
