@@ -54,7 +54,8 @@ class Ranges(NamedTuple):
     """What a log contains, for choosing starting shapes: SI units, u in the user's unit.
 
     speed : rms speed while moving; top_speed : largest; travel : range of the position; drive : rms of u; top_drive :
-    largest |u| but for rare spikes; sample_time and duration in s.
+    largest |u| but for rare spikes; sample_time and duration in s; resolution : the shortest way that the sensor of
+    the position tells.
     """
 
     speed: float
@@ -64,6 +65,7 @@ class Ranges(NamedTuple):
     top_drive: float
     sample_time: float
     duration: float
+    resolution: float = 0.0
 
 
 @dataclass(frozen=True)

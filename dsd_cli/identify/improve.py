@@ -11,7 +11,7 @@ from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Addition, Candidate, Diagnosis, Ladder, Score, Step
-from dsd_cli.identify.search.pulses import with_pulses
+from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import Progress, Settings, diagnose
 from dsd_cli.identify.verdict.own_values import own_values
@@ -67,7 +67,7 @@ def _with_effect(search: Search, effect_id: str) -> Fit:
         found = with_pulses(search, search.refit)
         if found is None:
             raise DataError(f"{name}: no pulse stands out of the residual", "nothing was added")
-        return found
+        return sharpened(search, found)
     options = search.options(search.refit)
     if not options:
         raise DataError(f"{effect_id} is not testable on {name}", "the log does not vary where it would show")

@@ -42,6 +42,17 @@ class Policy:
     least_force: float = 0.003  # and the share of u that it explains
     much_force: float = 0.015  # or the share of u that it explains, however loud the noise
 
+    # -- long recordings --
+    searched_samples: int = 20_000  # of excerpts in which sets of effects are searched; all rows judge them
+    searched_seconds: float = 10.0  # the least that they last
+    searched_slack: float = 1.3  # recordings up to so many times as long are searched whole
+    unexplained_seconds: float = 1.0  # of a window over which what is left is compared with the excerpts'
+    unexplained_factor: float = 2.0  # of the power in their worst window, from which on it joins them
+
+    # -- reconstructed motion --
+    drift_rounds: int = 3  # in which its drift is found beside a set of effects, and the set anew
+    drift_gain: float = 0.9  # of the held-out error, which a round must reach
+
     # -- vetoes --
     least_inertia: float = 0.01  # of the inertia first fitted; a set that leaves less explains u by itself
     few_rows: int = 150  # independent equations below which no verdict is surer than 80 %
@@ -54,6 +65,7 @@ class Policy:
     narrow_band_hz: float = 10.0  # a band that ends below hides fast effects: "nothing" is then less sure
 
     # -- motion --
+    resolved_deviations: float = 10.0  # of the position's noise (three counts of an encoder) in the shortest way told
     least_rest_samples: int = 5  # slow samples in a row that may be a rest
     resting_share: float = 0.5  # of the rest speed: what mean and change of the speed may be over a rest
     least_moving: float = 0.02  # share of rows in which the axis slides

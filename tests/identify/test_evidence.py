@@ -123,9 +123,10 @@ def test_members_of_the_truth_are_found_and_sure(search):
 
 
 def test_an_effect_that_explains_as_much_is_a_rival_where_the_model_misfits():
-    """Over a few degrees a spring and gravity are one and the same."""
+    """Over a few degrees a spring and gravity are one and the same, beside damping that is not among the candidates."""
     small = Multisine((0.7, 1.7, 3.1, 5.3), 0.05, seed=3)
-    search = posed({"stiffness": {"coefficient": 0.4}}, ("stiffness", "gravity", "cogging"), reference=small)
+    hidden = {"stiffness": {"coefficient": 0.4}, "viscous_friction": {"coefficient": 0.01}}
+    search = posed(hidden, ("stiffness", "gravity", "cogging"), reference=small)
     whole = search.fit((Term("stiffness"),), search.refit.tap)
     found = membership(search, whole, "stiffness", misfit=True)
     assert "gravity" in found.rivals

@@ -5,7 +5,7 @@ import pytest
 
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.recordings.recording import prepare
-from dsd_cli.identify.search.pulses import MOST_PULSES, _apart, _strongest, with_pulses
+from dsd_cli.identify.search.pulses import MOST_PULSES, _apart, _strongest, sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Log
 from tests.identify.search_rig import BELIEVED, OBSERVER, T, posed
@@ -92,8 +92,7 @@ def pushed():
 
 
 def test_pulses_of_a_simulated_push_come_back_with_their_times_and_forces(pushed):
-    fit = with_pulses(pushed, pushed.refit)
-    assert fit is not None
+    fit = sharpened(pushed, with_pulses(pushed, pushed.refit))
     events = pushed.problem.scale.model(fit).effects["external_force"]["events"]
     assert len(events) == len(PUSHES)
     for event, push in zip(sorted(events, key=lambda e: e["start"]), PUSHES, strict=True):
@@ -105,7 +104,7 @@ def test_pulses_of_a_simulated_push_come_back_with_their_times_and_forces(pushed
 
 
 def test_beside_pulses_the_inertia_is_that_of_the_axis(pushed):
-    fit = with_pulses(pushed, pushed.refit)
+    fit = sharpened(pushed, with_pulses(pushed, pushed.refit))
     assert pushed.problem.scale.model(fit).inertia == pytest.approx(BELIEVED.inertia, rel=0.01)
     assert pushed.problem.scale.model(fit).delay == pytest.approx(BELIEVED.delay, abs=2e-4)
 
@@ -116,7 +115,7 @@ def test_a_log_without_pushes_has_no_pulses():
 
 
 def test_every_edge_has_its_price(pushed):
-    fit = with_pulses(pushed, pushed.refit)
+    fit = sharpened(pushed, with_pulses(pushed, pushed.refit))
     (term,) = fit.terms
     one = type(term).of(term.id, {"edges": term.shape["edges"][:1]})
     assert pushed.price(fit.terms) > pushed.price((one,)) + 10.0
@@ -124,6 +123,6 @@ def test_every_edge_has_its_price(pushed):
 
 def test_a_level_is_that_of_all_rows_in_every_fold(pushed):
     """The fold that did not see a push cannot know it, and is not to be punished for it."""
-    fit = with_pulses(pushed, pushed.refit)
+    fit = sharpened(pushed, with_pulses(pushed, pushed.refit))
     at = fit.columns_of(fit.terms[0])
     np.testing.assert_array_equal(fit.folds[:, at], np.tile(fit.total[at], (len(fit.folds), 1)))

@@ -249,4 +249,5 @@ def ranges(equations: Equations) -> Ranges:
         top_drive=float(np.quantile(np.abs(u), POLICY.exercised)) if u.size else 0.0,
         sample_time=equations.sample_time,
         duration=sum(len(log) for log in logs) * equations.sample_time,
+        resolution=POLICY.resolved_deviations * max(r.position_noise for r in equations.recordings),
     )

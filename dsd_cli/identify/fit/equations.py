@@ -196,7 +196,7 @@ def _stretch(log: Log, recording: Recording) -> Stretch:
         noise=noise,
         with_noise=_integrated(log["acceleration"] + noise, log.sample_time, motion, sensor),
         free=known.astype(np.float64),
-        sign=np.where(known, _direction(speed, recording.speed_noise), 0.0),
+        sign=np.where(known, direction(speed, recording.speed_noise), 0.0),
         acceleration=log["acceleration"],
         two_intervals=sensor.two_intervals,
     )
@@ -214,7 +214,7 @@ def _motion(log: Log, motion: IntervalChannels, weights: Array) -> IntervalChann
     return motion._replace(velocity=of("velocity", motion.velocity), position=of("position", motion.position))
 
 
-def _direction(speed: Array, noise: float) -> Array:
+def direction(speed: Array, noise: float) -> Array:
     """Mean of sgn v over each interval, shape (n,), as far as a noisy speed tells it: between -1 and 1."""
     before = np.concatenate([speed[:1], speed[:-1]])
     size = np.abs(speed) + np.abs(before)

@@ -140,12 +140,7 @@ def pose(
     )
     wanted = min(max(POLICY.least_delay_range, 2.0 * found, 2.0 * model.delay), longest)
     solver, most_tap, fit = _laid_out(recordings, wanted, base, beside)
-    aside = None
-    if holdout:
-        aside = equations_of(holdout, solver.bank.equations.startup, solver.bank.equations.band)
-        if not aside.stretches:
-            raise DataError(f"{holdout[0].name}: too short to be judged", "hold out a longer log")
-    errors = Errors(solver.bank, solver.blocks, aside)
+    errors = Errors(solver.bank, solver.blocks, _aside(holdout, solver.bank.equations))
     problem = Problem(
         tuple(recordings),
         tuple(holdout),
@@ -159,6 +154,34 @@ def pose(
         most_tap,
     )
     return _with_noise(problem, fit)
+
+
+def asked_of_all(problem: Problem, recordings: Sequence[Recording], holdout: Sequence[Recording], fit: Fit) -> Problem:
+    """The question that was asked of excerpts, asked of all rows of the recordings.
+
+    fit : of the excerpts. The noise has the colour that it has there; it is louder if the fit leaves more in all rows.
+    """
+    few = problem.equations
+    equations = equations_of(recordings, few.startup, few.band)
+    plain = Bank(equations, variance=passed_variance(np.ones(1), few.band, _sensor(recordings)))
+    blocks = lay_blocks(equations.lengths, POLICY.gap_rows, recordings[0].name)
+    white = Bank(equations.with_whitening(few.whitening), plain, problem.solver.bank.variance)
+    solver = Solver(white, blocks, problem.solver.inertia)
+    left = solver.squares(fit.terms, fit.tap) / blocks.rows
+    louder = max(left / max(fit.squares / problem.blocks.rows, 1e-300), 1.0)
+    noise = replace(problem.noise, variance=louder * problem.noise.variance)
+    errors = Errors(plain, blocks, _aside(holdout, equations))
+    return replace(problem, recordings=tuple(recordings), solver=solver, errors=errors, noise=noise)
+
+
+def _aside(holdout: Sequence[Recording], equations: Equations) -> Equations | None:
+    """Equations of recordings that no fit sees, in the same band."""
+    if not holdout:
+        return None
+    aside = equations_of(holdout, equations.startup, equations.band)
+    if not aside.stretches:
+        raise DataError(f"{holdout[0].name}: too short to be judged", "hold out a longer log")
+    return aside
 
 
 def _functions_of_motion(candidates: Sequence[str]) -> Terms:
@@ -206,6 +229,7 @@ def _inertia_by_size(bank: Bank) -> float:
 def best_delay(solver: Solver, terms: Terms, most_tap: int) -> int:
     """The whole-step delay with the least squares, found from coarse to fine."""
     step = max(1, most_tap // 40)
+    solver.squares(terms, 0)  # keeps the columns that do not depend on the delay
     tried = range(0, most_tap + 1, step)
     while True:
         best = min(tried, key=lambda n: solver.squares(terms, n, keep=False))

@@ -16,7 +16,7 @@ from dsd_cli.errors import DataError
 from dsd_cli.identify.recordings.reconstruction import drift
 from dsd_cli.identify.recordings.regular import regularised
 from dsd_cli.identify.recordings.sensor import Sensor, net_force, with_acceleration
-from dsd_cli.identify.recordings.smoothing import Smoothed, smooth
+from dsd_cli.identify.recordings.smoothing import Smoothed, noise_of, smooth
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import Frame
@@ -32,8 +32,9 @@ CLEAR = 0.12
 QUIETER = 0.5
 #: Standard errors by which signs must be clear before they are believed, where so many rows count as one.
 CLEAR_SIGNS, CORRELATED = 8.0, 50.0
-#: A reconstructed position whose drift is expected to exceed this share of its range is none.
-MOST_DRIFT = 0.2
+#: A reconstructed position whose drift is expected to exceed this share of its range is none; less is found beside the
+#: effects (`fit.drift`).
+MOST_DRIFT = 0.7
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,8 @@ class Recording:
     ----------
     pieces : each with t, u (held), d_hat (sign of eq. 13), the motion that could be had, and "acceleration": as
         measured, a mean over the interval that ends at each sample or, from position, over both intervals beside it.
-    speed_noise : standard deviation of the noise of the speed.
+    speed_noise, position_noise : standard deviation of the noise of the speed, and of the position before smoothing.
+    walk : of a reconstructed speed, the standard deviation that noise of d_hat makes it wander by in 1 s; else 0.
     sensor : what the acceleration was measured by, and its noise.
     provenance : channel -> "logged", "smoothed", "from position", "reconstructed from u and d_hat" or "computed
         from velocity" (d_hat).
@@ -58,6 +60,8 @@ class Recording:
     missing: Mapping[str, str]
     rest_speed: float
     speed_noise: float
+    position_noise: float
+    walk: float
     sensor: Sensor
 
     @property
@@ -104,9 +108,23 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
     pieces, sensor = with_acceleration(pieces, observer)
     pieces, noise, margin, missing = _with_motion(pieces, observer, provenance)
     creep = CREEP * max((float(np.sqrt(np.mean(p["velocity"] ** 2))) for p in pieces if "velocity" in p), default=0.0)
+    walk = _walk(pieces, observer) if "reconstructed" in provenance["velocity"] else 0.0
+    noise = float(np.hypot(noise, walk))
     rest = max(rest_speed, REST_DEVIATIONS * noise, creep)
     pieces = [with_channels(p, turning=_turning(p, observer, rest, margin)) for p in pieces]
-    return Recording(log.source, tuple(pieces), provenance, missing, rest, noise, sensor)
+    position_noise = _position_noise(log, noise)
+    return Recording(log.source, tuple(pieces), provenance, missing, rest, noise, position_noise, walk, sensor)
+
+
+def _position_noise(log: Log, speed_noise: float) -> float:
+    """Standard deviation of the noise of a logged position; of one that is integrated, what one sample adds."""
+    return noise_of(log["position"]) if "position" in log else speed_noise * log.sample_time
+
+
+def _walk(pieces: Sequence[Log], observer: ObserverSettings) -> float:
+    """White noise s on d_hat adds T s / Jn to the integrated speed at every sample; after 1 s, unit of speed."""
+    noise = max(noise_of(p["d_hat"]) for p in pieces)
+    return float(noise * np.sqrt(pieces[0].sample_time) / observer.nominal_inertia)
 
 
 #: Samples of the shortest stretch that is used.

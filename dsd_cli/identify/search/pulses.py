@@ -29,7 +29,7 @@ _ID = "external_force"
 
 
 def with_pulses(search: Search, fit: Fit) -> Fit | None:
-    """A fit and the pulses that its residual shows; None if it shows none."""
+    """A fit and the pulses that its residual shows, their edges to a row; None if it shows none."""
     for _ in range(ROUNDS):
         edges = _pulses(search, fit)
         if not edges:
@@ -37,7 +37,7 @@ def with_pulses(search: Search, fit: Fit) -> Fit | None:
         term = Term.of(_ID, {"edges": edges})
         terms = (*(t for t in fit.terms if t.id != _ID), term)
         fit = search.fit(terms, fit.tap)
-    return _sharpened(search, _strong_only(search, fit))
+    return _strong_only(search, fit)
 
 
 def _strong_only(search: Search, fit: Fit) -> Fit:
@@ -125,7 +125,7 @@ def _best_window(x: Array, lengths: Array) -> tuple[int, int, float]:
     return int(starts[i]), int(ends[j]), float(score2[i, j])
 
 
-def _sharpened(search: Search, fit: Fit) -> Fit:
+def sharpened(search: Search, fit: Fit) -> Fit:
     """Every edge moved, by half samples at last, while that lowers the squares."""
     position = next(i for i, t in enumerate(fit.terms) if t.id == _ID)
     edges = [list(pair) for pair in fit.terms[position].shape["edges"]]

@@ -57,6 +57,9 @@ class Option:
 class Search:
     """Selections of effects for a problem; `allowed` : effects that may be added, by default its candidates."""
 
+    #: A search over a part of the rows, which finds candidates for all of them (`long_logs.Judge`).
+    excerpt: Search | None = None
+
     def __init__(self, problem: Problem) -> None:
         self.problem, self.solver, self.noise = problem, problem.solver, problem.noise
         self.base, self.allowed = problem.base, problem.candidates
@@ -88,7 +91,8 @@ class Search:
         gain = self.evidence(after) - self.evidence(before)
         if gain < LEAST_GAIN:
             return False
-        return _agreed(self.gains(before, after)) and self.practical(before, after)
+        agreed = _events(before) != _events(after) or _agreed(self.gains(before, after))
+        return agreed and self.practical(before, after)
 
     # -- fits ------------------------------------------------------------------------------------------------------
 
@@ -132,7 +136,7 @@ class Search:
         """Every allowed effect added to `current`, at its best shape; most evidence first."""
         key = (current.terms, current.tap)
         if key not in self._options:
-            self._options[key] = self._all_options(current)
+            self._options[key] = sorted(self._all_options(current), key=lambda o: -o.evidence)
         return self._options[key]
 
     def _all_options(self, current: Fit) -> list[Option]:
@@ -147,7 +151,7 @@ class Search:
                 terms, tap = refined(self, terms, len(terms) - 1, tap, ROUNDS_IN_SCAN)
             fit = self.fit(terms, tap) if worth else self.solver.fit(terms, tap)
             options.append(Option(term.id, fit, self.evidence(fit)))
-        return sorted(options, key=lambda o: -o.evidence)
+        return options
 
     def _at_best_starts(self, current: Fit) -> list[tuple[float, int, Term]]:
         """(gain, delay, term) of every allowed effect at the best of its starting shapes."""
@@ -265,6 +269,11 @@ class Search:
 def _listed(effect_id: str) -> bool:
     """Whether the effect is a list of events, which `pulses` looks for."""
     return any(p.listed for p in get_effect(effect_id).parameters)
+
+
+def _events(fit: Fit) -> set[Term]:
+    """Single events, which have a price of their own: one block may be all that sees one."""
+    return {t for t in fit.terms if "edges" in t.shape}
 
 
 def _agreed(gains: np.ndarray) -> bool:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from dsd_cli.identify.fit.freeform import freeform_fits, loss_of
 from dsd_cli.identify.fit.noise import structured_share
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.search.pulses import with_pulses
+from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
 
 #: Something unknown is there if a free-form function takes this share off the held-out error, for certain.
@@ -31,14 +32,26 @@ class Beyond:
 
 
 def beyond_of(search: Search, fit: Fit) -> Beyond:
-    """Free-form functions beside a fit, and the spectrum of what it leaves."""
+    """Free-form functions beside a fit, and the spectrum of what it leaves.
+
+    Where there is an excerpt, functions of motion and u are tried on it, functions of time on all rows.
+    """
+    if search.excerpt is None:
+        return _beyond(search, fit, lambda _: True)
+    part, over_time = search.excerpt, _beyond(search, fit, lambda group: group == ("time",))
+    there = _beyond(part, part.fit(fit.terms, fit.tap), lambda group: group != ("time",))
+    first = there if there.unknown or not over_time.unknown else over_time
+    return replace(first, unknown=over_time.unknown or there.unknown)
+
+
+def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) -> Beyond:
     errors, equations = search.problem.errors, search.equations
     fits = freeform_fits(errors.bank, search.problem.blocks, fit, search.solver.inertia)
     fits = replace(fits, equations=equations)  # whitened, so that gains are nats
     plain = errors.rmse(fit)
     share = structured_share(equations.by_stretch(errors.residual(fit, held_out=False)), equations.band)
     noise = plain * math.sqrt(1.0 - share)
-    groups = [fits.fit_with(group) for group in fits.groups()]
+    groups = [fits.fit_with(group) for group in fits.groups() if asked(group)]
     if not groups:
         return Beyond((), plain, False, noise)
     best = loss_of(groups)
@@ -62,10 +75,11 @@ def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
     loud = search.problem.errors.rmse(pulses) < (1.0 - LOUD_FALL) * search.problem.errors.rmse(whole)
     if not (loud or beyond.unknown):
         return whole, beyond
-    settled = search.settled(pulses)
+    settled = search.settled(sharpened(search, pulses))
     again = with_pulses(search, settled)  # without the laws that stood in for pulses the edges are clear
-    if again is not None and search.evidence(again) > search.evidence(settled):
-        settled = search.settled(again)
+    if again is not None:
+        again = sharpened(search, again)
+        settled = search.settled(again) if search.evidence(again) > search.evidence(settled) else settled
     then = beyond_of(search, settled)
     better = search.evidence(settled) > search.evidence(whole) and search.practical(whole, settled)
     if better and not then.unknown:

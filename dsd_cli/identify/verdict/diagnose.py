@@ -7,11 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from dsd_cli.effects import get_effect
-from dsd_cli.identify.fit.problem import Settings, pose
+from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
+from dsd_cli.identify.search.long_logs import searched
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.beyond import Beyond, beyond_of, pushed
@@ -60,12 +61,7 @@ def diagnose(
     """
     report = progress or (lambda _what, _share: None)
     report("preparing", 0.0)
-    search = Search(pose(recordings, model, settings or Settings(), holdout))
-    report("sets of effects", 0.2)
-    whole = search.run(search.refit, lambda share: report("sets of effects", 0.2 + 0.3 * share))
-    search = Search(search.problem.measured_again(whole))
-    report("sets of effects, the noise measured anew", 0.5)
-    whole = search.run(search.settled(search.fit(whole.terms, whole.tap)))
+    search, whole = searched(recordings, model, settings or Settings(), holdout, report)
     beyond = beyond_of(search, whole)
     if "external_force" in search.allowed:
         whole, beyond = pushed(search, whole, beyond)

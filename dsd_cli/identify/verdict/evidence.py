@@ -25,6 +25,8 @@ NOTHING = ""
 NEARLY, LEAST_T, AS_MUCH = 0.7, 2.5, 0.9
 #: A rival with fewer parameters to search stands beside the winner if it explains this share of what the winner does.
 CHEAPER_AS_MUCH = 0.95
+#: But never one that leaves so many times the winner's error.
+MOST_LEFT = 2.0
 #: Blocks are unequal witnesses: likelihoods are tempered by this factor before they are compared.
 TEMPER = 0.5
 
@@ -70,6 +72,8 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
 
     def alike_to(option: Option) -> bool:
         if option.evidence <= search.evidence(rest):
+            return False
+        if plain.rmse(option.fit) > MOST_LEFT * plain.rmse(whole):
             return False
         cheaper = search.price(option.fit.terms) < search.price(whole.terms)
         return share(option) > (AS_MUCH if misfit else CHEAPER_AS_MUCH if cheaper else math.inf)

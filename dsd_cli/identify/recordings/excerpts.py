@@ -1,0 +1,85 @@
+"""Parts of long recordings that are enough to look for what is missing; what is found is judged on all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.signals.log import Array, Log
+
+#: Cells into which the range of a channel is cut, to see how much of what the axis does a window contains.
+_CELLS = 16
+#: Windows are tried every such share of their length.
+_STEP = 0.1
+
+
+def excerpts(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
+    """Of each recording the parts in which the axis does most; the recordings themselves where they are short."""
+    step = recordings[0].sample_time
+    samples = max(POLICY.searched_samples, int(POLICY.searched_seconds / step))
+    if sum(r.samples for r in recordings) <= POLICY.searched_slack * samples:
+        return tuple(recordings)
+    return tuple(_excerpt(r, max(samples // len(recordings), samples // 4)) for r in recordings)
+
+
+def with_part(
+    parts: Sequence[Recording], recordings: Sequence[Recording], index: int, at: float
+) -> tuple[Recording, ...]:
+    """The parts and a window more, as long as a part, of recording `index` around `at` s; what overlaps is joined."""
+    whole, part = recordings[index], parts[index]
+    piece = next(p for p in whole.pieces if p["t"][0] <= at <= p["t"][-1])
+    length = min(part.samples, len(piece))
+    start = int(np.clip(np.searchsorted(piece["t"], at) - length // 2, 0, len(piece) - length))
+    taken = np.zeros(len(piece) + 2, dtype=np.int8)
+    taken[1 + start : 1 + start + length] = 1
+    others = []
+    for known in part.pieces:
+        if piece["t"][0] <= known["t"][0] <= piece["t"][-1]:
+            first = 1 + int(np.searchsorted(piece["t"], known["t"][0]))
+            taken[first : first + len(known)] = 1
+        else:
+            others.append(known)
+    edges = np.flatnonzero(np.diff(taken))
+    windows = [_cut(piece, int(a), int(b - a)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    more = replace(part, pieces=tuple(sorted([*others, *windows], key=lambda p: float(p["t"][0]))))
+    return tuple(more if i == index else p for i, p in enumerate(parts))
+
+
+def _excerpt(recording: Recording, samples: int) -> Recording:
+    """The richest window of each stretch, the richest of them first, until there are enough samples."""
+    windows = sorted((_richest(p, samples) for p in recording.pieces), key=lambda w: -w[0])
+    taken: list[Log] = []
+    for _, piece in windows:
+        if sum(len(p) for p in taken) >= samples:
+            break
+        taken.append(piece)
+    taken.sort(key=lambda p: float(p["t"][0]))
+    return replace(recording, pieces=tuple(taken))
+
+
+def _richest(piece: Log, samples: int) -> tuple[int, Log]:
+    """(cells of position and speed that it visits, window of that many samples), the stretch itself if it is short."""
+    cells = _cells(piece)
+    if len(piece) <= samples:
+        return len(np.unique(cells)), piece
+    starts = np.arange(0, len(piece) - samples + 1, max(int(_STEP * samples), 1))
+    visited = [len(np.unique(cells[a : a + samples : 7])) for a in starts]
+    best = int(np.argmax(visited))
+    return visited[best], _cut(piece, int(starts[best]), samples)
+
+
+def _cells(piece: Log) -> Array:
+    names = [name for name in ("position", "velocity", "u") if name in piece][:2]
+    found = np.zeros(len(piece))
+    for name in names:
+        x = piece[name]
+        found = found * _CELLS + np.floor((_CELLS - 1e-9) * (x - x.min()) / max(float(np.ptp(x)), 1e-300))
+    return found
+
+
+def _cut(piece: Log, start: int, samples: int) -> Log:
+    return replace(piece, channels={name: x[start : start + samples] for name, x in piece.channels.items()})

@@ -1,0 +1,170 @@
+"""Which set of effects explains recordings of any length: looked for in excerpts of long ones, judged on all of them.
+
+A search evaluates thousands of columns; the verdict needs a few. What an excerpt does not contain (a push, a drift,
+a corner of the travel) shows where the set that was found explains the rest less well than the excerpt; then the
+search sees that part as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from dsd_cli.identify.fit.asked import Settings
+from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.drift import without_drift
+from dsd_cli.identify.fit.problem import Problem, asked_of_all, pose
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.excerpts import excerpts, with_part
+from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.search.sets import Option, Search
+from dsd_cli.identify.search.starts import Lines, starts
+from dsd_cli.plant.model import PlantModel
+
+
+class Judge(Search):
+    """A search over all rows that takes candidates and their shapes from one over excerpts."""
+
+    def __init__(self, problem: Problem, excerpt: Search) -> None:
+        super().__init__(problem)
+        self.excerpt: Search = excerpt
+
+    @cached_property
+    def refit(self) -> Fit:
+        """The model's own effects with all values free, in the shapes that they have in the excerpts."""
+        return self.fit(self.excerpt.refit.terms, self.excerpt.refit.tap)
+
+    def _all_options(self, current: Fit) -> list[Option]:
+        found = self.excerpt.options(self.excerpt.fit(current.terms, current.tap))
+        return [self._also_here(current, option) for option in found]
+
+    def challenger(self, rest: Fit, member: str, own: float) -> Option | None:
+        """See `Search.challenger`."""
+        share = self.excerpt.problem.blocks.rows / self.problem.blocks.rows
+        best = self.excerpt.challenger(self.excerpt.fit(rest.terms, rest.tap), member, share * own)
+        return None if best is None else self._also_here(rest, best)
+
+    def _also_here(self, current: Fit, found: Option) -> Option:
+        """The last effect of an option of the excerpts beside a fit to all rows."""
+        fit = self.fit((*current.terms, found.fit.terms[-1]), found.fit.tap)
+        return Option(found.effect, fit, self.evidence(fit))
+
+
+Report = Callable[[str, float], None]
+
+
+def searched(
+    recordings: Sequence[Recording],
+    model: PlantModel,
+    settings: Settings,
+    holdout: Sequence[Recording],
+    report: Report = lambda _what, _share: None,
+) -> tuple[Search, Fit]:
+    """(search that is ready to judge on all rows, the set of effects that nothing betters any more).
+
+    Raises
+    ------
+    DataError, UsageError : as `pose`.
+    """
+    search, whole = _searched(recordings, model, settings, holdout, report)
+    for _ in range(POLICY.drift_rounds):
+        if not any(r.walk > 0.0 for r in recordings):
+            break
+        moved = without_drift(search.problem, whole)
+        other, better = _searched(moved, model, settings, holdout, report)
+        if not other.problem.errors.rmse(better) < POLICY.drift_gain * search.problem.errors.rmse(whole):
+            break
+        search, whole = other, better
+    return search, whole
+
+
+def _searched(
+    recordings: Sequence[Recording],
+    model: PlantModel,
+    settings: Settings,
+    holdout: Sequence[Recording],
+    report: Report,
+) -> tuple[Search, Fit]:
+    """`searched` with the motion as it is."""
+    parts = excerpts(recordings)
+    search, whole = _found(parts, model, settings, holdout, report)
+    if sum(r.samples for r in parts) == sum(r.samples for r in recordings):
+        return search, whole
+    judge, judged = on_all(search, recordings, holdout, whole)
+    worst = _less_explained(judge, judged, parts)
+    if worst is None:
+        return judge, judged
+    search, whole = _found(with_part(parts, recordings, *worst), model, settings, holdout, report)
+    return on_all(search, recordings, holdout, whole)
+
+
+def _found(
+    parts: Sequence[Recording],
+    model: PlantModel,
+    settings: Settings,
+    holdout: Sequence[Recording],
+    report: Report,
+) -> tuple[Search, Fit]:
+    search = Search(pose(parts, model, settings, holdout))
+    report("sets of effects", 0.2)
+    whole = search.run(search.refit, lambda share: report("sets of effects", 0.2 + 0.3 * share))
+    search = Search(search.problem.measured_again(whole))
+    report("sets of effects, the noise measured anew", 0.5)
+    return search, search.run(search.settled(search.fit(whole.terms, whole.tap)))
+
+
+def on_all(
+    search: Search, recordings: Sequence[Recording], holdout: Sequence[Recording], whole: Fit
+) -> tuple[Search, Fit]:
+    """(search over all rows that takes its candidates from that over excerpts, the set fitted to all rows)."""
+    judge = Judge(asked_of_all(search.problem, recordings, holdout, whole), search)
+    fit = judge.fit(whole.terms, whole.tap)
+    for term in whole.terms:
+        if term.effect.periods is not None:
+            fit = _with_finer_line(judge, fit, term)
+    return judge, judge.settled(fit)
+
+
+def _with_finer_line(judge: Search, fit: Fit, term: Term) -> Fit:
+    """All rows tell a period more finely than an excerpt, and another of its side lobes may be the right one."""
+    rest = judge.fit(tuple(t for t in fit.terms if t is not term), fit.tap)
+    scan = judge.scan(rest.terms, rest.tap)
+    tried = [Term.of(term.id, shape) for shape in starts(term.id, judge.ranges, Lines(judge.problem.errors, rest))]
+    best = max((term, *tried), key=lambda t: scan.gain(t)[0])
+    return fit if best is term else judge.fit(tuple(best if t is term else t for t in fit.terms), fit.tap)
+
+
+def _less_explained(judge: Search, fit: Fit, parts: Sequence[Recording]) -> tuple[int, float] | None:
+    """(recording, time in s) of the window that is explained less well than the excerpts, if that matters."""
+    errors, equations = judge.problem.errors, judge.equations
+    squares = errors.residual(fit, held_out=False) ** 2
+    times = equations.by_stretch(equations.of_rows([s.frame.times for s in equations.stretches]))
+    used = {id(s.log) for s in equations.stretches}
+    place = [i for i, r in enumerate(equations.recordings) for p in r.pieces if id(p) in used]
+    seen = _seen(times, place, parts)
+    rows = max(int(POLICY.unexplained_seconds / (equations.band.step * equations.sample_time)), 1)
+    worst, usual = (0.0, 0, 0.0), 0.0
+    for x, t, i, known in zip(equations.by_stretch(squares), times, place, equations.by_stretch(seen), strict=True):
+        if len(x) >= rows:
+            means = np.convolve(x, np.ones(rows) / rows, "valid")
+            inside = np.convolve(known, np.ones(rows), "valid") > rows - 0.5
+            usual = max(usual, float(means[inside].max(initial=0.0)))
+            k = int(np.argmax(means))
+            worst = max(worst, (float(means[k]), i, float(t[k + rows // 2])))
+    noticed = worst[0] > POLICY.unexplained_factor * usual
+    matters = worst[0] - usual > (POLICY.much_force * errors.force) ** 2
+    return (worst[1], worst[2]) if noticed and matters else None
+
+
+def _seen(times: Sequence[np.ndarray], place: Sequence[int], parts: Sequence[Recording]) -> np.ndarray:
+    """1 in rows that the excerpts contain, else 0."""
+    found = []
+    for t, i in zip(times, place, strict=True):
+        inside = np.zeros(len(t), dtype=bool)
+        for piece in parts[i].pieces:
+            inside |= (t >= piece["t"][0]) & (t <= piece["t"][-1])
+        found.append(inside.astype(np.float64))
+    return np.concatenate(found)

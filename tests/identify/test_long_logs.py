@@ -1,0 +1,116 @@
+"""Long recordings are searched in excerpts and judged on all rows; a motion that drifts is found beside the effects."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dsd_cli.identify.fit.asked import Settings
+from dsd_cli.identify.fit.drift import without_drift
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.excerpts import excerpts, with_part
+from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.search.long_logs import searched
+from dsd_cli.identify.verdict.diagnose import diagnose
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Log
+from tests.identify.search_rig import BELIEVED, OBSERVER, T, seen
+from tests.oracle.rig import RigCase, make, make_exact
+
+LONG = 60.0
+
+
+def _rig(log):
+    model = PlantModel(log.believed["inertia"], log.believed["delay"], log.believed["effects"])
+    observer = ObserverSettings(log.observer["nominal_inertia"], log.observer["time_constant"])
+    return prepare(Log(log.channels, log.sample_time, "log.csv"), observer), model, observer
+
+
+@pytest.fixture(scope="module")
+def long():
+    return seen({"coulomb_friction": {"level": 0.05}}, duration=LONG)
+
+
+def test_a_short_recording_is_its_own_excerpt():
+    recordings = (seen(duration=5.0), seen(duration=5.0, seed=1))
+    assert all(a is b for a, b in zip(excerpts(recordings), recordings, strict=True))
+
+
+def test_an_excerpt_is_a_stretch_of_the_log_as_it_is(long):
+    (part,) = excerpts([long])
+    assert part.samples == POLICY.searched_samples < long.samples
+    (piece,) = part.pieces
+    first = round((piece["t"][0] - long.pieces[0]["t"][0]) / T)
+    for name in ("u", "velocity", "acceleration", "t"):
+        np.testing.assert_array_equal(piece[name], long.pieces[0][name][first : first + len(piece)])
+
+
+def test_an_excerpt_is_where_the_axis_moves(long):
+    """At rest for 40 s, then the moves of the last 20 s: those are what the search must see."""
+    still = long.pieces[0]
+    channels = {name: x.copy() for name, x in still.channels.items()}
+    for name in ("u", "velocity", "acceleration"):
+        channels[name][: round(40.0 / T)] = 0.0
+    channels["position"][: round(40.0 / T)] = 0.0
+    (part,) = excerpts([replace(long, pieces=(replace(still, channels=channels),))])
+    assert part.pieces[0]["t"][-1] > LONG - 1.0
+
+
+@pytest.mark.parametrize("at", [0.5, 30.0, 59.5])
+def test_a_part_that_is_added_lies_around_its_time_and_no_sample_is_there_twice(long, at):
+    parts = excerpts([long])
+    (more,) = with_part(parts, [long], 0, at)
+    assert any(p["t"][0] <= at <= p["t"][-1] for p in more.pieces)
+    stamps = np.concatenate([p["t"] for p in more.pieces])
+    assert np.all(np.diff(stamps) > 0.0)
+    assert set(parts[0].pieces[0]["t"]) <= set(stamps)
+
+
+def test_all_rows_are_judged_and_their_values_are_truer(long):
+    found = diagnose([long], BELIEVED, OBSERVER)
+    assert found.verdict == "coulomb_friction"
+    assert found.samples == long.samples
+    level = found.ranking[0].parameters["level"]
+    assert level.value == pytest.approx(0.05, abs=4.0 * level.std_error)
+    (part,) = excerpts([long])
+    short = diagnose([part], BELIEVED, OBSERVER).ranking[0].parameters["level"]
+    assert level.std_error < 0.8 * short.std_error
+
+
+def test_what_happens_outside_the_excerpt_is_seen(long):
+    """A push of 1.5 s where the search did not look: the noise of u tells it from everything that was found."""
+    (part,) = excerpts([long])
+    first, last = part.pieces[0]["t"][[0, -1]]
+    start = 0.5 * first if first > LONG - last else 0.5 * (last + LONG)
+    push = {"external_force": {"events": [{"start": start, "end": start + 1.5, "force": 0.3}]}}
+    found = diagnose([seen(push, duration=LONG)], BELIEVED, OBSERVER)
+    assert found.verdict == "external_force"
+
+
+def test_a_period_is_that_of_all_rows():
+    """An excerpt tells the frequency to a fraction of 1 / 20 s: over 60 s a side lobe would be as far off."""
+    hidden = {"periodic_disturbance": {"amplitude": 0.03, "frequency": 3.21, "phase": 0.4}}
+    found = diagnose([seen(hidden, duration=LONG)], BELIEVED, OBSERVER)
+    assert found.verdict == "periodic_disturbance"
+    assert found.ranking[0].parameters["frequency"].value == pytest.approx(3.21, abs=0.1 / LONG)
+
+
+@pytest.mark.parametrize(("what", "seed"), [("gravity", 20), ("cogging", 20)])
+def test_forces_tell_where_a_reconstructed_motion_was(what, seed):
+    log, exact = make_exact(RigCase(what=(what,), seed=seed, sensing="udhat"))
+    recording, model, _ = _rig(log)
+    true = exact.motion.q[exact.motion.t >= 0.0]
+    search, _ = searched([recording], model, Settings(), ())
+
+    def off(piece):
+        return float(np.std(piece["position"] - true[: len(piece)]))
+
+    assert off(search.problem.recordings[0].pieces[0]) < 0.6 * off(recording.pieces[0])
+
+
+def test_a_logged_motion_does_not_drift():
+    (log,) = make([RigCase(what=("gravity",), seed=20, sensing="enc4096")])
+    recording, model, _ = _rig(log)
+    assert recording.walk == 0.0
+    search, whole = searched([recording], model, Settings(), ())
+    assert without_drift(search.problem, whole)[0] is recording
