@@ -2,7 +2,7 @@
 
 `python -m bench hidden` is the study of hidden effects, see bench/hidden.py; `python -m bench random` runs the property
 tests on new examples, see bench/properties.py; `python -m bench fuzz` looks for input that breaks the commands, see
-bench/fuzz.py.
+bench/fuzz.py, `python -m bench kills` ends them by signals, see bench/fuzz_kills.py.
 """
 
 from __future__ import annotations
@@ -45,6 +45,11 @@ def main() -> None:
         from bench import fuzz
 
         fuzz.main(sys.argv[2:])
+        return
+    if sys.argv[1:2] == ["kills"]:
+        from bench import fuzz_kills
+
+        fuzz_kills.main(sys.argv[2:])
         return
     parser = argparse.ArgumentParser(prog="python -m bench")
     parser.add_argument("--rows", type=int, default=10_000_000)

@@ -770,6 +770,20 @@ static PyObject *kernel_restart(PyObject *object, PyObject *unused) {
     Py_RETURN_NONE;
 }
 
+/* (state, ll, probability, confident); a format would be read anew at every step */
+static PyObject *answer(const Result *out) {
+    PyObject *parts[] = {PyLong_FromLong(out->state), PyFloat_FromDouble(out->ll), PyFloat_FromDouble(out->probability),
+                         PyBool_FromLong(out->confident)};
+    PyObject *all = PyTuple_New(4);
+    Py_ssize_t i;
+    for (i = 0; i < 4; i++) {
+        if (!parts[i]) Py_CLEAR(all);
+        if (all) PyTuple_SetItem(all, i, parts[i]);
+        else Py_XDECREF(parts[i]);
+    }
+    return all;
+}
+
 static PyObject *kernel_step(PyObject *object, PyObject *const *args, Py_ssize_t n) {
     Core *q = &((Kernel *)object)->core;
     Result out;
@@ -782,7 +796,7 @@ static PyObject *kernel_step(PyObject *object, PyObject *const *args, Py_ssize_t
     d = PyFloat_AsDouble(args[1]);
     if (PyErr_Occurred()) return NULL;
     if (step_once(q, u, d, &out)) return PyErr_NoMemory();
-    return Py_BuildValue("iddO", (int)out.state, out.ll, out.probability, out.confident ? Py_True : Py_False);
+    return answer(&out);
 }
 
 /* run(u, d, t, force, budget, sign, matrix, state, ll, probability, confident): buffers or None, all C-contiguous */

@@ -54,9 +54,9 @@ def arrow_batch(columns: Mapping[str, Kind], arrays: Mapping[str, ArrayLike], as
     parts = []
     for name, kind in columns.items():
         if isinstance(kind, Coded):
-            values = [repr(float(value)) for value in kind.values] if as_text else np.asarray(kind.values, dtype=float)
             codes = np.ascontiguousarray(arrays[name], dtype=np.int32)
-            listed = pa.array(values, pa.string()) if as_text else _numbers(values)
+            values = np.asarray(kind.values, dtype=float)
+            listed = pa.array(map(repr, values.tolist()), pa.string()) if as_text else _numbers(values)
             parts.append(pa.DictionaryArray.from_arrays(_numbers(codes), listed))
         elif isinstance(kind, Share) and as_text:
             parts.append(_share_texts(np.asarray(arrays[name], dtype=np.float32)))
@@ -71,7 +71,9 @@ def _numbers(values: NDArray[Any]) -> Any:
     import pyarrow as pa
 
     if values.dtype == np.bool_:
-        return pa.Array.from_buffers(pa.bool_(), values.size, [None, pa.py_buffer(np.packbits(values, bitorder="little"))])
+        return pa.Array.from_buffers(
+            pa.bool_(), values.size, [None, pa.py_buffer(np.packbits(values, bitorder="little"))]
+        )
     return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), values.size, [None, pa.py_buffer(values)])
 
 
