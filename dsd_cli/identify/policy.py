@@ -40,6 +40,7 @@ class Policy:
     # -- what matters in practice --
     least_fall: float = 0.015  # share of the held-out error that a step takes off
     least_force: float = 0.003  # and the share of u that it explains
+    least_force_at_turns: float = 0.01  # the same beside friction, which is not known better where the axis turns
     much_force: float = 0.015  # or the share of u that it explains, however loud the noise
 
     # -- long recordings --
@@ -67,7 +68,11 @@ class Policy:
     # -- motion --
     resolved_deviations: float = 10.0  # of the position's noise (three counts of an encoder) in the shortest way told
     least_rest_samples: int = 5  # slow samples in a row that may be a rest
+    resting_most: float = 0.3  # of the rms speed: no faster is at rest, however loud the noise
     resting_share: float = 0.5  # of the rest speed: what mean and change of the speed may be over a rest
+    resting_size: float = 1.2  # of the rest speed: what the rms of the speed may be; noise alone has a third
+    resting_slope: float = 0.05  # of the usual change from sample to sample: what the change may be instead
+    resting_bands: tuple[float, ...] = (1.0, 2.0, 3.0)  # times the rest speed; noise exceeds it for a moment
     least_moving: float = 0.02  # share of rows in which the axis slides
 
 

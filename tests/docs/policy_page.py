@@ -14,7 +14,7 @@ HEAD = """# The policy: what counts as signal, as certain, as of use
 every command; they stand in `dsd_cli/identify/policy.py`, and a test compares this page with it. None of them can be
 set: a verdict that depends on a setting is none.
 """
-_FIELD = re.compile(r"    (?P<name>\w+): \w+ = \S+  # (?P<why>.+)")
+_FIELD = re.compile(r"    (?P<name>\w+): [^=]+ = [^#]+  # (?P<why>.+)")
 _PART = re.compile(r"    # -- (?P<title>.+) --")
 
 
@@ -37,7 +37,9 @@ def page() -> Iterator[str]:
                 "|---|---|---|",
             )
             last = part
-        yield f"| `{name}` | {getattr(POLICY, name):g} | {why} |"
+        value = getattr(POLICY, name)
+        shown = ", ".join(f"{x:g}" for x in (value if isinstance(value, tuple) else (value,)))
+        yield f"| `{name}` | {shown} | {why} |"
 
 
 def _lines() -> Iterator[tuple[str, str, str]]:

@@ -42,11 +42,11 @@ def _drift(problem: Problem, fit: Fit, index: int) -> Array:
     """What is to be added to the speed of a stretch, shape (n,): most likely given the noise, and the walk."""
     equations, stretch = problem.equations, problem.equations.stretches[index]
     recording = next(r for r in equations.recordings if any(stretch.log is p for p in r.pieces))
-    walk, noise = recording.walk, recording.speed_noise
+    walk, noise = recording.walk, stretch.log["speed_noise"]
     if not walk > 0.0:
         return np.zeros(len(stretch.log))
     units, knot = _units(stretch)
-    size = max(MOVED * walk, noise)
+    size = max(MOVED * walk, recording.speed_noise)
     x = np.stack([equations.whitened(_change(problem.errors.bank, fit, index, x * size, noise)) for x in units]) / size
     left = fit.forward @ np.stack(problem.solver.bank.design(fit.terms, fit.tap).rows)
     steps = np.diff(np.eye(len(units)), axis=0)
@@ -63,7 +63,7 @@ def _units(stretch: Stretch) -> tuple[Array, float]:
     return np.stack([np.interp(t, knots, e) for e in np.eye(count + 1)]), float(knots[1] - knots[0])
 
 
-def _change(plain: Bank, fit: Fit, index: int, speed: Array, noise: float) -> Array:
+def _change(plain: Bank, fit: Fit, index: int, speed: Array, noise: Array) -> Array:
     """By what the residual (forward form) changes with that drift of one stretch's speed; rows in the unit of u."""
     equations = plain.equations
     stretch = equations.stretches[index]

@@ -181,11 +181,10 @@ def _band(recordings: Sequence[Recording]) -> Band:
 
 
 def _stretch(log: Log, recording: Recording) -> Stretch:
-    rest_speed, sensor = recording.rest_speed, recording.sensor
-    frame = Frame(log)
-    motion = frame.motion(rest_speed)
+    sensor, frame = recording.sensor, Frame(log)
+    motion = frame.motion(recording.rest_speed)
     speed = log["velocity"]
-    known = ~resting(speed, rest_speed)
+    known = ~resting(speed, log["rest_speed"])
     noise = sensor.noise.made(len(log), np.random.default_rng(_SEED))
     return Stretch(
         log=log,
@@ -196,7 +195,7 @@ def _stretch(log: Log, recording: Recording) -> Stretch:
         noise=noise,
         with_noise=_integrated(log["acceleration"] + noise, log.sample_time, motion, sensor),
         free=known.astype(np.float64),
-        sign=np.where(known, direction(speed, recording.speed_noise), 0.0),
+        sign=np.where(known, direction(speed, log["speed_noise"]), 0.0),
         acceleration=log["acceleration"],
         two_intervals=sensor.two_intervals,
     )
@@ -214,14 +213,15 @@ def _motion(log: Log, motion: IntervalChannels, weights: Array) -> IntervalChann
     return motion._replace(velocity=of("velocity", motion.velocity), position=of("position", motion.position))
 
 
-def direction(speed: Array, noise: float) -> Array:
-    """Mean of sgn v over each interval, shape (n,), as far as a noisy speed tells it: between -1 and 1."""
+def direction(speed: Array, noise: Array) -> Array:
+    """Mean of sgn v over each interval, shape (n,), as far as a noisy speed tells it: between -1 and 1.
+
+    noise : standard deviation of the speed's, shape (n,).
+    """
     before = np.concatenate([speed[:1], speed[:-1]])
     size = np.abs(speed) + np.abs(before)
     exact = (speed + before) / np.where(size > 0.0, size, 1.0)
-    if not noise > 0.0:
-        return np.asarray(exact)
-    x = 0.5 * (speed + before) / noise
+    x = 0.5 * (speed + before) / np.maximum(noise, 1e-300)
     x = np.clip(x, -_CERTAIN, _CERTAIN)
     likely = np.tanh(
         np.sqrt(2.0 / np.pi) * (x + 0.044715 * x**3)

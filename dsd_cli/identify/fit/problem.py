@@ -12,7 +12,7 @@ import numpy as np
 from dsd_cli.effects import Ranges, Role, get_effect
 from dsd_cli.errors import DataError
 from dsd_cli.identify.fit.asked import Settings, candidates_of, check_recordings, check_used
-from dsd_cli.identify.fit.bank import INERTIA, Bank, Term, Terms, ranges
+from dsd_cli.identify.fit.bank import INERTIA, Bank, Term, Terms, holds, ranges
 from dsd_cli.identify.fit.blocks import Blocks, lay_blocks
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.errors import Errors
@@ -99,8 +99,13 @@ class Problem:
         """Whether the held-out error falls by an amount that is of use."""
         was, now, force = self.errors.rmse(before), self.errors.rmse(after), self.errors.force
         fall = was**2 - now**2
-        seen = fall > (1.0 - (1.0 - POLICY.least_fall) ** 2) * was**2 and fall > (POLICY.least_force * force) ** 2
+        least = max(self.least_of_use(fit) for fit in (before, after))
+        seen = fall > (1.0 - (1.0 - POLICY.least_fall) ** 2) * was**2 and fall > least**2
         return seen or fall > (POLICY.much_force * force) ** 2
+
+    def least_of_use(self, fit: Fit) -> float:
+        """rms of the least force whose explanation is of use beside a fit, unit of u."""
+        return (POLICY.least_force_at_turns if holds(fit.terms) else POLICY.least_force) * self.errors.force
 
     def score(self, fit: Fit) -> Score:
         """Errors of a fit, unit of u."""

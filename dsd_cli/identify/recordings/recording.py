@@ -16,7 +16,7 @@ from dsd_cli.errors import DataError
 from dsd_cli.identify.recordings.reconstruction import drift
 from dsd_cli.identify.recordings.regular import regularised
 from dsd_cli.identify.recordings.sensor import Sensor, net_force, with_acceleration
-from dsd_cli.identify.recordings.smoothing import Smoothed, noise_of, smooth
+from dsd_cli.identify.recordings.smoothing import AGREE, Smoothed, noise_of, smooth
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import Frame
@@ -112,6 +112,7 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
     noise = float(np.hypot(noise, walk))
     rest = max(rest_speed, REST_DEVIATIONS * noise, creep)
     pieces = [with_channels(p, turning=_turning(p, observer, rest, margin)) for p in pieces]
+    pieces = [with_channels(p, **_limits_of_rest(p["speed_noise"], noise, rest)) for p in pieces]
     position_noise = _position_noise(log, noise)
     return Recording(log.source, tuple(pieces), provenance, missing, rest, noise, position_noise, walk, sensor)
 
@@ -119,6 +120,16 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
 def _position_noise(log: Log, speed_noise: float) -> float:
     """Standard deviation of the noise of a logged position; of one that is integrated, what one sample adds."""
     return noise_of(log["position"]) if "position" in log else speed_noise * log.sample_time
+
+
+def _limits_of_rest(by_sample: Array, noise: float, rest: float) -> dict[str, Array]:
+    """ "rest_speed" and "speed_noise" of every sample: where a window of the smoothing had to end early there is more
+    noise, and the window may have ended late by what it allows."""
+    narrow = by_sample > 1.01 * by_sample.min()
+    return {
+        "rest_speed": np.where(narrow, np.maximum(rest, AGREE * by_sample), rest),
+        "speed_noise": np.maximum(noise, by_sample),
+    }
 
 
 def _walk(pieces: Sequence[Log], observer: ObserverSettings) -> float:
@@ -146,7 +157,10 @@ def _with_motion(
     if "position" in logged and "velocity" not in logged:
         found = [smooth(piece["position"], piece["t"]) for piece in pieces]
         provenance |= {"velocity": "from position", "position": _word(found)}
-        done = [with_channels(p, velocity=s.slope, position=s.value) for p, s in zip(pieces, found, strict=True)]
+        done = [
+            with_channels(p, velocity=s.slope, position=s.value, speed_noise=s.slope_spread)
+            for p, s in zip(pieces, found, strict=True)
+        ]
         return done, max(s.slope_noise for s in found), _widest(found), {}
     if "velocity" in logged:
         return _with_velocity(pieces, provenance)
@@ -158,18 +172,23 @@ def _with_velocity(pieces: list[Log], provenance: dict[str, str]) -> tuple[list[
     found = [smooth(piece["velocity"], piece["t"]) for piece in pieces]
     if "position" not in pieces[0]:
         provenance |= {"velocity": _word(found), "position": "integrated from velocity"}
-        pieces = [with_channels(p, velocity=s.value) for p, s in zip(pieces, found, strict=True)]
+        pieces = _with_speed(pieces, [(s.value, s.value_spread) for s in found])
         pieces = [with_channels(p, position=_integral(p["velocity"], p["t"])) for p in pieces]
         return pieces, max(s.value_noise for s in found), _widest(found), {}
     slopes = [smooth(piece["position"], piece["t"]) for piece in pieces]
     provenance["position"] = "logged"
     if max(s.slope_noise for s in slopes) < QUIETER * max(s.value_noise for s in found):
         provenance["velocity"] = "from position"
-        pieces = [with_channels(p, velocity=s.slope) for p, s in zip(pieces, slopes, strict=True)]
+        pieces = _with_speed(pieces, [(s.slope, s.slope_spread) for s in slopes])
         return pieces, max(s.slope_noise for s in slopes), _widest(slopes), {}
     provenance["velocity"] = _word(found)
-    pieces = [with_channels(p, velocity=s.value) for p, s in zip(pieces, found, strict=True)]
+    pieces = _with_speed(pieces, [(s.value, s.value_spread) for s in found])
     return pieces, max(s.value_noise for s in found), _widest(found), {}
+
+
+def _with_speed(pieces: Sequence[Log], speeds: Sequence[tuple[Array, Array]]) -> list[Log]:
+    """The pieces with these speeds and the standard deviations of their noise."""
+    return [with_channels(p, velocity=v, speed_noise=noise) for p, (v, noise) in zip(pieces, speeds, strict=True)]
 
 
 def _widest(found: Sequence[Smoothed]) -> int:
@@ -221,7 +240,7 @@ def _reconstructed(
         walk = found.value_noise * piece.sample_time * len(piece) / max(observer.time_constant, piece.sample_time)
         drifting |= walk * piece.sample_time * np.sqrt(len(piece)) > MOST_DRIFT * np.ptp(position)
         smoothings.append(found)
-        done.append(with_channels(piece, velocity=found.value, position=position))
+        done.append(with_channels(piece, velocity=found.value, position=position, speed_noise=found.value_spread))
     provenance["velocity"] = provenance["position"] = "reconstructed from u and d_hat"
     noise, margin = max(s.value_noise for s in smoothings), _widest(smoothings)
     if not drifting:

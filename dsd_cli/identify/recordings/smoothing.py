@@ -28,13 +28,18 @@ _DIFFERENCES = (2, 4, 6)
 
 @dataclass(frozen=True)
 class Smoothed:
-    """A channel and its slope, shape (n,) each, with the standard deviation of the noise that is left in them."""
+    """A channel and its slope, shape (n,) each, with the standard deviation of the noise that is left in them.
+
+    value_noise, slope_noise : in the widest window; value_spread, slope_spread : in that of each sample, shape (n,).
+    """
 
     value: Array
     slope: Array
     half_width: int
     value_noise: float
     slope_noise: float
+    value_spread: Array
+    slope_spread: Array
 
 
 def smooth(x: Array, t: Array) -> Smoothed:
@@ -55,15 +60,16 @@ def smooth(x: Array, t: Array) -> Smoothed:
         if size > ALLOWED * least:
             break
         chosen, value, least = half, candidate, min(least, max(size, 1.0))
-    value, slope = _adapted(x, t, chosen, noise)
+    value, slope, value_spread, slope_spread = _adapted(x, t, chosen, noise)
     weights, slopes = (_weights(max(chosen, 1), d) for d in (0, 1))
     value_noise = noise * float(np.sqrt(np.sum(weights**2))) if chosen else noise
     slope_noise = noise * float(np.sqrt(np.sum(slopes**2))) / float(np.median(np.diff(t)))
-    return Smoothed(np.asarray(value), slope, chosen, value_noise, slope_noise)
+    return Smoothed(value, slope, chosen, value_noise, slope_noise, value_spread, slope_spread)
 
 
-def _adapted(x: Array, t: Array, widest: int, noise: float) -> tuple[Array, Array]:
-    """Value and slope, shape (n,) each, with the widest window up to `widest` that the noise allows at every sample.
+def _adapted(x: Array, t: Array, widest: int, noise: float) -> tuple[Array, Array, Array, Array]:
+    """Value and slope in the widest window up to `widest` that the noise allows at every sample, and the standard
+    deviations of the noise in both; shape (n,) each.
 
     Around a sudden change, wider windows differ from narrower ones by more than noise; there they end (the rule of
     intersecting confidence intervals).
@@ -72,6 +78,7 @@ def _adapted(x: Array, t: Array, widest: int, noise: float) -> tuple[Array, Arra
     _, slope = _local(x, t, 1)
     alive = np.ones(len(x), dtype=bool)
     spread, slope_spread = noise, _spread(1, 1, noise, t)
+    spreads, slope_spreads = np.full(len(x), spread), np.full(len(x), slope_spread)
     for half in [h for h in HALF_WIDTHS if 0 < h <= widest]:
         wider, wider_slope = _local(x, t, half)
         strange = np.abs(wider - value) > AGREE * spread
@@ -79,7 +86,8 @@ def _adapted(x: Array, t: Array, widest: int, noise: float) -> tuple[Array, Arra
         alive &= ~_widened(strange, half)
         value, slope = np.where(alive, wider, value), np.where(alive, wider_slope, slope)
         spread, slope_spread = _spread(half, 0, noise, t), _spread(half, 1, noise, t)
-    return np.asarray(value), np.asarray(slope)
+        spreads, slope_spreads = np.where(alive, spread, spreads), np.where(alive, slope_spread, slope_spreads)
+    return np.asarray(value), np.asarray(slope), spreads, slope_spreads
 
 
 def _spread(half: int, derivative: int, noise: float, t: Array) -> float:

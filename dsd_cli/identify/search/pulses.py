@@ -14,7 +14,7 @@ import numpy as np
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.signals.log import Array
+from dsd_cli.signals.log import Array, Log
 
 #: Most pulses, samples of the shortest, and how far its mean stands above the noise of a mean.
 MOST_PULSES, SHORTEST, LEAST_DEVIATIONS = 6, 3, 8.0
@@ -23,6 +23,8 @@ WEAKEST = 0.1
 #: Neighbours whose levels differ by less than this share are one pulse.
 SAME_LEVEL = 0.2
 ROUNDS = 3
+#: Share of the travel after which effects with memory have forgotten the state that they began in.
+FORGOTTEN = 0.25
 #: Rows by which the edges of the best window are moved before the next one is looked for.
 MOST_REACH = 200
 _ID = "external_force"
@@ -65,12 +67,27 @@ def _pulses(search: Search, fit: Fit) -> tuple[tuple[float, float], ...]:
     row_time = search.equations.band.step * search.equations.sample_time
     times = [s.frame.times for s in search.equations.stretches]
     at = search.equations.by_stretch(search.equations.of_rows(times))
-    for stamps, x in zip(at, search.equations.by_stretch(values), strict=True):
-        for a, b, level in _strongest(x):
+    moved = _first_moves(search, fit)
+    for stamps, x, first in zip(at, search.equations.by_stretch(values), moved, strict=True):
+        for a, b, level in _strongest(np.where(stamps < first, 0.0, x)):
             found.append((float(stamps[a] - 0.5 * row_time), float(stamps[b] + 0.5 * row_time), abs(level)))
     top = max((level for *_, level in found), default=0.0)
     kept = sorted(found, key=lambda p: -p[2])[:MOST_PULSES]
     return _apart(sorted((a, b) for a, b, level in kept if level > WEAKEST * top))
+
+
+def _first_moves(search: Search, fit: Fit) -> list[float]:
+    """Of every stretch, s until when the state of an effect with memory is not known: no push is seen there."""
+    stretches = search.equations.stretches
+    if not any(t.effect.memory for t in fit.terms):
+        return [float(s.log["t"][0]) for s in stretches]
+    way = FORGOTTEN * search.ranges.travel
+    return [float(s.log["t"][np.argmax(_way(s.log) >= min(way, float(_way(s.log)[-1])))]) for s in stretches]
+
+
+def _way(log: Log) -> Array:
+    """Way that the axis has gone since the start, shape (n,)."""
+    return np.asarray(np.cumsum(np.abs(log["velocity"])) * log.sample_time)
 
 
 def _apart(windows: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:

@@ -99,7 +99,10 @@ class Search:
     @cached_property
     def refit(self) -> Fit:
         """The model's own effects with all values free."""
-        fit = self.fit(self.base, best_delay(self.solver, self.problem.beside, self.most_tap))
+        return self.converged(self.fit(self.base, best_delay(self.solver, self.problem.beside, self.most_tap)))
+
+    def converged(self, fit: Fit) -> Fit:
+        """With the shapes of all effects refined until that gains nothing any more."""
         for _ in range(MOST_REFINEMENTS):
             better = self.refined(fit)
             if better.squares > (1.0 - STALLED) * fit.squares:

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 BRACKET = 0.6
 STEPS = 7
 #: With several parameters they are searched in turn, in so many rounds of narrower brackets, until a round gains less
-#: than this share; those that matter less come last.
-ROUNDS, SHRINK, ENOUGH = 5, 0.7, 1e-3
+#: than this share; those that matter less come last. A single one takes a second, much narrower round at most.
+ROUNDS, SHRINK, SHRINK_ALONE, ENOUGH = 5, 0.7, 0.1, 1e-3
 
 
 def refined(search: Search, terms: Terms, i: int, tap: int, rounds: int = ROUNDS) -> tuple[Terms, int]:
@@ -28,10 +28,11 @@ def refined(search: Search, terms: Terms, i: int, tap: int, rounds: int = ROUNDS
     names = [name for name, value in term.items if isinstance(value, float) and value > 0.0]
     names.sort(key=lambda name: name in term.effect.broad)
     found = (*scan.gain(term), term)
-    for turn in range(1 if len(names) == 1 else rounds):
+    shrink = SHRINK if len(names) > 1 else SHRINK_ALONE
+    for turn in range(rounds if len(names) > 1 else 1 + (rounds == ROUNDS)):
         before = found[0]
         for name in names:
-            found = _along(search, scan, found, name, _half_width(search, term, name) * (SHRINK**turn))
+            found = _along(search, scan, found, name, _half_width(search, term, name) * (shrink**turn))
         if found[0] < (1.0 + ENOUGH) * before:
             break
     return (*terms[:i], found[2], *terms[i + 1 :]), found[1]

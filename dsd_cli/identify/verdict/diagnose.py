@@ -95,6 +95,9 @@ class _Verdict:
 
         self.named, self.sure = "", 0.0
         self.named, self.sure = self.verdict()
+        if self.named in self.alone:  # what is to be added takes the shapes of the model's own effects along
+            fit = search.converged(self.alone[self.named].fit)
+            self.alone[self.named] = Option(self.named, fit, search.evidence(fit))
 
     def _events(self) -> list[Option]:
         """Pulses alone, where they belong to the answer: they are no candidate of the search."""
@@ -123,7 +126,7 @@ class _Verdict:
             shared = sum(belief.get(name, 0.0) for name in tied) / len(tied)
             return named, min(known * max(belief.get(named, 0.0), shared), self._surest())
         known = self._share_of_possible(self.own.score.heldout_rmse, self.own.refitted.heldout_rmse)
-        above_floor = self._above_floor()
+        above_floor = self._above_floor(self.search.refit)
         if self.own.wrong and known >= SHARE_OF_CEILING and not above_floor:
             return self.own.wrong, min(known * self.own.probability, SUREST)
         if beyond.unknown:
@@ -144,17 +147,20 @@ class _Verdict:
         """No verdict out of few equations is surer."""
         return NOT_ALL_TESTED if self._short() else SUREST
 
-    def _above_floor(self) -> bool:
+    def _above_floor(self, fit: Fit) -> bool:
         """Whether more is left than the sensor alone leaves, and enough to matter: then something is missing."""
-        left, force = self.problem.errors.rmse(self.search.refit), self.problem.errors.force
+        left, force = self.problem.errors.rmse(fit), self.problem.errors.force
         excess = left**2 - (POLICY.floor_factor * self.problem.floor) ** 2
         return excess > (POLICY.floor_excess * force) ** 2
 
     def _share_of_possible(self, before: float, after: float) -> float:
         """How much of the power that could be explained a step explains; 1 where nothing unknown remains."""
-        if not self.beyond.unknown:
+        if self.beyond.unknown:
+            least = min(self.beyond.heldout_rmse, self.beyond.noise)
+        elif self._above_floor(self.whole):
+            least = POLICY.floor_factor * self.problem.floor
+        else:
             return 1.0
-        least = min(self.beyond.heldout_rmse, self.beyond.noise)
         return (before**2 - after**2) / max(before**2 - least**2, 1e-300)
 
     def _lowers(self, name: str) -> bool:

@@ -43,7 +43,7 @@ def own_values(search: Search) -> Own:
         sorted((_alone(search, name, given, values[name]) for name in (INERTIA, DELAY)), key=lambda c: c.rmse_after)
     )
     fall = given.heldout_rmse**2 - refitted.heldout_rmse**2
-    least = max(2.0 * POLICY.least_fall * given.heldout_rmse**2, (POLICY.least_force * problem.errors.force) ** 2)
+    least = max(2.0 * POLICY.least_fall * given.heldout_rmse**2, problem.least_of_use(refit) ** 2)
     sure = max(_deviations(search, values), key=lambda pair: pair[1], default=("", 0.0))
     if fall < least or sure[1] < 4.0:
         return Own(given, refitted, candidates, "", 0.0)
