@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup demo test check bench bench-hidden clean
+.PHONY: setup demo test check bench bench-hidden beyond clean
 
 setup: $(STAMP)
 
@@ -39,6 +39,10 @@ bench-hidden: setup
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[bench]"
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench hidden --seeds 4
 	$(BIN)/python -m bench hidden --page
+
+# the tables and pictures of docs/beyond.md; ITEMS="profile coverage" makes only these
+beyond: setup
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.beyond $(ITEMS)
 
 clean:
 	rm -rf $(VENV) build dist out *.egg-info dsd_cli/detect/_kernel*.so dsd_cli/effects/_memory*.so

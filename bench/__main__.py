@@ -2,7 +2,9 @@
 
 `python -m bench hidden` is the study of hidden effects, see bench/hidden.py; `python -m bench random` runs the property
 tests on new examples, see bench/properties.py; `python -m bench fuzz` looks for input that breaks the commands, see
-bench/fuzz.py, `python -m bench kills` ends them by signals, see bench/fuzz_kills.py.
+bench/fuzz.py; `python -m bench kills` ends them by signals, see bench/fuzz_kills.py;
+`python -m bench longlog` labels a day at 10 kHz, see bench/longlog.py; `python -m bench fleet`
+runs over many logs, see bench/fleet.py.
 """
 
 from __future__ import annotations
@@ -40,6 +42,16 @@ def main() -> None:
         from bench import properties
 
         properties.main(sys.argv[2:])
+        return
+    if sys.argv[1:2] == ["fleet"]:
+        from bench import fleet
+
+        fleet.main(sys.argv[2:])
+        return
+    if sys.argv[1:2] == ["longlog"]:
+        from bench import longlog
+
+        longlog.main(sys.argv[2:])
         return
     if sys.argv[1:2] == ["fuzz"]:
         from bench import fuzz

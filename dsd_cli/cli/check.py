@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from dsd_cli.files.config import Config
     from dsd_cli.identify.checks import CheckResult
 
-LogsArgument = Annotated[list[str], typer.Argument(metavar="LOG...", help="CSV or Parquet files; - is stdin.")]
+LogsArgument = Annotated[
+    list[str], typer.Argument(metavar="LOG...", help="Log files (CSV, Parquet, MF4, ...); - is stdin.")
+]
 StrictOption = Annotated[bool, typer.Option("--strict", help="Exit 3 if a log has a finding of severity error.")]
 
 

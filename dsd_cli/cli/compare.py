@@ -35,7 +35,9 @@ class Horizon(StrEnum):
     SIMULATION = "simulation"
 
 
-LogsArgument = Annotated[list[str], typer.Argument(metavar="LOG...", help="CSV or Parquet files; - is stdin.")]
+LogsArgument = Annotated[
+    list[str], typer.Argument(metavar="LOG...", help="Log files (CSV, Parquet, MF4, ...); - is stdin.")
+]
 HoldoutOption = Annotated[
     str | None, typer.Option("--holdout", metavar="LOG", help="Log to be judged apart; --max-rmse then goes by it.")
 ]

@@ -19,6 +19,7 @@ from dsd_cli.cli.progress import Progress
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import active_backend
 from dsd_cli.detect.plan import Plan
+from dsd_cli.detect.profile.changes import false_alarms_per_hour
 from dsd_cli.detect.rows import Rows
 from dsd_cli.detect.session import Session
 from dsd_cli.detect.settings import OFFLINE
@@ -29,6 +30,7 @@ from dsd_cli.files.config import Config
 from dsd_cli.files.scaled import scaled
 from dsd_cli.files.tables_in import Batch, TableSource, dropped_with_unreadable, is_stream, open_table, read_head
 from dsd_cli.files.tables_out import check_output
+from dsd_cli.report.changes import Changes
 from dsd_cli.report.detection import Detection, print_table, to_json
 from dsd_cli.report.terminal import json_text
 from dsd_cli.signals.cleaning import BRIDGE, Cleaner
@@ -62,15 +64,15 @@ class Destination:
             raise UsageError(f"--format {self.form} puts the labels on stdout, -o into {self.output}", "give one")
         check_output(str(self.output), self.inputs)
 
-    def writer(self, grid: Grid) -> AbstractContextManager[Write]:
-        """Gives a function that writes rows of labels."""
+    def writer(self, grid: Grid, estimates: bool) -> AbstractContextManager[Write]:
+        """Gives a function that writes rows of labels, with the columns of `Estimates` if there are any."""
         if self.form == "jsonl":
             return json_lines(grid)
         if self.labels_on_stdout:
-            return LabelsFile("-", grid, {}, ())
+            return LabelsFile("-", grid, {}, (), estimates)
         if self.output is None:
             return NoLabels()
-        return LabelsFile(self.output, grid, {}, self.inputs)
+        return LabelsFile(self.output, grid, {}, self.inputs, estimates)
 
     def show(self, result: Detection) -> None:
         """The summary on stdout; on stderr where stdout carries the labels."""
@@ -130,13 +132,16 @@ class Job:
     def _plan(self, table: TableSource) -> Plan:
         plan = detection_plan(self.config, table.columns, table.metadata, table.name)
         if self.follow and plan.settings.method in OFFLINE:
-            raise UsageError(f"method '{plan.settings.method}' needs the whole log", "use dsd, average or imm live")
+            raise UsageError(
+                f"method '{plan.settings.method}' needs the whole log", "use dsd, average, imm or profile live"
+            )
         return plan
 
     def _label_all(self, table: TableSource, session: Session, summarizer: Summarizer) -> None:
         truth = _Truth([name for name in TRUTH if name in table.columns])
         labels = closing(self._labels(table, session, truth))  # a label that cannot be written ends the reading too
-        with self.to.writer(session.plan.grid) as write, labels as parts:
+        has_estimates = session.plan.settings.method == "profile"
+        with self.to.writer(session.plan.grid, has_estimates) as write, labels as parts:
             for rows in parts:
                 summarizer.add(rows, truth.take(rows.state.size))
                 write(rows)
@@ -193,6 +198,9 @@ def _refuse_nothing(table: TableSource, session: Session, summarizer: Summarizer
 def _interrupt_ends_reading(wanted: bool) -> Iterator[list[bool]]:
     """The first Ctrl-C (SIGTERM, SIGHUP) fills the list and nothing else, so that what was read is labelled."""
     interrupted: list[bool] = []
+    if not wanted:
+        yield interrupted
+        return
     before = {number: signal.getsignal(number) for number in ENDING}
 
     def back() -> None:
@@ -203,7 +211,7 @@ def _interrupt_ends_reading(wanted: bool) -> Iterator[list[bool]]:
         interrupted.append(True)
         back()
 
-    for number in ENDING if wanted else ():
+    for number in ENDING:
         signal.signal(number, note)
     try:
         yield interrupted
@@ -223,9 +231,19 @@ def _detection(table: TableSource, session: Session, summarizer: Summarizer) -> 
         regular=cleaner.regular,
         d_hat_source=plan.d_hat_source,
         rho=plan.settings.rho,
+        changes=_changes(session),
         dropped={reason: count for reason, count in dropped.items() if count},
         warnings=(*table.warnings, *session.warnings),
     )
+
+
+def _changes(session: Session) -> Changes | None:
+    """What the test for changes found; None where there was no test."""
+    settings, sample_time = session.plan.settings, session.cleaner.sample_time
+    if settings.method != "profile" or settings.change <= 0.0 or sample_time is None:
+        return None
+    expected = false_alarms_per_hour(settings.change, settings.window, sample_time)
+    return Changes(tuple(session.changes), settings.change, expected, tuple(session.plan.grid.combinations))
 
 
 class _Truth:

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from dsd_cli.identify.verdict.diagnose import Settings
     from dsd_cli.plant.model import ObserverSettings, PlantModel
 
-LogsArgument = Annotated[list[str], typer.Argument(metavar="LOG...", help="CSV or Parquet files; - is stdin.")]
+LogsArgument = Annotated[
+    list[str], typer.Argument(metavar="LOG...", help="Log files (CSV, Parquet, MF4, ...); - is stdin.")
+]
 HoldoutOption = Annotated[
     list[str] | None,
     typer.Option("--holdout", metavar="LOG", help="Log that no fit sees; held-out errors are of it. Repeatable."),

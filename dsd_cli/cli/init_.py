@@ -12,38 +12,62 @@ from dsd_cli.errors import printable
 
 
 def init(
+    log: Annotated[
+        str | None, typer.Argument(metavar="[LOG]", help="A log of your rig: the config is proposed from it.")
+    ] = None,
     template: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--template",
             metavar="NAME",
             help="lab (your own recording), paper-step, paper-sine, paper-delay-change or servo.",
         ),
-    ] = "lab",
+    ] = None,
     output: Annotated[
         str, typer.Option("-o", "--output", metavar="FILE", help="File to write; - is stdout.")
     ] = "dsd.toml",
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Write a commented dsd.toml: for your own recording, or a simulation that runs as it is."""
+    """Write a commented dsd.toml: from a log of yours, for a recording to come, or for a simulation that runs as it is.
+
+    With LOG, its columns, units, sample time, and proposals for delay, inertia, rho and window come from its header and
+    its first rows; every guess is said.
+    """
+    from dsd_cli.errors import UsageError
     from dsd_cli.files.template import template_text
 
-    text = template_text(template)
+    said: list[str] = []
+    if log is None:
+        template = template or "lab"
+        text, origin = template_text(template), f"template {template}"
+    elif template is not None:
+        raise UsageError("a template is no config for a log", "give a log or --template")
+    else:
+        from dsd_cli.cli.init_log import propose
+
+        text, said = propose(log)
+        origin = f"from {log}"
     if output == "-":
         typer.echo(text, nl=False)
+    else:
+        _write(Path(output), text, force, () if log is None else (log,))
+    if quiet:
         return
-    _write(Path(output), text, force)
-    if not quiet:
-        after = f"dsd detect LOG -c {output}" if template == "lab" else f"dsd simulate -c {output} -o log.csv"
-        typer.echo(printable(f"wrote {output} (template {template}); next: {after}"), err=True)
+    for line in said:
+        typer.echo(printable(f"  {line}"), err=True)
+    if output != "-":
+        simulated = log is None and template != "lab"
+        ask = "detect LOG" if log is None else f"check {log}"
+        after = f"dsd simulate -c {output} -o log.csv" if simulated else f"dsd {ask} -c {output}"
+        typer.echo(printable(f"wrote {output} ({origin}); next: {after}"), err=True)
 
 
-def _write(path: Path, text: str, force: bool) -> None:
+def _write(path: Path, text: str, force: bool, inputs: tuple[str, ...]) -> None:
     from dsd_cli.errors import UsageError
     from dsd_cli.files.whole import check_target, write_whole
 
     if path.is_file() and not force:
         raise UsageError(f"{path} exists", "name another file with -o, or overwrite it with --force")
-    check_target(path, ())
+    check_target(path, inputs)
     write_whole(path, text.encode())

@@ -22,6 +22,7 @@ COMMANDS = {
     "diagnose": ("diagnose", "diagnose", "Say which physical effect the model lacks."),
     "add": ("add", "add", "Add an effect to the model of the config, fitted to a log."),
     "improve": ("improve", "improve", "Diagnose and add, step by step, until nothing is left to add."),
+    "fleet": ("fleet", "app", "Run detect, compare or diagnose over many logs; one table at the end."),
     "effects": ("effects", "effects", "Show the catalogue of physical effects."),
 }
 
@@ -29,13 +30,16 @@ COMMANDS = {
 def load_command(name: str) -> Any:
     """The command of that name, built from the signature and docstring of its function."""
     module, function, short_help = COMMANDS[name]
-    app = typer.Typer(add_completion=False, rich_markup_mode=None)
-    settings = {"help_option_names": ["-h", "--help"]}
-    app.command(name, short_help=short_help, context_settings=settings)(
-        getattr(import_module(f"dsd_cli.cli.{module}"), function)
-    )
+    found = getattr(import_module(f"dsd_cli.cli.{module}"), function)
+    if isinstance(found, typer.Typer):  # a command with commands of its own
+        app = found
+    else:
+        app = typer.Typer(add_completion=False, rich_markup_mode=None)
+        settings = {"help_option_names": ["-h", "--help"]}
+        app.command(name, short_help=short_help, context_settings=settings)(found)
     command = get_command(app)
-    use_plain_coercion(command)
+    for one in (command, *getattr(command, "commands", {}).values()):
+        use_plain_coercion(one)
     return command
 
 

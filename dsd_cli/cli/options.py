@@ -16,7 +16,7 @@ class Format(StrEnum):
     JSON = "json"
 
 
-LogArgument = Annotated[str, typer.Argument(metavar="LOG", help="CSV or Parquet file; - is stdin.")]
+LogArgument = Annotated[str, typer.Argument(metavar="LOG", help="Log file (CSV, Parquet, MF4, ...); - is stdin.")]
 
 ConfigOption = Annotated[Path, typer.Option("-c", "--config", metavar="FILE", help="Config file of the rig.")]
 

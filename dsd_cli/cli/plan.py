@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dsd_cli.detect.coloured import SensorNoise
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.settings import DetectorSettings
@@ -142,6 +143,7 @@ def detector_settings(config: Config, grid: Grid) -> DetectorSettings:
     initial = 0
     if section.initial is not None:
         initial = grid.index(section.initial.delay, section.initial.inertia)
+    noise = section.sensor_noise
     return DetectorSettings(
         method=section.method,
         window=section.window,
@@ -152,6 +154,8 @@ def detector_settings(config: Config, grid: Grid) -> DetectorSettings:
         observer_filter=section.observer_filter,
         hold=section.hold,
         confidence=section.confidence,
+        change=section.change,
+        sensor_noise=SensorNoise(noise.velocity, noise.position) if noise is not None else SensorNoise(),
     )
 
 

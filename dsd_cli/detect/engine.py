@@ -15,6 +15,8 @@ from dsd_cli.errors import UsageError
 from dsd_cli.signals.log import Array
 
 if TYPE_CHECKING:
+    from dsd_cli.detect.profile.changes import Change
+    from dsd_cli.detect.profile.kernel import ProfileKernel
     from dsd_cli.detect.recursions import Decisions, Recursion
 
 
@@ -52,7 +54,7 @@ class Labels:
     """The states chosen for n samples; every array has shape (n,).
 
     `log_likelihood` (of the chosen state, eq. 15) and `probability` are NaN where nothing could be judged (warm-up,
-    missing sample); `confident` is False there.
+    missing sample); `confident` is False there. `estimates` is what method "profile" adds, () elsewhere.
     """
 
     grid: Grid
@@ -60,6 +62,7 @@ class Labels:
     log_likelihood: Array
     probability: Array
     confident: NDArray[Any]
+    estimates: tuple[NDArray[Any], ...] = ()
 
     @property
     def delay(self) -> Array:
@@ -138,11 +141,21 @@ class Engine:
                 "no label could be given; is the unit of the time column right?",
             )
         self._floor = spec.log_likelihood_floor
-        self._kernel = make_kernel(spec, backend)
+        self._profile = self._make_profile()
+        self._rows = 0
+        # noise that is not white is made white between prediction and likelihood: the NumPy kernel has that
+        self._kernel = make_kernel(spec, "numpy" if settings.sensor_noise else backend)
         self._delays, self._inertias = (grid.axes[name].tolist() for name in ("delay", "inertia"))
         self._recursion = self._make_recursion()
         self._step = self._kernel.step
         self._steps = settings.method == "dsd" and not measurement.timed and not grid.effects
+
+    def _make_profile(self) -> ProfileKernel | None:
+        if self.settings.method != "profile":
+            return None
+        from dsd_cli.detect.profile.kernel import ProfileKernel
+
+        return ProfileKernel(self.spec)
 
     def _make_recursion(self) -> Recursion | None:
         if self.settings.method not in ("average", "imm"):
@@ -155,8 +168,15 @@ class Engine:
     def restart(self) -> None:
         """Forget the history (a gap, a new recording); the last label stands until there is new evidence."""
         self._kernel.restart()
+        if self._profile is not None:
+            self._profile.restart()
         if self._recursion is not None:
             self._recursion.restart()
+
+    @property
+    def changes(self) -> list[Change]:
+        """Changes of delay, inertia or effect values found so far (method "profile"); times as t, or in samples."""
+        return [] if self._profile is None else self._profile.changes
 
     def step(self, u: float, d_hat: float) -> Label:
         """Take one sample of a regular clock, for a model without effects.
@@ -173,7 +193,9 @@ class Engine:
 
     def _step_by_run(self, u: float, d_hat: float) -> Label:
         if self.settings.method in OFFLINE:
-            raise UsageError(f"method '{self.settings.method}' needs the whole log", "use dsd, average or imm online")
+            raise UsageError(
+                f"method '{self.settings.method}' needs the whole log", "use dsd, average, imm or profile online"
+            )
         labels = self.run(np.array([u]), np.array([d_hat]))
         state, ll = int(labels.state[0]), float(labels.log_likelihood[0])
         probability, confident = float(labels.probability[0]), bool(labels.confident[0])
@@ -196,6 +218,10 @@ class Engine:
         if self.grid.effects and forces is None:
             raise UsageError("the grid has effect axes", "give the forces of every combination of their values")
         stamps = np.ascontiguousarray(t, dtype=np.float64) if self.measurement.timed else None
+        if self._profile is not None:
+            clock = self._rows + np.arange(float(len(u))) if t is None else np.asarray(t, dtype=np.float64)
+            self._rows += len(u)
+            return Labels(self.grid, *self._profile.run(clock, u, d_hat, stamps, *(forces or ())))
         n = len(u)
         matrix = None if self.settings.method == "dsd" else np.empty((n, len(self.grid)))
         state, confident = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.uint8)

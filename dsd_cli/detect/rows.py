@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.detect.engine import Forces, Labels
+from dsd_cli.detect.profile.cells import Estimates
 from dsd_cli.signals.log import Array
 
 
@@ -15,7 +18,8 @@ class Rows(NamedTuple):
     """Labels of consecutive rows of the log, each array of shape (n,).
 
     Dropped rows (and rows of warm-up) carry the last label, NaN likelihood and probability, confident = False, and 0
-    samples; else `samples` is how many samples the window behind the label holds.
+    samples; else `samples` is how many samples the window behind the label holds. `estimates` (method "profile", else
+    ()) stand there as they were before, their flags False.
     """
 
     t: NDArray[Any]
@@ -24,16 +28,73 @@ class Rows(NamedTuple):
     probability: NDArray[Any]
     confident: NDArray[Any]
     samples: NDArray[Any]
+    estimates: tuple[NDArray[Any], ...] = ()
 
 
 def unjudged(rows: Rows, count: int, label: int) -> Rows:
     """The first `count` rows as rows of the warm-up."""
     if count <= 0:
         return rows
-    columns = [column.copy() for column in rows[1:]]
+    columns: list[Any] = [column.copy() for column in rows[1:6]]
     for column, nothing in zip(columns, (label, np.nan, np.nan, False, 0), strict=True):
         column[:count] = nothing
-    return Rows(rows.t, *columns)
+    return Rows(rows.t, *columns, *[_each(rows.estimates, lambda column: _blank(column, count))])
+
+
+def _blank(column: NDArray[Any], count: int) -> NDArray[Any]:
+    """The first `count` values as before there was any estimate."""
+    column = column.copy()
+    column[:count] = False if column.dtype == np.bool_ else np.nan
+    return column
+
+
+def _each(estimates: Any, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Any:
+    """Every column changed alike; () stays."""
+    return Estimates(*map(change, estimates)) if estimates else ()
+
+
+def part(rows: Rows, begin: int) -> Rows:
+    """The rows from `begin` on."""
+    columns: list[Any] = [column[begin:] for column in rows[:6]]
+    return Rows(*columns, *[_each(rows.estimates, lambda column: column[begin:])])
+
+
+def estimates_of(labels: Labels | None, keep: NDArray[Any] | None, n: int, last: tuple[float, ...]) -> Any:
+    """Estimates of `n` rows from those of the samples; rows without a sample carry the ones before, their flags False.
+
+    Parameters
+    ----------
+    keep : row of every sample, -1 for none; None: sample i is row i.
+    last : values before the first row; () where the method has no estimates.
+    """
+    if not last or (labels is not None and keep is None):
+        return labels.estimates if labels is not None else ()
+    if labels is None or keep is None:
+        at, rows = np.zeros(0, dtype=int), np.zeros(0, dtype=int)
+        values: tuple[NDArray[Any], ...] = (np.zeros(0),) * 6
+    else:
+        at = np.flatnonzero(keep >= 0)
+        rows, values = keep[at], labels.estimates
+    filled = np.zeros(n, dtype=np.int64)
+    filled[rows] = np.arange(1, rows.size + 1)
+    latest = np.maximum.accumulate(filled)
+    columns: list[Any] = [
+        np.concatenate([[before], value[at]])[latest] for before, value in zip(last, values[:4], strict=True)
+    ]
+    flags = [np.zeros(n, dtype=np.bool_) for _ in range(2)]
+    for flag, value in zip(flags, values[4:], strict=True):
+        flag[rows] = value[at]
+    return Estimates(*columns, *flags)
+
+
+def without_confidence(labels: Labels, wrong: NDArray[np.bool_]) -> Labels:
+    """The same labels, none of the `wrong` ones confident."""
+    estimates: Any = labels.estimates
+    if estimates:
+        estimates = estimates._replace(
+            delay_confident=estimates.delay_confident & ~wrong, inertia_confident=estimates.inertia_confident & ~wrong
+        )
+    return replace(labels, confident=labels.confident & ~wrong, estimates=estimates)
 
 
 class Inputs(NamedTuple):
@@ -62,4 +123,5 @@ def joined(inputs: list[Inputs]) -> Inputs:
 
 def cut(labels: Labels, begin: int, end: int) -> Labels:
     """Labels `begin` to `end`."""
-    return Labels(labels.grid, *(column[begin:end] for column in labels_arrays(labels)))
+    columns: list[Any] = [column[begin:end] for column in labels_arrays(labels)]
+    return Labels(labels.grid, *columns, *[_each(labels.estimates, lambda column: column[begin:end])])

@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.detect.engine import Engine, Forces, Labels, Measurement
 from dsd_cli.detect.plan import Plan
-from dsd_cli.detect.rows import Inputs, Rows, cut, joined, labels_arrays, unjudged
+from dsd_cli.detect.profile.cells import Estimates
+from dsd_cli.detect.profile.changes import Change
+from dsd_cli.detect.rest import FrictionMarks
+from dsd_cli.detect.rows import (
+    Inputs,
+    Rows,
+    cut,
+    estimates_of,
+    joined,
+    labels_arrays,
+    part,
+    unjudged,
+    without_confidence,
+)
 from dsd_cli.detect.settings import OFFLINE
 from dsd_cli.detect.spikes import Spikes
 from dsd_cli.effects import Channels
-from dsd_cli.plant.filtering import lowpass_irregular, poles_of
 from dsd_cli.plant.forces import Sample, interval_channels, interval_forces
 from dsd_cli.plant.observer import DisturbanceObserver
 from dsd_cli.signals.cleaning import Cleaner, Piece
@@ -37,11 +48,13 @@ class Session:
         self._observer: DisturbanceObserver | None = None
         self._last_t: float | None = None
         self._before: Sample | None = None
+        self._friction: FrictionMarks | None = None
         self._label = plan.settings.initial
         self._waiting: list[Piece] = []
         self._early = 0
+        # before the first estimate; () for methods that have none
+        self._estimates: tuple[float, ...] = (np.nan,) * 4 if plan.settings.method == "profile" else ()
         self._in_window = 0
-        self._turned, self._turning = 0.0, np.zeros(0)  # Q of what turns put into d_hat: last, and of this piece
         self._stamps: Array | None = np.empty(0) if cleaner.sample_time is None else None
         self._settling = 0
 
@@ -49,6 +62,11 @@ class Session:
     def label(self) -> int:
         """The state chosen last."""
         return self._label
+
+    @property
+    def changes(self) -> list[Change]:
+        """Changes of state so far (method "profile"); times are stamps, s."""
+        return [] if self.engine is None else self.engine.changes
 
     @property
     def warnings(self) -> list[str]:
@@ -82,12 +100,13 @@ class Session:
         nothing = np.full(new, np.nan)
         state = np.full(new, self._label, dtype=np.int32)
         unsure, none = np.zeros(new, dtype=np.bool_), np.zeros(new, dtype=np.int32)
-        return Rows(t[-new:], state, nothing, nothing, unsure, none)
+        found = Estimates(nothing, nothing, nothing, nothing, unsure, unsure) if self._estimates else ()
+        return Rows(t[-new:], state, nothing, nothing, unsure, none, found)
 
     def _after_early(self, rows: Rows) -> Rows:
         skip = min(self._early, rows.state.size)
         self._early -= skip
-        return Rows(*(column[skip:] for column in rows)) if skip else rows
+        return part(rows, skip) if skip else rows
 
     def finish(self) -> Iterator[Rows]:
         """The end of the log."""
@@ -140,8 +159,8 @@ class Session:
             self.engine.restart()
         if self._spikes is not None:
             self._spikes.restart()
-        self._observer, self._last_t, self._before = None, None, None
-        self._in_window, self._turned = 0, 0.0
+        self._observer, self._last_t, self._before, self._friction = None, None, None, None
+        self._in_window = 0
 
     def _run(self, piece: Piece) -> Labels:
         return self._run_inputs(self._inputs(piece))
@@ -155,7 +174,7 @@ class Session:
         if unfounded is None:
             return labels
         self._doubted += int((labels.confident & unfounded).sum())
-        return replace(labels, confident=labels.confident & ~unfounded)
+        return without_confidence(labels, unfounded)
 
     def _engine_now(self) -> Engine:
         if self.engine is None:
@@ -184,30 +203,10 @@ class Session:
                 self._observer = DisturbanceObserver(self.plan.observer, self._sample_time(), self.plan.d_hat_source)
             d_hat = self._observer.run(u, d_hat, piece.stamps)
         forces = self._forces(piece) if any(model.effects for model in self.plan.effects) else None
-        if forces is not None and self._turning.any():
-            d_hat = d_hat - self.plan.observer.sign * self._turning
+        if forces is not None and self._friction is not None and self._friction.turning.any():
+            d_hat = d_hat - self.plan.observer.sign * self._friction.turning
         self._last_t = float(piece.t[-1])
         return Inputs(u, d_hat, piece.t, forces)
-
-    def _without_turns(self, acceleration: Array, sign: Array, interval: float | Array) -> Array:
-        """Marks the intervals in which the plant starts, stops or turns, and keeps what they put into d_hat.
-
-        Friction there is whatever explains the change of speed, so that J a is what was measured, for every inertia:
-        such an interval says nothing, and Q { Jn a } of it is taken out of d_hat instead of being predicted.
-        """
-        observer = self.plan.observer
-        turns = np.isfinite(acceleration)
-        self._turning = np.zeros(sign.size)
-        if not (self.plan.has_friction and self.plan.settings.observer_filter):
-            return sign
-        if turns.any() or self._turned != 0.0:
-            raw = observer.nominal_inertia * np.where(turns, acceleration, 0.0)
-            lengths = np.broadcast_to(interval, sign.shape)
-            poles = poles_of(lengths.tolist(), observer.time_constant)
-            self._turning = lowpass_irregular(raw, poles, self._turned)
-            self._turned = float(self._turning[-1])
-            self._turned = 0.0 if abs(self._turned) < 1e-300 else self._turned
-        return np.where(turns, np.inf, sign)
 
     def _forces(self, piece: Piece) -> Forces:
         """Forces of every combination of effect values, per interval that ends at a sample."""
@@ -219,6 +218,7 @@ class Session:
             start = piece.t[0] - interval if self._last_t is None else self._last_t
             interval = np.diff(piece.t, prepend=start)
         u, n = piece.values["u"], piece.t.size
+        means = None
         missing, middle = np.full(n, np.nan), piece.t - 0.5 * interval
         if velocity is None and position is None:
             channels, sign = Channels(middle, u, missing, missing, interval), np.zeros(n)
@@ -228,9 +228,12 @@ class Session:
             self._before = Sample(
                 None if velocity is None else float(velocity[-1]), None if position is None else float(position[-1])
             )
-            sign = self._without_turns(means.acceleration, sign, interval)
         pairs = [interval_forces(model.effects, channels, model.inertia) for model in self.plan.effects]
         applied, budget = (np.column_stack([np.broadcast_to(pair[i], n) for pair in pairs]) for i in (0, 1))
+        if means is not None:
+            if self._friction is None:
+                self._friction = FrictionMarks(self.plan, self._sample_time(), alone=velocity is None)
+            sign = self._friction.marked(means, position, interval, (u, applied, budget))
         return Forces(applied, budget, sign)
 
     # -- rows ------------------------------------------------------------------------------------------------------
@@ -247,10 +250,13 @@ class Session:
 
     def _to_rows(self, piece: Piece, labels: Labels | None) -> Rows:
         """Samples back to the rows they came from; every row gets a label."""
+        estimates = estimates_of(labels, piece.keep, piece.rows, self._estimates)
+        if estimates and piece.rows:
+            self._estimates = tuple(float(column[-1]) for column in estimates[:4])
         if labels is not None and piece.keep is None:
             self._label = int(labels.state[-1])
             state, ll, probability, confident = labels_arrays(labels)
-            return Rows(piece.row_t, state, ll, probability, confident, self._samples(ll))
+            return Rows(piece.row_t, state, ll, probability, confident, self._samples(ll), estimates)
         n = piece.rows
         out = Rows(
             piece.row_t,
@@ -259,13 +265,14 @@ class Session:
             np.full(n, np.nan),
             np.zeros(n, dtype=np.bool_),
             np.zeros(n, dtype=np.int32),
+            estimates,
         )
         if labels is None or piece.keep is None:
             return out
         at = np.flatnonzero(piece.keep >= 0)
         rows = piece.keep[at]
         sources = (*labels_arrays(labels), self._samples(labels.log_likelihood))
-        for target, source in zip(out[1:], sources, strict=True):
+        for target, source in zip(out[1:6], sources, strict=True):
             target[rows] = source[at]
         kept = np.zeros(n, dtype=np.int64)
         kept[rows] = rows + 1

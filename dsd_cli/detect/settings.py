@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from dsd_cli.detect.coloured import SensorNoise
 from dsd_cli.detect.transition import Transition
 
-Method = Literal["dsd", "average", "imm", "viterbi", "smooth"]
+Method = Literal["dsd", "average", "imm", "viterbi", "smooth", "profile"]
 
 #: Methods that need the whole log before the first label.
 OFFLINE = ("viterbi", "smooth")
@@ -19,7 +20,8 @@ class DetectorSettings:
 
     Attributes
     ----------
-    method : dsd (eq. 18-19), average (eq. 7-9), imm (eq. 10), viterbi, smooth (forward-backward).
+    method : dsd (eq. 18-19), average (eq. 7-9), imm (eq. 10), viterbi, smooth (forward-backward), profile (estimates
+        between the candidates, see `detect.profile`).
     window : M of eq. 16-17, samples; imm, viterbi and smooth use one sample (their recursion is the memory).
     rho : standard deviation of eq. 5, unit of u.
     average : N of eq. 8, samples.
@@ -29,6 +31,8 @@ class DetectorSettings:
     hold : nats by which another state must lead before the label changes; 0 is the paper's rule.
     confidence : nats of lead, on every axis of the grid, for `confident`; the state must also explain the window to
         within about 2 rho, or no label is confident.
+    change : nats by which two windows must be better than one for a change (method "profile"); 0 looks for none.
+    sensor_noise : white noise of the sensor behind d_hat, beside rho; see `detect.coloured`.
     """
 
     method: Method = "dsd"
@@ -40,6 +44,8 @@ class DetectorSettings:
     observer_filter: bool = True
     hold: float = 0.0
     confidence: float = 3.0
+    change: float = 20.0
+    sensor_noise: SensorNoise = field(default_factory=SensorNoise)
 
     @property
     def effective_window(self) -> int:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import nats_of_fit
+from dsd_cli.detect.profile.summary import Estimate, EstimateCount
 from dsd_cli.detect.rows import Rows
 from dsd_cli.signals.log import Array
 
@@ -85,6 +86,7 @@ class Summary:
     final_confident: bool
     truth: Truth | None
     checks: list[Check]
+    estimates: dict[str, Estimate] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,7 @@ class Summarizer:
         self._truth = _TruthCount(grid)
         self._segments = _Segments()
         self._last_confident = False
+        self._estimates = EstimateCount()
 
     def add(self, rows: Rows, truth: Mapping[str, Array]) -> None:
         """Labels of the next rows, and the truth columns (true_delay, true_inertia) of the same rows."""
@@ -143,6 +146,7 @@ class Summarizer:
         self._truth.add(rows, judged, truth)
         self._segments.add(rows)
         self._last_confident = bool(rows.confident[-1])
+        self._estimates.add(rows)
 
     @property
     def judged(self) -> int:
@@ -186,6 +190,7 @@ class Summarizer:
             final_confident=self._last_confident,
             truth=self._truth.result(),
             checks=checks,
+            estimates=self._estimates.result(),
         )
 
     def _check(self, expectation: Expectation, share: float) -> Check:

@@ -40,6 +40,12 @@ class CsvTable:
             self.warnings.append(f"line {self._dialect.skip} is taken as units, not data")
         self.unreadable = 0
 
+    @property
+    def units(self) -> dict[str, str]:
+        """Column -> what the row of units says; empty without such a row."""
+        header, units = self._dialect.header, self._dialect.units
+        return {} if units is None else dict(zip(header.names, units, strict=False))
+
     def batches(self) -> Iterator[Batch]:
         import pyarrow as pa
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.scaled import FACTORS, factors_text, scaled
-from dsd_cli.files.tables_in import dropped_with_unreadable, open_table
+from dsd_cli.files.tables_in import TableSource, dropped_with_unreadable, open_table
 from dsd_cli.files.tables_out import open_writer
 from dsd_cli.signals.cleaning import Cleaner, Piece
 from dsd_cli.signals.log import CHANNELS, Array, DHatSource, Hold, Log
@@ -50,6 +50,7 @@ def load_log(
     factors: Mapping[str, float] | None = None,
     u_hold: Hold = "held",
     limits: Limits | None = None,
+    most_rows: int | None = None,
 ) -> LoadedLog:
     """Read a whole log, cleaned.
 
@@ -61,6 +62,7 @@ def load_log(
     factors : channel -> what its column is multiplied by.
     u_hold : how u lives between the samples.
     limits : rows with values beyond them, with the factors in, are dropped.
+    most_rows : about so many rows are enough.
 
     Raises
     ------
@@ -70,14 +72,7 @@ def load_log(
         raise DataError(f"{path}: no time column", "set signals.time, or signals.sample_time")
     table = scaled(open_table(path, signals, optional), factors or {})
     cleaner = Cleaner(sample_time, time_scale, limits=limits)
-    pieces = []
-    for batch in table.batches():
-        if batch.restart:
-            pieces += cleaner.restart()
-        values = dict(batch.columns)
-        pieces += cleaner.feed(values.pop("t", None), values)
-    pieces += cleaner.finish()
-    channels, restarts = _joined(pieces)
+    channels, restarts = _joined(_cleaned(table, cleaner, most_rows))
     if not channels or cleaner.sample_time is None:
         raise DataError(
             f"{table.name}: no row has a value in every needed column ({', '.join(table.columns.values())})"
@@ -96,6 +91,19 @@ def load_log(
     )
     dropped = dropped_with_unreadable(cleaner.dropped, table.unreadable)
     return LoadedLog(log, dropped, (*table.warnings, *cleaner.warnings), restarts, bool(cleaner.regular))
+
+
+def _cleaned(table: TableSource, cleaner: Cleaner, most_rows: int | None) -> list[Piece]:
+    pieces, rows = [], 0
+    for batch in table.batches():
+        if batch.restart:
+            pieces += cleaner.restart()
+        values = dict(batch.columns)
+        pieces += cleaner.feed(values.pop("t", None), values)
+        rows += batch.rows
+        if most_rows is not None and rows >= most_rows:
+            break
+    return pieces + cleaner.finish()
 
 
 def _joined(pieces: Sequence[Piece]) -> tuple[dict[str, Array], tuple[int, ...]]:

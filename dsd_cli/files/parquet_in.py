@@ -38,7 +38,7 @@ class ParquetTable:
         schema = self._file.schema_arrow
         self.column_names: list[str] = list(schema.names)
         self.columns = choose_columns(name, self.column_names, columns, optional)
-        self.metadata = _text(self._file.metadata.metadata)
+        self.metadata = key_values(self._file.metadata.metadata)
         self.warnings: list[str] = []
         self.unreadable = 0
         for column in self.columns.values():
@@ -99,17 +99,26 @@ def _seconds(column: Any) -> Array:
     return stamps
 
 
-def _check_type(source: str, column: str, kind: Any) -> None:
+def is_number_type(kind: Any) -> bool:
+    """Whether a column of this Arrow type can be read as numbers."""
     import pyarrow as pa
 
     value = kind.value_type if pa.types.is_dictionary(kind) else kind
     number = (pa.types.is_integer, pa.types.is_floating, pa.types.is_decimal, pa.types.is_boolean, pa.types.is_null)
     time = (pa.types.is_timestamp, pa.types.is_duration, pa.types.is_time)
-    if not any(check(value) for check in (*number, *time)):
+    return any(check(value) for check in (*number, *time))
+
+
+def _check_type(source: str, column: str, kind: Any) -> None:
+    import pyarrow as pa
+
+    if not is_number_type(kind):
+        value = kind.value_type if pa.types.is_dictionary(kind) else kind
         raise DataError(f'{source}: column "{column}" holds {value}, not numbers', "convert it to float64")
 
 
-def _text(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
+def key_values(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
+    """Key-value metadata as text, without what Arrow and pandas keep there for themselves."""
     decoded = {k.decode("utf-8", "replace"): v.decode("utf-8", "replace") for k, v in (metadata or {}).items()}
     return {key: value for key, value in decoded.items() if key not in _OWN_KEYS}
 

@@ -68,7 +68,7 @@ def open_table(
 
     Parameters
     ----------
-    path : a CSV or Parquet file (told apart by content), "-" for stdin.
+    path : a CSV or Parquet file, or one of another tool (`formats`), told apart by content; "-" for stdin.
     columns : canonical name -> name of the column in the file.
     optional : canonical names that may be missing.
     follow : keep reading what is appended to the CSV file; ends only when the caller stops.
@@ -78,6 +78,7 @@ def open_table(
     DataError : the file cannot be read, is not a table, or lacks a column.
     """
     from dsd_cli.files.csv_in import CsvTable
+    from dsd_cli.files.formats.known import HEAD_BYTES, format_of, is_bag
     from dsd_cli.files.line_stream import LineStream
     from dsd_cli.files.parquet_in import ParquetTable
 
@@ -93,12 +94,17 @@ def open_table(
         if head == PARQUET_MAGIC:
             return ParquetTable(str(path), columns, optional, content=head + stream.read())
         return LineStream(stream, columns, optional, head=head, name=str(path))
-    head = read_head(path, len(PARQUET_MAGIC))
-    if head == PARQUET_MAGIC and not follow:
-        return ParquetTable(str(path), columns, optional)
+    head = b"" if is_bag(path) else read_head(path, HEAD_BYTES)
     if follow:
         return LineStream(Path(path), columns, optional)
-    return CsvTable(str(path), columns, optional)
+    if head.startswith(PARQUET_MAGIC):
+        return ParquetTable(str(path), columns, optional)
+    other = format_of(path, head)
+    if other is None:
+        return CsvTable(str(path), columns, optional)
+    from dsd_cli.files.formats.table import ContainerTable
+
+    return ContainerTable(path, other, columns, optional)
 
 
 def is_stream(path: str | Path) -> bool:
@@ -137,7 +143,7 @@ def read_head(path: str | Path, size: int) -> bytes:
     except FileNotFoundError:
         raise DataError(f"{path}: no such file") from None
     except IsADirectoryError:
-        raise DataError(f"{path}: is a directory", "give a CSV or Parquet file") from None
+        raise DataError(f"{path}: is a directory", "give a log file") from None
     except PermissionError:
         raise DataError(f"{path}: permission denied") from None
     except (OSError, ValueError) as error:

@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from dsd_cli.detect.profile.summary import Estimate
 from dsd_cli.detect.summary import Segment, StateShare, Summary
 from dsd_cli.report import terminal
+from dsd_cli.report.changes import Changes
 from dsd_cli.report.terminal import escaped
 
 #: Rows of a table on the screen; the JSON has all.
@@ -27,6 +29,7 @@ class Detection:
     d_hat_source: str
     rho: float
     dropped: Mapping[str, int]
+    changes: Changes | None
     warnings: tuple[str, ...]
 
     @property
@@ -61,9 +64,12 @@ def to_json(result: Detection) -> dict[str, Any]:
         "segments": [_segment(segment) for segment in summary.segments],
         "segments_total": summary.segments_total,
         "final": {**summary.final, "confident": summary.final_confident},
+        **({} if result.changes is None else result.changes.to_json()),
         "dropped": [{"reason": reason, "count": count} for reason, count in result.dropped.items()],
         "warnings": list(result.warnings),
     }
+    if summary.estimates:
+        out["estimates"] = {name: asdict(estimate) for name, estimate in summary.estimates.items()}
     if summary.truth is not None:
         out["truth"] = asdict(summary.truth)
     if summary.checks:
@@ -113,6 +119,8 @@ def print_table(result: Detection, file: Any) -> None:
         table.add_row(_stamp(segment.start), _stamp(segment.end), *values, _percent(segment.confident_share))
     console.print(table)
     _more(console, summary.segments_total, MOST_SEGMENTS, "segments")
+    for line in result.changes.lines() if result.changes is not None else ():
+        console.print(line)
     for line in _closing_lines(result):
         console.print(line)
 
@@ -130,6 +138,8 @@ def _closing_lines(result: Detection) -> list[str]:
     summary = result.summary
     final = ", ".join(f"{name} {value:g}" for name, value in summary.final.items())
     lines = [f"final: {final} ({'confident' if summary.final_confident else 'not confident'})"]
+    if summary.estimates:
+        lines.append("estimated between the candidates: " + "; ".join(map(_estimate, summary.estimates.items())))
     if summary.residual_rms is not None:
         line = f"left unexplained by the labels: {summary.residual_rms:.3g} (rms of d_hat, rho is {result.rho:g})"
         if summary.explained_share is not None:
@@ -154,6 +164,15 @@ def _closing_lines(result: Detection) -> list[str]:
         counts = ", ".join(f"{reason} {count:,}" for reason, count in result.dropped.items())
         lines.append(f"rows not taken as they are: {escaped(counts)}")
     return lines
+
+
+def _estimate(named: tuple[str, Estimate]) -> str:
+    """The last well-founded value of an axis."""
+    name, found = named
+    if found.value is None:
+        return f"{name} never founded"
+    spread = "" if found.std is None else f" +- {found.std:.2g}"
+    return f"{name} {found.value:.5g}{spread} (founded in {_percent(found.confident_share)})"
 
 
 def _heading(axis: str) -> str:

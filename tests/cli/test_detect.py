@@ -144,7 +144,7 @@ def test_labels_appear_whole_or_not_at_all(rig, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"bad.csv", "labels.csv"}
 
 
-@pytest.mark.parametrize("method", ["average", "imm", "viterbi", "smooth"])
+@pytest.mark.parametrize("method", ["average", "imm", "viterbi", "smooth", "profile"])
 def test_the_other_methods(rig, method):
     tuning = ["--set", "detector.average=3"] if method == "average" else []
     got = summary("log.csv", "--set", f"detector.method={method}", *tuning, cwd=rig)

@@ -63,8 +63,14 @@ def running(*arguments, cwd):
 
 @pytest.mark.parametrize(
     "options",
-    [[], ["--set", "signals.sample_time=0.001"], ["--set", "detector.method=average"], ["--format", "jsonl"]],
-    ids=["clock from the stamps", "sample_time", "average", "jsonl"],
+    [
+        [],
+        ["--set", "signals.sample_time=0.001"],
+        ["--set", "detector.method=average"],
+        ["--format", "jsonl"],
+        ["--set", "detector.method=profile"],
+    ],
+    ids=["clock from the stamps", "sample_time", "average", "jsonl", "profile"],
 )
 def test_a_line_out_for_every_line_in(rig, options):
     header, *rows = csv_text(make_log(60)).splitlines()

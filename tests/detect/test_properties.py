@@ -263,7 +263,7 @@ def test_a_log_cut_in_motion_gives_no_confident_wrong_label(tau):
     )  # a lead of 3 nats is odds of 20 to 1 against noise, less what the window sees twice
 
 
-@pytest.mark.parametrize("method", ["dsd", "average", "imm", "viterbi", "smooth"])
+@pytest.mark.parametrize("method", ["dsd", "average", "imm", "viterbi", "smooth", "profile"])
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_no_method_moves_a_label_without_evidence(backend, method):
     u = np.zeros(300)

@@ -21,6 +21,7 @@ PLANS = {
     "imm": {"settings": {"method": "imm"}},
     "viterbi": {"settings": {"method": "viterbi"}},
     "smooth": {"settings": {"method": "smooth"}},
+    "profile": {"settings": {"method": "profile"}},
     "velocity": {"d_hat_source": "velocity"},
     "position": {"d_hat_source": "position"},
     "effects": {"model": PlantModel(1.0, 0.0, EFFECTS), "channels": ("velocity",)},
@@ -64,11 +65,15 @@ def run(plan: Plan, log: dict[str, np.ndarray], edges: list[int], live: bool = F
             assert sum(part.state.size for part in parts) - before == end - begin
     parts += session.finish()
     assert session.label == parts[-1].state[-1]
-    return Rows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    estimates = [np.concatenate(columns) for columns in zip(*(part.estimates for part in parts), strict=True)]
+    return Rows(*(np.concatenate(columns) for columns in zip(*(part[:6] for part in parts), strict=True)), estimates)
 
 
 def same(a: Rows, b: Rows) -> None:
-    for name in Rows._fields:
+    assert len(a.estimates) == len(b.estimates)
+    for one, other in zip(a.estimates, b.estimates, strict=True):
+        np.testing.assert_array_equal(one, other, err_msg="estimates")
+    for name in Rows._fields[:6]:
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.search.scan import Scan
@@ -69,13 +70,11 @@ def test_the_gain_of_a_lag_is_that_of_least_squares_at_the_best_of_the_delays(se
     term = Term.of("actuator_lag", {"time_constant": 0.004})
     gain, found = _scan(search, (), tap, taps).gain(term)
     bank, before = search.solver.bank, _squares(search, (), tap)
-    share = bank.design((), tap).rows[2]  # the scan leaves the share of a step as it was before the lag
-    left = {}
-    for n in taps:
-        x = np.stack([bank.drive((term,), n), share])
-        target = search.solver.inertia * bank.acceleration
-        theta, *_ = np.linalg.lstsq(x.T, target, rcond=None)
-        left[n] = float(np.sum((target - theta @ x) ** 2))
+    target, left = search.solver.inertia * bank.acceleration, {}
+    for n in taps:  # u drives, and a share of a further step takes of it: both have their sign
+        own, further = bank.drive((term,), n), bank.drive((term,), n + 1)
+        _, rest = nnls(np.stack([own, further - own]).T, target)
+        left[n] = rest**2
     best = min(left, key=left.get)
     assert found == best != tap
     assert gain == pytest.approx(before - left[best], rel=1e-4, abs=1e-6 * before)

@@ -142,11 +142,7 @@ def test_friction_comes_back_but_for_the_rests_that_are_too_short_to_see(name):
             assert found[key] == pytest.approx(value, rel=0.05 if key == "inertia" else 0.15), key
 
 
-#: A lag that is believed too long stays, with the delay too short: both are tried one by one, not together.
-TRADED = pytest.param("lag", marks=pytest.mark.xfail(strict=True, reason="lag and delay trade places in a refit"))
-
-
-@pytest.mark.parametrize("name", ["cogging", "presliding", TRADED, "load"])
+@pytest.mark.parametrize("name", ["cogging", "presliding", "lag", "load"])
 def test_shapes_that_start_elsewhere_are_searched_back(name):
     """The believed values are 20 % off."""
     wrong = {n: {p: 1.2 * v if p != "periods" else 1.02 * v for p, v in e.items()} for n, e in SETS[name].items()}

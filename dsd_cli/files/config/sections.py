@@ -177,6 +177,18 @@ class Initial(Section):
     inertia: float = key(number(above=0), "inertia of the initial state", "as nominal_inertia")
 
 
+class SensorNoise(Section):
+    """detector.sensor_noise: white noise of the sensor that d_hat was made from."""
+
+    velocity: float = key(number(lower=0), "standard deviation of the velocity", "rad/s or m/s", default=0.0)
+    position: float = key(
+        number(lower=0),
+        "standard deviation of the position; of an encoder its step / sqrt(12)",
+        "rad or m",
+        default=0.0,
+    )
+
+
 class Stay(Section):
     """detector.transition: stays with this probability, changes to each of the other states alike."""
 
@@ -204,13 +216,15 @@ def _read_transition(value: Any, at: Place) -> Transition:
 
 
 _TRANSITIONS = '"uniform", { stay = 0.99 } or { file = "A.csv" }'
-_METHODS = ("dsd", "average", "imm", "viterbi", "smooth")
+_METHODS = ("dsd", "average", "imm", "viterbi", "smooth", "profile")
 
 
 class Detector(Section):
     """[detector]: how the state is chosen, sample by sample."""
 
-    method: Literal["dsd", "average", "imm", "viterbi", "smooth"] = key(choice(*_METHODS), "method", default="dsd")
+    method: Literal["dsd", "average", "imm", "viterbi", "smooth", "profile"] = key(
+        choice(*_METHODS), "method", default="dsd"
+    )
     window: int = key(integer(1), "window M of eq. 16", "samples", default=100)
     rho: float = key(number(above=0), "standard deviation rho of d_hat around its prediction", "unit of u", default=0.3)
     average: int = key(integer(1), 'N of eq. 8; above 1 it needs method = "average"', "samples", default=1)
@@ -218,6 +232,15 @@ class Detector(Section):
         Rule(_TRANSITIONS, _read_transition, (Stay, TransitionFile)), "transition probabilities A", default="uniform"
     )
     initial: Initial | None = key(table(Initial), "state before the first sample", default=None)
+    change: float = key(
+        number(lower=0),
+        'threshold of the test for changes of state (method = "profile"); 0 looks for none',
+        "nats",
+        default=20.0,
+    )
+    sensor_noise: SensorNoise | None = key(
+        table(SensorNoise), "noise that the observer has differentiated, beside rho", default=None
+    )
     observer_filter: bool = key(flag(), "predictions pass Q like the measurement; false is eq. 14", default=True)
     hold: float = key(
         number(lower=0),

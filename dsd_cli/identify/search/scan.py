@@ -26,6 +26,8 @@ class Scan:
         self._inputs, self._held = inputs_of(terms), holds(terms)
         drive, acceleration, *others = solver.bank.design(terms, tap).rows
         self._others = _basis(others)
+        self._effects = _basis(others[1:]) if others[1:] else np.zeros((0, len(drive)))
+        self._unexplained = solver.inertia * _without(acceleration, self._effects)
         self._accelerated = solver.inertia * _without(acceleration, self._others)
         own = _without(drive, self._others)
         size = float(np.linalg.norm(own))
@@ -46,10 +48,18 @@ class Scan:
         return max((self._gain_of_drive(term, n, keep), n) for n in taps)
 
     def _gain_of_drive(self, term: Term, tap: int, keep: bool) -> float:
-        own = _without(self.solver.bank.drive((*self._inputs, term), tap, keep, self._held), self._others)
-        moment, size = float(own @ self._accelerated), float(own @ own)
-        explained = moment**2 / size if moment > 0.0 and size > 0.0 else 0.0
-        return self._squares - (float(self._accelerated @ self._accelerated) - explained)
+        """The change over a further step of delay goes with the changed drive, and its share is not negative."""
+        inputs, bank = (*self._inputs, term), self.solver.bank
+        own, further = (_without(bank.drive(inputs, n, keep, self._held), self._effects) for n in (tap, tap + 1))
+        rows = np.stack([own, own - further])
+        gram, moment = rows @ rows.T, rows @ self._unexplained
+        if not (moment[0] > 0.0 and gram[0, 0] > 0.0):
+            return self._squares - float(self._unexplained @ self._unexplained)
+        explained = float(moment[0]) ** 2 / float(gram[0, 0])
+        weights = np.linalg.lstsq(gram, moment, rcond=1e-12)[0]
+        if weights[0] > 0.0 > weights[1]:
+            explained = max(explained, float(weights @ moment))
+        return self._squares - (float(self._unexplained @ self._unexplained) - explained)
 
     def _gain_of_columns(self, columns: Sequence[Array], term: Term) -> float:
         own = np.stack([_without(c, self._all) for c in columns])

@@ -30,8 +30,8 @@ PULSE = 14.0
 #: A step must gain so many nats beyond its price; without its best block, too, and lose little in the others.
 LEAST_GAIN, MOST_LOST = 6.0, 0.3
 #: Effects that are refined in a scan: those whose best start comes within this share of the best gain; loads on the
-#: motor earlier, for their best shape is narrow.
-WORTH_REFINING, WORTH_FOR_LOADS = 0.5, 0.04
+#: motor and lags earlier, for their best shape (with the delay beside it) is narrow.
+WORTH_REFINING, WORTH_FOR_NARROW = 0.5, 0.04
 MOST_EFFECTS = 8
 #: Steps that a delay walks from where it was.
 MOST_WALKED = 12
@@ -130,7 +130,7 @@ class Search:
         if term.effect.lateness is None:
             return [tap]
         late = term.effect.lateness(term.shape) / self.solver.bank.tap_time
-        tried = {round(tap - share * late) for share in (0.5, 0.8, 1.0)}
+        tried = {round(tap - share * late) for share in (0.5, 0.65, 0.8, 0.9, 1.0)}
         return sorted({min(max(n, 0), self.most_tap) for n in tried})
 
     # -- steps -----------------------------------------------------------------------------------------------------
@@ -148,7 +148,8 @@ class Search:
         options = []
         for gain, tap, term in found:
             terms = (*current.terms, term)
-            share = WORTH_FOR_LOADS if term.effect.role is Role.STRUCTURE else WORTH_REFINING
+            narrow = term.effect.role is Role.STRUCTURE or term.effect.lateness is not None
+            share = WORTH_FOR_NARROW if narrow else WORTH_REFINING
             worth = gain >= share * most
             if term.items and worth:
                 terms, tap = refined(self, terms, len(terms) - 1, tap, ROUNDS_IN_SCAN)

@@ -1,0 +1,127 @@
+"""`python -m bench fleet`: many logs through `dsd fleet`: what two workers gain on one, memory over 10,000 logs."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.plant.prediction import predict_d_hat
+from dsd_cli.signals.log import Log
+
+CONFIG = """
+[observer]
+nominal_inertia = 1.0
+time_constant = 0.002
+[model]
+inertia = 1.0
+delay = 0.005
+[states]
+delays = [0.0, 0.005, 0.01]
+inertias = [0.5, 1.0, 2.0]
+[detector]
+window = 40
+rho = 0.1
+"""
+#: Logs that are really made; the rest are other names of them.
+MADE = 10
+DSD = [sys.executable, "-m", "dsd_cli", "fleet"]
+
+
+def make_logs(folder: Path, count: int, rows: int) -> None:
+    """Logs of a plant in one state each."""
+    folder.mkdir()
+    for k in range(count):
+        path = folder / f"{k:05d}.parquet"
+        if k >= MADE:
+            os.link(folder / f"{k % MADE:05d}.parquet", path)
+            continue
+        rng = np.random.default_rng(k)
+        t = np.arange(rows) * 1e-3
+        u = sum(np.sin(w * t + p) for w, p in zip((5.0, 13.0, 41.0), rng.uniform(0, 6, 3), strict=True))
+        velocity = np.cumsum(np.concatenate([np.zeros(5), u[:-5]])) * 1e-3
+        log = Log({"t": t, "u": u}, 1e-3)
+        d_hat = predict_d_hat(PlantModel(1.0, 0.005), log, ObserverSettings(time_constant=0.002))
+        table = {"t": t, "u": u, "d_hat": d_hat + 0.02 * rng.normal(size=rows), "velocity": velocity}
+        pq.write_table(pa.table(table), path)
+
+
+def took(folder: Path, logs: str, workers: int) -> tuple[float, float]:
+    """(s, s of all processors) of one run from nothing."""
+    arguments = ["detect", f"{logs}/*", "-o", "r.parquet", "--workers", str(workers), "--anew", "--quiet"]
+    before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    subprocess.run([*DSD, *arguments], cwd=folder, check=True)
+    wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
+    return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def memory(folder: Path, logs: str, count: int) -> list[tuple[float, int]]:
+    """(MB of the whole run, largest process), after each tenth of the logs."""
+    arguments = ["detect", f"{logs}/*", "-o", "m.parquet", "--workers", "2", "--quiet"]
+    run = subprocess.Popen([*DSD, *arguments], cwd=folder)
+    part, found = folder / "m.parquet.part", []
+    while run.poll() is None:
+        done = part.read_bytes().count(b"\n") if part.exists() else 0
+        sizes = [_resident(pid) for pid in (run.pid, *_children(run.pid))]
+        if done >= (len(found) + 1) * count / 10:
+            found.append((sum(sizes), max(sizes)))
+        time.sleep(0.1)
+    return found
+
+
+def _children(pid: int) -> list[int]:
+    return [int(one) for one in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def _resident(pid: int) -> int:
+    """MB."""
+    try:
+        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    except OSError:
+        return 0
+    return next((int(line.split()[1]) // 1024 for line in lines if line.startswith("VmRSS")), 0)
+
+
+def main(arguments: list[str]) -> None:
+    parser = argparse.ArgumentParser(prog="python -m bench fleet")
+    parser.add_argument("--logs", type=int, default=200)
+    parser.add_argument("--rows", type=int, default=1_000_000)
+    parser.add_argument("--short", type=int, default=10_000)
+    parser.add_argument("--repeats", type=int, default=2)
+    options = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory(prefix="dsd-fleet-") as name:
+        folder = Path(name)
+        (folder / "dsd.toml").write_text(CONFIG)
+        make_logs(folder / "long", options.logs, options.rows)
+        pairs = [[took(folder, "long", n) for n in (1, 2)] for _ in range(options.repeats)]
+        (one, cpu_one), (two, cpu_two) = (
+            tuple(map(statistics.median, zip(*side, strict=True))) for side in zip(*pairs, strict=True)
+        )
+        load = os.getloadavg()[0]
+        print(f"detect of {options.logs} logs of {options.rows:,} rows: ", end="")
+        print(
+            f"1 worker {one:.1f} s ({cpu_one:.1f} s of CPU), 2 workers {two:.1f} s ({cpu_two:.1f} s of CPU), ", end=""
+        )
+        print(f"{one / two:.2f} times as fast (at least 1.85; load of the machine {load:.1f})", flush=True)
+        make_logs(folder / "short", options.short, 300)
+        begin = time.perf_counter()
+        sizes = memory(folder, "short", options.short)
+        rate = options.short / (time.perf_counter() - begin)
+        print(f"detect of {options.short:,} logs of 300 rows, 2 workers: {rate:.0f} logs a second; ", end="")
+        print(f"MB of all processes after each tenth {[total for total, _ in sizes]}, ", end="")
+        print(f"of the largest {[most for _, most in sizes]}")
+
+
+if __name__ == "__main__":
+    main([])

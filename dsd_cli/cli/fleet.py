@@ -1,0 +1,175 @@
+"""`dsd fleet`: one command over many logs, one row per log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dsd_cli.cli.options import (
+    CONFIG_FILE,
+    ConfigOption,
+    EffectOption,
+    EffectsFromOption,
+    Format,
+    FormatOption,
+    QuietOption,
+    SetOption,
+)
+
+if TYPE_CHECKING:
+    from dsd_cli.cli.fleet_run import Workers
+
+app = typer.Typer(
+    add_completion=False,
+    rich_markup_mode=None,
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Run detect, compare or diagnose over many logs; one table with a row per log.",
+)
+
+FleetLogs = Annotated[
+    list[str] | None, typer.Argument(metavar="LOGS...", help="Logs, globs in quotes ('runs/**/*.mf4'), or URLs.")
+]
+ListOption = Annotated[
+    Path | None,
+    typer.Option("--list", metavar="FILE", help="Logs to add: lines, or a table with log, config, machine, date."),
+]
+TableOption = Annotated[
+    str, typer.Option("-o", "--output", metavar="FILE", help="Table of results to write (.parquet or .csv).")
+]
+WorkersOption = Annotated[
+    int | None, typer.Option("--workers", metavar="N", help="Processes of this machine. Default: one per core.")
+]
+ClusterOption = Annotated[
+    str | None, typer.Option("--cluster", metavar="URL", help="Dask: tcp://HOST:PORT of a scheduler, or local:N.")
+]
+RetriesOption = Annotated[
+    int, typer.Option("--retries", metavar="N", help="How often a log is tried alone when its worker died.")
+]
+AnewOption = Annotated[bool, typer.Option("--anew", help="Work on every log again; keep no row of an earlier run.")]
+
+
+@app.command("detect")
+def detect(
+    logs: FleetLogs = None,
+    output: TableOption = "results.parquet",
+    config: ConfigOption = CONFIG_FILE,
+    listing: ListOption = None,
+    workers: WorkersOption = None,
+    cluster: ClusterOption = None,
+    retries: RetriesOption = 2,
+    anew: AnewOption = False,
+    override: SetOption = None,
+    effect: EffectOption = None,
+    effects_from: EffectsFromOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Label every log; a row has the usual and the final state, how sure, and what is left unexplained."""
+    given = (override, effect, effects_from)
+    _run("detect", logs, listing, output, config, (workers, cluster, retries), anew, given, quiet)
+
+
+@app.command("compare")
+def compare(
+    logs: FleetLogs = None,
+    output: TableOption = "results.parquet",
+    config: ConfigOption = CONFIG_FILE,
+    listing: ListOption = None,
+    workers: WorkersOption = None,
+    cluster: ClusterOption = None,
+    retries: RetriesOption = 2,
+    anew: AnewOption = False,
+    override: SetOption = None,
+    effect: EffectOption = None,
+    effects_from: EffectsFromOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Hold the model against every log; a row has the errors and on what they depend."""
+    given = (override, effect, effects_from)
+    _run("compare", logs, listing, output, config, (workers, cluster, retries), anew, given, quiet)
+
+
+@app.command("diagnose")
+def diagnose(
+    logs: FleetLogs = None,
+    output: TableOption = "results.parquet",
+    config: ConfigOption = CONFIG_FILE,
+    listing: ListOption = None,
+    workers: WorkersOption = None,
+    cluster: ClusterOption = None,
+    retries: RetriesOption = 2,
+    anew: AnewOption = False,
+    override: SetOption = None,
+    effects_from: EffectsFromOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Diagnose every log by itself; a row has the verdict and all fitted values with their standard errors."""
+    given = (override, None, effects_from)
+    _run("diagnose", logs, listing, output, config, (workers, cluster, retries), anew, given, quiet)
+
+
+@app.command("summary")
+def summary(
+    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Table that dsd fleet has written.")],
+    form: FormatOption = Format.TABLE,
+) -> None:
+    """Shares of the verdicts, logs that stand out, and values of a machine that drift over the dates."""
+    import sys
+
+    from dsd_cli.cli.identification import print_json
+    from dsd_cli.files.fleet_table import read_rows
+    from dsd_cli.report.fleet import summarize, to_json
+    from dsd_cli.report.fleet_table import print_table
+
+    found = summarize(str(results), read_rows(results))
+    if form is Format.JSON:
+        print_json(to_json(found))
+    else:
+        print_table(found, sys.stdout)
+
+
+def _run(
+    command: str,
+    logs: list[str] | None,
+    listing: Path | None,
+    output: str,
+    config: Path,
+    where: tuple[int | None, str | None, int],
+    anew: bool,
+    given: tuple[list[str] | None, list[str] | None, list[Path] | None],
+    quiet: bool,
+) -> None:
+    from dsd_cli.cli.fleet_logs import Asked, entries, refuse_output_among, tasks
+    from dsd_cli.cli.fleet_run import run_fleet
+    from dsd_cli.files.fleet_table import check_table
+
+    override, effect, effects_from = given
+    workers = _workers(*where)
+    found = refuse_output_among(entries(logs or (), listing), output)
+    asked = Asked(command, config, tuple(override or ()), tuple(effect or ()), tuple(effects_from or ()))
+    work = tasks(found, asked)
+    inputs: Sequence[str | Path] = [*{task.config.name for task in work}, *asked.effects_from]
+    target = check_table(output, [*inputs, *([] if listing is None else [listing])])
+    ran = run_fleet(work, target, workers, anew, quiet)
+    if not quiet:
+        bad = f", {ran.failed:,} without a result (column reason)" if ran.failed else ""
+        typer.echo(f"{output}: {ran.logs:,} logs{bad}; next: dsd fleet summary {output}", err=True)
+
+
+def _workers(count: int | None, cluster: str | None, retries: int) -> Workers:
+    import os
+
+    from dsd_cli.cli.fleet_run import Workers
+    from dsd_cli.errors import UsageError
+
+    if count is not None and cluster is not None:
+        raise UsageError("--workers counts processes of this machine, --cluster names others", "give one of them")
+    if count is not None and not 1 <= count <= 1024:
+        raise UsageError(f"--workers {count}", "from 1 to 1024")
+    if not 1 <= retries <= 100:
+        raise UsageError(f"--retries {retries}", "from 1 to 100")
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return Workers(count or min(cores, 61), cluster, retries)

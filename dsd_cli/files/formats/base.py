@@ -1,0 +1,132 @@
+"""What every format of recordings gives: groups of channels that were sampled together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from dsd_cli.errors import DataError, DsdError
+from dsd_cli.signals.log import Array
+
+#: Metadata: when the recording began, ISO 8601.
+RECORDED = "recorded"
+#: The name of the stamps that a file keeps by itself, beside its channels.
+CLOCK = "t"
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Channels with the same number of rows, and stamps where the file keeps them.
+
+    Attributes
+    ----------
+    name : "" for channels that belong to nothing.
+    rows : of every channel.
+    units : channel -> unit as the file says it ("" for none), in the order of the file.
+    clock : the file itself stamps the rows, in s; they are read as the channel `CLOCK`.
+    """
+
+    name: str
+    rows: int
+    units: Mapping[str, str]
+    clock: bool = False
+    handle: Any = None
+
+    def full(self, channel: str) -> str:
+        """`group/channel`."""
+        return f"{self.name}/{channel}" if self.name else channel
+
+
+class Container(Protocol):
+    """A file that is open for reading.
+
+    Attributes
+    ----------
+    groups : in the order of the file, those with rows and numbers.
+    metadata : provenance; `RECORDED` where the file knows it.
+    notes : one sentence each on what the user should know.
+    """
+
+    groups: Sequence[Group]
+    metadata: dict[str, str]
+    notes: list[str]
+
+    def read(self, group: Group, channels: Sequence[str], start: int, rows: int) -> dict[str, Array]:
+        """Rows from `start` on as float64, shape (<= rows,); NaN where there is no value, times in s."""
+
+
+@contextmanager
+def understanding(name: str, kind: str) -> Iterator[None]:
+    """Whatever a library says about a file becomes one line.
+
+    Raises
+    ------
+    DataError : the library cannot read it.
+    """
+    try:
+        yield
+    except (DsdError, MemoryError):
+        raise
+    except Exception as error:  # each library has its own kinds, and bare ones of struct, zlib and NumPy besides
+        said = (str(error).strip().splitlines() or [""])[0].rstrip(".")
+        what = f"{type(error).__name__}: {said}" if said else type(error).__name__
+        raise DataError(f"{name}: cannot be read as {kind} ({what})", "is it whole? write it again") from None
+
+
+def numbers(values: Any) -> Array | None:
+    """Values of any kind as float64, times in s; None where they are no numbers."""
+    array = np.ma.filled(values.astype(float), np.nan) if isinstance(values, np.ma.MaskedArray) else np.asarray(values)
+    if array.dtype.kind in "mM":
+        missing = np.isnat(array)
+        ticks = array.astype("datetime64[ns]" if array.dtype.kind == "M" else "timedelta64[ns]").astype(np.int64)
+        whole, rest = np.divmod(ticks, 1_000_000_000)
+        return np.where(missing, np.nan, whole + rest / 1e9)
+    if array.dtype.kind in "biuf":
+        return np.ascontiguousarray(array, dtype=np.float64)
+    return None
+
+
+def columns_of(name: str, values: Any) -> dict[str, Array]:
+    """The channels in one array: itself, the columns of a matrix as `name/1`, `name/2`, ..., the fields of records.
+
+    A row vector counts as a column; what holds no numbers, or has more than two dimensions, gives nothing.
+    """
+    array = np.asarray(values) if not isinstance(values, np.ma.MaskedArray) else values
+    if array.dtype.names:
+        found: dict[str, Array] = {}
+        for part in array.dtype.names:
+            found |= columns_of(f"{name}/{part}" if name else part, array[part])
+        return found
+    if array.ndim == 2 and 1 in array.shape:
+        array = array.reshape(-1)
+    if array.ndim not in (1, 2) or (column := numbers(array)) is None:
+        return {}
+    if column.ndim == 1:
+        return {name: column}
+    return {f"{name}/{k + 1}": np.ascontiguousarray(column[:, k]) for k in range(column.shape[1])}
+
+
+def grouped(channels: Mapping[str, Array], units: Mapping[str, str] | None = None) -> list[Group]:
+    """Channels in memory, named `group/channel`, as groups of the same name and number of rows."""
+    parts: dict[tuple[str, int], dict[str, str]] = {}
+    for full, values in channels.items():
+        group, _, name = full.rpartition("/")
+        parts.setdefault((group, values.size), {})[name] = (units or {}).get(full, "")
+    return [Group(group, rows, names) for (group, rows), names in parts.items() if rows]
+
+
+class InMemory:
+    """A format whose library reads whole files; see `Container`."""
+
+    def __init__(self, channels: Mapping[str, Array], metadata: dict[str, str] | None = None) -> None:
+        self.groups: Sequence[Group] = grouped(channels)
+        self.metadata = metadata or {}
+        self.notes: list[str] = []
+        self._channels = channels
+
+    def read(self, group: Group, channels: Sequence[str], start: int, rows: int) -> dict[str, Array]:
+        return {name: self._channels[group.full(name)][start : start + rows] for name in channels}

@@ -1,0 +1,92 @@
+"""HDF5, and MATLAB's .mat of version 7.3, which is HDF5 (h5py)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from dsd_cli.files.formats.base import Group, numbers
+from dsd_cli.signals.log import Array
+
+#: Attributes that name the unit of a dataset.
+UNITS = ("units", "unit", "Units", "Unit")
+
+
+class Hdf5File:
+    """Datasets by their path, columns of a matrix as `path/1`, ..., fields of a compound one as `path/field`."""
+
+    def __init__(self, path: str) -> None:
+        import h5py
+
+        self._file = h5py.File(path, "r")
+        self.metadata: dict[str, str] = {}
+        self.notes: list[str] = []
+        # MATLAB writes its matrices the other way round, and marks every variable
+        self._matlab = any("MATLAB_class" in item.attrs for item in self._file.values())
+        parts: dict[tuple[str, int], dict[str, _Place]] = {}
+        self._file.visititems(lambda name, item: self._note(parts, name, item))
+        self.groups: Sequence[Group] = [
+            Group(group, rows, {name: place.unit for name, place in places.items()}, handle=places)
+            for (group, rows), places in parts.items()
+            if rows
+        ]
+
+    def _note(self, parts: dict[tuple[str, int], dict[str, _Place]], path: str, item: Any) -> None:
+        import h5py
+
+        if not isinstance(item, h5py.Dataset) or path.startswith("#"):
+            return
+        if item.attrs.get("MATLAB_class") in (b"char", b"cell", b"function_handle"):
+            return
+        for full, place in _places(path, item, self._matlab).items():
+            group, _, name = full.rpartition("/")
+            parts.setdefault((group, place.rows), {})[name] = place
+
+    def read(self, group: Group, channels: Sequence[str], start: int, rows: int) -> dict[str, Array]:
+        return {name: group.handle[name].read(start, min(start + rows, group.rows)) for name in channels}
+
+
+class _Place:
+    """One channel inside a dataset: `along` is the axis of the rows, `at` the column, `part` the field."""
+
+    def __init__(self, item: Any, along: int, at: int | None = None, part: str | None = None) -> None:
+        self._item, self._along, self._at, self._part = item, along, at, part
+        self.rows = item.shape[along]
+        self.unit = _text(
+            next((item.attrs[key] for key in ("units", "unit", "Units", "Unit") if key in item.attrs), "")
+        )
+
+    def read(self, start: int, stop: int) -> Array:
+        rows = slice(start, stop)
+        if self._part is not None:
+            values = self._item.fields(self._part)[rows]
+        elif self._at is None:
+            values = self._item[rows]
+        else:
+            values = self._item[(rows, self._at) if self._along == 0 else (self._at, rows)]
+        found = numbers(values)
+        return np.full(stop - start, np.nan) if found is None else found
+
+
+def _places(path: str, item: Any, matlab: bool) -> dict[str, _Place]:
+    if item.ndim == 1 and item.dtype.names:
+        return {
+            f"{path}/{part}": _Place(item, 0, part=part)
+            for part in item.dtype.names
+            if item.dtype[part].kind in "biuf" and item.dtype[part].shape == ()
+        }
+    if item.dtype.kind not in "biuf" or item.ndim not in (1, 2):
+        return {}
+    if item.ndim == 1:
+        return {path: _Place(item, 0)}
+    if 1 in item.shape:
+        along = 0 if item.shape[1] == 1 else 1
+        return {path: _Place(item, along, 0)}
+    along = 1 if matlab else 0
+    return {f"{path}/{k + 1}": _Place(item, along, k) for k in range(item.shape[1 - along])}
+
+
+def _text(value: Any) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)

@@ -1,0 +1,155 @@
+"""Channels of different clocks on one: rows come at the stamps of the slowest that was measured.
+
+Nothing is invented between samples of a slow channel. A faster u is averaged from row to row, which is what an axis
+feels of it; faster measurements are interpolated between the two samples around a row; references are held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from dsd_cli.errors import DataError
+from dsd_cli.signals.log import Array
+
+#: Channels whose rate may decide about that of the rows.
+DECIDING = ("u", "d_hat", "velocity", "position")
+#: Rates closer than this share are the same: then the rows are those of u.
+SAME_RATE = 0.01
+#: Neighbours farther apart than this many median steps leave a hole, and no value between them.
+HOLE = 2.5
+#: Steps longer than this many mean steps are pauses, and no part of the rate.
+PAUSE = 10.0
+
+
+class Sampled(NamedTuple):
+    """Channels of one clock: `t` and values, shape (n,); `label` names the clock."""
+
+    label: str
+    t: Array
+    values: Mapping[str, Array]
+
+    @property
+    def rate(self) -> float:
+        """Samples per unit of time, where it was sampled; 0 where there is no telling."""
+        steps = np.diff(self.t[np.isfinite(self.t)])
+        steps = steps[steps > 0.0]
+        steps = steps[steps <= PAUSE * steps.mean()] if steps.size else steps
+        return 1.0 / float(steps.mean()) if steps.size else 0.0
+
+
+class Joined(NamedTuple):
+    """All channels on one clock, and what was done, one sentence each."""
+
+    t: Array
+    values: dict[str, Array]
+    notes: list[str]
+
+
+def join(source: str, parts: list[Sampled]) -> Joined:
+    """One table of channels with different clocks.
+
+    Raises
+    ------
+    DataError : stamps that go backwards or do not overlap, so that nothing can be joined.
+    """
+    base = _base(parts)
+    out, notes = dict(base.values), []
+    for part in parts:
+        if part is base:
+            continue
+        if part.t.size == base.t.size and np.array_equal(part.t, base.t):
+            out |= part.values
+            continue
+        t, values = _ordered(source, part)
+        _check_overlap(source, base, part.label, t)
+        for name, column in values.items():
+            out[name] = _at(name, base.t, t, column)
+        notes.append(_note(base, part))
+    return Joined(base.t, out, notes)
+
+
+def _base(parts: list[Sampled]) -> Sampled:
+    home = next((part for part in parts if "u" in part.values), parts[0])
+    deciding = [part for part in parts if any(name in part.values for name in DECIDING) and part.rate > 0.0]
+    slowest = min(deciding, key=lambda part: part.rate, default=home)
+    return slowest if slowest.rate < (1.0 - SAME_RATE) * home.rate else home
+
+
+def _ordered(source: str, part: Sampled) -> tuple[Array, dict[str, Array]]:
+    """Rows with a stamp, one per stamp."""
+    rows = np.flatnonzero(np.isfinite(part.t))
+    t = part.t[rows]
+    if t.size and np.any(np.diff(t) < 0.0):
+        raise DataError(
+            f"{source}: the stamps of {part.label} go backwards, so that it cannot be joined with others",
+            "cut the file where a new recording begins",
+        )
+    rows = rows[np.concatenate([[True], np.diff(t) > 0.0])] if t.size else rows
+    return part.t[rows], {name: column[rows] for name, column in part.values.items()}
+
+
+def _check_overlap(source: str, base: Sampled, label: str, t: Array) -> None:
+    at = base.t[np.isfinite(base.t)]
+    if not t.size or not at.size or t[0] > at.max() or t[-1] < at.min():
+        span = f"{t[0]:g} to {t[-1]:g}" if t.size else "none"
+        mine = f"{at.min():g} to {at.max():g}" if at.size else "none"
+        raise DataError(f"{source}: the stamps of {label} ({span}) and of {base.label} ({mine}) do not overlap")
+
+
+def _at(name: str, rows: Array, t: Array, values: Array) -> Array:
+    if name == "u":
+        return _averaged(rows, t, values)
+    return _interpolated(rows, t, values) if name in DECIDING else _held(rows, t, values)
+
+
+def _interpolated(rows: Array, t: Array, values: Array) -> Array:
+    if t.size == 1:
+        return np.where(rows == t[0], values[0], np.nan)
+    right = np.clip(np.searchsorted(t, rows, side="left"), 1, t.size - 1)
+    left = right - 1
+    step = t[right] - t[left]
+    share = (rows - t[left]) / step
+    out = values[left] + share * (values[right] - values[left])
+    # on a sample, its neighbours do not matter
+    out = np.where(rows == t[right], values[right], np.where(rows == t[left], values[left], out))
+    alone = (rows == t[right]) | (rows == t[left])
+    hole = (step > HOLE * np.median(np.diff(t))) & ~alone
+    return np.where((rows >= t[0]) & (rows <= t[-1]) & ~hole, out, np.nan)
+
+
+def _held(rows: Array, t: Array, values: Array) -> Array:
+    at = np.searchsorted(t, rows, side="right") - 1
+    return np.where((at >= 0) & np.isfinite(rows), values[np.maximum(at, 0)], np.nan)
+
+
+def _averaged(rows: Array, t: Array, values: Array) -> Array:
+    """The mean of held values from each row to the next; at the last row, and before a jump back, the value there."""
+    if t.size == 1:
+        return np.where(rows == t[0], values[0], np.nan)
+    usual = float(np.median(np.diff(t)))
+    ends = np.append(t, t[-1] + usual)
+    steps = np.diff(ends)
+    known = np.isfinite(values) & (steps <= HOLE * usual)
+    at = np.searchsorted(t, rows, side="right") - 1
+    out = np.where((at >= 0) & (rows < ends[-1]) & known[at], values[at], np.nan)
+    centre = float(values[known].mean()) if known.any() else 0.0  # its digits need not be carried through the sums
+    integral = np.concatenate([[0.0], np.cumsum(np.where(known, (values - centre) * steps, 0.0))])
+    covered = np.concatenate([[0.0], np.cumsum(np.where(known, steps, 0.0))])
+    length = np.diff(rows)
+    forward = np.flatnonzero(length > 0.0)
+    mean = np.diff(np.interp(rows, ends, integral))[forward] / length[forward] + centre
+    complete = np.diff(np.interp(rows, ends, covered))[forward] >= length[forward] * (1.0 - 1e-6)
+    out[forward] = np.where(complete, mean, np.nan)
+    return out
+
+
+def _note(base: Sampled, part: Sampled) -> str:
+    ratio = part.rate / base.rate if base.rate > 0.0 else 0.0
+    how = [
+        f"{name} {'averaged from row to row' if name == 'u' else 'interpolated' if name in DECIDING else 'held'}"
+        for name in part.values
+    ]
+    return f"{part.label} (sampled {ratio:.3g} times as often) joined to the stamps of {base.label}: {', '.join(how)}"

@@ -1,0 +1,109 @@
+"""Which format a file has, by its content, and what it takes to read it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+from dsd_cli.errors import DataError, UsageError
+from dsd_cli.files.formats.base import Container, understanding
+
+#: Bytes that tell every format.
+HEAD_BYTES = 4096
+
+
+class Format(NamedTuple):
+    """`kind` for people, `module` and `opener` here, the `libraries` it needs and the extra that installs them."""
+
+    kind: str
+    module: str
+    opener: str
+    libraries: Sequence[str] = ()
+    extra: str = ""
+
+
+NUMPY = Format("a NumPy file", "numpy_file", "NumpyFile")
+ARROW = Format("an Arrow file", "arrow_ipc", "ArrowFile")
+MAT = Format("a MAT file", "mat", "MatFile")
+MAT73 = Format("a MAT file of version 7.3", "hdf5", "Hdf5File", ("h5py",), "hdf5")
+HDF5 = Format("HDF5", "hdf5", "Hdf5File", ("h5py",), "hdf5")
+MDF = Format("MDF", "mdf", "MdfFile", ("asammdf",), "mf4")
+TDMS = Format("TDMS", "tdms", "TdmsFile", ("nptdms",), "tdms")
+MCAP = Format("MCAP", "mcap_file", "McapFile", ("mcap",), "mcap")
+BAG = Format("a ROS bag", "ros_bag", "RosBag", ("rosbags",), "ros")
+
+FORMATS = (NUMPY, ARROW, MAT, MAT73, HDF5, MDF, TDMS, MCAP, BAG)
+
+_MAGIC = (
+    (b"\x93NUMPY", NUMPY),
+    (b"ARROW1", ARROW),
+    (b"FEA1", ARROW),
+    (b"\xff\xff\xff\xff", ARROW),
+    (b"MATLAB 7.3", MAT73),
+    (b"MATLAB 5.0", MAT),
+    (b"\x89HDF\r\n\x1a\n", HDF5),
+    (b"MDF     ", MDF),
+    (b"UnFinMF ", MDF),
+    (b"TDSm", TDMS),
+    (b"\x89MCAP0\r\n", MCAP),
+    (b"#ROSBAG V", BAG),
+    (b"SQLite format 3\0", BAG),
+)
+
+
+def format_of(path: str | Path, head: bytes) -> Format | None:
+    """The format of a file that begins with `head` (`HEAD_BYTES`), or of a folder; None: none of these."""
+    if is_bag(path):
+        return BAG
+    for magic, found in _MAGIC:
+        if head.startswith(magic):
+            return found
+    if any(head[at : at + 8] == b"\x89HDF\r\n\x1a\n" for at in (512, 1024, 2048)):
+        return HDF5
+    if head.startswith(b"PK\x03\x04") and _holds_arrays(path):
+        return NUMPY
+    # version 4 has no mark but a small type number
+    if Path(path).suffix.lower() == ".mat" and head[1:4] in (b"\0\0\0", b"\x03\0\0"):
+        return MAT
+    return None
+
+
+def is_bag(path: str | Path) -> bool:
+    """Whether it is the folder that `ros2 bag record` writes."""
+    try:
+        return (Path(path) / "metadata.yaml").is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _holds_arrays(path: str | Path) -> bool:
+    import zipfile
+
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return any(name.endswith(".npy") for name in archive.namelist())
+    except (OSError, zipfile.BadZipFile):
+        return False
+
+
+def open_container(path: str | Path, found: Format) -> Container:
+    """A file of that format.
+
+    Raises
+    ------
+    UsageError : a library that it needs is not installed.
+    DataError : it cannot be read, or has nothing in it that could be a channel.
+    """
+    missing = [library for library in found.libraries if find_spec(library) is None]
+    if missing:
+        raise UsageError(
+            f"{path}: is {found.kind}, and {missing[0]} is not installed", f"pip install 'dsd-cli[{found.extra}]'"
+        )
+    with understanding(str(path), found.kind):
+        opened: Container = getattr(import_module(f"dsd_cli.files.formats.{found.module}"), found.opener)(str(path))
+    if not opened.groups:
+        raise DataError(f"{path}: no channel with numbers in it")
+    return opened

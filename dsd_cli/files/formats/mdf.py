@@ -1,0 +1,64 @@
+"""ASAM MDF 3 and 4 (asammdf): channels with their conversions applied, stamped by the master of their group."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from dsd_cli.files.formats.base import CLOCK, RECORDED, Group, numbers
+from dsd_cli.signals.log import Array
+
+
+class MdfFile:
+    """Groups by their acquisition name (else `group0`, ...); stamps are s since the start of the recording."""
+
+    def __init__(self, path: str) -> None:
+        from asammdf import MDF
+
+        self._mdf = MDF(path)
+        self.metadata = {RECORDED: self._mdf.header.start_time.isoformat()}
+        self.notes: list[str] = []
+        self.groups: Sequence[Group] = self._groups()
+
+    def _groups(self) -> list[Group]:
+        found, taken = [], set()
+        groups: list[Any] = list(self._mdf.groups)
+        for at, group in enumerate(groups):
+            rows = group.channel_group.cycles_nr
+            master = self._mdf.masters_db.get(at)
+            # a name that is twice in a group is read by its place
+            places: dict[str, int] = {}
+            for k, channel in enumerate(group.channels):
+                places.setdefault(channel.name if channel.name not in places else f"{channel.name}#{k}", k)
+            units = {name: group.channels[k].unit or "" for name, k in places.items()}
+            name = getattr(group.channel_group, "acq_name", None) or f"group{at}"
+            name = name if name not in taken else f"{name}#{at}"
+            taken.add(name)
+            if rows:
+                found.append(Group(name, rows, units, clock=master is not None, handle=(at, places)))
+        return found
+
+    def read(self, group: Group, channels: Sequence[str], start: int, rows: int) -> dict[str, Array]:
+        at, places = group.handle
+        count = min(rows, group.rows - start)
+        out: dict[str, Array] = {}
+        for name in channels:
+            if name == CLOCK and name not in places:
+                stamps: Array = self._mdf.get_master(at, record_offset=start, record_count=count).astype(np.float64)
+                out[name] = stamps
+                continue
+            signal = self._mdf.get(group=at, index=places[name], record_offset=start, record_count=count)
+            out[name] = _valid(signal, count)
+        return out
+
+
+def _valid(signal: Any, count: int) -> Array:
+    """Samples that the file marks as invalid, and texts, are no values."""
+    found = numbers(signal.samples)
+    if found is None or found.shape != (count,):
+        return np.full(count, np.nan)
+    if signal.invalidation_bits is not None:
+        found = np.where(np.asarray(signal.invalidation_bits, dtype=bool), np.nan, found)
+    return found

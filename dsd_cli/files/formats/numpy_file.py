@@ -1,0 +1,29 @@
+"""NumPy's .npz and .npy (and .npy with records); nothing is unpickled."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dsd_cli.files.formats.base import InMemory, columns_of
+from dsd_cli.signals.log import Array
+
+
+class NumpyFile(InMemory):
+    """Arrays by their names; a .npy without records is `data`."""
+
+    def __init__(self, path: str) -> None:
+        loaded: Any = np.load(path, allow_pickle=False)
+        channels: dict[str, Array] = {}
+        if isinstance(loaded, np.ndarray):
+            channels = columns_of("" if loaded.dtype.names else "data", loaded)
+        else:
+            skipped = []
+            with loaded:
+                for name in loaded.files:
+                    try:
+                        channels |= columns_of(name, loaded[name])
+                    except ValueError:  # an array of Python objects
+                        skipped.append(name)
+        super().__init__(channels)

@@ -1,0 +1,126 @@
+"""What the columns of an unknown log are, from their names and units."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+#: Channel -> words that name it, best first.
+WORDS: Mapping[str, tuple[str, ...]] = {
+    "time": ("t", "time", "timestamp", "stamp", "zeit", "seconds", "sec", "clock"),
+    "d_hat": ("dhat", "disturbance", "dist", "dob", "stoerung"),
+    "u": (
+        "u", "iq", "torque", "effort", "current", "force", "voltage", "moment", "strom", "drehmoment", "kraft", "tau",
+        "control", "input", "thrust",
+    ),
+    "velocity": (
+        "velocity", "vel", "speed", "v", "omega", "w", "rpm", "qd", "dq", "dtheta", "thetadot", "drehzahl",
+        "geschwindigkeit", "rate",
+    ),
+    "position": (
+        "position", "pos", "q", "theta", "angle", "encoder", "enc", "phi", "x", "winkel", "lage", "displacement",
+    ),
+}  # fmt: skip
+#: Words of what was asked for, not measured; of what was measured.
+ASKED = {"ref", "reference", "set", "setpoint", "target", "desired", "des", "soll", "cmd", "command", "demand", "goal"}
+MEASURED = {"act", "actual", "meas", "measured", "ist", "fbk", "feedback", "real", "motor", "filtered", "filt"}
+#: Words that make a column of another thing whatever else it is called: errors, limits, other axes' business.
+ELSE = {"error", "err", "limit", "max", "min", "status", "temp", "temperature", "id", "index", "count", "mode", "true"}
+
+#: Channel -> unit -> what its column is multiplied by; time: its name in the config.
+TIME_UNITS = {"s": "s", "sec": "s", "ms": "ms", "msec": "ms", "us": "us", "µs": "us", "μs": "us", "ns": "ns"}
+_DEGREE, _TURN = math.pi / 180.0, 2.0 * math.pi
+SCALES: Mapping[str, Mapping[str, float]] = {
+    "position": {
+        "rad": 1.0, "m": 1.0, "deg": _DEGREE, "°": _DEGREE, "degree": _DEGREE, "mm": 1e-3, "um": 1e-6, "rev": _TURN,
+        "turn": _TURN, "turns": _TURN,
+    },
+    "velocity": {
+        "rad/s": 1.0, "m/s": 1.0, "deg/s": _DEGREE, "°/s": _DEGREE, "mm/s": 1e-3, "rpm": _TURN / 60.0,
+        "r/min": _TURN / 60.0, "1/min": _TURN / 60.0, "rev/s": _TURN, "hz": _TURN,
+    },
+    "u": {
+        "a": 1.0, "ma": 1e-3, "nm": 1.0, "n m": 1.0, "mnm": 1e-3, "n": 1.0, "v": 1.0, "mv": 1e-3, "kn": 1e3, "knm": 1e3,
+    },
+}  # fmt: skip
+_IN_BRACKETS = re.compile(r"[\[(<]\s*([^\])>]*?)\s*[\])>]")
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|°")
+
+
+@dataclass(frozen=True)
+class Recognised:
+    """A channel's column; `unit` as the log says it, "" where it does not; `others`: columns it could be as well."""
+
+    channel: str
+    column: str
+    unit: str = ""
+    others: tuple[str, ...] = ()
+
+    @property
+    def time_unit(self) -> str | None:
+        """Of a time, as the config calls it."""
+        return TIME_UNITS.get(self.unit.lower())
+
+    @property
+    def factor(self) -> float | None:
+        """What brings the column to SI; None: the unit is not said, or not known."""
+        return SCALES.get(self.channel, {}).get(self.unit.lower())
+
+
+def recognise(columns: Sequence[str], units: Mapping[str, str] | None = None) -> dict[str, Recognised]:
+    """Channel -> column, for those whose name says it; "reference" is a position that was asked for."""
+    units = units or {}
+    found: dict[str, Recognised] = {}
+    for channel in ("time", "d_hat", "u", "velocity", "position", "reference"):
+        scored = [
+            (score, -at, column)
+            for at, column in enumerate(columns)
+            if column not in {one.column for one in found.values()} and (score := _score(channel, column)) > 0.0
+        ]
+        if scored:
+            best, *rest = [column for *_, column in sorted(scored, reverse=True)]
+            found[channel] = Recognised(channel, best, units.get(best) or unit_in(best, channel), tuple(rest))
+    return found
+
+
+def unit_in(name: str, channel: str) -> str:
+    """The unit at the end of a name: in brackets, or as its last words; empty without one."""
+    inside = _IN_BRACKETS.findall(name)
+    if inside:
+        return str(inside[-1])
+    known = TIME_UNITS if channel == "time" else SCALES.get(channel, {})
+    words = [word.lower() for word in _WORD.findall(name.rpartition("/")[2])]
+    for many in (2, 1):
+        if len(words) > many and "/".join(words[-many:]) in known:
+            return "/".join(words[-many:])
+    return words[-1] if words and words[-1] == "rpm" and channel == "velocity" else ""
+
+
+def _score(channel: str, column: str) -> float:
+    """How well the name fits; 0 where it does not."""
+    group, _, last = _IN_BRACKETS.sub(" ", column).rpartition("/")
+    words = [word.lower() for word in _WORD.findall(last)]
+    joined = "".join(words)
+    around = {word.lower() for word in _WORD.findall(group)}
+    asked = bool((set(words) | around) & ASKED)
+    if set(words) & ELSE or not words:
+        return 0.0
+    if channel == "reference":
+        bare = [word for word in words if word in ASKED]
+        return 2.0 if asked and (_word_score("position", words, joined) > 0.0 or len(bare) == len(words)) else 0.0
+    score = _word_score(channel, words, joined)
+    if score == 0.0 and channel not in ("time",):  # drive/velocity/elbow, axis/position/1
+        score = 0.8 * _word_score(channel, sorted(around & set(WORDS[channel])), "")
+    if score == 0.0 or (asked and channel in ("velocity", "position", "d_hat", "time")):
+        return 0.0
+    return score - (0.3 if asked else 0.0) + (0.2 if set(words) & MEASURED else 0.0)
+
+
+def _word_score(channel: str, words: Sequence[str], joined: str) -> float:
+    known = WORDS[channel]
+    if joined in known:
+        return 3.0 - 0.01 * known.index(joined)
+    hits = [known.index(word) for word in words if word in known and (len(word) > 1 or words[0] == word)]
+    return 2.0 - 0.01 * min(hits) if hits else 0.0

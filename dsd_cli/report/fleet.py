@@ -1,0 +1,194 @@
+"""What the table of a fleet says: shares of verdicts, logs that stand out, values that drift over the dates."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from dsd_cli.signals.log import Array
+
+Row = Mapping[str, Any]
+
+#: Columns in which a log may stand out, or a machine drift, beside all `value.`s.
+MEASURES = ("force_rmse", "heldout_rmse", "rmse", "residual_rms", "explained_share", "confident_share", "sample_time")
+#: Robust standard deviations (1.4826 MAD) from the median at which a log stands out.
+FAR = 6.0
+#: A fleet that agrees better than this share of its median has no outliers worth a word.
+AGREES = 0.02
+#: Logs that it takes to say what is usual; dates that it takes to say that something drifts.
+USUAL_LOGS, DRIFT_LOGS = 8, 8
+#: A drift is named from this p value on, divided by the number of values looked at, and this share of the median.
+DRIFT_P, DRIFT_SHARE = 0.01, 0.1
+
+
+@dataclass(frozen=True)
+class Share:
+    """How many logs have this verdict; `share` of those with a result."""
+
+    verdict: str
+    logs: int
+    share: float
+
+
+@dataclass(frozen=True)
+class Odd:
+    """A log whose value is `away` robust standard deviations from the fleet's median `usual`."""
+
+    log: str
+    column: str
+    value: float
+    usual: float
+    away: float
+
+
+@dataclass(frozen=True)
+class Drift:
+    """A value of a machine that goes one way over the dates: Theil and Sen's line, Mann and Kendall's test."""
+
+    machine: str
+    column: str
+    begin: str
+    end: str
+    first: float
+    last: float
+    per_day: float
+    logs: int
+    p: float
+
+
+@dataclass(frozen=True)
+class FleetSummary:
+    """`reasons` : why logs gave no result, with their number; `tested` : values looked at for drift."""
+
+    results: str
+    logs: int
+    failed: int
+    reasons: tuple[tuple[str, int], ...]
+    verdicts: tuple[Share, ...]
+    odd: tuple[Odd, ...]
+    drifts: tuple[Drift, ...]
+    tested: int
+    undated: int
+
+
+def summarize(results: str, rows: Sequence[Row]) -> FleetSummary:
+    """The summary of a table of results."""
+    good = [row for row in rows if row["status"] == "done"]
+    bad = [row for row in rows if row["status"] != "done"]
+    verdicts = Counter(str(row["verdict"]) for row in good)
+    drifts, tested = _drifts(good)
+    return FleetSummary(
+        results,
+        len(rows),
+        len(bad),
+        tuple(Counter(_bare(row) for row in bad).most_common()),
+        tuple(Share(name, count, count / len(good)) for name, count in verdicts.most_common()),
+        tuple(_odd(good)),
+        tuple(drifts),
+        tested,
+        sum(1 for row in good if _days(row) is None),
+    )
+
+
+def to_json(found: FleetSummary) -> dict[str, Any]:
+    """The object of `--format json`."""
+    return {"schema_version": 1, "command": "fleet summary", **asdict(found)}
+
+
+def _bare(row: Row) -> str:
+    """The reason without the name of the log, so that like ones are counted together."""
+    return str(row["reason"]).replace(str(row["log"]), "").lstrip(":, ")
+
+
+def _measured(rows: Sequence[Row]) -> list[str]:
+    names = dict.fromkeys(name for row in rows for name in row)
+    return [name for name in names if name in MEASURES or name.startswith("value.")]
+
+
+def _numbers(rows: Sequence[Row], column: str) -> Array:
+    values = (row.get(column) for row in rows)
+    return np.array([float(value) if isinstance(value, int | float) else np.nan for value in values])
+
+
+def _odd(rows: Sequence[Row]) -> list[Odd]:
+    """Logs that stand out, farthest first; values count with their own standard errors."""
+    found = []
+    for column in _measured(rows):
+        values = _numbers(rows, column)
+        known = np.isfinite(values)
+        if known.sum() < USUAL_LOGS:
+            continue
+        usual = float(np.median(values[known]))
+        spread = 1.4826 * float(np.median(np.abs(values[known] - usual)))
+        own = (
+            _numbers(rows, column.replace("value.", "error.")) if column.startswith("value.") else np.zeros(known.size)
+        )
+        scale = np.sqrt(max(spread, AGREES * abs(usual)) ** 2 + np.where(np.isfinite(own), own, 0.0) ** 2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            away = np.where(known & (scale > 0.0), (values - usual) / scale, 0.0)
+        for at in np.flatnonzero(np.abs(away) > FAR).tolist():
+            found.append(Odd(str(rows[at]["log"]), column, float(values[at]), usual, float(away[at])))
+    return sorted(found, key=lambda one: (-abs(one.away), one.log, one.column))
+
+
+def _days(row: Row) -> float | None:
+    """Days since 1970 of the date of a log; None without one."""
+    try:
+        stamp = datetime.fromisoformat(str(row.get("date") or ""))
+    except ValueError:
+        return None
+    return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp() / 86400.0
+
+
+def _drifts(rows: Sequence[Row]) -> tuple[list[Drift], int]:
+    """Values that drift, surest first, and how many were looked at."""
+    machines: dict[str, list[Row]] = {}
+    for row in rows:
+        if _days(row) is not None:
+            machines.setdefault(str(row.get("machine") or ""), []).append(row)
+    columns = _measured(rows)
+    tested = [
+        drift
+        for machine, mine in machines.items()
+        for column in columns
+        if (drift := _drift(machine, column, mine)) is not None
+    ]
+    found = [one for one in tested if one.p * len(tested) < DRIFT_P and _matters(one)]
+    return sorted(found, key=lambda one: (one.p, one.machine, one.column)), len(tested)
+
+
+def _matters(drift: Drift) -> bool:
+    return abs(drift.last - drift.first) > DRIFT_SHARE * max(abs(drift.first), abs(drift.last))
+
+
+def _drift(machine: str, column: str, rows: Sequence[Row]) -> Drift | None:
+    days = np.array([_days(row) for row in rows], dtype=float)
+    values = _numbers(rows, column)
+    known = np.isfinite(values)
+    days, values = days[known], values[known]
+    if np.unique(days).size < DRIFT_LOGS or np.ptp(values) == 0.0:
+        return None
+    from scipy.stats import kendalltau, theilslopes
+
+    slope, middle, *_ = theilslopes(values, days)
+    begin, end = float(days.min()), float(days.max())
+    return Drift(
+        machine,
+        column,
+        _date(begin),
+        _date(end),
+        float(middle + slope * begin),
+        float(middle + slope * end),
+        float(slope),
+        int(days.size),
+        float(kendalltau(days, values).pvalue),
+    )
+
+
+def _date(days: float) -> str:
+    return datetime.fromtimestamp(days * 86400.0, UTC).date().isoformat()

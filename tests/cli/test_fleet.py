@@ -1,0 +1,272 @@
+"""`dsd fleet`, the real command with real workers: rows, resuming, workers that die, a Dask cluster of processes."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from tests.cli.rig import CONFIG, DSD, done, dsd, make_log, refused, summary, write
+
+LOGS = 12
+#: An effect that does nothing, but ends the process that computes it for a log of 77 rows.
+KILLER = '''
+"""killer.py"""
+import os
+import numpy as np
+from dsd_cli.effects import Effect, Parameter, Role
+
+def columns(channels, shape):
+    if np.size(channels.u) == 77:
+        os._exit(9)
+    return (np.zeros(np.shape(channels.u)),)
+
+EFFECT = Effect(id="killer", role=Role.APPLIED, law="0", summary="Nothing.", pattern="none",
+    parameters=(Parameter("force", "{u}", "F"),), needs=(), columns=columns)
+'''
+
+
+def rows(path: Path) -> list[dict]:
+    return pq.read_table(path).to_pylist()
+
+
+def wait_for(what: Callable[[], bool], seconds: float = 60.0) -> None:
+    end = time.monotonic() + seconds
+    while not what():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.02)
+
+
+def children(pid: int) -> list[int]:
+    try:
+        return [int(one) for one in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    except FileNotFoundError:
+        return []
+
+
+def workers_of(pid: int) -> list[int]:
+    """Processes of the pool; another child keeps track of shared memory."""
+    return [one for one in children(pid) if "spawn_main" in Path(f"/proc/{one}/cmdline").read_text()]
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Logs of three machines, two of them no good, and the table that one worker makes of them."""
+    folder = tmp_path_factory.mktemp("fleet")
+    for k in range(LOGS):
+        machine = folder / "logs" / f"m{k % 3}"
+        machine.mkdir(parents=True, exist_ok=True)
+        write(machine, f"2026-03-{k + 1:02d}.parquet", make_log(300, k, delay=0.005 if k % 3 else 0.01))
+    (folder / "logs/m0/broken.parquet").write_bytes(b"PAR1 and no more")
+    (folder / "logs/m1/empty.csv").write_text("")
+    (folder / "dsd.toml").write_text(CONFIG)
+    done("fleet", "detect", "logs/**/*.*", "-o", "one.parquet", "--workers", "1", cwd=folder)
+    return folder
+
+
+def test_a_row_is_what_the_command_says_of_the_log(fleet: Path) -> None:
+    table = rows(fleet / "one.parquet")
+    assert len(table) == LOGS + 2
+    assert [row["log"] for row in table] == sorted(row["log"] for row in table)
+    row = next(row for row in table if row["log"].endswith("m1/2026-03-02.parquet"))
+    alone = summary(row["log"], cwd=fleet)
+    assert (row["machine"], row["date"], row["status"], row["reason"]) == ("m1", "2026-03-02", "done", "")
+    for name in ("samples", "judged", "confident_share", "residual_rms", "explained_share"):
+        assert row[name] == alone[name]
+    assert (row["final.delay"], row["final.inertia"]) == (alone["final"]["delay"], alone["final"]["inertia"])
+    assert row["verdict"] == "delay 0.005, inertia 1"
+
+
+def test_a_bad_log_is_a_row_with_the_line_of_the_command(fleet: Path) -> None:
+    bad = {row["log"]: row for row in rows(fleet / "one.parquet") if row["status"] == "failed"}
+    assert sorted(bad) == ["logs/m0/broken.parquet", "logs/m1/empty.csv"]
+    for log, row in bad.items():
+        assert dsd("detect", log, cwd=fleet).stderr.strip() == f"dsd: error: {row['reason']}"
+        assert row["verdict"] is None
+
+
+def test_neither_the_number_of_workers_nor_the_order_of_the_logs_matters(fleet: Path) -> None:
+    logs = [row["log"] for row in reversed(rows(fleet / "one.parquet"))]
+    done("fleet", "detect", *logs, "-o", "three.parquet", "--workers", "3", cwd=fleet)
+    assert rows(fleet / "three.parquet") == rows(fleet / "one.parquet")
+    assert (fleet / "three.parquet").read_bytes() == (fleet / "one.parquet").read_bytes()
+
+
+def start(folder: Path, *arguments: str) -> subprocess.Popen:
+    return subprocess.Popen(
+        [*DSD, *arguments], cwd=folder, stderr=subprocess.PIPE, text=True, env={**os.environ, "NO_COLOR": "1"}
+    )
+
+
+@pytest.fixture
+def many(tmp_path: Path) -> Path:
+    """Logs that take a little longer."""
+    (tmp_path / "logs").mkdir()
+    for k in range(16):
+        write(tmp_path / "logs", f"{k:02d}.parquet", make_log(60_000, k))
+    (tmp_path / "dsd.toml").write_text(CONFIG)
+    return tmp_path
+
+
+FLEET = ("fleet", "detect", "logs/*", "-o", "r.parquet", "--workers", "2")
+
+
+def finished_rows(folder: Path) -> int:
+    part = folder / "r.parquet.part"
+    return part.read_bytes().count(b"\n") if part.exists() else 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_a_killed_run_goes_on_and_leaves_no_workers(many: Path) -> None:
+    run = start(many, *FLEET)
+    wait_for(lambda: finished_rows(many) >= 3)
+    left = children(run.pid)
+    run.kill()
+    run.wait()
+    wait_for(lambda: not any(Path(f"/proc/{one}").exists() for one in left))
+    assert not (many / "r.parquet").exists()
+    kept = finished_rows(many)
+    with open(many / "r.parquet.part", "ab") as file:
+        file.write(b'{"log": "torn')  # what the kill may leave
+    again = done(*FLEET, cwd=many)
+    assert f"{kept} of 16 logs are done already" in again.stderr
+    assert not (many / "r.parquet.part").exists()
+    table = rows(many / "r.parquet")
+    assert [row["status"] for row in table] == ["done"] * 16
+    once_more = done(*FLEET, cwd=many)
+    assert "16 of 16 logs are done already" in once_more.stderr
+    assert rows(many / "r.parquet") == table
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_a_worker_that_is_killed_loses_nothing(many: Path) -> None:
+    run = start(many, *FLEET)
+    wait_for(lambda: finished_rows(many) >= 3)
+    os.kill(workers_of(run.pid)[0], signal.SIGKILL)
+    _, said = run.communicate()
+    assert run.returncode == 0, said
+    assert "a worker died" in said
+    assert [row["status"] for row in rows(many / "r.parquet")] == ["done"] * 16
+
+
+def test_the_log_that_kills_its_workers_is_named(tmp_path: Path) -> None:
+    for k, count in enumerate((200, 77, 200, 200)):
+        write(tmp_path, f"{k}.csv", make_log(count, k))
+    (tmp_path / "killer.py").write_text(KILLER)
+    (tmp_path / "dsd.toml").write_text(CONFIG + "[model.effects.killer]\nforce = 1.0\n")
+    options = ("-o", "r.parquet", "--workers", "2", "--effects-from", "killer.py")
+    done("fleet", "detect", "[0-9].csv", *options, cwd=tmp_path)
+    table = rows(tmp_path / "r.parquet")
+    assert [row["status"] for row in table] == ["done", "failed", "done", "done"]
+    assert table[1]["reason"].startswith("the worker died 2 time(s) with this log alone")
+
+
+def test_ctrl_c_keeps_what_is_done(many: Path) -> None:
+    run = start(many, *FLEET)
+    wait_for(lambda: finished_rows(many) >= 2)
+    run.send_signal(signal.SIGINT)
+    _, said = run.communicate()
+    assert (run.returncode, len(said.splitlines())) == (130, 1), said
+    assert "the same command goes on from there" in said
+    assert finished_rows(many) >= 2
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen]]]:
+    """A scheduler and two workers, as processes of their own."""
+    pytest.importorskip("distributed", reason="distributed is not installed")
+    found, here = tmp_path / "scheduler.json", {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    module = [sys.executable, "-m"]
+    at = ["--scheduler-file", str(found), "--no-dashboard"]
+    serve = [*module, "distributed.cli.dask_scheduler", "--port", "0", "--host", "127.0.0.1", *at]
+    work = [*module, "distributed.cli.dask_worker", "--nthreads", "1", "--no-nanny", *at]
+    started = [subprocess.Popen(serve, cwd=tmp_path, **here)]
+    try:
+        wait_for(found.exists)
+        started += [subprocess.Popen(work, cwd=tmp_path, **here) for _ in range(2)]
+        yield json.loads(found.read_text())["address"], started[1:]
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+def test_a_cluster_gives_the_same_table_and_survives_a_worker(many: Path, cluster) -> None:
+    address, workers = cluster
+    run = start(many, "fleet", "detect", "logs/*", "-o", "r.parquet", "--cluster", address)
+    wait_for(lambda: finished_rows(many) >= 3)
+    workers[0].kill()
+    _, said = run.communicate()
+    assert run.returncode == 0, said
+    done("fleet", "detect", "logs/*", "-o", "local.parquet", "--workers", "1", cwd=many)
+    assert rows(many / "r.parquet") == rows(many / "local.parquet")
+
+
+def test_a_list_gives_each_log_its_config_machine_and_date(fleet: Path, tmp_path: Path) -> None:
+    write(tmp_path, "a.csv", make_log(300, 1))
+    other = CONFIG.replace("[0.0, 0.005, 0.01]", "[0.01, 0.02]").replace("window = 40", "window = 50")
+    (tmp_path / "dsd.toml").write_text(CONFIG)
+    (tmp_path / "other.toml").write_text(other)
+    url = (fleet / "logs/m1/2026-03-02.parquet").as_uri()
+    table = f"log,config,machine,date\na.csv,,press 4,2025-12-01\na.csv,other.toml,press 4,2025-12-02\n{url},,,\n"
+    (tmp_path / "logs.csv").write_text(table)
+    done("fleet", "detect", "--list", "logs.csv", "-o", "r.parquet", "--workers", "1", cwd=tmp_path)
+    found = {(row["log"], row["config"]): row for row in rows(tmp_path / "r.parquet")}
+    assert found["a.csv", "dsd.toml"]["final.delay"] == 0.005
+    assert found["a.csv", "other.toml"]["final.delay"] == 0.01
+    assert found["a.csv", "other.toml"]["machine"] == "press 4"
+    assert found["a.csv", "other.toml"]["date"] == "2025-12-02"
+    assert found[url, "dsd.toml"]["status"] == "done"
+    assert found[url, "dsd.toml"]["date"] == "2026-03-02"
+
+
+def test_compare_and_diagnose_rows_are_those_of_the_commands(tmp_path: Path) -> None:
+    from tests.docs.test_readme_commands import ROOT
+
+    log, config = ROOT / "sample_logs/servo-friction.csv", ROOT / "sample_logs/servo-bare.toml"
+    done("fleet", "compare", log, "-c", config, "-o", "c.parquet", "--workers", "1", cwd=tmp_path)
+    done("fleet", "diagnose", log, "-c", config, "-o", "d.parquet", "--workers", "1", cwd=tmp_path)
+    (compared,), (diagnosed,) = rows(tmp_path / "c.parquet"), rows(tmp_path / "d.parquet")
+    alone = json.loads(done("compare", log, "-c", config, "--format", "json", cwd=tmp_path).stdout)
+    assert (compared["verdict"], compared["rmse"]) == (alone["conclusion"], alone["rmse"])
+    assert (compared["force_rmse"], compared["band_hz"]) == (alone["force"]["rmse"], alone["force"]["band_hz"])
+    alone = json.loads(done("diagnose", log, "-c", config, "--format", "json", cwd=tmp_path).stdout)
+    assert (diagnosed["verdict"], diagnosed["said"]) == ("coulomb_friction", alone["verdict_text"])
+    level = alone["ranking"][0]["parameters"]["level"]
+    assert diagnosed["value.coulomb_friction.level"] == level["value"]
+    assert diagnosed["error.coulomb_friction.level"] == level["std_error"]
+    assert diagnosed["heldout_rmse_after"] == alone["ranking"][0]["heldout_rmse_after"]
+
+
+def test_a_changed_config_or_log_is_worked_on_again(tmp_path: Path) -> None:
+    for k in range(2):
+        write(tmp_path, f"{k}.csv", make_log(200, k))
+    (tmp_path / "dsd.toml").write_text(CONFIG)
+    command = ("fleet", "detect", "0.csv", "1.csv", "-o", "r.parquet", "--workers", "1")
+    done(*command, cwd=tmp_path)
+    write(tmp_path, "1.csv", make_log(220, 7))
+    assert "1 of 2 logs are done already" in done(*command, cwd=tmp_path).stderr
+    assert [row["samples"] for row in rows(tmp_path / "r.parquet")] == [200, 220]
+    assert "already" not in done(*command, "--set", "detector.window=30", cwd=tmp_path).stderr
+
+
+def test_refused_in_one_line(fleet: Path, tmp_path: Path) -> None:
+    run = ("fleet", "detect")
+    refused(dsd(*run, cwd=fleet), 2, "no log is given")
+    refused(dsd(*run, "nothing-*.csv", cwd=fleet), 2, "nothing-*.csv: no such log")
+    refused(dsd(*run, "one.parquet", "-o", "one.parquet", cwd=fleet), 1, "is the only log")
+    refused(dsd(*run, "logs/m1/*", "-o", "r.json", cwd=fleet), 2, "end the name in .parquet or .csv")
+    refused(dsd(*run, "logs/m1/*", "-c", "no.toml", cwd=fleet), 2, "no.toml: no such config file")
+    refused(dsd(*run, "logs/m1/*", "--workers", "0", cwd=fleet), 2, "--workers 0")
+    refused(dsd(*run, "logs/m1/*", "--cluster", "local:x", cwd=fleet), 2, "local:N")
+    refused(dsd("fleet", "summary", "logs/m1/2026-03-02.parquet", cwd=fleet), 1, "it has no column log")
+    refused(dsd("fleet", "summary", "none.parquet", cwd=fleet), 1, "none.parquet: no such file")
+    result = dsd(*run, "logs/m1/empty.csv", "-o", str(tmp_path / "r.parquet"), cwd=fleet)
+    assert (result.returncode, result.stdout) == (1, "")
+    assert "no log gave a result; the first: logs/m1/empty.csv: is empty" in result.stderr

@@ -1,0 +1,120 @@
+"""`dsd init LOG`, the real command: what it recognises, what it proposes, and that it says what it guessed."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dsd_cli.files.config import load_config
+from dsd_cli.files.recognise import recognise
+from tests.cli.rig import csv_text, done, dsd, refused
+from tests.files.formats import makers
+
+OURS = ["t", "u", "d_hat", "velocity", "position", "reference"]
+DSPACE = ["Time [ms]", "i_q [A]", "i_d [A]", "pos_rad", "n_act [rpm]", "Temp_Motor"]
+
+
+@pytest.mark.parametrize(
+    ("columns", "expected"),
+    [
+        (OURS, OURS),
+        (DSPACE, ["Time [ms]", "i_q [A]", None, None, "pos_rad", None]),
+        (["timestamp_us", "motor_torque", "joint_velocity_deg_s", "joint_position_deg"],
+         ["timestamp_us", "motor_torque", None, "joint_velocity_deg_s", "joint_position_deg", None]),
+        (["t", "q_ref", "q_meas", "dq", "tau", "tau_limit"], ["t", "tau", None, "dq", "q_meas", "q_ref"]),
+        (["Zeit", "Strom", "Drehzahl", "Lage", "Lage_soll"], ["Zeit", "Strom", None, "Drehzahl", "Lage", "Lage_soll"]),
+        (["t", "iq_ref", "iq_act", "speed_ref", "speed"], ["t", "iq_act", None, "speed", None, None]),
+        (["joint_states/effort/elbow", "joint_states/velocity/elbow", "joint_states/position/elbow"],
+         [None, "joint_states/effort/elbow", None, "joint_states/velocity/elbow", "joint_states/position/elbow", None]),
+        (["a", "b", "c"], [None] * 6),
+    ],
+)  # fmt: skip
+def test_names_that_rigs_use(columns: list[str], expected: list[str | None]) -> None:
+    channels = ("time", "u", "d_hat", "velocity", "position", "reference")
+    found = recognise(columns)
+    assert [found[c].column if c in found else None for c in channels] == expected
+
+
+def test_units_in_names() -> None:
+    found = recognise(["time_us", "current [mA]", "speed (1/min)", "angle_deg"])
+    assert found["time"].time_unit == "us"
+    assert (found["u"].factor, found["velocity"].factor) == (1e-3, pytest.approx(2 * math.pi / 60))
+    assert found["position"].factor == pytest.approx(math.pi / 180)
+    assert recognise(["t", "i", "position [counts]"])["position"].factor is None
+
+
+def axis(rows: int = 6000, step: float = 0.001) -> dict[str, np.ndarray]:
+    """A mass of 0.02 under a sum of sines, with u as it was 3 ms before: by plain sums, not by our simulator."""
+    t = np.arange(rows) * step
+    u = np.sin(8.1 * t) + 0.7 * np.sin(27.0 * t + 1.0) + 0.4 * np.sin(61.0 * t)
+    late = np.concatenate([np.zeros(3), u[:-3]])
+    velocity = np.concatenate([[0.0], np.cumsum(late[:-1] * step / 0.02)])
+    position = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * step)])
+    return {"t": t, "u": u, "velocity": velocity, "position": position}
+
+
+def test_a_log_with_other_names_and_units_becomes_a_config_that_is_right(tmp_path: Path) -> None:
+    data = axis()
+    table = {
+        "Time [ms]": np.round(data["t"] * 1e3, 6),
+        "i_q": data["u"],
+        "n [rpm]": data["velocity"] * 60 / (2 * np.pi),
+        "pos_rad": data["position"],
+        "speed [rpm]": data["velocity"] * 60 / (2 * np.pi),
+    }
+    (tmp_path / "rig.csv").write_text(csv_text(table))
+    result = done("init", "rig.csv", cwd=tmp_path)
+    config = load_config(tmp_path / "dsd.toml")
+    signals = config.signals
+    assert (signals.time, signals.time_unit, signals.u) == ("Time [ms]", "ms", "i_q")
+    assert (signals.velocity, signals.position) == ("speed [rpm]", "pos_rad")
+    assert signals.velocity_scale == pytest.approx(2 * math.pi / 60, rel=1e-5)
+    assert config.model.inertia == pytest.approx(0.02, rel=0.03)
+    assert config.model.delay == pytest.approx(0.003, abs=0.0006)
+    assert config.detector.window == 100
+    for text in (
+        '"Time [ms]": by its name, in ms',
+        "sample time 0.001 s",
+        "rho = ",
+        "window = 100",
+        "what this log tells",
+    ):
+        assert text in result.stderr
+    label = dsd("detect", "rig.csv", cwd=tmp_path)
+    assert label.returncode == 0, label.stderr
+    assert (
+        f"final: delay {config.states.delays[1]:g}, inertia {config.states.inertias[1]:g} (confident)" in label.stdout
+    )
+
+
+@pytest.mark.parametrize("kind", ["mdf", "tdms", "mat5", "mcap_json"])
+def test_logs_of_other_tools(kind: str, tmp_path: Path) -> None:
+    made = getattr(makers, kind)(tmp_path, {name: axis(2000)[name] for name in ("t", "u", "velocity")})
+    done("init", made.path, cwd=tmp_path)
+    config = load_config(tmp_path / "dsd.toml")
+    assert config.signals.u.endswith(made.names["u"].rpartition("/")[2])
+    assert config.signals.velocity.endswith(made.names["velocity"].rpartition("/")[2])
+    done("detect", made.path, cwd=tmp_path)
+
+
+def test_without_a_time_or_units_it_says_what_it_took(tmp_path: Path) -> None:
+    data = axis(3000)
+    (tmp_path / "a.csv").write_text(csv_text({"torque": data["u"], "speed": data["velocity"]}))
+    said = done("init", "a.csv", cwd=tmp_path).stderr
+    assert "sample_time = 0.001: no time is recognised; put yours" in said
+    assert 'the unit of "speed" is not said; it is taken as rad/s or m/s' in said
+    assert load_config(tmp_path / "dsd.toml").signals.sample_time == 0.001
+    (tmp_path / "b.csv").write_text(csv_text({"t": data["t"] * 1e6, "torque": data["u"], "speed": data["velocity"]}))
+    said = done("init", "b.csv", "--force", cwd=tmp_path).stderr
+    assert "time_unit: not said; steps of 1000 are taken as us" in said
+
+
+def test_refused_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("alpha,beta\n1,2\n")
+    refused(dsd("init", "a.csv", cwd=tmp_path), 1, "no control input among its columns (alpha, beta)")
+    refused(dsd("init", "none.csv", cwd=tmp_path), 1, "none.csv: no such file")
+    refused(dsd("init", "a.csv", "--template", "servo", cwd=tmp_path), 2, "give a log or --template")
+    (tmp_path / "b.csv").write_text(csv_text(axis(300)))
+    refused(dsd("init", "b.csv", "-o", "b.csv", "--force", cwd=tmp_path), 2, "b.csv: is the input")
+    assert not (tmp_path / "dsd.toml").exists()

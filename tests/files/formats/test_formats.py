@@ -1,0 +1,45 @@
+"""Files of every format, as its own library writes them, are read as the numbers that went in."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dsd_cli.errors import DataError
+from dsd_cli.files.tables_in import open_table
+from tests.files.formats.makers import MAKERS, channels
+
+
+def read(path: Path, names: dict[str, str]) -> tuple[dict[str, np.ndarray], list[str]]:
+    table = open_table(path, names)
+    batches = list(table.batches())
+    return {name: np.concatenate([batch.columns[name] for batch in batches]) for name in names}, table.warnings
+
+
+@pytest.mark.parametrize("maker", MAKERS, ids=lambda maker: maker.__name__)
+def test_what_went_in_comes_out(maker, tmp_path: Path) -> None:
+    data = channels()
+    made = maker(tmp_path, data)
+    found, _ = read(*made)
+    np.testing.assert_allclose(found["t"] - found["t"][0], data["t"], rtol=0, atol=2e-9)
+    for name in ("u", "velocity"):
+        np.testing.assert_allclose(found[name], data[name], rtol=0, atol=1e-6 if maker.__name__ == "mdf" else 0)
+
+
+@pytest.mark.parametrize("maker", MAKERS, ids=lambda maker: maker.__name__)
+def test_a_file_that_was_cut_off_is_one_line_or_what_is_whole_of_it(maker, tmp_path: Path) -> None:
+    data = channels(300)
+    made = maker(tmp_path, data)
+    path = next(made.path.glob("*.db3")) if made.path.is_dir() else made.path
+    content = path.read_bytes()
+    for share in (0.02, 0.3, 0.5, 0.9, 0.99):
+        path.write_bytes(content[: int(share * len(content))])
+        try:
+            found, _ = read(*made)
+        except DataError as error:
+            said = str(error)
+        else:
+            said = str(made.path)
+            np.testing.assert_allclose(found["u"], data["u"][: found["u"].size], rtol=0, atol=1e-6)
+        assert said.startswith(str(made.path))
+        assert "\n" not in said
