@@ -44,6 +44,10 @@ ShareOption = Annotated[
     float, typer.Option("--min-share", metavar="SHARE", help="Share of samples a check asks for, 0 to 1.")
 ]
 ConfidentOption = Annotated[bool, typer.Option("--confident-only", help="Check only confident samples.")]
+MethodOption = Annotated[
+    str | None,
+    typer.Option("--method", metavar="NAME[,NAME...]", help="Method for this run; several are compared side by side."),
+]
 FollowOption = Annotated[bool, typer.Option("--follow", help="Keep labelling what is appended to LOG, until Ctrl-C.")]
 DetectFormatOption = Annotated[
     DetectFormat | None,
@@ -59,6 +63,7 @@ def detect(
     after: AfterOption = None,
     min_share: ShareOption = 0.95,
     confident_only: ConfidentOption = False,
+    method: MethodOption = None,
     follow: FollowOption = False,
     form: DetectFormatOption = None,
     override: SetOption = None,
@@ -74,6 +79,7 @@ def detect(
     from dsd_cli.cli.detect_checks import Judgement
     from dsd_cli.cli.detect_job import Destination, Job
     from dsd_cli.cli.user_effects import use_effects
+    from dsd_cli.errors import UsageError
     from dsd_cli.files.config import load_config
 
     use_effects(effects_from)
@@ -81,6 +87,16 @@ def detect(
     live = follow or log == "-"
     form = form or (DetectFormat.CSV if live and output is None else DetectFormat.TABLE)
     settings = load_config(config, override or (), effect or ())
+    if method is not None:
+        from dsd_cli.cli.detect_methods import parse_methods, side_by_side
+
+        methods = parse_methods(method)
+        if len(methods) > 1:
+            if output is not None or follow or expect:
+                raise UsageError("several methods are only compared", "leave out -o, --follow and --expect")
+            side_by_side(log, settings, methods, form.value)
+            return
+        settings = settings.override([f'detector.method="{methods[0]}"'])
     to = Destination(form.value, output, quiet, inputs=(log, config, *settings.files, *(effects_from or ())))
     to.check()
     result = Job(log, settings, follow, to).run(judgement)

@@ -22,7 +22,7 @@ from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.profile.changes import false_alarms_per_hour
 from dsd_cli.detect.rows import Rows
 from dsd_cli.detect.session import Session
-from dsd_cli.detect.settings import OFFLINE
+from dsd_cli.detect.settings import ESTIMATING, OFFLINE
 from dsd_cli.detect.summary import Summarizer
 from dsd_cli.errors import DataError, UsageError, printable
 from dsd_cli.files.background import read_ahead
@@ -140,7 +140,7 @@ class Job:
     def _label_all(self, table: TableSource, session: Session, summarizer: Summarizer) -> None:
         truth = _Truth([name for name in TRUTH if name in table.columns])
         labels = closing(self._labels(table, session, truth))  # a label that cannot be written ends the reading too
-        has_estimates = session.plan.settings.method == "profile"
+        has_estimates = session.plan.settings.method in ESTIMATING
         with self.to.writer(session.plan.grid, has_estimates) as write, labels as parts:
             for rows in parts:
                 summarizer.add(rows, truth.take(rows.state.size))
@@ -234,6 +234,7 @@ def _detection(table: TableSource, session: Session, summarizer: Summarizer) -> 
         changes=_changes(session),
         dropped={reason: count for reason, count in dropped.items() if count},
         warnings=(*table.warnings, *session.warnings),
+        output="d(d_hat)/dt" if plan.settings.output == "derivative" else "d_hat",
     )
 
 

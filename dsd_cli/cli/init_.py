@@ -20,7 +20,7 @@ def init(
         typer.Option(
             "--template",
             metavar="NAME",
-            help="lab (your own recording), paper-step, paper-sine, paper-delay-change or servo.",
+            help="lab (your own recording), paper-step, paper-sine, paper-delay-change, damping or servo.",
         ),
     ] = None,
     output: Annotated[

@@ -17,6 +17,7 @@ COMMANDS = {
     "simulate": ("simulate", "simulate", "Simulate a plant with delay and effects; write its log."),
     "observe": ("observe", "observe", "Add the observed disturbance d_hat to a log."),
     "detect": ("detect", "detect", "Label every sample with the most likely delay and inertia."),
+    "tune": ("tune", "tune", "Choose rho, window, transition and grid of the detector from a log."),
     "check": ("check", "check", "Say whether a log can answer: signs, scales, clock, excitation, sensor."),
     "compare": ("compare", "compare", "Say how well the model predicts a log, and where it fails."),
     "diagnose": ("diagnose", "diagnose", "Say which physical effect the model lacks."),

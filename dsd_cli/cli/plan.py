@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.detect.coloured import SensorNoise
+from dsd_cli.detect.damping.derivative import check
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.settings import DetectorSettings
@@ -107,14 +108,23 @@ def detection_plan(config: Config, found: Mapping[str, str], metadata: Mapping[s
     first = {effect: {p: v[0] for p, v in parameters.items()} for effect, parameters in states.effects.items()}
     template = model.changed(effects=first)
     aperture = 2 if metadata.get("d_hat_source") == "position" else 1
+    settings = detector_settings(config, grid)
+    if settings.output == "derivative":
+        check(grid)
+        if settings.method == "profile":
+            raise UsageError('detector.output = "derivative" has no method "profile"', "use dsd or another method")
+        template = model.changed()  # eq. 6 needs no motion
+        channels: tuple[str, ...] = ()
+    else:
+        channels = _effect_channels(template, found, name, from_position=aperture == 2 or source == "position")
     return Plan(
         grid=grid,
-        settings=detector_settings(config, grid),
+        settings=settings,
         model=template,
         observer=observer_settings(config),
         d_hat_source=_source(source),
         logged_aperture=aperture,
-        channels=_effect_channels(template, found, name, from_position=aperture == 2 or source == "position"),
+        channels=channels,
     )
 
 
@@ -154,6 +164,7 @@ def detector_settings(config: Config, grid: Grid) -> DetectorSettings:
         observer_filter=section.observer_filter,
         hold=section.hold,
         confidence=section.confidence,
+        output=section.output,
         change=section.change,
         sensor_noise=SensorNoise(noise.velocity, noise.position) if noise is not None else SensorNoise(),
     )

@@ -30,6 +30,9 @@ SeedOption = Annotated[int | None, typer.Option("--seed", help="Seed of the nois
 NoiseOption = Annotated[
     float | None, typer.Option("--noise", help="Standard deviation of the noise on d_hat, unit of u.")
 ]
+AdaptOption = Annotated[
+    bool, typer.Option("--adapt", help="The state that [states] and [detector] find goes back into the controller.")
+]
 DurationOption = Annotated[float | None, typer.Option("--duration", metavar="S", help="Length of the log, s.")]
 
 
@@ -43,12 +46,14 @@ def simulate(
     seed: SeedOption = None,
     noise: NoiseOption = None,
     duration: DurationOption = None,
+    adapt: AdaptOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Run the delayed plant of the config (or of a template) in closed loop and write its log.
 
     Columns: t, u, d_hat, position, velocity, reference, and the truth (true_delay, true_inertia). Config and seed go
-    into the Parquet metadata, or beside a CSV file into FILE.meta.json.
+    into the Parquet metadata, or beside a CSV file into FILE.meta.json. With --adapt also what the controller believed:
+    adopted_delay, adopted_inertia.
     """
     from dsd_cli.cli.identification import say
     from dsd_cli.cli.user_effects import use_effects
@@ -63,10 +68,20 @@ def simulate(
     settings = settings.override([*(override or ()), *given], effect or ())
     if output != "-":
         check_output(output, (*(() if config is None else (config,)), *settings.files, *(effects_from or ())))
-    log = run(simulation_settings(settings))
+    plant = simulation_settings(settings)
+    feedback = None
+    if adapt:
+        from dsd_cli.cli.adapt import adaptation
+
+        feedback = adaptation(settings, plant)
+    log = run(plant, feedback)
     _check_finite(settings.name, log)
     write_log(output, _with_provenance(log, settings))
     say(quiet, f"{output}: {len(log):,} samples, {log.sample_time * 1e3:g} ms apart")
+    if adapt:
+        from dsd_cli.cli.adapt import adopted_line
+
+        say(quiet, adopted_line(log))
 
 
 def _check_finite(name: str, log: Log) -> None:
@@ -127,7 +142,7 @@ def simulation_settings(settings: Config) -> SimulationSettings:
         observer=observer_settings(settings),
         controller=_controller(settings),
         reference=_reference(settings),
-        events=tuple(Event(e.time, e.delay, e.inertia, e.effects) for e in section.events),
+        events=tuple(Event(e.time, e.delay, e.inertia, e.effects, e.noise) for e in section.events),
         measurement=Measurement(
             section.noise, section.position_noise, section.velocity_noise, section.encoder_step, section.seed
         ),

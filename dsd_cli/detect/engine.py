@@ -126,7 +126,9 @@ class Engine:
             )
         self.spec = spec = KernelSpec(
             grid=grid,
-            settings=replace(settings, window=window),
+            settings=replace(
+                settings, window=window, observer_filter=settings.observer_filter and settings.output == "d_hat"
+            ),
             alphas=measurement.nominal_inertia / np.array(grid.inertias),
             sample_time=measurement.sample_time,
             time_constant=measurement.time_constant,
@@ -158,10 +160,15 @@ class Engine:
         return ProfileKernel(self.spec)
 
     def _make_recursion(self) -> Recursion | None:
-        if self.settings.method not in ("average", "imm"):
+        if self.settings.method not in ("average", "imm", "combination"):
             return None
         from dsd_cli.detect import recursions
 
+        if self.settings.method == "combination":
+            from dsd_cli.detect.combination import Combined
+
+            values = (self.grid.axes["delay"], self.grid.axes["inertia"])
+            return Combined(self.settings, self.grid.axis_indices(), len(self.grid), self._floor, values)
         method = recursions.Averaged if self.settings.method == "average" else recursions.Mixed
         return method(self.settings, self.grid.axis_indices(), len(self.grid), self._floor)
 

@@ -20,12 +20,16 @@ from dsd_cli.signals.log import Array
 
 
 class Decisions(NamedTuple):
-    """Per sample: state, log likelihood of that state, its probability, confident; each of shape (n,)."""
+    """Per sample: state, log likelihood of that state, its probability, confident; each of shape (n,).
+
+    `estimates` of the method "combination", () elsewhere.
+    """
 
     state: NDArray[Any]
     log_likelihood: Array
     probability: Array
     confident: NDArray[Any]
+    estimates: Any = ()
 
 
 class Recursion(Protocol):

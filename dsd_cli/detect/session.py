@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from dsd_cli.detect.damping.derivative import DampingStates
 from dsd_cli.detect.engine import Engine, Forces, Labels, Measurement
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.profile.cells import Estimates
@@ -23,7 +24,7 @@ from dsd_cli.detect.rows import (
     unjudged,
     without_confidence,
 )
-from dsd_cli.detect.settings import OFFLINE
+from dsd_cli.detect.settings import ESTIMATING, OFFLINE
 from dsd_cli.detect.spikes import Spikes
 from dsd_cli.effects import Channels
 from dsd_cli.plant.forces import Sample, interval_channels, interval_forces
@@ -46,6 +47,7 @@ class Session:
         self._spikes: Spikes | None = None
         self._doubted = 0
         self._observer: DisturbanceObserver | None = None
+        self._damping: DampingStates | None = None
         self._last_t: float | None = None
         self._before: Sample | None = None
         self._friction: FrictionMarks | None = None
@@ -53,7 +55,7 @@ class Session:
         self._waiting: list[Piece] = []
         self._early = 0
         # before the first estimate; () for methods that have none
-        self._estimates: tuple[float, ...] = (np.nan,) * 4 if plan.settings.method == "profile" else ()
+        self._estimates: tuple[float, ...] = (np.nan,) * 4 if plan.settings.method in ESTIMATING else ()
         self._in_window = 0
         self._stamps: Array | None = np.empty(0) if cleaner.sample_time is None else None
         self._settling = 0
@@ -160,7 +162,7 @@ class Session:
         if self._spikes is not None:
             self._spikes.restart()
         self._observer, self._last_t, self._before, self._friction = None, None, None, None
-        self._in_window = 0
+        self._damping, self._in_window = None, 0
 
     def _run(self, piece: Piece) -> Labels:
         return self._run_inputs(self._inputs(piece))
@@ -195,6 +197,13 @@ class Session:
         assert sample_time is not None, "pieces come only after the clock is settled"
         return sample_time
 
+    def _derivatives(self, u: Array, d_hat: Array, t: Array) -> Inputs:
+        """Eq. 6: the engine compares derivatives; u has done its part in them."""
+        if self._damping is None:
+            self._damping = DampingStates(self.plan.grid, self._engine_now().measurement)
+        rate, forces = self._damping.run(u, d_hat)
+        return Inputs(np.zeros_like(u), rate, t, forces)
+
     def _inputs(self, piece: Piece) -> Inputs:
         u = piece.values["u"]
         d_hat = piece.values[self.plan.measured]
@@ -202,6 +211,8 @@ class Session:
             if self._observer is None:
                 self._observer = DisturbanceObserver(self.plan.observer, self._sample_time(), self.plan.d_hat_source)
             d_hat = self._observer.run(u, d_hat, piece.stamps)
+        if self.plan.settings.output == "derivative":
+            return self._derivatives(u, d_hat, piece.t)
         forces = self._forces(piece) if any(model.effects for model in self.plan.effects) else None
         if forces is not None and self._friction is not None and self._friction.turning.any():
             d_hat = d_hat - self.plan.observer.sign * self._friction.turning

@@ -8,7 +8,12 @@ from typing import Literal
 from dsd_cli.detect.coloured import SensorNoise
 from dsd_cli.detect.transition import Transition
 
-Method = Literal["dsd", "average", "imm", "viterbi", "smooth", "profile"]
+Method = Literal["dsd", "average", "imm", "viterbi", "smooth", "profile", "combination"]
+
+Output = Literal["d_hat", "derivative"]
+
+#: Methods whose labels have estimates of delay and inertia between the candidates.
+ESTIMATING = ("profile", "combination")
 
 #: Methods that need the whole log before the first label.
 OFFLINE = ("viterbi", "smooth")
@@ -21,7 +26,7 @@ class DetectorSettings:
     Attributes
     ----------
     method : dsd (eq. 18-19), average (eq. 7-9), imm (eq. 10), viterbi, smooth (forward-backward), profile (estimates
-        between the candidates, see `detect.profile`).
+        between the candidates, see `detect.profile`), combination (eq. 12).
     window : M of eq. 16-17, samples; imm, viterbi and smooth use one sample (their recursion is the memory).
     rho : standard deviation of eq. 5, unit of u.
     average : N of eq. 8, samples.
@@ -31,6 +36,8 @@ class DetectorSettings:
     hold : nats by which another state must lead before the label changes; 0 is the paper's rule.
     confidence : nats of lead, on every axis of the grid, for `confident`; the state must also explain the window to
         within about 2 rho, or no label is confident.
+    output : what the states predict: d_hat (eq. 14), or its derivative from u and d_hat (eq. 6: damping states alone;
+        rho is then in unit of u per s).
     change : nats by which two windows must be better than one for a change (method "profile"); 0 looks for none.
     sensor_noise : white noise of the sensor behind d_hat, beside rho; see `detect.coloured`.
     """
@@ -44,6 +51,7 @@ class DetectorSettings:
     observer_filter: bool = True
     hold: float = 0.0
     confidence: float = 3.0
+    output: Output = "d_hat"
     change: float = 20.0
     sensor_noise: SensorNoise = field(default_factory=SensorNoise)
 

@@ -12,13 +12,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dsd_cli.errors import DataError, UsageError
+from dsd_cli.plant.adaptive import AdaptiveController, Feedback
 from dsd_cli.plant.controllers import Controller, ControllerSettings, Measured
 from dsd_cli.plant.filtering import delay_taps
 from dsd_cli.plant.model import EffectValues, ObserverSettings, PlantModel
 from dsd_cli.plant.motion import Actuator, Plant
 from dsd_cli.plant.observer import DisturbanceObserver, Source
 from dsd_cli.plant.references import Reference, Step
-from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.log import CHANNELS, Array, Log
+
+#: What the controller believes, in the log of an adaptive loop: s, and the unit of inertia.
+ADOPTED = ("adopted_delay", "adopted_inertia")
 
 _THERE = 1e-6  # samples
 
@@ -27,13 +31,15 @@ _THERE = 1e-6  # samples
 class Event:
     """From `time` (s; the first sample at or after it) on the plant has these values.
 
-    When the delay changes, u(t - L) simply uses the new L: commands are skipped or repeated.
+    When the delay changes, u(t - L) simply uses the new L: commands are skipped or repeated. `noise` is the standard
+    deviation of the noise on d_hat from then on, in place of `Measurement.d_hat_noise`.
     """
 
     time: float
     delay: float | None = None
     inertia: float | None = None
     effects: EffectValues = field(default_factory=dict)
+    noise: float | None = None
 
 
 @dataclass(frozen=True)
@@ -77,8 +83,11 @@ class SimulationSettings:
             raise UsageError(f"simulate.duration = {self.duration:g}", "must be at least one sample time")
 
 
-def simulate(settings: SimulationSettings) -> Log:
+def simulate(settings: SimulationSettings, feedback: Feedback | None = None) -> Log:
     """The log of the loop: t, u, d_hat, position, velocity, reference, true_delay, true_inertia.
+
+    With `feedback` the controller takes up what that says of the plant (`AdaptiveController`), and the log has
+    adopted_delay and adopted_inertia, NaN while the nominal law holds.
 
     `round(duration / sample_time)` samples. The observer has settled when the log begins: d_hat_0 is its value under
     u = 0 and the forces at the start.
@@ -88,12 +97,12 @@ def simulate(settings: SimulationSettings) -> Log:
     DataError : the loop is unstable and its signals are no longer finite.
     """
     samples = round(settings.duration / settings.sample_time)
-    loop = _Loop(settings)
-    rows = np.empty((samples, 6))
+    loop = _Loop(settings, feedback)
+    rows = np.empty((samples, 8))
     references = settings.reference.sample(samples, settings.sample_time)
     targets = list(zip(references.position.tolist(), references.rate.tolist(), strict=True))
     models = _models(settings, samples)
-    noise = _Noise(settings.measurement, samples)
+    noise = _Noise(settings, samples)
     for k in range(samples):
         rows[k] = loop.step(k, models.get(k), targets[k], noise.at(k))
         if not math.isfinite(rows[k, 0]):
@@ -101,9 +110,9 @@ def simulate(settings: SimulationSettings) -> Log:
                 f"the simulated loop is unstable: u is no longer finite at t = {k * settings.sample_time:g} s",
                 "lower the gains or the delay, or set simulate.controller.limit",
             )
-    channels = dict(zip(("u", "d_hat", "position", "velocity", "true_delay", "true_inertia"), rows.T, strict=True))
+    channels = dict(zip(("u", "d_hat", "position", "velocity", *CHANNELS[-2:], *ADOPTED), rows.T, strict=True))
     channels |= {"t": _stamps(samples, settings.sample_time), "reference": references.position}
-    ordered = ("t", "u", "d_hat", "position", "velocity", "reference", "true_delay", "true_inertia")
+    ordered = CHANNELS if feedback is None else (*CHANNELS, *ADOPTED)
     return Log(
         {name: channels[name] for name in ordered},
         settings.sample_time,
@@ -115,8 +124,9 @@ def simulate(settings: SimulationSettings) -> Log:
 class _Loop:
     """The state of the loop between samples."""
 
-    def __init__(self, settings: SimulationSettings) -> None:
+    def __init__(self, settings: SimulationSettings, feedback: Feedback | None) -> None:
         self.settings = settings
+        self.feedback = feedback
         self.model = settings.model
         self.plant = Plant(settings.model)
         self.actuator = Actuator(settings.model)
@@ -124,14 +134,14 @@ class _Loop:
         source: Source = "position" if encoder else settings.observe_from
         settled = settings.observer.nominal_inertia * self.plant.acceleration(0.0, self.actuator.at_rest)
         self.observer = DisturbanceObserver(settings.observer, settings.sample_time, source, settled)
-        self.controller = Controller(settings.controller, settings.observer.nominal_inertia, settings.sample_time)
+        self.controller = _controller(settings, feedback)
         self.drive: list[float] = []  # u_eff, the whole past: an event may lengthen the delay
         self._encoder: float | None = None  # last encoder position
 
     def step(
         self, k: int, model: PlantModel | None, reference: tuple[float, float], noise: tuple[float, float, float]
     ) -> tuple[float, ...]:
-        """One sample, then the plant to the next one; (u, d_hat, position, velocity, delay, inertia)."""
+        """One sample, then the plant to the next one; (u, d_hat, position, velocity, truth, what is believed)."""
         if model is not None:
             self.model = model
             self.plant.set(model)
@@ -144,7 +154,16 @@ class _Loop:
         self.drive.append(self.actuator.drive(k * sample_time, u, sample_time))
         self.observer.apply(u)
         self._advance(k)
-        return u, d_hat, position, velocity, self.model.delay, self.model.inertia
+        believed = self._believed(u, d_hat)
+        return u, d_hat, position, velocity, self.model.delay, self.model.inertia, *believed
+
+    def _believed(self, u: float, d_hat: float) -> tuple[float, float]:
+        """(delay, inertia) that this sample's u came from; then the feedback has its say about the next one."""
+        if self.feedback is None or not isinstance(self.controller, AdaptiveController):
+            return math.nan, math.nan
+        held = self.controller.believed
+        self.controller.adopt(self.feedback.step(u, d_hat))
+        return (math.nan, math.nan) if held is None else (held.delay, held.inertia)
 
     def _measure(self, noise: tuple[float, float, float]) -> tuple[float, float]:
         position = self.plant.position + noise[1]
@@ -172,8 +191,13 @@ class _Loop:
 class _Noise:
     """White noise on d_hat, position and velocity; each channel has a stream of its own."""
 
-    def __init__(self, measurement: Measurement, samples: int) -> None:
-        levels = (measurement.d_hat_noise, measurement.position_noise, measurement.velocity_noise)
+    def __init__(self, settings: SimulationSettings, samples: int) -> None:
+        measurement = settings.measurement
+        on_d_hat = np.full(samples, measurement.d_hat_noise)
+        for event in sorted(settings.events, key=lambda e: e.time):
+            if event.noise is not None:
+                on_d_hat[_sample_of(event, settings.sample_time, samples) :] = event.noise
+        levels = (on_d_hat, np.array(measurement.position_noise), np.array(measurement.velocity_noise))
         seeds = np.random.SeedSequence(measurement.seed).spawn(len(levels))
         self._columns = [
             (level * np.random.default_rng(seed).standard_normal(samples)).tolist()
@@ -191,8 +215,20 @@ def _models(settings: SimulationSettings, samples: int) -> dict[int, PlantModel]
     model, models = settings.model, {}
     for event in sorted(settings.events, key=lambda e: e.time):
         model = model.changed(event.delay, event.inertia, event.effects)
-        models[math.ceil(min(event.time / settings.sample_time, samples) - _THERE)] = model
+        models[_sample_of(event, settings.sample_time, samples)] = model
     return {k: model for k, model in models.items() if k < samples}
+
+
+def _sample_of(event: Event, sample_time: float, samples: int) -> int:
+    return math.ceil(min(event.time / sample_time, samples) - _THERE)
+
+
+def _controller(settings: SimulationSettings, feedback: Feedback | None) -> Controller | AdaptiveController:
+    if feedback is None:
+        return Controller(settings.controller, settings.observer.nominal_inertia, settings.sample_time)
+    return AdaptiveController(
+        settings.controller, settings.observer, settings.sample_time, feedback.longest_delay, feedback.ramp
+    )
 
 
 def _stamps(samples: int, sample_time: float) -> Array:

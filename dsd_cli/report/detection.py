@@ -31,6 +31,7 @@ class Detection:
     dropped: Mapping[str, int]
     changes: Changes | None
     warnings: tuple[str, ...]
+    output: str = "d_hat"
 
     @property
     def explains(self) -> bool:
@@ -141,7 +142,8 @@ def _closing_lines(result: Detection) -> list[str]:
     if summary.estimates:
         lines.append("estimated between the candidates: " + "; ".join(map(_estimate, summary.estimates.items())))
     if summary.residual_rms is not None:
-        line = f"left unexplained by the labels: {summary.residual_rms:.3g} (rms of d_hat, rho is {result.rho:g})"
+        line = f"left unexplained by the labels: {summary.residual_rms:.3g} "
+        line += f"(rms of {result.output}, rho is {result.rho:g})"
         if summary.explained_share is not None:
             line += f"; {_percent(summary.explained_share)} of the judged samples are within 2 rho"
         if not result.explains:

@@ -51,7 +51,7 @@ def test_to_stdout(tmp_path: Path) -> None:
 def test_unknown_template_and_missing_folder(tmp_path: Path) -> None:
     unknown = dsd("init", "--template", "paper", cwd=tmp_path)
     assert unknown.returncode == 2
-    assert "templates are lab, paper-delay-change, paper-sine, paper-step, servo" in unknown.stderr
+    assert "templates are damping, lab, paper-delay-change, paper-sine, paper-step, servo" in unknown.stderr
     nowhere = dsd("init", "-o", "no/such/dsd.toml", cwd=tmp_path)
     assert nowhere.returncode == 1
     assert nowhere.stderr.splitlines() == [f"dsd: error: no/such/dsd.toml: no such folder {tmp_path / 'no/such'}"]

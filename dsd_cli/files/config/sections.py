@@ -216,18 +216,20 @@ def _read_transition(value: Any, at: Place) -> Transition:
 
 
 _TRANSITIONS = '"uniform", { stay = 0.99 } or { file = "A.csv" }'
-_METHODS = ("dsd", "average", "imm", "viterbi", "smooth", "profile")
+_METHODS = ("dsd", "average", "imm", "viterbi", "smooth", "profile", "combination")
 
 
 class Detector(Section):
     """[detector]: how the state is chosen, sample by sample."""
 
-    method: Literal["dsd", "average", "imm", "viterbi", "smooth", "profile"] = key(
+    method: Literal["dsd", "average", "imm", "viterbi", "smooth", "profile", "combination"] = key(
         choice(*_METHODS), "method", default="dsd"
     )
     window: int = key(integer(1), "window M of eq. 16", "samples", default=100)
     rho: float = key(number(above=0), "standard deviation rho of d_hat around its prediction", "unit of u", default=0.3)
-    average: int = key(integer(1), 'N of eq. 8; above 1 it needs method = "average"', "samples", default=1)
+    average: int = key(
+        integer(1), 'N of eq. 8; above 1 it needs method = "average" or "combination"', "samples", default=1
+    )
     transition: Transition = key(
         Rule(_TRANSITIONS, _read_transition, (Stay, TransitionFile)), "transition probabilities A", default="uniform"
     )
@@ -248,6 +250,11 @@ class Detector(Section):
         "nats",
         default=0.0,
     )
+    output: Literal["d_hat", "derivative"] = key(
+        choice("d_hat", "derivative"),
+        "what the states predict: d_hat (eq. 14), or d(d_hat)/dt (eq. 6: dampings, without velocity; rho is per s)",
+        default="d_hat",
+    )
     confidence: float = key(
         number(lower=0),
         "lead over the best state of another delay (inertia) for `confident`; it also needs a residual within 2 rho",
@@ -256,6 +263,6 @@ class Detector(Section):
     )
 
     def check(self, at: Place) -> None:
-        if self.average > 1 and self.method != "average":
+        if self.average > 1 and self.method not in ("average", "combination"):
             message = f"{at.file}: {at.path}.average = {self.average} contradicts {at.path}.method = "
-            raise UsageError(message + shown(self.method), 'above 1 it needs method = "average"')
+            raise UsageError(message + shown(self.method), 'above 1 it needs method = "average" or "combination"')

@@ -112,10 +112,21 @@ class Event(Section):
     delay: float | None = key(number(lower=0, upper=LONGEST), "new delay", "s", default=None)
     inertia: float | None = key(number(above=0), "new inertia", "as nominal_inertia", default=None)
     effects: EffectValues = key(effect_values(), "new values of effects", default=NONE)
+    noise: float | None = key(
+        number(lower=0), "new standard deviation of the noise on d_hat", "unit of u", default=None
+    )
 
     def check(self, at: Place) -> None:
-        if self.delay is None and self.inertia is None and not self.effects:
-            raise UsageError(f"{at.file}: {at.path} changes nothing", "give delay, inertia or effects.<id>.<parameter>")
+        if self.delay is None and self.inertia is None and self.noise is None and not self.effects:
+            allowed = "give delay, inertia, noise or effects.<id>.<parameter>"
+            raise UsageError(f"{at.file}: {at.path} changes nothing", allowed)
+
+
+class Adapt(Section):
+    """What `dsd simulate --adapt` does with the labels of [detector]."""
+
+    dwell: float = key(number(lower=0), "a label is adopted that stands confident for so long", "s", default=0.1)
+    ramp: float = key(number(lower=0), "the controller changes its law over so long", "s", default=0.2)
 
 
 class Simulate(Section):
@@ -137,6 +148,7 @@ class Simulate(Section):
     )
     controller: Controller = key(table(Controller), "what computes u")
     events: tuple[Event, ...] = key(tables(Event), "changes of the true plant", default=())
+    adapt: Adapt = key(table(Adapt), "the detected state back into the controller (--adapt)", default=Adapt())
 
     def check(self, at: Place) -> None:
         if self.duration / self.sample_time > MOST_SAMPLES:

@@ -1,0 +1,118 @@
+"""`dsd tune`: the detector's rho, window, transition and grid from a log."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from dsd_cli.cli.options import (
+    CONFIG_FILE,
+    ConfigOption,
+    EffectOption,
+    EffectsFromOption,
+    Format,
+    FormatOption,
+    LogArgument,
+    QuietOption,
+    SetOption,
+)
+
+if TYPE_CHECKING:
+    from dsd_cli.detect.tune.evidence import Evidence
+    from dsd_cli.detect.tune.tuning import Tuning
+    from dsd_cli.files.config import Config
+
+ConfigOut = Annotated[
+    str | None,
+    typer.Option(
+        "-o", "--output", metavar="FILE", help="Config to write, may be that of -c; - is stdout. Default: none."
+    ),
+]
+
+
+def tune(
+    log: LogArgument,
+    config: ConfigOption = CONFIG_FILE,
+    output: ConfigOut = None,
+    form: FormatOption = Format.TABLE,
+    override: SetOption = None,
+    effect: EffectOption = None,
+    effects_from: EffectsFromOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Choose rho, window, transition and grid of [detector] and [states] from LOG, and say why.
+
+    The noise and the dwell times are fitted (Baum-Welch), candidates that the log shows are added to the grid, and of
+    all tunings the one is taken whose labels are most like those that the whole log, seen afterwards, says. What
+    detection delay and false alarms to expect is simulated. -o writes the values into the config, keeping comments.
+    """
+    import sys
+
+    from dsd_cli.cli.identification import print_json, say, warn
+    from dsd_cli.cli.user_effects import use_effects
+    from dsd_cli.detect.tune.tuning import tune as choose
+    from dsd_cli.errors import UsageError
+    from dsd_cli.files.config import load_config
+    from dsd_cli.files.config.edit import check_config_output, read_origin, write_text
+    from dsd_cli.report.tuning import TuningReport, print_lines, to_json
+
+    use_effects(effects_from)
+    origin = read_origin(config)
+    settings = load_config(config, override or (), effect or ())
+    if output == "-" and form is Format.JSON:
+        raise UsageError("-o - and --format json both want stdout", "write the config to a file")
+    if output is not None:
+        check_config_output(output, (log, *settings.files, *(effects_from or ())))
+    evidence, warnings = _evidence(log, settings)
+    tuning = choose(evidence)
+    report = TuningReport(tuning, log, output)
+    text = _written(origin.text, settings, tuning) if output is not None else ""
+    warn(quiet, warnings)
+    if output == "-":
+        typer.echo(text, nl=False)
+    elif output is not None:
+        write_text(output, text, origin)
+    if form is Format.JSON:
+        print_json(to_json(report))
+    elif output != "-" or not quiet:
+        print_lines(report, sys.stderr if output == "-" else sys.stdout)
+    if output not in (None, "-"):
+        say(quiet, f"wrote {output}")
+
+
+def _evidence(log: str, config: Config) -> tuple[Evidence, tuple[str, ...]]:
+    """The longest recording of the log as the engine of the config takes it, and warnings."""
+    from dsd_cli.cli.labelling import cleaner_for, open_log, run_log
+    from dsd_cli.detect.tune.evidence import Evidence, Gatherer, refuse
+
+    table, plan = open_log(log, config)
+    refuse(plan)
+    session = Gatherer(plan, cleaner_for(config, plan))
+    warnings = run_log(table, session).warnings
+    assert session.engine is not None, "run_log refuses a log without samples"
+    return Evidence(session.longest(), session.engine), warnings
+
+
+def _written(text: str, config: Config, tuning: Tuning) -> str:
+    """The config with the chosen values; those that did not change stay as they are written."""
+    from dsd_cli.files.config import States
+    from dsd_cli.files.config.values_edit import with_keys
+    from dsd_cli.report.tuning import transition_value
+
+    settings, states = tuning.after.settings, config.require(States)
+    values: dict[tuple[str, ...], Any] = {
+        ("detector", "rho"): settings.rho,
+        ("detector", "window"): settings.window,
+        ("detector", "transition"): transition_value(settings),
+        ("detector", "method"): settings.method,
+    }
+    if transition_value(settings) == transition_value(tuning.before.settings):
+        del values["detector", "transition"]
+    if settings.method == config.detector.method:
+        del values["detector", "method"]
+    if tuning.grid.delays != tuple(states.delays):
+        values["states", "delays"] = tuning.grid.delays
+    if tuning.grid.inertias != tuple(states.inertias):
+        values["states", "inertias"] = tuning.grid.inertias
+    return with_keys(text, values)

@@ -1,0 +1,137 @@
+"""What a log tells about every state, sample by sample: the inputs of the engine, and the squared errors they make."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsd_cli.detect.engine import Engine, Labels
+from dsd_cli.detect.grid import Grid
+from dsd_cli.detect.kernel import WARMUP
+from dsd_cli.detect.numpy_prediction import make_prediction
+from dsd_cli.detect.plan import Plan
+from dsd_cli.detect.recursions import Decisions
+from dsd_cli.detect.rows import Inputs, joined
+from dsd_cli.detect.session import Session
+from dsd_cli.detect.settings import DetectorSettings
+from dsd_cli.detect.transition import Transition
+from dsd_cli.errors import DataError, UsageError
+from dsd_cli.signals.cleaning import Cleaner
+from dsd_cli.signals.log import Array
+
+#: Samples that are looked at; a longer log is represented by its beginning.
+MOST_SAMPLES = 20_000
+#: Fewer judged samples than this tell nothing about dwell times and noise.
+LEAST_SAMPLES = 200
+
+
+class Gatherer(Session):
+    """A session that keeps what goes into its engine: one list of inputs per recording of the log."""
+
+    def __init__(self, plan: Plan, cleaner: Cleaner) -> None:
+        super().__init__(plan, cleaner)
+        self.recordings: list[list[Inputs]] = [[]]
+
+    def _restart(self) -> None:
+        super()._restart()
+        self.recordings.append([])
+
+    def _run_inputs(self, inputs: Inputs) -> Labels:
+        self.recordings[-1].append(inputs)
+        return super()._run_inputs(inputs)
+
+    def longest(self) -> Inputs:
+        """The inputs of the longest recording, at most MOST_SAMPLES of them."""
+        best = max(self.recordings, key=lambda parts: sum(part.u.size for part in parts))
+        if not best:
+            raise DataError("no sample can be judged", "is the log long enough, and signals.time_unit right?")
+        return first_samples(joined(best), MOST_SAMPLES)
+
+
+def first_samples(inputs: Inputs, n: int) -> Inputs:
+    """The first n of them."""
+    forces = inputs.forces
+    if forces is not None:
+        forces = type(forces)(*(column[:n] for column in forces))
+    return Inputs(inputs.u[:n], inputs.d_hat[:n], inputs.t[:n], forces)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A recording, and the engine that it was read for.
+
+    Attributes
+    ----------
+    engine : its grid, measurement and settings; it is not run.
+    """
+
+    inputs: Inputs
+    engine: Engine
+
+    def run(self, settings: DetectorSettings, inputs: Inputs | None = None) -> Labels:
+        """Labels of the recording (or of other inputs on its clock) with that tuning."""
+        inputs = inputs or self.inputs
+        one = Engine(self.engine.grid, settings, self.engine.measurement)
+        return one.run(inputs.u, inputs.d_hat, t=inputs.t, forces=inputs.forces)
+
+    def with_grid(self, grid: Grid) -> Evidence:
+        """The same recording looked at with other candidates (and no initial state)."""
+        settings = replace(self.engine.settings, initial=0, transition=Transition())
+        return Evidence(self.inputs, Engine(grid, settings, self.engine.measurement))
+
+    def squares(self) -> tuple[Array, NDArray[Any]]:
+        """Squared error of every state at every judged sample, shape (judged, states); and which samples these are.
+
+        Raises
+        ------
+        DataError : too few samples can be judged.
+        """
+        settings = replace(self.engine.settings, method="imm", rho=1.0, transition=Transition())
+        one = _Likelihoods(self.engine.grid, settings, self.engine.measurement)
+        one.run(self.inputs.u, self.inputs.d_hat, t=self.inputs.t, forces=self.inputs.forces)
+        at = np.flatnonzero((one.status != WARMUP) & np.isfinite(one.matrix).all(axis=1))
+        if at.size < LEAST_SAMPLES:
+            raise DataError(f"{at.size} samples can be judged", f"tuning needs at least {LEAST_SAMPLES}")
+        return 2.0 * (one.spec.log_likelihood_constant - one.matrix[at]), at
+
+    def predictions(self) -> tuple[Array, Array]:
+        """(w, z): Q u, shape (n,), and Q of what acts on the plant per delay and effect values, shape (n, G E).
+
+        A state predicts d_hat = sign ((Jn/J) z - w). Rows of the warm-up are NaN.
+        """
+        inputs, spec = self.inputs, self.engine.spec
+        prediction: Any = make_prediction(spec)
+        stamps = inputs.t if spec.timed else None
+        forces = (None, None, None) if inputs.forces is None else tuple(inputs.forces)
+        w, z, warm = prediction.run(inputs.u, np.zeros_like(inputs.u), stamps, *forces)
+        z = np.array(z, dtype=np.float64).reshape(len(w), -1)
+        z[: len(w) - warm] = np.nan
+        return np.asarray(w), z
+
+
+class _Likelihoods(Engine):
+    """Keeps the log likelihoods of all states instead of choosing among them."""
+
+    def _make_recursion(self) -> None:
+        return None
+
+    def _from_likelihoods(self, matrix: Array, status: NDArray[Any]) -> Decisions:
+        self.matrix, self.status = matrix, status.copy()
+        nothing = np.zeros(len(status))
+        return Decisions(np.zeros(len(status), dtype=np.int32), nothing, nothing, np.zeros(len(status), dtype=bool))
+
+
+def refuse(plan: Plan) -> None:
+    """What tuning cannot tune.
+
+    Raises
+    ------
+    UsageError : a grid of one state, or damping states.
+    """
+    if len(plan.grid) < 2:
+        raise UsageError("[states] has one state", "tuning needs at least two candidates to tell apart")
+    if plan.settings.output != "d_hat":
+        raise UsageError('dsd tune cannot tune detector.output = "derivative"', 'use output = "d_hat"')

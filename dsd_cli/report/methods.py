@@ -1,0 +1,61 @@
+"""The result of `dsd detect --method a,b,c` as JSON and as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from dsd_cli.detect.side_by_side import MethodScore
+from dsd_cli.report import terminal
+from dsd_cli.report.terminal import escaped
+
+
+def to_json(log: str, scores: Sequence[MethodScore]) -> dict[str, Any]:
+    """One object per method."""
+    return {"schema_version": 1, "command": "detect", "log": log, "methods": [asdict(one) for one in scores]}
+
+
+def print_table(log: str, scores: Sequence[MethodScore], file: Any) -> None:
+    """Side by side; columns that need a truth are left out where the log has none."""
+    from rich import box
+    from rich.table import Table
+
+    console = terminal.console(file)
+    known = any(one.share_correct is not None for one in scores)
+    console.print(f"[bold]{escaped(log)}[/bold]: {scores[0].judged:,} judged samples")
+    table = Table(box=box.SIMPLE_HEAD)
+    columns = ["method", "right", "confident", "these right", "followed", "after s", "false", "us each"]
+    if not known:
+        columns = ["method", "confident", "switches", "us each"]
+    for name in columns:
+        table.add_column(name, justify="left" if name == "method" else "right")
+    for one in scores:
+        table.add_row(*(_cells(one) if known else _cells_without_truth(one)))
+    console.print(table)
+    if known:
+        console.print("followed: changes of the true state, and the median time until the label is right and stands")
+        console.print("false: changes of the label to a wrong state; us each: time per sample")
+
+
+def _cells(one: MethodScore) -> list[str]:
+    followed = "-" if not one.changes else f"{one.followed} of {one.changes}"
+    delay = "-" if one.detection_delay is None else f"{one.detection_delay:.3g}"
+    return [
+        one.method,
+        _percent(one.share_correct),
+        _percent(one.confident_share),
+        _percent(one.share_correct_confident),
+        followed,
+        delay,
+        str(one.false_switches),
+        f"{one.nanoseconds / 1e3:.3g}",
+    ]
+
+
+def _cells_without_truth(one: MethodScore) -> list[str]:
+    return [one.method, _percent(one.confident_share), str(one.switches), f"{one.nanoseconds / 1e3:.3g}"]
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f} %"

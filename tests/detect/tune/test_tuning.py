@@ -1,0 +1,118 @@
+"""`dsd tune` on simulated logs: as good as the best of a sweep that knows the truth; what it writes."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+from bench.beyond import _tuning_runs as runs
+from dsd_cli.detect.tune.tuning import tune
+from dsd_cli.errors import UsageError
+from dsd_cli.files.config.values_edit import with_keys
+from tests.cli.rig import done, dsd, refused
+
+
+@pytest.mark.parametrize("name", ["sine, loud", "moves with rests", "steps of delay, J between candidates"])
+def test_at_least_as_good_as_the_best_of_125_tunings_within_2_percent(name):
+    """The sweep looks at the truth, the tuning does not. All five logs: docs/beyond.md."""
+    evidence, log = runs.evidence(name)
+    best, _ = max(runs.sweep(evidence, log), key=lambda one: one[0])
+    tuning = tune(evidence)
+    got = runs.correct(evidence.with_grid(tuning.grid), tuning.after.settings, log)
+    assert got >= best - 0.02
+    assert got > runs.correct(evidence, evidence.engine.settings, log)
+
+
+def test_noise_and_changes_are_those_of_the_simulation():
+    evidence, _ = runs.evidence("moves with rests")
+    tuning = tune(evidence)
+    assert tuning.noise == pytest.approx(0.02, rel=0.05)
+    assert tuning.after.settings.rho >= 0.02 * 0.97
+    assert 2 <= tuning.changes <= 4
+
+
+def test_an_inertia_between_the_candidates_is_added_and_no_other():
+    evidence, _ = runs.evidence("steps of delay, J between candidates")
+    tuning = tune(evidence)
+    assert [(one.axis, one.value) for one in tuning.added] == [("inertia", pytest.approx(0.8, rel=0.01))]
+    assert 0.8 in np.round(tuning.grid.inertias, 2)
+    evidence, _ = runs.evidence("sine, loud")
+    assert tune(evidence).added == ()
+
+
+def test_the_expected_detection_delay_is_that_of_logs_it_has_not_seen():
+    """Median lag of the two first changes in 6 new logs with other noise, against what the tuning promised."""
+    evidence, _ = runs.evidence("sine, loud", seed=1)
+    tuning = tune(evidence)
+    lags = []
+    for seed in range(2, 8):
+        other, log = runs.evidence("sine, loud", seed)
+        labels = other.run(tuning.after.settings)
+        for change, value, name in ((2.0, 0.4, "delay"), (4.0, 0.5, "inertia")):
+            right = getattr(labels, name) == value
+            at = np.flatnonzero((log["t"] >= change) & right)
+            lags.append(float(log["t"][at[0]] - change))
+    assert np.median(lags) <= 3.0 * tuning.expected.delay_p90
+    assert tuning.expected.delay_median <= tuning.expected.delay_p90 < 0.2
+    assert tuning.expected.followed == 1.0
+    assert tuning.expected.false_per_hour < 100.0
+
+
+RUN = ("simulate", "--template", "paper-sine", "--noise", "0.1", "--duration", "6", "--set", "model.inertia=0.8")
+
+
+def test_the_command_writes_the_config_and_keeps_its_comments(tmp_path):
+    done("init", "--template", "paper-sine", cwd=tmp_path)
+    done(*RUN, "--set", "simulate.events=[{time=3, delay=0.4}]", "-o", "log.csv", cwd=tmp_path)
+    done("tune", "log.csv", "-o", "tuned.toml", cwd=tmp_path)
+    old, new = ((tmp_path / name).read_text() for name in ("dsd.toml", "tuned.toml"))
+    assert len(old.splitlines()) == len(new.splitlines())
+    changed = [(a, b) for a, b in zip(old.splitlines(), new.splitlines(), strict=True) if a != b]
+    assert {a.split(" =")[0] for a, _ in changed} <= {"rho", "window", "transition", "inertias"}
+    assert all(a.partition("#")[2] == b.partition("#")[2] for a, b in changed)
+    tables = tomllib.loads(new)
+    assert tables["states"]["inertias"] == [0.5, pytest.approx(0.8, rel=0.01), 1.0, 2.0]
+    before, after = (
+        json.loads(done("detect", "log.csv", "-c", name, "--format", "json", cwd=tmp_path).stdout)["truth"]
+        for name in ("dsd.toml", "tuned.toml")
+    )
+    assert after["share_correct"] > 0.98
+    assert after["share_correct"] > before["share_correct"]
+    again = json.loads(done("tune", "log.csv", "--format", "json", cwd=tmp_path).stdout)
+    assert again["rho"] == tables["detector"]["rho"]
+    assert again["config"] is None
+    assert again["expected"]["followed"] > 0.5
+
+
+def test_what_cannot_be_tuned_is_one_line(tmp_path):
+    done("init", "--template", "paper-sine", cwd=tmp_path)
+    done(*RUN, "--duration", "1", "-o", "log.csv", cwd=tmp_path)
+    one = ("--set", "states.delays=[0.4]", "--set", "states.inertias=[0.5]")
+    refused(dsd("tune", "log.csv", *one, cwd=tmp_path), 2, "one state")
+    done(*RUN, "--duration", "0.5", "-o", "short.csv", cwd=tmp_path)
+    refused(dsd("tune", "short.csv", cwd=tmp_path), 1, "samples can be judged")
+    refused(dsd("tune", "log.csv", "-o", "log.csv", cwd=tmp_path), 2, "log.csv")
+    refused(dsd("tune", "log.csv", "-o", "-", "--format", "json", cwd=tmp_path), 2, "both want stdout")
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_values_are_changed_in_place_and_missing_ones_added(end):
+    text = end.join(
+        ["# mine", "[detector]   # tuning", "rho = 0.3 # noise", "", "[states]", "delays = [ 0.1,", " 0.2]", ""]
+    )
+    got = with_keys(text, {("detector", "rho"): 0.5, ("detector", "window"): 7, ("states", "delays"): (0.1, 0.3)})
+    lines = [
+        "# mine",
+        "[detector]   # tuning",
+        "rho = 0.5 # noise",
+        "window = 7",
+        "",
+        "[states]",
+        "delays = [0.1, 0.3]",
+        "",
+    ]
+    assert got == end.join(lines)
+    assert with_keys("", {("detector", "rho"): 0.5}) == "\n[detector]\nrho = 0.5\n"
+    with pytest.raises(UsageError, match="in place"):
+        with_keys("detector = {rho = 0.3}\n", {("detector", "rho"): 0.5})
