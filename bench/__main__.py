@@ -3,7 +3,8 @@
 `python -m bench hidden` is the study of hidden effects, see bench/hidden.py, `python -m bench outside` that on the
 logs of another laboratory, see bench/outside.py; `python -m bench random` runs the property
 tests on new examples, see bench/properties.py; `python -m bench fuzz` looks for input that breaks the commands, see
-bench/fuzz.py; `python -m bench coverage` counts how often standard errors hold the truth, see bench/coverage.py;
+bench/fuzz.py; `python -m bench kills` ends them by signals, see bench/fuzz_kills.py;
+`python -m bench coverage` counts how often standard errors hold the truth, see bench/coverage.py;
 `python -m bench longlog` labels a day at 10 kHz, see bench/longlog.py; `python -m bench fleet`
 runs over many logs, see bench/fleet.py.
 """
@@ -35,6 +36,7 @@ STUDIES = {
     "fleet": "fleet",
     "longlog": "longlog",
     "fuzz": "fuzz",
+    "kills": "fuzz_kills",
 }
 
 
