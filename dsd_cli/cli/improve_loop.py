@@ -79,7 +79,7 @@ def _record(step: Step, before: Score, logs: Sequence[str]) -> History:
         effect=step.effect,
         taken_back=gone,
         date=now(),
-        logs=tuple(logs),
+        logs=tuple(log.encode(errors="backslashreplace").decode() for log in logs),  # a file name may be no text
         rmse_before=number_or_none(before.rmse),
         rmse_after=number_or_none(step.score.rmse),
         heldout_rmse_before=number_or_none(before.heldout_rmse),
