@@ -11,6 +11,7 @@ import numpy as np
 from dsd_cli.errors import DataError, DsdError
 from dsd_cli.files.first_look import FirstLook, first_look, time_unit_of
 from dsd_cli.files.formats.base import CLOCK
+from dsd_cli.files.joints import joint_that_moves
 from dsd_cli.files.logs import LoadedLog, load_log
 from dsd_cli.files.template import template_text
 from dsd_cli.identify.checks import CheckResult, check_log
@@ -52,8 +53,9 @@ def propose(path: str) -> tuple[str, list[str]]:
     ------
     DataError : it cannot be read, or no control input or nothing to have d_hat from is recognised.
     """
-    look = first_look(path)
     out = Proposal()
+    look, chosen = joint_that_moves(path, first_look(path))
+    out.said += chosen
     _name_columns(path, look, out)
     try:
         loaded, factors = _read(path, look, out)
@@ -73,7 +75,10 @@ def _name_columns(path: str, look: FirstLook, out: Proposal) -> None:
     if "u" not in found or not needed:
         what = "no control input" if "u" not in found else "neither disturbance nor velocity nor position"
         listed = ", ".join(look.columns[:12]) + (" ..." if len(look.columns) > 12 else "")
-        raise DataError(f"{path}: {what} among its columns ({listed})", "name them in [signals]; dsd init writes one")
+        raise DataError(
+            f"{path}: {what} among its columns ({listed})",
+            "`dsd init` without a log writes a config in which to name them",
+        )
     if look.clock:
         out.put("signals", "time", CLOCK, "the file stamps its rows itself")
     for channel, one in found.items():
