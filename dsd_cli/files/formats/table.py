@@ -30,7 +30,12 @@ class ContainerTable:
         self._file = open_container(path, found)
         groups = self._file.groups
         self.column_names: list[str] = list(dict.fromkeys(place.full for place in places(groups)))
-        self._places = chosen_places(self.name, groups, columns, optional)
+        try:
+            self._places = chosen_places(self.name, groups, columns, optional)
+        except DataError as error:
+            if self._file.notes:  # it may be in what could not be read
+                raise DataError(error.message, "; ".join(self._file.notes)) from None
+            raise
         self._stamps: dict[str, Place] = {}
         if "t" in columns:
             self._stamps = {c: stamps_of(self.name, groups, place, columns["t"]) for c, place in self._places.items()}
