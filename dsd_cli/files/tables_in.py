@@ -188,7 +188,11 @@ def _hint(canonical: str, name: str, column_names: list[str]) -> str:
     if canonical in column_names:
         return f'set [signals] {key} = "{canonical}"'
     column_names = [column for column in column_names if not column.startswith("true_")]
-    folded = {column.casefold(): column for column in column_names}
+    if "/" in name:  # group/channel: that they share the group says nothing
+        name = name.rpartition("/")[2]
+        folded = {column.rpartition("/")[2].casefold(): column for column in column_names}
+    else:
+        folded = {column.casefold(): column for column in column_names}
     close = get_close_matches(name.casefold(), list(folded), n=1, cutoff=0.5) or [
         column for column in folded if column.startswith((name.casefold() + "_", name.casefold() + " "))
     ]

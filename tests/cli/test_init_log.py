@@ -157,6 +157,17 @@ def test_without_a_time_or_units_it_says_what_it_took(tmp_path: Path) -> None:
     (tmp_path / "b.csv").write_text(csv_text({"t": data["t"] * 1e6, "torque": data["u"], "speed": data["velocity"]}))
     said = done("init", "b.csv", "--force", cwd=tmp_path).stderr
     assert "time_unit: not said; steps of 1000 are taken as us" in said
+    assert "which?" not in said
+
+
+@pytest.mark.parametrize(("unit", "scale", "doubted"), [("ms", 1.0, True), ("s", 1e3, True), ("ms", 1e3, False)])
+def test_a_unit_in_the_name_that_cannot_be_is_doubted(unit: str, scale: float, doubted: bool, tmp_path: Path) -> None:
+    data = axis(1000)
+    (tmp_path / "a.csv").write_text(
+        csv_text({f"Time [{unit}]": data["t"] * scale, "torque": data["u"], "speed": data["velocity"]})
+    )
+    said = done("init", "a.csv", cwd=tmp_path).stderr
+    assert ("they would be 0.001 s: which?" in said) == doubted
 
 
 def test_refused_in_one_line(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.tables_in import open_table
-from tests.files.formats.makers import MAKERS, channels, mat7_objects, mat7_timetable, mat73_objects
+from tests.files.formats.makers import MAKERS, channels, mat5, mat7_objects, mat7_timetable, mat73_objects
 
 
 def read(path: Path, names: dict[str, str]) -> tuple[dict[str, np.ndarray], list[str]]:
@@ -58,3 +58,11 @@ def test_a_timetable_keeps_its_stamps_below_a_millisecond(tmp_path: Path) -> Non
     data = channels(step=0.0001)
     found, _ = read(*mat7_timetable(tmp_path, data))
     np.testing.assert_allclose(found["t"], data["t"], rtol=0, atol=1e-9)
+
+
+def test_the_hint_for_a_channel_that_is_not_there_goes_by_its_own_name_and_not_by_its_group(tmp_path: Path) -> None:
+    path = mat5(tmp_path, channels()).path
+    for name, hint in (("drive/iq", 'u = "..."'), ("drive/curent", 'u = "drive/current"')):
+        with pytest.raises(DataError) as caught:
+            open_table(path, {"t": "time", "u": name})
+        assert str(caught.value).endswith(hint)
