@@ -29,6 +29,8 @@ SHARE_OF_CEILING = 0.75
 
 #: An effect is named only if it takes this share off the held-out error by itself.
 LEAST_ALONE = 0.005
+#: Errors of two members alone that differ by less than this share are nearly the same.
+NEARLY_THE_SAME = 0.05
 #: Above this inflation the rows are so dependent that the model misfits somewhere.
 MOST_INFLATION = 3.0
 #: No verdict is surer than this: the catalogue is not the world.
@@ -118,7 +120,7 @@ class _Verdict:
         """(verdict, probability)."""
         search, beyond = self.search, self.beyond
         if self.members:
-            best = max(self.members, key=self._worth)
+            best = self._first()
             if not self._lowers(best) or self._weightless(self.whole):
                 return UNKNOWN, 0.5
             known = self._share_of_possible(
@@ -142,6 +144,15 @@ class _Verdict:
         if above_floor:
             return UNKNOWN, 0.6
         return NONE, self._nothing()
+
+    def _first(self) -> str:
+        """The member that is worth most by itself; a commoner one that reaches nearly the same error comes before."""
+        best = max(self.members, key=self._worth)
+        if best not in self.alone:
+            return best
+        limit = (1.0 + NEARLY_THE_SAME) * self.problem.errors.rmse(self.alone[best].fit)
+        near = [m for m in self.members if m in self.alone and self.problem.errors.rmse(self.alone[m].fit) <= limit]
+        return min((best, *near), key=lambda name: get_effect(name).rarity)
 
     def _weightless(self, fit: Fit) -> bool:
         """Whether a fit leaves hardly any inertia: it explains u by itself, and no motion."""
