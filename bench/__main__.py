@@ -3,7 +3,8 @@
 `python -m bench hidden` is the study of hidden effects, see bench/hidden.py; `python -m bench random` runs the property
 tests on new examples, see bench/properties.py; `python -m bench fuzz` looks for input that breaks the commands, see
 bench/fuzz.py; `python -m bench longlog` labels a day at 10 kHz, see bench/longlog.py; `python -m bench fleet`
-runs over many logs, see bench/fleet.py.
+runs over many logs, see bench/fleet.py; `python -m bench.beyond` measures what docs/beyond.md says, and its item `cost` what
+method "profile" takes, see bench/beyond.
 """
 
 from __future__ import annotations

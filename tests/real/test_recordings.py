@@ -149,11 +149,12 @@ def test_xl330_with_irregular_stamps(tmp_path):
     assert 0.004 < result["sample_time"] < 0.006
     assert result["dropped"] == []
     assert result["confident_share"] == 0.0
-    # rho as small as the bare rms takes what is left, which is correlated, for evidence; rest alone made 46 % confident
+    # rho as small as the bare rms takes what is left, which is correlated, for evidence; with labels that rest on rest
+    # 51 % would be confident, most of them for the wrong inertia
     result, _ = detect(tmp_path, recording("bam_xl330/kp400_sin_sin.csv"), XL330.replace("rho = 2.0", "rho = 0.6"))
     assert 0.5 < result["residual_rms"] < 0.7
     assert 0.0 < result["confident_share"] < 0.1
-    assert confident_share(result, inertia=0.07) < 0.5
+    assert confident_share(result, inertia=0.07) > 0.5
 
 
 def test_xl330_at_rest_nothing_is_confident(tmp_path):
