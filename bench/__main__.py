@@ -1,10 +1,13 @@
 """`python -m bench [--rows N] [--repeats N]`: a table on stdout, and bench/results/latest.json.
 
-`python -m bench hidden` is the study of hidden effects, see bench/hidden.py; `python -m bench random` runs the property
+`python -m bench hidden` is the study of hidden effects, see bench/hidden.py, `python -m bench outside` that on the
+logs of another laboratory, see bench/outside.py; `python -m bench random` runs the property
 tests on new examples, see bench/properties.py; `python -m bench fuzz` looks for input that breaks the commands, see
-bench/fuzz.py; `python -m bench longlog` labels a day at 10 kHz, see bench/longlog.py; `python -m bench fleet`
-runs over many logs, see bench/fleet.py; `python -m bench.beyond` measures what docs/beyond.md says, and its item `cost` what
-method "profile" takes, see bench/beyond.
+bench/fuzz.py; `python -m bench kills` ends them by signals, see bench/fuzz_kills.py;
+`python -m bench coverage` counts how often standard errors hold the truth, see bench/coverage.py;
+`python -m bench longlog` labels a day at 10 kHz, see bench/longlog.py; `python -m bench fleet`
+runs over many logs, see bench/fleet.py; `python -m bench.beyond` makes the tables of docs/beyond.md, its item `cost`
+what method "profile" takes.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ import platform
 import sys
 import tempfile
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 from bench import files, kernel, start
@@ -22,6 +26,19 @@ from bench.measure import Line
 from dsd_cli.detect.kernel import active_backend
 
 RESULTS = Path(__file__).parent / "results" / "latest.json"
+
+
+#: First argument -> module of the study, each with a `main(arguments)`.
+STUDIES = {
+    "hidden": "hidden",
+    "outside": "outside",
+    "random": "properties",
+    "coverage": "coverage",
+    "fleet": "fleet",
+    "longlog": "longlog",
+    "fuzz": "fuzz",
+    "kills": "fuzz_kills",
+}
 
 
 def measured(folder: Path, rows: int, repeats: int) -> Iterator[Line]:
@@ -33,30 +50,8 @@ def measured(folder: Path, rows: int, repeats: int) -> Iterator[Line]:
 
 
 def main() -> None:
-    if sys.argv[1:2] == ["hidden"]:
-        from bench import hidden
-
-        hidden.main(sys.argv[2:])
-        return
-    if sys.argv[1:2] == ["random"]:
-        from bench import properties
-
-        properties.main(sys.argv[2:])
-        return
-    if sys.argv[1:2] == ["fleet"]:
-        from bench import fleet
-
-        fleet.main(sys.argv[2:])
-        return
-    if sys.argv[1:2] == ["longlog"]:
-        from bench import longlog
-
-        longlog.main(sys.argv[2:])
-        return
-    if sys.argv[1:2] == ["fuzz"]:
-        from bench import fuzz
-
-        fuzz.main(sys.argv[2:])
+    if sys.argv[1:2] and sys.argv[1] in STUDIES:
+        import_module(f"bench.{STUDIES[sys.argv[1]]}").main(sys.argv[2:])
         return
     parser = argparse.ArgumentParser(prog="python -m bench")
     parser.add_argument("--rows", type=int, default=10_000_000)

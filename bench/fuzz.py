@@ -1,4 +1,4 @@
-"""`python -m bench fuzz --seconds 600`: malformed logs, extreme configs, random kills; a finding says how to repeat it.
+"""`python -m bench fuzz --seconds 600`: malformed logs and extreme configs; a finding says how to repeat it.
 
 Every run is a forked copy of this process, which has the package imported already, with limits on memory and CPU, and
 is decided by its number alone: `--only N` repeats it. A finding is a traceback, "unexpected", a signal, an exit code
@@ -15,7 +15,6 @@ import os
 import re
 import resource
 import shutil
-import signal
 import sys
 import tempfile
 import time
@@ -24,7 +23,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from bench import fuzz_cases, fuzz_kills
+from bench import fuzz_cases
 
 #: Limits of one run: bytes beyond what the process has, s of CPU, s.
 MEMORY, CPU, PATIENCE = 2 << 30, 20, 60
@@ -51,7 +50,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--seed", type=int, default=0, help="number of the first run")
     parser.add_argument("--only", type=int, help="repeat this run and show what it says")
-    parser.add_argument("--kills", type=int, default=0, help="random kills, after the rest")
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory(prefix="dsd-fuzz-") as name:
         folder = Path(name)
@@ -61,13 +59,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(_run(options.only, folder, show=True))
             return
         found = fuzz(folder, options.seed, options.seconds)
-        found += kills(folder, options.seed, options.kills)
     sys.exit(1 if found else 0)
 
 
 def fuzz(folder: Path, seed: int, seconds: float) -> int:
     """The number of findings."""
-    _warm_up()
+    warm_up()
     begin, number, codes, findings = time.monotonic(), seed, Counter[int](), 0
     while time.monotonic() - begin < seconds:
         outcome = _run(number, folder)
@@ -81,27 +78,7 @@ def fuzz(folder: Path, seed: int, seconds: float) -> int:
     return findings
 
 
-def kills(folder: Path, seed: int, count: int) -> int:
-    """The number of findings in so many random kills."""
-    if not count:
-        return 0
-    fuzz_kills.prepare(folder)
-    longest = fuzz_kills.kill(folder, "labels.csv", signal.SIGTERM, PATIENCE).seconds
-    findings, codes = 0, Counter[int]()
-    for number in range(seed, seed + count):
-        what, one = fuzz_kills.random_kill(folder, number, longest)
-        codes[one.code] += 1
-        if one.finding:
-            findings += 1
-            print(
-                f"{what}: {one.finding}\n  repeat: python -m bench fuzz --seconds 0 --kills 1 --seed {number}",
-                flush=True,
-            )
-    print(f"{count} kills, exit codes {dict(sorted(codes.items()))}: {findings} finding(s)")
-    return findings
-
-
-def _warm_up() -> None:
+def warm_up() -> None:
     """Import once what every run needs; nothing may begin threads yet, which a fork does not take along."""
     from dsd_cli.cli.lazy import COMMANDS, load_command
 

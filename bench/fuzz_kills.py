@@ -1,15 +1,26 @@
-"""Random kills: a command is ended by a signal at a random time, and what it leaves behind is looked at."""
+"""`python -m bench kills --runs 1000`: `dsd detect` ended by signals at random times, and what it leaves.
+
+Half of the signals come while a file is being written. A run is a forked copy of this process, which has the package
+imported already, so that signals meet work and not the start of an interpreter; the tests use new processes. The number
+of a run decides all of it; a finding prints the command that repeats it.
+"""
 
 from __future__ import annotations
 
+import argparse
+import multiprocessing
+import os
 import random
 import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
+from collections import Counter
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from dsd_cli.signals.log import Array
 
@@ -26,6 +37,60 @@ class Kill(NamedTuple):
     code: int
     seconds: float
     finding: str
+
+
+class Process(Protocol):
+    """A command that runs."""
+
+    def wait(self, seconds: float) -> int | None:
+        """Its exit code; None if it still runs after so long."""
+
+    def send(self, number: int) -> None: ...
+
+
+class Fresh:
+    """In a new interpreter."""
+
+    def __init__(self, arguments: list[str], said: Path) -> None:
+        with said.open("wb") as stderr:
+            command = [sys.executable, "-m", "dsd_cli", *arguments]
+            self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=stderr)
+
+    def wait(self, seconds: float) -> int | None:
+        try:
+            return self._process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            return None
+
+    def send(self, number: int) -> None:
+        self._process.send_signal(number)
+
+
+class Forked:
+    """In a copy of this process, which must have no threads."""
+
+    def __init__(self, arguments: list[str], said: Path) -> None:
+        self._process = multiprocessing.get_context("fork").Process(target=_child, args=(arguments, said))
+        self._process.start()
+
+    def wait(self, seconds: float) -> int | None:
+        self._process.join(seconds)
+        return self._process.exitcode
+
+    def send(self, number: int) -> None:
+        if self._process.pid is not None and self._process.exitcode is None:
+            os.kill(self._process.pid, number)
+
+
+def _child(arguments: list[str], said: Path) -> None:
+    for number, name in ((0, os.devnull), (1, os.devnull), (2, str(said))):
+        os.dup2(os.open(name, os.O_RDWR | os.O_CREAT, 0o600), number)
+    sys.stdout = os.fdopen(1, "w", encoding="utf-8", closefd=False)
+    sys.stderr = os.fdopen(2, "w", encoding="utf-8", closefd=False)
+    sys.argv = ["dsd", *arguments]
+    from dsd_cli.cli.main import main as dsd
+
+    dsd()
 
 
 def big_log(path: Path, rows: int) -> None:
@@ -45,35 +110,43 @@ def big_log(path: Path, rows: int) -> None:
 
 def command(folder: Path, name: str) -> list[str]:
     """`dsd detect` of the log in the folder, into `name`."""
-    return [sys.executable, "-m", "dsd_cli", "detect", str(folder / "log.csv"), "-c", str(folder / "dsd.toml"),
-            "-o", str(folder / "out" / name), "--quiet"]  # fmt: skip
+    return [
+        "detect",
+        str(folder / "log.csv"),
+        "-c",
+        str(folder / "dsd.toml"),
+        "-o",
+        str(folder / "out" / name),
+        "--quiet",
+    ]
 
 
-def kill(folder: Path, name: str, number: int, after: float) -> Kill:
+def kill(
+    folder: Path, name: str, number: int, after: float, start: Callable[[list[str], Path], Process] = Fresh
+) -> Kill:
     """Run the command, send it the signal after so many seconds (when it writes, if `after` is negative), and look.
 
     `folder` has log.csv and dsd.toml; out/ is made anew, with an old file of that name in it.
     """
-    out = folder / "out"
+    out, said = folder / "out", folder / "said"
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir()
     (out / name).write_bytes(OLD)
     began = time.monotonic()
-    process = subprocess.Popen(command(folder, name), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    process = start(command(folder, name), said)
     if after < 0.0:
-        while process.poll() is None and not any(p.name.endswith(".tmp") for p in out.iterdir()):
+        while process.wait(0.0) is None and not any(p.name.endswith(".tmp") for p in out.iterdir()):
             time.sleep(0.001)
         after = -after
-    try:
-        process.wait(after)
-    except subprocess.TimeoutExpired:
-        process.send_signal(number)
-    try:
-        _, said = process.communicate(timeout=PATIENCE)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        return Kill(process.wait(), time.monotonic() - began, f"no end within {PATIENCE} s of the signal")
-    return Kill(process.returncode, time.monotonic() - began, _finding(process.returncode, said, out, name, number))
+    if process.wait(after) is None:
+        process.send(number)
+    code = process.wait(PATIENCE)
+    seconds = time.monotonic() - began
+    if code is None:
+        process.send(signal.SIGKILL)
+        process.wait(PATIENCE)
+        return Kill(-signal.SIGKILL, seconds, f"no end within {PATIENCE} s of the signal")
+    return Kill(code, seconds, _finding(code, said.read_bytes(), out, name, number))
 
 
 def _finding(code: int, said: bytes, out: Path, name: str, number: int) -> str:
@@ -117,22 +190,49 @@ def prepare(folder: Path) -> None:
 
 
 def random_kill(folder: Path, seed: int, longest: float) -> tuple[str, Kill]:
-    """A kill that the seed decides; and what it was, in words."""
+    """A kill of a forked run that the seed decides; and what it was, in words."""
     rng = random.Random(seed)
     name = rng.choice(("labels.csv", "labels.parquet"))
     number = rng.choice((*ANSWERED, *ANSWERED, signal.SIGKILL))
     after = rng.choice((rng.uniform(0.0, longest), -rng.uniform(0.0001, 0.06)))
     what = f"{name}, {signal.Signals(number).name} {'while it writes, ' if after < 0 else ''}after {abs(after):.4f} s"
-    found = kill(folder, name, number, after)
+    found = kill(folder, name, number, after, Forked)
     if number == signal.SIGKILL and not found.finding:
-        found = _cleaned(folder, name, found)
+        found = cleaned(folder, name, found, Forked)
     return what, found
 
 
-def _cleaned(folder: Path, name: str, found: Kill) -> Kill:
+def cleaned(folder: Path, name: str, found: Kill, start: Callable[[list[str], Path], Process] = Fresh) -> Kill:
     """After a SIGKILL the next run takes away what was left, and does its work."""
-    done = subprocess.run(command(folder, name), capture_output=True, check=False, timeout=PATIENCE)
+    code = start(command(folder, name), folder / "said").wait(PATIENCE)
     left = sorted(p.name for p in (folder / "out").iterdir())
-    if done.returncode or left != [name]:
-        return found._replace(finding=f"the next run: exit code {done.returncode}, there is {left}")
+    if code or left != [name]:
+        return found._replace(finding=f"the next run: exit code {code}, there is {left}")
     return found
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Random kills; exit code 1 if there was a finding."""
+    from bench.fuzz import warm_up
+
+    parser = argparse.ArgumentParser(prog="python -m bench kills", description=__doc__)
+    parser.add_argument("--runs", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=0, help="number of the first run")
+    options = parser.parse_args(arguments)
+    findings, codes = 0, Counter[int]()
+    with tempfile.TemporaryDirectory(prefix="dsd-kills-") as name:
+        folder = Path(name)
+        subprocess.run([sys.executable, "-c", PREPARE, name], check=True)  # it starts threads, which no fork may find
+        warm_up()
+        longest = min(kill(folder, "labels.csv", signal.SIGTERM, PATIENCE, Forked).seconds for _ in range(3))
+        for number in range(options.seed, options.seed + options.runs):
+            what, one = random_kill(folder, number, longest)
+            codes[one.code] += 1
+            if one.finding:
+                findings += 1
+                print(f"{what}: {one.finding}\n  repeat: python -m bench kills --runs 1 --seed {number}", flush=True)
+    print(f"{options.runs} kills, exit codes {dict(sorted(codes.items()))}: {findings} finding(s)")
+    sys.exit(1 if findings else 0)
+
+
+PREPARE = "import sys; from pathlib import Path; from bench import fuzz_kills; fuzz_kills.prepare(Path(sys.argv[1]))"

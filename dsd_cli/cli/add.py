@@ -9,13 +9,19 @@ import typer
 from dsd_cli.cli.identification import HoldoutOption
 from dsd_cli.cli.options import (
     CONFIG_FILE,
+    BoundsOption,
     ConfigOption,
     EffectsFromOption,
+    FixOption,
     Format,
     FormatOption,
+    FromOption,
     LogArgument,
+    PriorOption,
     QuietOption,
     SetOption,
+    ToOption,
+    with_window,
 )
 
 OutputNeeded = Annotated[
@@ -30,6 +36,11 @@ def add(
     config: ConfigOption = CONFIG_FILE,
     holdout: HoldoutOption = None,
     form: FormatOption = Format.TABLE,
+    fix: FixOption = None,
+    bounds: BoundsOption = None,
+    prior: PriorOption = None,
+    start: FromOption = None,
+    end: ToOption = None,
     override: SetOption = None,
     effects_from: EffectsFromOption = None,
     quiet: QuietOption = False,
@@ -49,19 +60,21 @@ def add(
     from dsd_cli.report.ladder import AdditionReport, add_json, added_step, print_addition
 
     apart = holdout or []
-    check_logs([log], apart)
     use_effects(effects_from)
     origin = read_origin(config)
-    settings = load_config(config, override or ())
+    settings = load_config(config, with_window(override, start, end)).knowing(fix or (), bounds or (), prior or ())
+    check_logs([log], apart, settings.signals)
     check_outputs(output, form, [log, *apart, *settings.files, *(effects_from or ())])
     given = load_given(settings, [log], apart)
 
     from dsd_cli.identify.compare.evaluation import force_view
     from dsd_cli.identify.improve import add_effect
+    from dsd_cli.identify.results import in_units
 
     added = add_effect(
         given.recordings, given.model, given.observer, effect, given.engine_settings, holdout=given.holdout
     )
+    added = in_units(added, settings.signals.units)
     view = force_view(given.recordings, given.model)
     report = AdditionReport(added, (log,), tuple(apart), output, view.log)
     text = with_steps(origin.text, added.before, [added_step(added)], [log])

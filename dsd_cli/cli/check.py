@@ -12,8 +12,11 @@ from dsd_cli.cli.options import (
     EffectsFromOption,
     Format,
     FormatOption,
+    FromOption,
     QuietOption,
     SetOption,
+    ToOption,
+    with_window,
 )
 
 if TYPE_CHECKING:
@@ -31,6 +34,8 @@ def check(
     config: ConfigOption = CONFIG_FILE,
     strict: StrictOption = False,
     form: FormatOption = Format.TABLE,
+    start: FromOption = None,
+    end: ToOption = None,
     override: SetOption = None,
     effects_from: EffectsFromOption = None,
     quiet: QuietOption = False,
@@ -49,7 +54,7 @@ def check(
 
     check_logs(log, ())
     use_effects(effects_from)
-    settings = load_config(config, override or ())
+    settings = load_config(config, with_window(override, start, end))
     results = [_checked(path, settings, quiet) for path in log]
     if form is Format.JSON:
         print_json(to_json(results))

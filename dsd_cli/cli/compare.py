@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,40 +10,53 @@ import typer
 
 from dsd_cli.cli.options import (
     CONFIG_FILE,
-    ConfigOption,
+    BoundsOption,
     EffectOption,
     EffectsFromOption,
+    FixOption,
     Format,
     FormatOption,
+    FromOption,
+    PriorOption,
     QuietOption,
     SetOption,
+    ToOption,
+    with_window,
 )
+
+#: Horizons that are words.
+PREDICTION, SIMULATION = "prediction", "simulation"
 
 if TYPE_CHECKING:
     from dsd_cli.cli.recordings import LoadedRecording
-    from dsd_cli.files.config import Config
+    from dsd_cli.files.config import Config, Signals
     from dsd_cli.identify.compare.evaluation import Evaluation
     from dsd_cli.identify.compare.forward import Forward
     from dsd_cli.plant.controllers import ControllerSettings
     from dsd_cli.report.comparison import Report
 
 
-class Horizon(StrEnum):
-    """How far the model looks ahead."""
-
-    PREDICTION = "prediction"
-    SIMULATION = "simulation"
-
-
-LogsArgument = Annotated[
-    list[str], typer.Argument(metavar="LOG...", help="Log files (CSV, Parquet, MF4, ...); - is stdin.")
+LogsOrNone = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="LOG...", help="Log files (CSV, Parquet, MF4, ...); - is stdin. None: two configs, value by value."
+    ),
+]
+ConfigsOption = Annotated[
+    list[Path] | None,
+    typer.Option("-c", "--config", metavar="FILE", help="Config of the rig; several: their models side by side."),
 ]
 HoldoutOption = Annotated[
     str | None, typer.Option("--holdout", metavar="LOG", help="Log to be judged apart; --max-rmse then goes by it.")
 ]
 HorizonOption = Annotated[
-    Horizon,
-    typer.Option("--horizon", help="Predict d_hat from u and the measured motion, or simulate the motion from u."),
+    str,
+    typer.Option(
+        "--horizon",
+        metavar="prediction|simulation|SECONDS",
+        help="Predict d_hat from u and the measured motion, or simulate the motion from u: over the whole log, or "
+        "begun anew from the measured motion every so many seconds (0.5s).",
+    ),
 ]
 PlotOption = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Picture to draw (.png).")]
 MaxRmseOption = Annotated[
@@ -52,13 +65,18 @@ MaxRmseOption = Annotated[
 
 
 def compare(
-    log: LogsArgument,
-    config: ConfigOption = CONFIG_FILE,
+    log: LogsOrNone = None,
+    config: ConfigsOption = None,
     holdout: HoldoutOption = None,
-    horizon: HorizonOption = Horizon.PREDICTION,
+    horizon: HorizonOption = PREDICTION,
     plot: PlotOption = None,
     max_rmse: MaxRmseOption = None,
     form: FormatOption = Format.TABLE,
+    fix: FixOption = None,
+    bounds: BoundsOption = None,
+    prior: PriorOption = None,
+    start: FromOption = None,
+    end: ToOption = None,
     override: SetOption = None,
     effect: EffectOption = None,
     effects_from: EffectsFromOption = None,
@@ -66,60 +84,139 @@ def compare(
 ) -> None:
     """Say how well [model] predicts LOG, and where and on what its error depends.
 
-    Nothing is fitted: the model is taken as the config has it. With several logs, all of them together.
+    Nothing is fitted: the model is taken as the config has it. With several logs, all of them together. With several
+    configs their models are put side by side, and without a LOG their values.
     """
-    import sys
-
-    from dsd_cli.cli.identification import check_plot, print_json, put_picture, say
-    from dsd_cli.cli.recordings import believed_model, load_recording
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
+
+    configs, logs = config or [CONFIG_FILE], log or []
+    use_effects(effects_from)
+    texts = with_window(override, start, end)
+    all_settings = [
+        load_config(path, texts, effect or ()).knowing(fix or (), bounds or (), prior or ()) for path in configs
+    ]
+    wanted = Wanted(tuple(logs), holdout, seconds_of(horizon), plot, max_rmse, form, quiet)
+    inputs = [*configs, *(file for settings in all_settings for file in settings.files), *(effects_from or ())]
+    wanted.check(len(configs), inputs, all_settings[0].signals)
+    if len(configs) > 1:
+        from dsd_cli.cli.versus import compare_configs
+
+        compare_configs(all_settings, wanted.logs, form, quiet)
+    else:
+        _compare(all_settings[0], wanted)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What the command line asks for; `horizon` None: prediction, inf: simulation of the whole log."""
+
+    logs: tuple[str, ...]
+    holdout: str | None
+    horizon: float | None
+    plot: Path | None
+    max_rmse: float | None
+    form: Format
+    quiet: bool
+
+    def check(self, configs: int, inputs: list[Path], signals: Signals) -> None:
+        """Raises UsageError : options that contradict each other."""
+        import math
+
+        from dsd_cli.cli.identification import check_logs, check_plot
+        from dsd_cli.errors import UsageError
+
+        aside = [] if self.holdout is None else [self.holdout]
+        if self.max_rmse is not None and not (math.isfinite(self.max_rmse) and self.max_rmse >= 0.0):
+            raise UsageError(f"--max-rmse {self.max_rmse:g}", "must be a finite number from 0")
+        if configs > 1:
+            alone = [("--holdout", self.holdout), ("--plot", self.plot), ("--max-rmse", self.max_rmse)]
+            given = [name for name, value in [*alone, ("--horizon", self.horizon)] if value is not None]
+            if given:
+                raise UsageError(f"{given[0]} looks at one model", "give one -c")
+        elif not self.logs:
+            raise UsageError("LOG is missing", "give the log to judge the model by, or two configs (-c a -c b)")
+        check_logs(self.logs, aside, signals)
+        if self.plot is not None and self.horizon is not None:
+            raise UsageError("--plot", "draws the prediction; leave out --horizon")
+        check_plot(self.plot, [*self.logs, *aside, *inputs])
+
+
+def seconds_of(horizon: str) -> float | None:
+    """None for a prediction, inf for a simulation of the whole log, else s.
+
+    Raises
+    ------
+    UsageError : a word or number that is none.
+    """
+    import math
+
+    from dsd_cli.errors import UsageError
+
+    if horizon in (PREDICTION, SIMULATION):
+        return None if horizon == PREDICTION else math.inf
+    try:
+        seconds = float(horizon.removesuffix("s"))
+    except ValueError:
+        seconds = math.nan
+    if not (math.isfinite(seconds) and seconds > 0.0):
+        raise UsageError(f"--horizon {horizon}", "write prediction, simulation, or seconds such as 0.5s")
+    return seconds
+
+
+def _compare(settings: Config, wanted: Wanted) -> None:
+    import sys
+
+    from dsd_cli.cli.identification import print_json, put_picture, say
+    from dsd_cli.cli.recordings import believed_model, load_holdout, load_recording
     from dsd_cli.identify.compare.comparison import Comparison
     from dsd_cli.report.comparison import to_json
     from dsd_cli.report.comparison_table import print_table
     from dsd_cli.report.plots_comparison import draw
 
-    _check_options(log, holdout, horizon, plot, max_rmse)
-    use_effects(effects_from)
-    settings = load_config(config, override or (), effect or ())
-    check_plot(plot, [config, *log, *([] if holdout is None else [holdout]), *settings.files, *(effects_from or ())])
+    quiet, holdout = wanted.quiet, wanted.holdout
     believed_model(settings)  # without an inertia nothing needs to be read
-    loaded = [load_recording(path, settings) for path in log]
-    aside = None if holdout is None else load_recording(holdout, settings)
-    if not quiet:
-        for path, one in zip([*log, holdout], [*loaded, aside], strict=True):
-            for warning in () if one is None else one.warnings:
-                say(quiet, f"dsd: warning: {path}: {warning}")
-    if horizon is Horizon.PREDICTION:
-        report, evaluation = _predicted(settings, loaded, aside, max_rmse)
+    loaded = [load_recording(path, settings) for path in wanted.logs]
+    aside = None if holdout is None else load_holdout(holdout, wanted.logs, settings)
+    for path, one in zip([*wanted.logs, holdout], [*loaded, aside], strict=True):
+        for warning in () if one is None else one.warnings:
+            say(quiet, f"dsd: warning: {path}: {warning}")
+    if wanted.horizon is None:
+        report, evaluation = _predicted(settings, loaded, aside, wanted.max_rmse)
     else:
-        report, evaluation = _simulated(settings, loaded, aside, max_rmse), None
-    if form is Format.JSON:
+        report, evaluation = _simulated(settings, loaded, aside, wanted.max_rmse, wanted.horizon), None
+    for line in beyond_known(settings):
+        say(quiet, f"dsd: warning: {line}")
+    if wanted.form is Format.JSON:
         print_json(to_json(report))
     else:
         print_table(report, sys.stdout)
-    if plot is not None and isinstance(report.result, Comparison) and evaluation is not None:
+    if wanted.plot is not None and isinstance(report.result, Comparison) and evaluation is not None:
         compared, judged = report.result, evaluation
-        put_picture(plot, lambda: draw(compared, judged), quiet)
+        put_picture(wanted.plot, lambda: draw(compared, judged), quiet)
     if not report.holds:
         from dsd_cli.errors import CheckFailed
 
-        raise CheckFailed(f"rmse {report.judged_rmse:.4g} of {report.judged_log} is above --max-rmse {max_rmse:g}")
+        judged_by = f"rmse {report.judged_rmse:.4g} of {report.judged_log}"
+        raise CheckFailed(f"{judged_by} is above --max-rmse {wanted.max_rmse:g}")
 
 
-def _check_options(
-    log: list[str], holdout: str | None, horizon: Horizon, plot: Path | None, max_rmse: float | None
-) -> None:
-    import math
+def beyond_known(settings: Config) -> list[str]:
+    """Values of [model] beyond their bounds, or far from their priors."""
+    from dsd_cli.cli.recordings import believed_model, known_values
+    from dsd_cli.identify.fit.values import flat
 
-    from dsd_cli.cli.identification import check_logs
-    from dsd_cli.errors import UsageError
-
-    if max_rmse is not None and not (math.isfinite(max_rmse) and max_rmse >= 0.0):
-        raise UsageError(f"--max-rmse {max_rmse:g}", "must be a finite number from 0")
-    check_logs(log, [] if holdout is None else [holdout])
-    if plot is not None and horizon is Horizon.SIMULATION:
-        raise UsageError("--plot", "draws the prediction; leave out --horizon simulation")
+    known, lines = known_values(settings), []
+    for name, value in flat(believed_model(settings)).items():
+        low, high = known.limits(name)
+        if not low <= value <= high:
+            lines.append(f"{name} = {value:.4g} is beyond its bounds, {low:g} to {high:g}")
+        if name in known.priors and abs(value - known.priors[name][0]) > 3.0 * known.priors[name][1]:
+            mean, spread = known.priors[name]
+            lines.append(
+                f"{name} = {value:.4g} is {abs(value - mean) / spread:.1f} sigma from its prior {mean:g} +- {spread:g}"
+            )
+    return lines
 
 
 def _predicted(
@@ -137,11 +234,16 @@ def _predicted(
         settings.detector.window,
         None if aside is None else aside.recording,
     )
+    comparison = replace(comparison, units=settings.signals.units)
     return Report(comparison, dropped=_dropped(loaded, aside), max_rmse=max_rmse), evaluation
 
 
 def _simulated(
-    settings: Config, loaded: list[LoadedRecording], aside: LoadedRecording | None, max_rmse: float | None
+    settings: Config,
+    loaded: list[LoadedRecording],
+    aside: LoadedRecording | None,
+    max_rmse: float | None,
+    horizon: float,
 ) -> Report:
     from dsd_cli.cli.plan import observer_settings
     from dsd_cli.cli.recordings import believed_model
@@ -153,14 +255,17 @@ def _simulated(
             [one.recording for one in recordings],
             believed_model(settings),
             observer_settings(settings),
-            _controller(settings),
+            controller_of(settings),
+            horizon=horizon,
+            units=settings.signals.units,
         )
 
     forward_aside = None if aside is None else run([aside])
     return Report(run(loaded), forward_aside, dropped=_dropped(loaded, aside), max_rmse=max_rmse)
 
 
-def _controller(settings: Config) -> ControllerSettings | None:
+def controller_of(settings: Config) -> ControllerSettings | None:
+    """[simulate.controller], if there is one."""
     if settings.simulate is None:
         return None
     from dsd_cli.cli.simulate import simulation_settings

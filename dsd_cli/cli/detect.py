@@ -12,10 +12,13 @@ from dsd_cli.cli.options import (
     ConfigOption,
     EffectOption,
     EffectsFromOption,
+    FromOption,
     LogArgument,
     OutputOption,
     QuietOption,
     SetOption,
+    ToOption,
+    with_window,
 )
 
 if TYPE_CHECKING:
@@ -66,6 +69,8 @@ def detect(
     method: MethodOption = None,
     follow: FollowOption = False,
     form: DetectFormatOption = None,
+    start: FromOption = None,
+    end: ToOption = None,
     override: SetOption = None,
     effect: EffectOption = None,
     effects_from: EffectsFromOption = None,
@@ -86,7 +91,7 @@ def detect(
     judgement = Judgement(tuple(expect or ()), after, min_share, confident_only)
     live = follow or log == "-"
     form = form or (DetectFormat.CSV if live and output is None else DetectFormat.TABLE)
-    settings = load_config(config, override or (), effect or ())
+    settings = load_config(config, with_window(override, start, end), effect or ())
     if method is not None:
         from dsd_cli.cli.detect_methods import parse_methods, side_by_side
 

@@ -14,7 +14,7 @@ import numpy as np
 from dsd_cli.cli.detect_checks import Judgement
 from dsd_cli.cli.ending import ENDING
 from dsd_cli.cli.labels_out import LabelsFile, NoLabels, Write, json_lines
-from dsd_cli.cli.plan import TIME_SCALE, TRUTH, detection_plan, limits, log_columns, naming, optional_columns
+from dsd_cli.cli.plan import TIME_SCALE, TRUTH, detection_plan, limits, log_columns, naming, optional_columns, window
 from dsd_cli.cli.progress import Progress
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import active_backend
@@ -30,6 +30,7 @@ from dsd_cli.files.config import Config
 from dsd_cli.files.scaled import scaled
 from dsd_cli.files.tables_in import Batch, TableSource, dropped_with_unreadable, is_stream, open_table, read_head
 from dsd_cli.files.tables_out import check_output
+from dsd_cli.files.windowed import windowed
 from dsd_cli.report.changes import Changes
 from dsd_cli.report.detection import Detection, print_table, to_json
 from dsd_cli.report.terminal import json_text
@@ -123,11 +124,15 @@ class Job:
         optional = optional_columns(self.config) & set(columns)
         factors = self.config.signals.factors()
         if not self.follow or is_stream(self.log):
-            return scaled(open_table(self.log, columns, optional), factors)
+            return scaled(self._windowed(open_table(self.log, columns, optional)), factors)
         from dsd_cli.files.line_stream import LineStream
 
         read_head(self.log, 1)
-        return scaled(LineStream(Path(self.log), columns, optional, stop=lambda: bool(interrupted)), factors)
+        stream = LineStream(Path(self.log), columns, optional, stop=lambda: bool(interrupted))
+        return scaled(self._windowed(stream), factors)
+
+    def _windowed(self, table: TableSource) -> TableSource:
+        return windowed(table, window(self.config.signals), self._time_scale, self.config.signals.sample_time)
 
     def _plan(self, table: TableSource) -> Plan:
         plan = detection_plan(self.config, table.columns, table.metadata, table.name)

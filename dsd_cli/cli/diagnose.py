@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from dsd_cli.cli.identification import HoldoutOption, LogsArgument, PlotOption
 from dsd_cli.cli.options import (
     CONFIG_FILE,
+    BoundsOption,
     ConfigOption,
     EffectsFromOption,
+    FixOption,
     Format,
     FormatOption,
+    FromOption,
+    PriorOption,
     QuietOption,
     SetOption,
+    ToOption,
+    with_window,
 )
+
+if TYPE_CHECKING:
+    from dsd_cli.cli.identification import Given
+    from dsd_cli.identify.results import Diagnosis
 
 
 def diagnose(
@@ -20,6 +32,11 @@ def diagnose(
     holdout: HoldoutOption = None,
     plot: PlotOption = None,
     form: FormatOption = Format.TABLE,
+    fix: FixOption = None,
+    bounds: BoundsOption = None,
+    prior: PriorOption = None,
+    start: FromOption = None,
+    end: ToOption = None,
     override: SetOption = None,
     effects_from: EffectsFromOption = None,
     quiet: QuietOption = False,
@@ -32,29 +49,19 @@ def diagnose(
     import sys
     from dataclasses import replace
 
-    from dsd_cli.cli.identification import ShareDone, check_logs, check_plot, load_given, print_json, put_picture, warn
+    from dsd_cli.cli.identification import check_logs, check_plot, load_given, print_json, put_picture, warn
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
     from dsd_cli.report.diagnosis import DiagnosisReport, print_table, to_json
 
     apart = holdout or []
-    check_logs(log, apart)
     use_effects(effects_from)
-    settings = load_config(config, override or ())
+    settings = load_config(config, with_window(override, start, end)).knowing(fix or (), bounds or (), prior or ())
+    check_logs(log, apart, settings.signals)
     check_plot(plot, [config, *log, *apart, *settings.files, *(effects_from or ())])
     given = load_given(settings, log, apart)
 
-    from dsd_cli.identify.verdict.diagnose import diagnose as run
-
-    with ShareDone(not quiet) as progress:
-        found = run(
-            given.recordings,
-            given.model,
-            given.observer,
-            given.engine_settings,
-            holdout=given.holdout,
-            progress=progress,
-        )
+    found = _found(given, quiet)
     report = DiagnosisReport(
         replace(found, warnings=(*given.warnings, *found.warnings)), given.model, tuple(apart), given.dropped
     )
@@ -70,3 +77,23 @@ def diagnose(
             return draw(report, residual_view(found, given.model, given.recordings))
 
         put_picture(plot, picture, quiet)
+
+
+def _found(given: Given, quiet: bool) -> Diagnosis:
+    """The answer, in the user's units."""
+    from dsd_cli.cli.identification import ShareDone
+    from dsd_cli.identify.results import in_units
+    from dsd_cli.identify.verdict.diagnose import diagnose as run
+
+    with ShareDone(not quiet) as progress:
+        found = run(
+            given.recordings,
+            given.model,
+            given.observer,
+            given.engine_settings,
+            holdout=given.holdout,
+            progress=progress,
+            stability=True,
+        )
+    result: Diagnosis = in_units(found, given.settings.signals.units)
+    return result

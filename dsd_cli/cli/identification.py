@@ -14,7 +14,8 @@ import typer
 from dsd_cli.errors import printable
 
 if TYPE_CHECKING:
-    from dsd_cli.files.config import Config
+    from dsd_cli.files.config import Config, Signals
+    from dsd_cli.identify.fit.known import Known
     from dsd_cli.identify.recordings.recording import Recording
     from dsd_cli.identify.verdict.diagnose import Settings
     from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -38,6 +39,7 @@ class Given:
     holdout: tuple[Recording, ...]
     model: PlantModel
     observer: ObserverSettings
+    known: Known
     dropped: dict[str, int]
     warnings: tuple[str, ...]
 
@@ -46,22 +48,25 @@ class Given:
         """How the engine shall work."""
         from dsd_cli.identify.verdict.diagnose import Settings
 
-        return Settings()
+        return Settings(known=self.known)
 
 
-def check_logs(logs: Sequence[str], holdout: Sequence[str]) -> None:
-    """Each log once.
+def check_logs(logs: Sequence[str], holdout: Sequence[str], signals: Signals | None = None) -> None:
+    """Each log once; with a window of time in [signals] a log may be held out too: what lies outside of it.
 
     Raises
     ------
     UsageError : a log is given twice.
     """
+    from dsd_cli.cli.plan import window
     from dsd_cli.errors import UsageError
 
-    names = [*logs, *holdout]
+    parted = signals is not None and bool(window(signals))
+    names = [*logs, *(name for name in holdout if not (parted and name in logs and name != "-"))]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise UsageError(f"{twice} is given twice", "each log once; --holdout is a log that the others are not")
+        hint = "each log once; --holdout is a log that the others are not, or what --from and --to leave of one"
+        raise UsageError(f"{twice} is given twice", hint)
 
 
 def check_plot(plot: Path | None, inputs: Iterable[str | Path]) -> None:
@@ -94,25 +99,27 @@ def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str]) -> G
     DataError, UsageError : see `load_recording`; or [model] has no inertia.
     """
     from dsd_cli.cli.plan import observer_settings
-    from dsd_cli.cli.recordings import believed_model, load_recording
+    from dsd_cli.cli.recordings import believed_model, known_values, load_holdout, load_recording
 
     observer, model = observer_settings(config), believed_model(config)
-    loaded = {path: load_recording(path, config) for path in (*logs, *holdout)}
+    known = known_values(config)
+    loaded = {path: load_recording(path, config) for path in logs}
+    aside = {path: load_holdout(path, logs, config) for path in holdout}
+    everything = [*loaded.items(), *aside.items()]
     dropped: dict[str, int] = {}
-    for one in loaded.values():
+    for _, one in everything:
         for reason, count in one.dropped.items():
             dropped[reason] = dropped.get(reason, 0) + count
     return Given(
         config,
         tuple(loaded[path].recording for path in logs),
-        tuple(loaded[path].recording for path in holdout),
+        tuple(one.recording for one in aside.values()),
         model,
         observer,
+        known,
         dropped,
         tuple(
-            f"{'<stdin>' if path == '-' else path}: {warning}"
-            for path, one in loaded.items()
-            for warning in one.warnings
+            f"{'<stdin>' if path == '-' else path}: {warning}" for path, one in everything for warning in one.warnings
         ),
     )
 

@@ -11,12 +11,18 @@ import typer
 from dsd_cli.cli.identification import HoldoutOption, PlotOption
 from dsd_cli.cli.options import (
     CONFIG_FILE,
+    BoundsOption,
     ConfigOption,
     EffectsFromOption,
+    FixOption,
     Format,
     FormatOption,
+    FromOption,
+    PriorOption,
     QuietOption,
     SetOption,
+    ToOption,
+    with_window,
 )
 
 if TYPE_CHECKING:
@@ -24,11 +30,21 @@ if TYPE_CHECKING:
     from dsd_cli.files.config import Config
     from dsd_cli.files.config.edit import Origin
     from dsd_cli.identify.results import Ladder
+    from dsd_cli.identify.validation import Validation
 
 LogsOrNone = Annotated[list[str] | None, typer.Argument(metavar="LOG...", help="CSV or Parquet files; - is stdin.")]
 ConfigOut = Annotated[
     str | None,
     typer.Option("-o", "--output", metavar="FILE", help="Config to write, may be that of -c; - is stdout."),
+]
+HoldOption = Annotated[
+    bool, typer.Option("--hold", help="Fit nothing that [model] has: a known machine. Also: fit.hold.")
+]
+FromPriorOption = Annotated[
+    bool, typer.Option("--from-prior", help="[model] was learnt on a sister machine: its values are priors, not truth.")
+]
+SpreadOption = Annotated[
+    float, typer.Option("--spread", metavar="SHARE", help="By which sister machines differ, for --from-prior.")
 ]
 
 
@@ -37,6 +53,9 @@ def improve(
     config: ConfigOption = CONFIG_FILE,
     output: ConfigOut = None,
     holdout: HoldoutOption = None,
+    hold: HoldOption = False,
+    from_prior: FromPriorOption = False,
+    spread: SpreadOption = 0.1,
     auto: Annotated[bool, typer.Option("--auto", help="Do not ask: add what the diagnosis finds.")] = False,
     plot: PlotOption = None,
     form: FormatOption = Format.TABLE,
@@ -44,6 +63,11 @@ def improve(
     undo: Annotated[
         bool, typer.Option("--undo", help="Take the last step back, in the config or into the file of -o.")
     ] = False,
+    fix: FixOption = None,
+    bounds: BoundsOption = None,
+    prior: PriorOption = None,
+    start: FromOption = None,
+    end: ToOption = None,
     override: SetOption = None,
     effects_from: EffectsFromOption = None,
     quiet: QuietOption = False,
@@ -52,20 +76,24 @@ def improve(
 
     Each step is kept only if the error on data that no fit saw falls. Without -o nothing is written.
     """
-    from dsd_cli.cli.identification import check_plot
+    from dsd_cli.cli.identification import check_logs, check_plot
     from dsd_cli.cli.improve_loop import check_outputs
+    from dsd_cli.cli.transfer import with_priors
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
     from dsd_cli.files.config.edit import read_origin
 
-    wanted = Request(config, tuple(log or ()), tuple(holdout or ()), auto, plot, output, form, quiet)
+    wanted = Request(config, tuple(log or ()), tuple(holdout or ()), auto, plot, output, form, quiet, from_prior)
     if history or undo:
         wanted.check_config_alone("--history" if history else "--undo", both=history and undo, override=override)
     else:
         wanted.check_logs()
     use_effects(effects_from)
     origin = read_origin(config)
-    settings = load_config(config, override or ())
+    texts = [*with_window(override, start, end), *(["fit.hold=true"] if hold else [])]
+    settings = load_config(config, texts).knowing(fix or (), bounds or (), prior or ())
+    settings = with_priors(settings, spread) if from_prior else settings
+    check_logs(wanted.logs, wanted.holdout, settings.signals)
     read = (*wanted.inputs, *settings.files, *(effects_from or ()))
     check_outputs(output, form, read)
     if history:
@@ -91,6 +119,7 @@ class Request:
     output: str | None
     form: Format
     quiet: bool
+    transfer: bool = False
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -121,12 +150,10 @@ class Request:
         """
         import sys
 
-        from dsd_cli.cli.identification import check_logs
         from dsd_cli.errors import UsageError
 
         if not self.logs:
             raise UsageError("LOG is missing", "give the log to improve the model with, or --history or --undo")
-        check_logs(self.logs, self.holdout)
         terminal = sys.stdin.isatty() and sys.stderr.isatty() and "-" not in self.inputs
         if not self.auto and not terminal:
             raise UsageError("no terminal to ask on", "--auto adds what the diagnosis finds without asking")
@@ -137,12 +164,16 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
 
     from dsd_cli.cli.identification import load_given, print_json, put_picture, say, warn
     from dsd_cli.cli.improve_loop import put_config, with_steps
+    from dsd_cli.cli.transfer import transferred
+    from dsd_cli.identify.results import in_units
     from dsd_cli.report.ladder import LadderReport, improve_json, print_ladder
 
     output, quiet = wanted.output, wanted.quiet
     given = load_given(settings, wanted.logs, wanted.holdout)
-    ladder = _run(given, wanted.auto, quiet)
-    report = LadderReport(ladder, wanted.logs, output, given.dropped, given.warnings)
+    ladder = in_units(_run(given, wanted.auto, quiet), settings.signals.units)
+    validated = _validated(given, ladder) if given.holdout else ()
+    moved = transferred(settings, ladder) if wanted.transfer else ()
+    report = LadderReport(ladder, wanted.logs, output, given.dropped, given.warnings, validated, moved)
     text = with_steps(origin.text, ladder.steps[0].score, ladder.steps[1:], wanted.logs)
     if output is not None:
         put_config(output, text, origin)
@@ -189,6 +220,14 @@ def _run(given: Given, auto: bool, quiet: bool) -> Ladder:
             on_step=on_step,
             progress=progress,
         )
+
+
+def _validated(given: Given, ladder: Ladder) -> tuple[Validation, ...]:
+    from dsd_cli.cli.compare import controller_of
+    from dsd_cli.identify.validation import validate
+
+    model, units = ladder.steps[-1].model, given.settings.signals.units
+    return validate(given.holdout, model, given.observer, controller_of(given.settings), units)
 
 
 def _show_history(settings: Config, wanted: Request) -> None:

@@ -69,7 +69,7 @@ def _record(step: Step, before: Score, logs: Sequence[str]) -> History:
     from dsd_cli.report.ladder import own
     from dsd_cli.report.names import number_or_none
 
-    estimates = own(step)
+    estimates, gone = own(step), step.kind == "taken back"
     errors = {name: number_or_none(e.std_error) for name, e in estimates.items()}
     listed = {k: v for k, v in step.model.effects.get(step.effect, {}).items() if isinstance(v, list | tuple)}
     values = {
@@ -77,14 +77,19 @@ def _record(step: Step, before: Score, logs: Sequence[str]) -> History:
     }
     return History(
         effect=step.effect,
+        taken_back=gone,
         date=now(),
-        logs=tuple(logs),
+        logs=tuple(log.encode(errors="backslashreplace").decode() for log in logs),  # a file name may be no text
         rmse_before=number_or_none(before.rmse),
         rmse_after=number_or_none(step.score.rmse),
         heldout_rmse_before=number_or_none(before.heldout_rmse),
         heldout_rmse_after=number_or_none(step.score.heldout_rmse),
         values={**values, **listed},
         std_errors={name: rounded(e, e) for name, e in errors.items() if e},
+        fitted={name: rounded(e.value, e.std_error) for name, e in step.estimates.items()},
+        fitted_errors={
+            name: rounded(e.std_error, e.std_error) for name, e in step.estimates.items() if number_or_none(e.std_error)
+        },
     )
 
 

@@ -6,7 +6,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dsd_cli.cli.options import CONFIG_FILE, ConfigOption, LogArgument, QuietOption, SetOption
+from dsd_cli.cli.options import (
+    CONFIG_FILE,
+    ConfigOption,
+    FromOption,
+    LogArgument,
+    QuietOption,
+    SetOption,
+    ToOption,
+    with_window,
+)
 
 if TYPE_CHECKING:
     from dsd_cli.files.logs import LoadedLog
@@ -22,6 +31,8 @@ def observe(
     log: LogArgument,
     output: OutputNeeded,
     config: ConfigOption = CONFIG_FILE,
+    start: FromOption = None,
+    end: ToOption = None,
     override: SetOption = None,
     quiet: QuietOption = False,
 ) -> None:
@@ -35,7 +46,7 @@ def observe(
     from dsd_cli.files.logs import load_log, write_log
     from dsd_cli.files.tables_out import check_output
 
-    settings = load_config(config, override or ())
+    settings = load_config(config, with_window(override, start, end))
     observer = observer_settings(settings)
     if output != "-":
         check_output(output, (log, config, *settings.files))

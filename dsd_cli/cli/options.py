@@ -42,6 +42,38 @@ EffectOption = Annotated[
     ),
 ]
 
+FromOption = Annotated[
+    float | None, typer.Option("--from", metavar="T", help="Read LOG from this stamp on, s (signals.start).")
+]
+ToOption = Annotated[
+    float | None, typer.Option("--to", metavar="T", help="Read LOG up to this stamp, s (signals.end).")
+]
+
+FixOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--fix",
+        metavar="NAME[=VALUE]",
+        help="Value that no fit changes, e.g. inertia=0.35; without a value as [model] has it. Repeatable.",
+    ),
+]
+BoundsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--bounds",
+        metavar="NAME=LOW:HIGH",
+        help="Limits of a value, e.g. viscous_friction.coefficient=0:5. Repeatable.",
+    ),
+]
+PriorOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--prior",
+        metavar="NAME=VALUE+-SPREAD",
+        help="A data sheet's value and its standard deviation, e.g. inertia=0.35+-0.02. Repeatable.",
+    ),
+]
+
 EffectsFromOption = Annotated[
     list[Path] | None,
     typer.Option(
@@ -53,3 +85,9 @@ EffectsFromOption = Annotated[
 
 #: Default of `ConfigOption`.
 CONFIG_FILE = Path("dsd.toml")
+
+
+def with_window(override: list[str] | None, start: float | None, end: float | None) -> list[str]:
+    """The texts of --set with those of --from and --to."""
+    given = [("start", start), ("end", end)]
+    return [*(override or ()), *(f"signals.{name}={value!r}" for name, value in given if value is not None)]

@@ -17,6 +17,7 @@ from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.detect.transition import Transition
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.config import Config, Detector, Observer, Signals, States, Stay
+from dsd_cli.files.windowed import Window
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.cleaning import MEASURED
 from dsd_cli.signals.log import DHatSource
@@ -58,7 +59,13 @@ def reading(signals: Signals) -> dict[str, Any]:
         "factors": signals.factors(),
         "u_hold": signals.u_hold,
         "limits": limits(signals),
+        "window": window(signals),
     }
+
+
+def window(signals: Signals) -> Window:
+    """The rows that are read: [signals] start and end."""
+    return Window(signals.start, signals.end)
 
 
 @contextmanager

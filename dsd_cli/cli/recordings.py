@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dsd_cli.files.config import Config
     from dsd_cli.files.logs import LoadedLog
+    from dsd_cli.files.windowed import Window
+    from dsd_cli.identify.fit.known import Known
     from dsd_cli.identify.recordings.recording import Recording
     from dsd_cli.plant.model import PlantModel
 
@@ -25,10 +27,14 @@ class LoadedRecording:
     warnings: tuple[str, ...]
 
 
-def load_recording(path: str, config: Config) -> LoadedRecording:
+def load_recording(path: str, config: Config, window: Window | None = None) -> LoadedRecording:
     """Read a log (- is stdin), with d_hat and the motion that can be had.
 
     Every channel that the config names may be missing but u (and the time).
+
+    Parameters
+    ----------
+    window : the rows that are read; None: as [signals] says.
 
     Raises
     ------
@@ -43,7 +49,10 @@ def load_recording(path: str, config: Config) -> LoadedRecording:
     columns = log_columns(config.signals)
     with naming(path):
         optional = {name for name in columns if name not in ("t", "u")}
-        loaded = load_log(path, columns, optional, **reading(config.signals))
+        how = reading(config.signals) if window is None else {**reading(config.signals), "window": window}
+        loaded = load_log(path, columns, optional, **how)
+    if window:
+        loaded = replace(loaded, log=replace(loaded.log, source=f"{loaded.log.source} ({window})"))
     _check_channels(loaded.log.source, loaded)
     check_sizes(loaded.log.source, loaded)
     recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)
@@ -63,15 +72,29 @@ def _wrong(loaded: LoadedLog, config: Config) -> list[str]:
 
 
 def believed_model(config: Config) -> PlantModel:
-    """[model], whose inertia must be given.
+    """[model] with what [fit] fixes in it; its inertia must be given, in one of them.
 
     Raises
     ------
     UsageError : it is not.
     """
+    return known_values(config).applied(_written_model(config))
+
+
+def _written_model(config: Config) -> PlantModel:
     from dsd_cli.cli.plan import plant_model
 
-    return plant_model(config, config.require_inertia())
+    return plant_model(config, config.fit.fix.get("inertia") or config.require_inertia())
+
+
+def known_values(config: Config) -> Known:
+    """[fit]: what a fit is told of values.
+
+    Raises
+    ------
+    UsageError : see `Fit.known`.
+    """
+    return config.fit.known(_written_model(config), config.name)
 
 
 #: Squares of larger values overflow.
@@ -114,3 +137,11 @@ def absent(config: Config, columns: Mapping[str, str], loaded: LoadedLog) -> lis
         for name, column in columns.items()
         if name not in loaded.log and config.says(f"signals.{name}")
     ]
+
+
+def load_holdout(path: str, logs: Sequence[str], config: Config) -> LoadedRecording:
+    """A log that no fit sees: all of it, or what lies outside of --from and --to of a log that is fitted."""
+    from dsd_cli.cli.plan import window
+    from dsd_cli.files.windowed import Window
+
+    return load_recording(path, config, window(config.signals).rest if path in logs else Window())

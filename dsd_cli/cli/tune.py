@@ -13,9 +13,12 @@ from dsd_cli.cli.options import (
     EffectsFromOption,
     Format,
     FormatOption,
+    FromOption,
     LogArgument,
     QuietOption,
     SetOption,
+    ToOption,
+    with_window,
 )
 
 if TYPE_CHECKING:
@@ -36,6 +39,8 @@ def tune(
     config: ConfigOption = CONFIG_FILE,
     output: ConfigOut = None,
     form: FormatOption = Format.TABLE,
+    start: FromOption = None,
+    end: ToOption = None,
     override: SetOption = None,
     effect: EffectOption = None,
     effects_from: EffectsFromOption = None,
@@ -59,7 +64,7 @@ def tune(
 
     use_effects(effects_from)
     origin = read_origin(config)
-    settings = load_config(config, override or (), effect or ())
+    settings = load_config(config, with_window(override, start, end), effect or ())
     if output == "-" and form is Format.JSON:
         raise UsageError("-o - and --format json both want stdout", "write the config to a file")
     if output is not None:

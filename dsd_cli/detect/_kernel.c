@@ -1,11 +1,13 @@
 /* The detector's inner loop, eq. 14-19 of the paper, one sample at a time.
  *
- * `advance` takes one sample through three stages and serves both Kernel.step and Kernel.run, so that a stream, an
- * array and any chunking give the same bits:
+ * `advance` takes one sample through three stages:
  *   1. predict   per delay and effect values ("group"): z = Q{ u(t-L) + forces }, and y = Q u + d_hat
  *   2. window    per state: squared residual (y - (Jn/J) z)^2, summed over the last M samples
  *   3. decide    argmax of log a + log b, ties and `hold` keep the last label; lead, probability
- * numpy_kernel.py is the readable twin: same numbers, label by label.
+ * `advance_tile` takes four successive samples at once through the same operations in the same order: what is three
+ * short vectors of states for one sample, with sums across their lanes, is one vector of samples per state for four. So
+ * a stream, an array and any chunking give the same bits. numpy_kernel.py is the readable twin: same numbers, label by
+ * label.
  *
  * The window is a two-block sum anchored at multiples of M: prefix of the current block + suffix of the one before.
  * Nothing is ever subtracted, so a spike of 1e9 leaves no trace, and M costs nothing.
@@ -22,9 +24,7 @@
 #define LANES 4
 
 #if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__)
-#define DISPATCH __attribute__((target_clones("avx2", "default")))
-#else
-#define DISPATCH
+#define AVX2 __attribute__((target("avx2")))    /* a second copy of the loops, where the processor has it */
 #endif
 #define INLINE static inline __attribute__((always_inline))
 
@@ -40,9 +40,8 @@ typedef struct {
     double T, tau, pole, sign, c, ll_const, ll_floor, hold, confidence, lead, log_stay, log_move, warmup_time;
     double *delay, *frac;
     int64_t *whole;
-    int32_t *state_of, *group_of;   /* per lane */
+    int32_t *state_of;              /* per lane */
     double *alpha, *log_a;          /* Jn/J per lane of a group; log A, a row per lane */
-    uint8_t *axis_is_inertia;
     double *axis;                   /* axes x padded: which value of the axis a state has */
     /* carried */
     int64_t k, count;               /* samples seen, samples that entered the window */
@@ -53,7 +52,8 @@ typedef struct {
     int64_t cap, *pointer;          /* per delay: the piece of u where the next interval starts (timed) */
     double w, u_mean, interval;     /* Q u; last interval's mean u and length (aperture 2) */
     double *z, *raw;                /* per group: Q z, last raw z */
-    double *prefix, *ring, *dist, *cost, *column, *row;
+    double *prefix, *ring, *dist, *cost, *row;
+    double *z4, *dist4, *row4;      /* the same for LANES samples: a vector of samples in place of each number */
     void *block;                    /* the one aligned allocation behind these arrays */
 } Core;
 
@@ -162,7 +162,7 @@ INLINE void predict(Core *q, const double *force, const double *budget, double s
     }
 }
 
-/* ---- stage 2: windowed distances, eq. 15-17 ------------------------------------------------------------------ */
+/* ---- vectors ------------------------------------------------------------------------------------------------- */
 
 /* GCC's vector extensions: the loops below do not vectorise by themselves, because of the running minima. */
 typedef double v4 __attribute__((vector_size(32), aligned(32), may_alias));
@@ -170,38 +170,111 @@ typedef int64_t i4 __attribute__((vector_size(32), aligned(32), may_alias));
 
 INLINE v4 splat(double x) { return (v4){x, x, x, x}; }
 INLINE v4 pick(i4 mask, v4 a, v4 b) { return (v4)((mask & (i4)a) | (~mask & (i4)b)); }
-INLINE v4 smaller(v4 a, v4 b) { return pick(a < b, a, b); }
+/* `wide` (a constant: AVX2 or not) is for the two that GCC has no one instruction for, which here are a third of all */
+INLINE v4 smaller(v4 a, v4 b, const int wide) {
+#ifdef AVX2
+    if (wide) {
+        v4 m;
+        __asm__("vminpd %2, %1, %0" : "=x"(m) : "x"(a), "xm"(b));
+        return m;
+    }
+#endif
+    return pick(a < b, a, b);
+}
+INLINE int any(i4 mask, const int wide) {
+#ifdef AVX2
+    if (wide) {
+        int bits;
+        __asm__("vmovmskpd %1, %0" : "=r"(bits) : "x"(mask));
+        return bits;
+    }
+#endif
+    return (mask[0] | mask[1] | mask[2] | mask[3]) != 0;
+}
+/* a 4 x 4 matrix by columns becomes one by rows */
+INLINE void turn(v4 *a, v4 *b, v4 *c, v4 *d) {
+    const v4 ab0 = __builtin_shuffle(*a, *b, (i4){0, 4, 2, 6}), ab1 = __builtin_shuffle(*a, *b, (i4){1, 5, 3, 7});
+    const v4 cd0 = __builtin_shuffle(*c, *d, (i4){0, 4, 2, 6}), cd1 = __builtin_shuffle(*c, *d, (i4){1, 5, 3, 7});
+    *a = __builtin_shuffle(ab0, cd0, (i4){0, 1, 4, 5});
+    *b = __builtin_shuffle(ab1, cd1, (i4){0, 1, 4, 5});
+    *c = __builtin_shuffle(ab0, cd0, (i4){2, 3, 6, 7});
+    *d = __builtin_shuffle(ab1, cd1, (i4){2, 3, 6, 7});
+}
 INLINE double lowest(v4 m) {
     const double a = m[0] < m[1] ? m[0] : m[1], b = m[2] < m[3] ? m[2] : m[3];
     return a < b ? a : b;
 }
 
+/* `predict` of LANES samples of the plainest case, whose u are in the history already */
+INLINE void predict_tile(Core *q, v4 *w) {
+    const int64_t first = q->filtered ? q->k - 1 : q->k, mask = q->cap - 1;
+    const double p = q->filtered ? q->pole : 0.0, keep = 1.0 - p;
+    v4 *restrict tile = (v4 *)q->z4;
+    Py_ssize_t g;
+    int i;
+    for (i = 0; i < LANES; i++) {
+        q->u_mean = history(q->u, q->cap, first + i);
+        (*w)[i] = q->w = keep * q->u_mean + p * q->w;
+    }
+    for (g = 0; g < q->delays; g++) {
+        const double frac = q->frac[g], rest = 1.0 - frac;
+        const int64_t n = first - q->whole[g];      /* at least 1: the delay lines are full */
+        double z = q->z[g], before = q->u[(n - 1) & mask];
+        v4 all;
+        for (i = 0; i < LANES; i++) {
+            const double now = q->u[(n + i) & mask];
+            z = keep * (rest * now + frac * before) + p * z;
+            all[i] = z;
+            before = now;
+        }
+        q->z[g] = z;
+        tile[g] = all;
+    }
+    q->interval = q->T;
+    q->k += LANES;
+}
+
+/* ---- stage 2: windowed distances, eq. 15-17 ------------------------------------------------------------------ */
+
 /* Padding lanes are at infinity, in the prefix and so in every distance. */
 static void clear_prefix(Core *q) {
-    Py_ssize_t s;
-    for (s = 0; s < q->padded; s++) q->prefix[s] = s % q->width < q->inertias ? 0.0 : INFINITY;
+    Py_ssize_t g, h;
+    double *next = q->prefix;
+    for (g = 0; g < q->groups; g++) for (h = 0; h < q->width; h++) *next++ = h < q->inertias ? 0.0 : INFINITY;
+}
+
+/* Suffix sums of `count` vectors of every row, in registers from the last row to the first. */
+INLINE void sum_up(v4 *first, Py_ssize_t nv, Py_ssize_t rows, const int count) {
+    v4 sum[LANES] = {splat(0.0), splat(0.0), splat(0.0), splat(0.0)}, *a = first + rows * nv;
+    int i;
+    while (a > first) {
+        a -= nv;
+        for (i = 0; i < count; i++) a[i] = sum[i] = a[i] + sum[i];
+    }
 }
 
 /* The block of M squares is complete: turn it into suffix sums, and start a new prefix. */
-static void turn_block(Core *q) {
+INLINE void turn_block(Core *q) {
     const Py_ssize_t nv = q->padded / LANES;
-    v4 *a = (v4 *)q->ring + (q->window - 1) * nv;
-    while (a-- > (v4 *)q->ring) *a += a[nv];
+    v4 *ring = (v4 *)q->ring;
+    Py_ssize_t v;
+    for (v = 0; v + LANES <= nv; v += LANES) sum_up(ring + v, nv, q->window, LANES);
+    if (nv - v == 3) sum_up(ring + v, nv, q->window, 3);
+    else for (; v < nv; v++) sum_up(ring + v, nv, q->window, 1);
     clear_prefix(q);
 }
 
-/* Fills dist, and the smallest distance per group (`row`) and per inertia (`column`). Returns the smallest of all. */
-INLINE double window(Core *q, double y, int missing, const Py_ssize_t nh) {
+/* Fills dist, and the smallest distance per group (`row`). Returns the smallest of all. */
+INLINE double window(Core *q, double y, int missing, const Py_ssize_t nh, const int wide) {
     const Py_ssize_t groups = q->groups;
     v4 *restrict slot = (v4 *)(q->ring + q->slot * q->padded), *restrict prefix = (v4 *)q->prefix;
-    v4 *restrict dist = (v4 *)q->dist, *restrict column = (v4 *)q->column;
+    v4 *restrict dist = (v4 *)q->dist;
     const v4 *restrict suffix = (v4 *)(q->ring + (q->slot + 1) * q->padded), *restrict alpha = (v4 *)q->alpha;
     const v4 yy = splat(missing ? 0.0 : y);
     const double *restrict zs = q->z;
     double *restrict row = q->row;
     double best = INFINITY, lowest_of_group;
     Py_ssize_t g, h, v = 0;
-    for (h = 0; h < nh; h++) column[h] = splat(INFINITY);
     for (g = 0; g < groups; g++) {
         const v4 z = splat(missing ? 0.0 : zs[g]);
         v4 low = splat(INFINITY);
@@ -210,8 +283,7 @@ INLINE double window(Core *q, double y, int missing, const Py_ssize_t nh) {
             prefix[v] = sum;
             slot[v] = square;
             dist[v] = d;
-            low = smaller(d, low);
-            column[h] = smaller(d, column[h]);
+            low = smaller(d, low, wide);
         }
         row[g] = lowest_of_group = lowest(low);
         best = lowest_of_group < best ? lowest_of_group : best;
@@ -224,9 +296,46 @@ INLINE double window(Core *q, double y, int missing, const Py_ssize_t nh) {
     return best;
 }
 
+/* `window` of LANES samples within one block of M. Fills dist4 (per vector of states one vector for each sample) and row4
+ * (per group a vector of samples). Returns the smallest of all, by sample. */
+INLINE v4 window_tile(Core *q, v4 y, const Py_ssize_t nh, const int wide) {
+    const Py_ssize_t groups = q->groups, nv = q->padded / LANES;
+    v4 *restrict ring = (v4 *)(q->ring + q->slot * q->padded), *restrict prefix = (v4 *)q->prefix;
+    v4 *restrict dist = (v4 *)q->dist4, *restrict row = (v4 *)q->row4;
+    const v4 *restrict alpha = (v4 *)q->alpha, *restrict z = (v4 *)q->z4;
+    const v4 y0 = splat(y[0]), y1 = splat(y[1]), y2 = splat(y[2]), y3 = splat(y[3]);
+    v4 best = splat(INFINITY);
+    Py_ssize_t g, h;
+    for (g = 0; g < groups; g++) {
+        const v4 z0 = splat(z[g][0]), z1 = splat(z[g][1]), z2 = splat(z[g][2]), z3 = splat(z[g][3]);
+        v4 low0 = splat(INFINITY), low1 = low0, low2 = low0, low3 = low0;
+        for (h = 0; h < nh; h++, ring++, prefix++, dist += LANES) {
+            const v4 r0 = y0 - alpha[h] * z0, s0 = r0 * r0, r1 = y1 - alpha[h] * z1, s1 = r1 * r1;
+            const v4 r2 = y2 - alpha[h] * z2, s2 = r2 * r2, r3 = y3 - alpha[h] * z3, s3 = r3 * r3;
+            const v4 p0 = *prefix + s0, p1 = p0 + s1, p2 = p1 + s2, p3 = p2 + s3;
+            const v4 d0 = p0 + ring[nv], d1 = p1 + ring[2 * nv], d2 = p2 + ring[3 * nv], d3 = p3 + ring[4 * nv];
+            ring[0] = s0; ring[nv] = s1; ring[2 * nv] = s2; ring[3 * nv] = s3;
+            dist[0] = d0; dist[1] = d1; dist[2] = d2; dist[3] = d3;
+            *prefix = p3;
+            low0 = smaller(d0, low0, wide); low1 = smaller(d1, low1, wide);
+            low2 = smaller(d2, low2, wide); low3 = smaller(d3, low3, wide);
+        }
+        turn(&low0, &low1, &low2, &low3);
+        row[g] = smaller(smaller(low0, low1, wide), smaller(low2, low3, wide), wide);
+        best = smaller(row[g], best, wide);
+    }
+    q->count += LANES;
+    q->slot += LANES;
+    if (q->slot == q->window) {
+        q->slot = 0;
+        turn_block(q);
+    }
+    return best;
+}
+
 /* ---- stage 3: decision, eq. 18-19 ---------------------------------------------------------------------------- */
 
-/* exp for -700 < x <= 0, relative error below 2e-7: enough for a probability */
+/* exp for -700 < x <= 0, relative error below 2e-7: enough for a probability; below that it is any bits */
 INLINE v4 quick_exp(v4 x) {
     const v4 magic = splat(6755399441055744.0);
     const v4 shifted = x * splat(1.4426950408889634) + magic;
@@ -291,31 +400,19 @@ INLINE void choose(Core *q, const double *cost, double unit, double best) {
     q->label = found;
 }
 
-/* Is the label's lead over the best state with another value, on every axis, at least `confidence` nats? The axes of a
- * group (delay, effects) see its smallest distance; the inertias are the columns. */
+/* Is the label's lead over the best state with another value, on every axis, at least `confidence` nats? Any other state
+ * has another value on some axis: none may be nearer than that. */
 INLINE int leads(const Core *q) {
-    const Py_ssize_t width = q->width, g0 = q->group_of[q->label], h0 = q->label - g0 * width;
     const double limit = q->dist[q->label] + q->lead;
-    Py_ssize_t a, g, h;
-    if (q->combos == 1) {       /* delays and inertias only: the same as below, without the cases */
-        for (g = 0; g < q->groups; g++) if (q->row[g] < limit && g != g0) return 0;
-        for (h = 0; h < q->inertias; h++) if (q->column[h] < limit && h != h0) return 0;
-        return 1;
-    }
-    for (a = 0; a < q->axes; a++) {
-        const double *id = q->axis + a * q->padded;
-        if (q->axis_is_inertia[a]) {
-            for (h = 0; h < q->inertias; h++)
-                if (h != h0 && q->column[h] < limit) return 0;
-        } else {
-            for (g = 0; g < q->groups; g++)
-                if (q->row[g] < limit && id[g * width] != id[g0 * width]) return 0;
-        }
+    Py_ssize_t g, s;
+    for (g = 0; g < q->groups; g++) {
+        if (!(q->row[g] < limit)) continue;
+        for (s = g * q->width; s < (g + 1) * q->width; s++) if (q->dist[s] < limit && s != q->label) return 0;
     }
     return 1;
 }
 
-INLINE void decide(Core *q, double nearest, const Py_ssize_t nh, Result *out) {
+INLINE void decide(Core *q, int64_t count, double nearest, const Py_ssize_t nh, Result *out) {
     const Py_ssize_t groups = q->groups;
     const double *restrict row = q->row;
     const double *cost;
@@ -331,7 +428,7 @@ INLINE void decide(Core *q, double nearest, const Py_ssize_t nh, Result *out) {
         for (v = g * nh; v < (g + 1) * nh; v++) {
             const v4 x = (splat(best) - ((const v4 *)cost)[v]) * splat(unit);
             const i4 near = x > splat(-20.0);
-            total += pick(near, quick_exp(pick(near, x, splat(0.0))), splat(0.0));
+            total += pick(near, quick_exp(x), splat(0.0));
         }
     }
     mine = (best - cost[q->label]) * unit;
@@ -339,13 +436,11 @@ INLINE void decide(Core *q, double nearest, const Py_ssize_t nh, Result *out) {
     out->probability = (mine == 0.0 ? 1.0 : exp(mine)) / ((total[0] + total[1]) + (total[2] + total[3]));
     if (!(out->probability >= 0.0)) out->probability = 0.0;
     /* a state that leaves more than about 2 rho does not explain the data, however far it leads */
-    out->confident = q->count >= q->window && out->ll >= q->ll_floor && leads(q);
+    out->confident = count >= q->window && out->ll >= q->ll_floor && leads(q);
 }
 
-/* one sample; `matrix` (states) takes all log-likelihoods instead of a decision */
-INLINE int advance(Core *q, double t, double u, double d, const double *force, const double *budget, double s,
-                   const Py_ssize_t nh, double *matrix, Result *out) {
-    const int missing = !(isfinite(u) && isfinite(d));
+/* takes in what was measured: history, z and w of the sample */
+INLINE int measure(Core *q, double t, double u, const double *force, const double *budget, double s) {
     if (q->timed) {
         if (grow(q)) return -1;
         q->t[q->k & (q->cap - 1)] = t;
@@ -354,20 +449,28 @@ INLINE int advance(Core *q, double t, double u, double d, const double *force, c
     if (!isfinite(u)) u = q->k > 0 ? q->u[(q->k - 1) & (q->cap - 1)] : 0.0;
     q->u[q->k & (q->cap - 1)] = u;
     predict(q, force, budget, s);
-    out->ll = NAN; out->probability = NAN; out->confident = 0; out->status = WARMUP;
     /* before the delay lines are full of measured u and Q has settled, a prediction rests on a guess: no label yet */
     if (!q->warm && q->k >= q->warmup_rows)
         q->warm = !q->timed || q->t[(q->k - q->aperture) & (q->cap - 1)] - q->start >= q->warmup_time;
     q->k++;
+    return 0;
+}
+
+/* one sample; `matrix` (states) takes all log-likelihoods instead of a decision */
+INLINE int advance(Core *q, double t, double u, double d, const double *force, const double *budget, double s,
+                   const Py_ssize_t nh, const int wide, double *matrix, Result *out) {
+    const int missing = !(isfinite(u) && isfinite(d));
+    if (measure(q, t, u, force, budget, s)) return -1;
+    out->ll = NAN; out->probability = NAN; out->confident = 0; out->status = WARMUP;
     if (q->warm) {
-        const double nearest = window(q, q->w + q->sign * d, missing, nh);
+        const double nearest = window(q, q->w + q->sign * d, missing, nh, wide);
         if (!missing) {
             out->status = q->count >= q->window ? FULL : PARTIAL;
             if (matrix) {
                 Py_ssize_t i;
                 for (i = 0; i < q->states; i++) matrix[i] = q->ll_const - q->c * q->dist[lane(q, i)];
             } else {
-                decide(q, nearest, nh, out);
+                decide(q, q->count, nearest, nh, out);
             }
         }
     }
@@ -382,29 +485,147 @@ typedef struct {
     uint8_t *confident;
 } Arrays;
 
-INLINE int run_rows(Core *q, Py_ssize_t n, const Arrays *x, const Py_ssize_t nh) {
+INLINE void put(const Arrays *x, Py_ssize_t i, const Result *one) {
+    x->state[i] = one->state;
+    x->ll[i] = one->ll;
+    x->probability[i] = one->probability;
+    x->confident[i] = x->matrix ? one->status : one->confident;
+}
+
+/* `decide` of LANES samples one by one */
+INLINE void decide_each(Core *q, v4 nearest, const Py_ssize_t nh, Py_ssize_t at, const Arrays *x) {
+    const Py_ssize_t groups = q->groups, nv = groups * nh;
     Result out;
-    Py_ssize_t i;
-    for (i = 0; i < n; i++) {
+    Py_ssize_t g, v;
+    int i;
+    for (i = 0; i < LANES; i++) {
+        for (v = 0; v < nv; v++) ((v4 *)q->dist)[v] = ((v4 *)q->dist4)[v * LANES + i];
+        for (g = 0; g < groups; g++) q->row[g] = q->row4[g * LANES + i];
+        decide(q, q->count - LANES + 1 + i, nearest[i], nh, &out);
+        out.state = q->state_of[q->label];
+        put(x, at + i, &out);
+    }
+}
+
+/* `decide` of LANES samples that keep the label, with a uniform A; 0 if there is one that does not */
+INLINE int decide_tile(Core *q, v4 best, const Py_ssize_t nh, Py_ssize_t at, const Arrays *x, const int wide) {
+    const double *own = q->dist4 + q->label / LANES * LANES * LANES + q->label % LANES;
+    const v4 mine = {own[0], own[LANES], own[2 * LANES], own[3 * LANES]};
+    const v4 *restrict dist = (v4 *)q->dist4, *restrict row = (v4 *)q->row4;
+    const v4 unit = splat(q->c), far = best + splat(20.0 / q->c), limit = mine + splat(q->lead);
+    const v4 lag = (mine - best) * unit, tie = splat(1e-9) * (splat(1.0) + best * unit), hold = splat(q->hold);
+    const v4 ll = splat(q->ll_const) - unit * mine;
+    const int32_t state = q->state_of[q->label];
+    v4 total[LANES] = {splat(0.0), splat(0.0), splat(0.0), splat(0.0)}, probability;
+    i4 sure = ll >= splat(q->ll_floor);
+    Py_ssize_t g, h;
+    int i;
+    if (any(lag > pick(hold > tie, hold, tie), wide)) return 0;
+    for (g = 0; g < q->groups; g++) {
+        if (!any(~(row[g] > far) | (row[g] < limit), wide)) continue;
+        for (h = 0; h < nh; h++) {
+            const v4 *here = dist + (g * nh + h) * LANES;
+            v4 d[LANES] = {here[0], here[1], here[2], here[3]};
+            turn(&d[0], &d[1], &d[2], &d[3]);       /* from a sample of four states to a state at four samples */
+            for (i = 0; i < LANES; i++) {
+                const v4 e = (best - d[i]) * unit;
+                const i4 near = e > splat(-20.0);
+                if ((g * nh + h) * LANES + i != q->label) sure &= ~(d[i] < limit);
+                if (any(near, wide)) total[i] += pick(near, quick_exp(e), splat(0.0));
+            }
+        }
+    }
+    probability = splat(1.0);
+    if (any(lag != splat(0.0), wide)) for (i = 0; i < LANES; i++) probability[i] = lag[i] == 0.0 ? 1.0 : exp(-lag[i]);
+    probability /= (total[0] + total[1]) + (total[2] + total[3]);
+    for (i = 0; i < LANES; i++) {
+        x->state[at + i] = state;
+        x->ll[at + i] = ll[i];
+        x->probability[at + i] = probability[i] >= 0.0 ? probability[i] : 0.0;
+        x->confident[at + i] = sure[i] != 0 && q->count - LANES + 1 + i >= q->window;
+    }
+    return 1;
+}
+
+/* LANES samples from `at` on, none of them missing */
+INLINE int advance_tile(Core *q, Py_ssize_t at, const Arrays *x, const Py_ssize_t nh, const int wide) {
+    v4 w, best;
+    Py_ssize_t g;
+    int i;
+    if (!q->timed && !x->force && q->aperture == 1 && q->combos == 1) {
+        for (i = 0; i < LANES; i++) q->u[(q->k + i) & (q->cap - 1)] = x->u[at + i];
+        predict_tile(q, &w);
+    } else {
+        for (i = 0; i < LANES; i++) {
+            if (measure(q, x->t ? x->t[at + i] : 0.0, x->u[at + i], x->force ? x->force + (at + i) * q->combos : NULL,
+                        x->budget ? x->budget + (at + i) * q->combos : NULL, x->sign ? x->sign[at + i] : 0.0))
+                return -1;
+            for (g = 0; g < q->groups; g++) q->z4[g * LANES + i] = q->z[g];
+            w[i] = q->w;
+        }
+    }
+    best = window_tile(q, w + splat(q->sign) * (v4){x->d[at], x->d[at + 1], x->d[at + 2], x->d[at + 3]}, nh, wide);
+    if (q->transition != UNIFORM || !decide_tile(q, best, nh, at, x, wide)) decide_each(q, best, nh, at, x);
+    return 0;
+}
+
+/* Whether the samples from `at` on fill a tile: past the warm-up, in one block of the window, all measured. */
+INLINE int fills_tile(const Core *q, Py_ssize_t at, Py_ssize_t n, const Arrays *x) {
+    double sum = 0.0;
+    int i;
+    if (!q->warm || x->matrix || at + LANES > n || q->slot + LANES > q->window) return 0;
+    for (i = 0; i < LANES; i++) sum += x->u[at + i] * 0.0 + x->d[at + i] * 0.0;
+    return sum == 0.0;      /* 0 times what is not finite is NaN */
+}
+
+INLINE int run_rows(Core *q, Py_ssize_t n, const Arrays *x, const Py_ssize_t nh, const int wide) {
+    Result out;
+    Py_ssize_t i = 0;
+    while (i < n) {
+        if (fills_tile(q, i, n, x)) {
+            if (advance_tile(q, i, x, nh, wide)) return -1;
+            i += LANES;
+            continue;
+        }
         if (advance(q, x->t ? x->t[i] : 0.0, x->u[i], x->d[i], x->force ? x->force + i * q->combos : NULL,
-                    x->budget ? x->budget + i * q->combos : NULL, x->sign ? x->sign[i] : 0.0, nh,
+                    x->budget ? x->budget + i * q->combos : NULL, x->sign ? x->sign[i] : 0.0, nh, wide,
                     x->matrix ? x->matrix + i * q->states : NULL, &out))
             return -1;
-        x->state[i] = out.state;
-        x->ll[i] = out.ll;
-        x->probability[i] = out.probability;
-        x->confident[i] = x->matrix ? out.status : out.confident;
+        put(x, i, &out);
+        i++;
     }
     return 0;
 }
 
 /* the usual widths of a group as constants, so that the inner loops unroll */
-DISPATCH static int run_block(Core *q, Py_ssize_t n, const Arrays *x) {
-    if (q->width == LANES) return run_rows(q, n, x, 1);
-    if (q->width == 2 * LANES) return run_rows(q, n, x, 2);
-    if (q->width == 3 * LANES) return run_rows(q, n, x, 3);
-    return run_rows(q, n, x, q->width / LANES);
+INLINE int run_wide(Core *q, Py_ssize_t n, const Arrays *x, const int wide) {
+    if (q->width == LANES) return run_rows(q, n, x, 1, wide);
+    if (q->width == 2 * LANES) return run_rows(q, n, x, 2, wide);
+    if (q->width == 3 * LANES) return run_rows(q, n, x, 3, wide);
+    return run_rows(q, n, x, q->width / LANES, wide);
 }
+
+INLINE int step_wide(Core *q, double u, double d, Result *out, const int wide) {
+    const Py_ssize_t nh = q->width / LANES;
+    if (nh == 1) return advance(q, 0.0, u, d, NULL, NULL, 0.0, 1, wide, NULL, out);
+    return advance(q, 0.0, u, d, NULL, NULL, 0.0, nh, wide, NULL, out);
+}
+
+static int run_plain(Core *q, Py_ssize_t n, const Arrays *x) { return run_wide(q, n, x, 0); }
+static int step_plain(Core *q, double u, double d, Result *out) { return step_wide(q, u, d, out, 0); }
+#ifdef AVX2
+AVX2 static int run_avx2(Core *q, Py_ssize_t n, const Arrays *x) { return run_wide(q, n, x, 1); }
+AVX2 static int step_avx2(Core *q, double u, double d, Result *out) { return step_wide(q, u, d, out, 1); }
+static int run_block(Core *q, Py_ssize_t n, const Arrays *x) {
+    return __builtin_cpu_supports("avx2") ? run_avx2(q, n, x) : run_plain(q, n, x);
+}
+static int step_once(Core *q, double u, double d, Result *out) {
+    return __builtin_cpu_supports("avx2") ? step_avx2(q, u, d, out) : step_plain(q, u, d, out);
+}
+#else
+static int run_block(Core *q, Py_ssize_t n, const Arrays *x) { return run_plain(q, n, x); }
+static int step_once(Core *q, double u, double d, Result *out) { return step_plain(q, u, d, out); }
+#endif
 
 /* ---- the Python type ----------------------------------------------------------------------------------------- */
 
@@ -441,19 +662,19 @@ static void restart(Core *q) {
 /* The arrays of the inner loops, in one 32-byte aligned block. */
 static int allocate(Core *q, const double *alpha, const double *axis, const double *log_a) {
     const Py_ssize_t n = q->padded, S = q->states, width = q->width;
-    const Py_ssize_t rows = 3 + q->axes + (q->window + 1) + (log_a ? n : 0);
+    const Py_ssize_t rows = 3 + LANES + q->axes + (q->window + 1) + (log_a ? n : 0);
     Py_ssize_t a, s;
     double *next;
     q->state_of = calloc(n, sizeof(int32_t));
-    q->group_of = calloc(n, sizeof(int32_t));
-    q->axis_is_inertia = calloc(q->axes + 1, 1);
-    q->block = calloc(rows * n + 2 * width + q->groups + LANES, sizeof(double));
-    if (!q->state_of || !q->group_of || !q->axis_is_inertia || !q->block) return -1;
+    q->block = calloc(rows * n + width + (1 + 2 * LANES) * q->groups + LANES, sizeof(double));
+    if (!q->state_of || !q->block) return -1;
     next = (double *)(((uintptr_t)q->block + 31) & ~(uintptr_t)31);
     q->alpha = next; next += width;
-    q->column = next; next += width;
     q->prefix = next; next += n;
     q->dist = next; next += n;
+    q->dist4 = next; next += n * LANES;
+    q->row4 = next; next += q->groups * LANES;
+    q->z4 = next; next += q->groups * LANES;
     q->cost = next; next += n;
     q->axis = next; next += n * q->axes;
     q->ring = next; next += n * (q->window + 1);
@@ -462,10 +683,8 @@ static int allocate(Core *q, const double *alpha, const double *axis, const doub
     for (s = 0; s < q->inertias; s++) q->alpha[s] = alpha[s];
     for (s = 0; s < S; s++) {
         q->state_of[lane(q, s)] = (int32_t)s;
-        q->group_of[lane(q, s)] = (int32_t)(s / q->inertias);
         for (a = 0; a < q->axes; a++) {
             q->axis[a * n + lane(q, s)] = axis[a * S + s];
-            if (s < q->inertias && axis[a * S + s] != axis[a * S]) q->axis_is_inertia[a] = 1;
         }
         for (a = 0; log_a && a < S; a++) q->log_a[lane(q, a) * n + lane(q, s)] = log_a[a * S + s];
     }
@@ -500,7 +719,7 @@ static int fill(Core *q, PyObject *delays, PyObject *alphas, PyObject *axes, PyO
         q->frac[g] = exact - floor(exact);
         if (q->whole[g] > most) most = q->whole[g];
     }
-    for (q->cap = 64; q->cap < (q->timed ? 64 : most + 4); q->cap *= 2) {}
+    for (q->cap = 64; q->cap < (q->timed ? 64 : most + LANES + 4); q->cap *= 2) {}
     q->u = calloc(q->cap, sizeof(double));
     q->t = calloc(q->cap, sizeof(double));
     if (!q->u || !q->t || allocate(q, alpha, axis, matrix)) { PyErr_NoMemory(); goto done; }
@@ -539,7 +758,7 @@ static void kernel_dealloc(PyObject *object) {
     Core *q = &((Kernel *)object)->core;
     PyTypeObject *type = Py_TYPE(object);
     freefunc release = (freefunc)PyType_GetSlot(type, Py_tp_free);
-    free(q->delay); free(q->frac); free(q->state_of); free(q->group_of); free(q->axis_is_inertia); free(q->whole); free(q->pointer);
+    free(q->delay); free(q->frac); free(q->state_of); free(q->whole); free(q->pointer);
     free(q->z); free(q->raw); free(q->u); free(q->t); free(q->block);
     release(object);
     Py_DECREF(type);
@@ -551,8 +770,18 @@ static PyObject *kernel_restart(PyObject *object, PyObject *unused) {
     Py_RETURN_NONE;
 }
 
-DISPATCH static int step_once(Core *q, double u, double d, Result *out) {
-    return advance(q, 0.0, u, d, NULL, NULL, 0.0, q->width / LANES, NULL, out);
+/* (state, ll, probability, confident); a format would be read anew at every step */
+static PyObject *answer(const Result *out) {
+    PyObject *parts[] = {PyLong_FromLong(out->state), PyFloat_FromDouble(out->ll), PyFloat_FromDouble(out->probability),
+                         PyBool_FromLong(out->confident)};
+    PyObject *all = PyTuple_New(4);
+    Py_ssize_t i;
+    for (i = 0; i < 4; i++) {
+        if (!parts[i]) Py_CLEAR(all);
+        if (all) PyTuple_SetItem(all, i, parts[i]);
+        else Py_XDECREF(parts[i]);
+    }
+    return all;
 }
 
 static PyObject *kernel_step(PyObject *object, PyObject *const *args, Py_ssize_t n) {
@@ -567,7 +796,7 @@ static PyObject *kernel_step(PyObject *object, PyObject *const *args, Py_ssize_t
     d = PyFloat_AsDouble(args[1]);
     if (PyErr_Occurred()) return NULL;
     if (step_once(q, u, d, &out)) return PyErr_NoMemory();
-    return Py_BuildValue("iddO", (int)out.state, out.ll, out.probability, out.confident ? Py_True : Py_False);
+    return answer(&out);
 }
 
 /* run(u, d, t, force, budget, sign, matrix, state, ll, probability, confident): buffers or None, all C-contiguous */

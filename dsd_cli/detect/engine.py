@@ -120,6 +120,10 @@ class Engine:
         window = settings.effective_window
         if window * len(grid) > 1e8:
             raise UsageError(f"a window of {window} over {len(grid)} states needs too much memory", "reduce either")
+        if settings.method == "average" and settings.average * len(grid) > 1e8:
+            raise UsageError(
+                f"an average of {settings.average} over {len(grid)} states needs too much memory", "reduce either"
+            )
         self.spec = spec = KernelSpec(
             grid=grid,
             settings=replace(

@@ -32,12 +32,9 @@ class NumpyKernel:
         self._constant, self._floor = spec.log_likelihood_constant, spec.log_likelihood_floor
         # a uniform A adds the same to every cost: left out, as in _kernel.c, or what counts as a tie would differ
         uniform, shape = settings.transition.uniform, (self._states, self._states)
-        self._log_a = np.zeros(shape) if uniform else settings.transition.log_matrix(self._states)
-        self._axes = axes = grid.axis_indices()
-        # per state: for every axis the states that have another value there
-        self._others = [
-            [np.flatnonzero(axis != axis[state]).tolist() for axis in axes] for state in range(self._states)
-        ]
+        self._log_a = np.broadcast_to(0.0, shape) if uniform else settings.transition.log_matrix(self._states)
+        self._axes = grid.axis_indices()
+        self._others: dict[int, list[list[int]]] = {}
         self._label = settings.initial
         self.restart()
 
@@ -78,10 +75,16 @@ class NumpyKernel:
         sure = self._seen >= settings.window and ll >= self._floor
         return label, ll, probability, bool(sure and self._leads_one(distances, label))
 
+    def _others_of(self, label: int) -> list[list[int]]:
+        """Per axis the states that have another value there; kept per label, for all states they would be too many."""
+        if label not in self._others:
+            self._others[label] = [np.flatnonzero(axis != axis[label]).tolist() for axis in self._axes]
+        return self._others[label]
+
     def _leads_one(self, distances: list[float], label: int) -> bool:
         """`_leads` of one sample."""
         mine, c, confidence = distances[label], self._c, self._spec.settings.confidence
-        for others in self._others[label]:
+        for others in self._others_of(label):
             if not (min([distances[other] for other in others]) - mine) * c >= confidence:
                 return False
         return True
@@ -100,7 +103,7 @@ class NumpyKernel:
     def _leads(self, dist: Array, label: int) -> Any:
         """Whether `label` leads by `confidence` on every axis; dist of shape (..., states)."""
         result: Any = True
-        for others in self._others[label]:
+        for others in self._others_of(label):
             with np.errstate(invalid="ignore"):
                 lead = (dist[..., others].min(axis=-1) - dist[..., label]) * self._c
             result = np.logical_and(result, lead >= self._spec.settings.confidence)

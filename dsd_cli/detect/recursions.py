@@ -128,6 +128,7 @@ class Mixed:
     """mu_j(t) = b_j(t)/c * sum_i a_ij mu_i(t-1) (eq. 10), label = argmax."""
 
     def __init__(self, settings: DetectorSettings, axes: Array, states: int, floor: float) -> None:
+        self._uniform = settings.transition.uniform
         self._log_a = settings.transition.log_matrix(states)
         self._choice = _Choice(settings, axes, floor)
         self.restart()
@@ -149,7 +150,8 @@ class Mixed:
             out.state[i], out.log_likelihood[i] = label, log_b[label]
             out.probability[i] = np.exp(log_mu[label])
             out.confident[i] = rests_on == FULL and self._choice.sure(log_mu, label, log_b[label])
-            self._prior = np.logaddexp.reduce(log_mu[:, None] + self._log_a, axis=0)
+            if not self._uniform:  # else the prior is the same whatever mu was, as mu sums to one
+                self._prior = np.logaddexp.reduce(log_mu[:, None] + self._log_a, axis=0)
         return out
 
 

@@ -37,7 +37,7 @@ class CsvTable:
         self.metadata = read_sidecar(name)
         self.warnings: list[str] = []
         if self._dialect.units is not None:
-            self.warnings.append(f"{name}: line {self._dialect.skip} is taken as units, not data")
+            self.warnings.append(f"line {self._dialect.skip} is taken as units, not data")
         self.unreadable = 0
 
     @property

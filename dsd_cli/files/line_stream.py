@@ -154,10 +154,10 @@ class LineStream:
             return [(dialects.seconds if c == "t" else dialects.number)(fields[at]) for c, at in self._places]
         except ValueError:
             if first and dialects.is_units_row(fields, [at for _, at in self._places]):
-                self.warnings.append(f"{self.name}: line {self._line} is taken as units, not data")
+                self.warnings.append(f"line {self._line} is taken as units, not data")
                 return None
             if not self.unreadable:
-                self.warnings.append(f'{self.name}: line {self._line} cannot be read: "{line.strip()[:60]}"')
+                self.warnings.append(f'line {self._line} cannot be read: "{line.strip()[:60]}"')
             self.unreadable += 1
             return [np.nan] * len(self._places)
 

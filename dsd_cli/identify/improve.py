@@ -7,21 +7,40 @@ from dataclasses import replace
 
 from dsd_cli.effects import catalogue, get_effect
 from dsd_cli.errors import DataError, UsageError
+from dsd_cli.identify.ending import Ended, ended
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Addition, Candidate, Diagnosis, Ladder, Score, Step
+from dsd_cli.identify.results import (
+    DELAY,
+    INERTIA,
+    NONE,
+    UNKNOWN,
+    Addition,
+    Diagnosis,
+    Estimates,
+    Ladder,
+    Score,
+    Step,
+    StepKind,
+)
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.diagnose import Progress, Settings, diagnose
 from dsd_cli.identify.verdict.own_values import own_values
+from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 __all__ = ["add_effect", "improve"]
 
 #: Rungs of the ladder; nobody believes a model with more parts than that from one rig.
 MOST_STEPS = 10
-AS_GIVEN = "as given"
+AS_GIVEN, REFIT = "as given", "refit"
+_KINDS: dict[str, StepKind] = {AS_GIVEN: "given", REFIT: "refit", INERTIA: "refit", DELAY: "refit"}
+#: A refit of the model's own values that takes this share off the held-out error is a rung of its own.
+LEAST_REFIT = POLICY.least_fall
 
 
 def add_effect(
@@ -58,7 +77,18 @@ def add_effect(
             f"({before.refitted.heldout_rmse:.4g} without it, {after.heldout_rmse:.4g} with it)",
             "nothing was added; `dsd diagnose` ranks what does",
         )
-    return Addition(effect_id, problem.scale.model(fit), before.score, after, problem.values(fit).estimates)
+    known = problem.values(fit)
+    said = contradictions(search, fit, known.estimates)
+    return Addition(
+        effect_id,
+        problem.scale.model(fit),
+        before.score,
+        after,
+        known.estimates,
+        said,
+        before.refitted,
+        known.correlations,
+    )
 
 
 def _with_effect(search: Search, effect_id: str) -> Fit:
@@ -96,42 +126,81 @@ def improve(
     ------
     DataError, UsageError : as `diagnose`.
     """
-    steps: list[Step] = []
-
-    def climb(effect: str, score: Score, found: Diagnosis | Candidate, new: PlantModel) -> None:
-        values = found.estimates if isinstance(found, Diagnosis) else found.all_values
-        steps.append(Step(len(steps), effect, score, values, new))
-        on_step(steps[-1])
-
+    climb = _Climb(recordings, settings or Settings(), holdout, on_step)
     refused: list[str] = []
-
-    def ladder(reason: str) -> Ladder:
-        return Ladder(tuple(steps), last.verdict, reason, last, tuple(r.name for r in holdout))
-
     while True:
-        last = diagnose(recordings, model, observer, _without(settings, refused), holdout, progress)
-        if not steps:
-            climb(AS_GIVEN, last.score, last, model)
+        asked = _without(climb.settings, refused)
+        last = diagnose(recordings, model, observer, asked, holdout, progress)
+        if not climb.steps:
+            climb.up(AS_GIVEN, last.score, last.refitted_values, last.given)
+            model = last.given
         if last.verdict in (NONE, UNKNOWN):
-            return ladder(_why(last, refused))
-        stop = _stop(steps, last)
+            return climb.ladder(last, _why(last, refused))
+        stop = _stop(climb.steps, last)
         chosen = None if stop else choose(last)
         if chosen is None:
-            return ladder(stop or "stopped before the next step was taken")
-        if chosen in (INERTIA, DELAY) or chosen in model.effects:
-            if not last.refitted.heldout_rmse < steps[-1].score.heldout_rmse:
-                return ladder(f"{chosen} is fitted already: the held-out error does not fall")
-            model = last.refitted_model
-            climb(chosen, last.refitted, last, model)
+            return climb.ladder(last, stop or "stopped before the next step was taken")
+        own = chosen in (INERTIA, DELAY) or chosen in model.effects
+        if own and not climb.lowered_by(last.refitted):
+            return climb.ladder(last, f"{chosen} is fitted already: the held-out error does not fall")
+        if own:
+            model = climb.up(chosen, last.refitted, last.refitted_values, last.refitted_model)
             continue
         taken = next((c for c in last.ranking if c.effect == chosen), None)
         if taken is None or taken.model is None or taken.score is None:
             raise UsageError(f"{chosen} is no candidate here", "take one of the ranking")
-        if taken.score.heldout_rmse < steps[-1].score.heldout_rmse:
-            model = taken.model
-            climb(chosen, taken.score, taken, model)
-        else:
+        if not climb.lowered_by(taken.score):
             refused.append(chosen)
+            continue
+        if climb.lowered_by(last.refitted, LEAST_REFIT):  # what the effect itself did is the rest
+            climb.up(REFIT, last.refitted, last.refitted_values, last.refitted_model)
+        model = climb.up(chosen, taken.score, taken.all_values, taken.model)
+
+
+class _Climb:
+    """The rungs so far."""
+
+    def __init__(
+        self,
+        recordings: Sequence[Recording],
+        settings: Settings,
+        holdout: Sequence[Recording],
+        on_step: Callable[[Step], None],
+    ) -> None:
+        self.recordings, self.settings, self.holdout, self._on_step = recordings, settings, holdout, on_step
+        self.steps: list[Step] = []
+
+    def up(
+        self, effect: str, score: Score, values: Estimates, model: PlantModel, kind: StepKind = "added"
+    ) -> PlantModel:
+        """One more rung; the model that stands on it."""
+        kind = _KINDS.get(effect, kind)
+        self.steps.append(Step(len(self.steps), effect, score, values, model, kind))
+        self._on_step(self.steps[-1])
+        return model
+
+    def lowered_by(self, score: Score, share: float = 0.0) -> bool:
+        """Whether the held-out error falls, by that share."""
+        return score.heldout_rmse < (1.0 - share) * self.steps[-1].score.heldout_rmse
+
+    def ladder(self, last: Diagnosis, stopped: str) -> Ladder:
+        """The whole of it, with what is needless taken back and every value with its error."""
+        names = tuple(r.name for r in self.holdout)
+        if last.verdict == NONE:
+            model = self.steps[-1].model
+            last = with_stability(last, self.recordings, model, self.settings)
+        if len(self.steps) == 1:
+            found = (last.refitted_values, last.refitted_correlations, last.warnings)
+            return Ladder(tuple(self.steps), last.verdict, stopped, last, names, *found)
+        given, reached = self.steps[0].model, self.steps[-1].model
+        end: Ended | None = None
+        for end in ended(self.recordings, given, reached, self.settings, self.holdout):
+            if end.without:
+                self.up(end.without, end.score, end.values, end.model, "taken back")
+        assert end is not None
+        warnings = tuple(dict.fromkeys((*last.warnings, *end.warnings)))
+        found = (end.values, end.correlations, warnings)
+        return Ladder(tuple(self.steps), last.verdict, stopped, last, names, *found)
 
 
 def _without(settings: Settings | None, refused: Sequence[str]) -> Settings:

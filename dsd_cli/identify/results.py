@@ -4,31 +4,45 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal
 
 from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.units import Units
 
 #: Verdicts that are no effect.
 NONE, UNKNOWN = "none", "unknown"
 #: Candidates that are values of [model], not effects.
 INERTIA, DELAY = "inertia", "delay"
+#: What a rung of the ladder did.
+StepKind = Literal["given", "refit", "added", "taken back"]
 
 
 @dataclass(frozen=True)
 class Estimate:
     """A fitted value; `unit` with {u}, {v}, {q} as in `Parameter`; std_error NaN where it cannot be given.
 
-    `at_bound` : the value stands on its bound, so neither it nor its error is to be believed.
+    Attributes
+    ----------
+    at_bound : the value stands on its bound, so neither it nor its error is to be believed.
+    held : the user fixed it; its standard error is 0.
+    pull : standard deviations by which the log alone is off the prior; NaN without one.
+    told : "identified", "weak" or "not" by the relative error, "held"; "" where nobody asked.
     """
 
     value: float
     std_error: float
     unit: str
     at_bound: bool = False
+    held: bool = False
+    pull: float = math.nan
+    told: str = ""
 
 
 #: "inertia", "delay" or "<effect>.<parameter>" -> estimate.
 Estimates = Mapping[str, Estimate]
+#: (value, value, correlation) of pairs that a log hardly tells apart, the strongest first.
+Correlations = tuple[tuple[str, str, float], ...]
 
 
 @dataclass(frozen=True)
@@ -51,7 +65,7 @@ class Candidate:
 
     Attributes
     ----------
-    probability : that it is part of what is missing, against whatever else could stand in its place; several effects
+    probability : that it is part of the final set, against whatever else could stand in its place; several effects
         can be missing at once, so these do not sum to 1.
     parameters : of this effect alone, by parameter name.
     indistinguishable_from : effects that explain this log as well.
@@ -83,6 +97,15 @@ class Ceiling:
 
 
 @dataclass(frozen=True)
+class Variant:
+    """The verdict of the same question asked otherwise: `what` says how, `same` whether it is the same."""
+
+    what: str
+    verdict: str
+    same: bool
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The answer of `dsd diagnose`.
 
@@ -93,11 +116,13 @@ class Diagnosis:
     score : of the model as it stands; `refitted` with its own values fitted to the log.
     ranking : best first; untestable ones last.
     estimates : inertia, delay and the values of the effects that the model has, fitted with the verdict's effect in.
-    model : with the verdict's effect in it; refitted_model : without, its values fitted.
+    model : with the verdict's effect in it; refitted_model : without, its values fitted; refitted_values : these, with
+        their correlations. given : the model as given, with what is fixed in it.
     advice : what to do next, one sentence each.
     depends_on : channels on which an unknown remainder depends.
     noise : rms of r that no smooth function of anything explains, unit of u.
     found : the whole set of effects that the search found; the verdict is the one of them that is worth most alone.
+    correlations : of the estimates. stability : the verdict with half of the data, and with half and twice the band.
     band_hz, floor : end of the band in which forces were balanced, Hz; rms of r that the sensor alone leaves in it.
     """
 
@@ -120,11 +145,20 @@ class Diagnosis:
     provenance: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     depends_on: tuple[str, ...] = ()
+    correlations: Correlations = ()
+    stability: tuple[Variant, ...] = ()
+    given: PlantModel = field(default_factory=PlantModel)
+    units: Units = field(default_factory=Units)
+    refitted_values: Estimates = field(default_factory=dict)
+    refitted_correlations: Correlations = ()
 
 
 @dataclass(frozen=True)
 class Addition:
-    """The answer of `dsd add`: the model with one more effect, all values fitted again."""
+    """The answer of `dsd add`: the model with one more effect, all values fitted again.
+
+    refitted : of the model without it, its own values fitted again.
+    """
 
     effect: str
     model: PlantModel
@@ -132,25 +166,60 @@ class Addition:
     after: Score
     estimates: Estimates
     warnings: tuple[str, ...] = ()
+    refitted: Score | None = None
+    correlations: Correlations = ()
+    units: Units = field(default_factory=Units)
 
 
 @dataclass(frozen=True)
 class Step:
-    """One rung of the ladder: what was done ("as given", "refit" or an effect's id), and the errors after it."""
+    """One rung of the ladder: what was done ("as given", "refit" or an effect's id), and the errors after it.
+
+    `kind` says whether the effect was added or taken back.
+    """
 
     step: int
     effect: str
     score: Score
     estimates: Estimates
     model: PlantModel
+    kind: StepKind = "added"
 
 
 @dataclass(frozen=True)
 class Ladder:
-    """The answer of `dsd improve`; `stopped` says why no further step was taken, `last` is the last diagnosis."""
+    """The answer of `dsd improve`; `stopped` says why no further step was taken, `last` is the last diagnosis.
+
+    `values` : of the model at the end, fitted once more with the noise as it is beside it; `correlations` of these.
+    """
 
     steps: tuple[Step, ...]
     verdict: str
     stopped: str
     last: Diagnosis
     holdout: tuple[str, ...] = ()
+    values: Estimates = field(default_factory=dict)
+    correlations: Correlations = ()
+    warnings: tuple[str, ...] = ()
+
+
+def in_units(result: Any, units: Units) -> Any:
+    """A result whose estimates are in the user's units by name; numbers stay as they are (SI, u as it is)."""
+    if isinstance(result, Estimate):
+        return replace(result, unit=units.words(result.unit))
+    if isinstance(result, Mapping):
+        return {name: in_units(value, units) for name, value in result.items()}
+    if isinstance(result, tuple):
+        return tuple(in_units(value, units) for value in result)
+    if isinstance(result, Units):
+        return units
+    if isinstance(result, Diagnosis | Candidate | Addition | Step | Ladder):
+        held = {f.name: getattr(result, f.name) for f in fields(result)}
+        return replace(result, **{name: in_units(x, units) for name, x in held.items() if name in _WITH_UNITS})
+    return result
+
+
+#: Fields of results in which there are estimates.
+_WITH_UNITS = {
+    *("parameters", "all_values", "ranking", "estimates", "refitted_values", "units", "steps", "last", "values"),
+}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -13,6 +14,7 @@ from dsd_cli.identify.compare.regimes import Where
 from dsd_cli.identify.compare.residuals import LARGE
 from dsd_cli.report.conclusions import conclusion, simulation_conclusion
 from dsd_cli.report.names import balance_json
+from dsd_cli.signals.units import Units
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ def _prediction(result: Comparison) -> dict[str, Any]:
     return {
         "horizon": "prediction",
         "split": "all",
-        "force": _force(result.force.log),
+        "force": _force(result.force.log, result.units),
         "no_force": result.force.missing or None,
         **asdict(result.accuracy),
         "skipped_samples": result.skipped,
@@ -78,7 +80,7 @@ def _prediction(result: Comparison) -> dict[str, Any]:
         else {
             "split": "holdout",
             "log": aside.log,
-            "force": _force(result.force.holdout),
+            "force": _force(result.force.holdout, result.units),
             **asdict(aside.accuracy),
         },
         "residual": asdict(result.residual)
@@ -92,8 +94,8 @@ def _prediction(result: Comparison) -> dict[str, Any]:
     }
 
 
-def _force(force: Force | None) -> dict[str, Any] | None:
-    return None if force is None else asdict(force) | balance_json(force.band_hz, force.floor)
+def _force(force: Force | None, units: Units) -> dict[str, Any] | None:
+    return None if force is None else asdict(force) | balance_json(force.band_hz, force.floor, units)
 
 
 def _where(where: Where) -> dict[str, Any]:
@@ -112,6 +114,7 @@ def _where(where: Where) -> dict[str, Any]:
 def _simulation(result: Forward, holdout: Forward | None) -> dict[str, Any]:
     return {
         "horizon": "simulation",
+        "horizon_seconds": result.horizon if math.isfinite(result.horizon) else None,
         "split": "all",
         **_forward(result),
         "relative_error_percent": None,

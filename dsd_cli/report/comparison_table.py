@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
@@ -14,7 +15,7 @@ from dsd_cli.identify.compare.residuals import ResidualTests
 from dsd_cli.report import terminal
 from dsd_cli.report.comparison import Report
 from dsd_cli.report.conclusions import conclusion, simulation_conclusion
-from dsd_cli.report.names import FORCE_UNIT, force_error
+from dsd_cli.report.names import force_error
 from dsd_cli.report.terminal import escaped
 
 #: Rows of a table on the screen; the JSON has all.
@@ -75,10 +76,10 @@ def _print_force(console: Any, result: Comparison) -> None:
         title = f"{force_error(view.log.band_hz)}, r = u - (J a - forces)"
         table = _table(title, "", *(name for name, _ in columns), "unit")
         rows = (
-            ("rmse", "rmse", FORCE_UNIT),
+            ("rmse", "rmse", result.units.force),
             ("fit (0 is a constant)", "fit_percent", "%"),
             ("of u", "relative_error_percent", "%"),
-            ("floor: the sensor's noise", "floor", FORCE_UNIT),
+            ("floor: the sensor's noise", "floor", result.units.force),
         )
         for heading, key, unit in rows:
             table.add_row(heading, *(_figure(getattr(force, key)) for _, force in columns), unit)
@@ -94,11 +95,11 @@ def _print_accuracy(console: Any, result: Comparison) -> None:
         columns.append((f"holdout {_short(result.holdout.log)}", result.holdout.accuracy))
     table = _table("error of the predicted d_hat, e = measured - predicted", "", *(name for name, _ in columns), "unit")
     rows = (
-        ("rmse", "rmse", "unit of u"),
+        ("rmse", "rmse", result.units.force),
         ("fit (0 is a constant)", "fit_percent", "%"),
         ("variance accounted for", "vaf_percent", "%"),
-        ("bias", "bias", "unit of u"),
-        ("largest error", "max_error", "unit of u"),
+        ("bias", "bias", result.units.force),
+        ("largest error", "max_error", result.units.force),
         ("of the net force Jn a", "relative_error_percent", "%"),
         ("of u: relative force error", "relative_force_error_percent", "%"),
     )
@@ -182,7 +183,7 @@ def _print_forward(console: Any, result: Forward, holdout: Forward | None) -> No
         if forward is None:
             continue
         name = escaped(what + ", ".join(forward.logs))
-        console.print(f"[bold]{name}[/bold]: {forward.samples:,} samples simulated")
+        console.print(f"[bold]{name}[/bold]: {forward.samples:,} samples simulated{_anew(forward)}")
         sources = [one for one in _sources(forward.provenance) if not one.startswith("d_hat")]
         if sources:
             console.print(escaped("; ".join(sources)))
@@ -194,6 +195,12 @@ def _print_forward(console: Any, result: Forward, holdout: Forward | None) -> No
         console.print(table)
         if forward.not_closed:
             console.print(escaped(f"no closed loop: {forward.not_closed}"))
+
+
+def _anew(forward: Forward) -> str:
+    if not math.isfinite(forward.horizon):
+        return ""
+    return f", begun anew from the measured motion every {forward.horizon:g} s"
 
 
 def _sources(provenance: Mapping[str, str]) -> list[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from dsd_cli.identify.compare.comparison import BIAS, COMMAND, EXACT, MEMORY, NOISE, SHORT, Comparison
 from dsd_cli.identify.compare.forward import OPEN_LOOP, Forward
 from dsd_cli.identify.compare.residuals import LARGE
@@ -47,7 +49,12 @@ def _percent(share: float) -> str:
 
 def simulation_conclusion(result: Forward) -> str:
     """What the numbers of a simulation are worth."""
-    loop, _ = result.main
+    loop, main = result.main
+    if math.isfinite(result.horizon):
+        return (
+            f"from a measured state the model is {main.rmse:.3g} {main.unit} off in {main.channel} (rms) within"
+            f" {result.horizon:g} s"
+        )
     if loop == OPEN_LOOP:
         return (
             "in open loop the model integrates every error of its forces twice, so its position drifts away: judge"

@@ -83,9 +83,11 @@ def _state(state: StateShare) -> dict[str, Any]:
 
 
 def _segment(segment: Segment) -> dict[str, Any]:
+    from dsd_cli.report.names import number_or_none  # late: a table does without
+
     return {
-        "start": segment.start,
-        "end": segment.end,
+        "start": number_or_none(segment.start),
+        "end": number_or_none(segment.end),
         "state": segment.state,
         **segment.values,
         "confident_share": segment.confident_share,

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate, Diagnosis, Estimates, Score
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.report import terminal
 from dsd_cli.report.names import (
-    FORCE_UNIT,
-    LEGEND,
     balance_json,
     estimate_text,
     estimates_json,
@@ -23,6 +21,7 @@ from dsd_cli.report.names import (
     values_text,
 )
 from dsd_cli.report.terminal import escaped
+from dsd_cli.report.values_table import correlation_lines, correlations_json
 
 #: Rows of a table on the screen; the JSON has all.
 MOST_CANDIDATES = 12
@@ -41,12 +40,12 @@ class DiagnosisReport:
 def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:
     """The verdict in one plain sentence; `given`: the model whose inertia or delay may be wrong."""
     sure = f"probability {percent(result.probability)}"
-    held = f"the held-out {force_error(result.band_hz)}"
+    held, unit = f"the held-out {force_error(result.band_hz)}", result.units.force
     if result.verdict == NONE:
-        return f"nothing is missing ({sure}): {held}, {error(result.refitted.heldout_rmse)} ({FORCE_UNIT}), is noise"
+        return f"nothing is missing ({sure}): {held}, {error(result.refitted.heldout_rmse)} ({unit}), is noise"
     if result.verdict == UNKNOWN:
         on = f"; it depends on {listed(result.depends_on)}" if result.depends_on else ""
-        left = f"{held} is {error(result.refitted.heldout_rmse)} ({FORCE_UNIT})"
+        left = f"{held} is {error(result.refitted.heldout_rmse)} ({unit})"
         return f"something is missing that no effect of the catalogue explains{on} ({sure}): {left}"
     winner = candidate(result, result.verdict)
     if winner is None:
@@ -54,7 +53,7 @@ def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:
     values = values_text(winner.parameters)
     values = f"{values}, " if values else ""
     before, after = error(winner.heldout_rmse_before), error(winner.heldout_rmse_after)
-    falls = f"{held} falls from {before} to {after} ({FORCE_UNIT})"
+    falls = f"{held} falls from {before} to {after} ({unit})"
     if winner.effect in (INERTIA, DELAY):
         was = "" if given is None else f" {getattr(given, winner.effect):.4g}"
         line = f"{winner.effect}{was} of [model] is wrong: {values}{sure}; {falls}"
@@ -83,14 +82,16 @@ def to_json(report: DiagnosisReport) -> dict[str, Any]:
         "probability": number_or_none(result.probability),
         "verdict_text": verdict_line(result, report.given),
         "found": list(result.found),
+        "stability": [asdict(one) for one in result.stability],
         **score_json(result.score),
-        **balance_json(result.band_hz, result.floor),
+        **balance_json(result.band_hz, result.floor, result.units),
         "refitted": score_json(result.refitted),
-        "ranking": [_candidate_json(c) for c in result.ranking],
+        "ranking": [_candidate_json(c, result.found) for c in result.ranking],
         "ceiling": {"heldout_rmse": number_or_none(result.ceiling.heldout_rmse), "on": list(result.ceiling.on)},
         "noise": number_or_none(result.noise),
         "depends_on": list(result.depends_on),
         "estimates": estimates_json(result.estimates),
+        "correlations": correlations_json(result.correlations),
         "provenance": dict(result.provenance),
         "advice": list(result.advice),
         "warnings": list(result.warnings),
@@ -108,13 +109,25 @@ def score_json(score: Score) -> dict[str, float | None]:
     }
 
 
-def _candidate_json(one: Candidate) -> dict[str, Any]:
+def stability_line(result: Diagnosis) -> str:
+    """Whether the verdict is another with half of the data, or half and twice the band; "" where nobody looked."""
+    if not result.stability:
+        return ""
+    other = [one for one in result.stability if not one.same]
+    looked = listed(one.what for one in result.stability)
+    if not other:
+        return f"the same with {looked}"
+    return "not sure: " + "; ".join(f"with {one.what} it is {one.verdict}" for one in other)
+
+
+def _candidate_json(one: Candidate, found: Sequence[str]) -> dict[str, Any]:
     out: dict[str, Any] = {
         "effect": one.effect,
         "rmse_after": number_or_none(one.rmse_after),
         "heldout_rmse_before": number_or_none(one.heldout_rmse_before),
         "heldout_rmse_after": number_or_none(one.heldout_rmse_after),
         "probability": number_or_none(one.probability),
+        "in_final_set": one.effect in found,
         "parameters": estimates_json(one.parameters),
         "indistinguishable_from": list(one.indistinguishable_from),
     }
@@ -143,9 +156,8 @@ def _first_line(result: Diagnosis, holdout: Sequence[str]) -> str:
     line = f"{', '.join(result.logs)}: {result.samples:,} samples"
     if holdout:
         line += f", held out {', '.join(holdout)}"
-    line += (
-        f"; the model as given leaves a {force_error(result.band_hz)} of {error(result.score.rmse)} ({FORCE_UNIT}, rms)"
-    )
+    left = f"a {force_error(result.band_hz)} of {error(result.score.rmse)} ({result.units.force}, rms)"
+    line += f"; the model as given leaves {left}"
     refitted = result.refitted.rmse
     return line + (f", with its own values fitted {error(refitted)}" if math.isfinite(refitted) else "")
 
@@ -156,7 +168,7 @@ def _print_ranking(console: Any, result: Diagnosis, most: int) -> None:
         return
     before = next((c.heldout_rmse_before for c in tested if math.isfinite(c.heldout_rmse_before)), math.nan)
     title = f"held-out {force_error(result.band_hz)} with one effect more (without: {error(before)})"
-    table = plain_table(title, "effect", "error", "falls by", "probability")
+    table = plain_table(title, "effect", "error", "falls by", "in the final set")
     for one in tested[:most]:
         notes = [one.note] if one.note else []
         notes += [f"not to be told from {other}" for other in one.indistinguishable_from]
@@ -164,7 +176,7 @@ def _print_ranking(console: Any, result: Diagnosis, most: int) -> None:
             named(one.effect, one.parameters, notes),
             error(one.heldout_rmse_after),
             fall_text(one.heldout_rmse_before, one.heldout_rmse_after),
-            percent(one.probability),
+            f"{'yes, ' * (one.effect in result.found)}{percent(one.probability)}",
         )
     console.print(table)
     if len(tested) > most:
@@ -176,9 +188,11 @@ def _closing_lines(report: DiagnosisReport) -> list[str]:
     lines = []
     if len(result.found) > 1:
         lines.append(f"found together: {listed(result.found)}")
+    lines += [line for line in [stability_line(result)] if line]
     if result.estimates:
         fitted = (f"{name} {estimate_text(e)}" for name, e in result.estimates.items())
         lines.append("fitted along: " + ", ".join(fitted))
+    lines += correlation_lines(result.correlations)
     on = f" of {listed(result.ceiling.on)}" if result.ceiling.on else ""
     if math.isfinite(result.ceiling.heldout_rmse):
         lines.append(f"ceiling: the best free-form function{on} reaches {error(result.ceiling.heldout_rmse)}")
@@ -192,7 +206,7 @@ def _closing_lines(report: DiagnosisReport) -> list[str]:
     if report.dropped:
         counts = ", ".join(f"{reason} {count:,}" for reason, count in report.dropped.items())
         lines.append(f"rows not taken as they are: {counts}")
-    return [*lines, LEGEND, *(f"-> {advice}" for advice in result.advice)]
+    return [*lines, *filter(None, [result.units.legend]), *(f"-> {advice}" for advice in result.advice)]
 
 
 def plain_table(title: str, *names: str) -> Any:
@@ -208,7 +222,8 @@ def plain_table(title: str, *names: str) -> Any:
 
 def named(effect: str, values: Estimates, notes: Sequence[str] = ()) -> str:
     """An effect, below it its values and what to know about them: one cell, so that tables stay narrow."""
-    lines = [values_text({name: estimate}) for name, estimate in values.items()]
+    several = len(values) > 1  # then each needs its name
+    lines = [f"{name} {estimate_text(e)}" if several else values_text({name: e}) for name, e in values.items()]
     return escaped("\n  ".join([effect, *lines, *notes]))
 
 

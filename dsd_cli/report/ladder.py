@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from dsd_cli.identify.compare.evaluation import Force
+from dsd_cli.identify.compare.versus import Moved
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Addition, Estimate, Estimates, Ladder, Step
+from dsd_cli.identify.validation import Validation
 from dsd_cli.report import terminal
-from dsd_cli.report.diagnosis import error, named, plain_table, score_json, verdict_line
+from dsd_cli.report.diagnosis import error, named, plain_table, score_json, stability_line, verdict_line
 from dsd_cli.report.names import (
-    FORCE_UNIT,
-    LEGEND,
     balance_json,
     change_text,
     estimates_json,
@@ -23,6 +23,10 @@ from dsd_cli.report.names import (
     values_text,
 )
 from dsd_cli.report.terminal import escaped
+from dsd_cli.report.validation import validation_json, validation_lines
+from dsd_cli.report.values_table import correlations_json, print_values
+from dsd_cli.report.versus import moved_json, print_moved
+from dsd_cli.signals.units import Units
 
 #: Characters of the longest bar.
 BAR = 14
@@ -38,11 +42,13 @@ class LadderReport:
     config: str | None = None
     dropped: Mapping[str, int] = field(default_factory=dict)
     reading: tuple[str, ...] = ()
+    validation: tuple[Validation, ...] = ()
+    moved: tuple[Moved, ...] = ()
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Of reading the logs, and of the last diagnosis."""
-        return (*self.reading, *self.result.last.warnings)
+        return tuple(dict.fromkeys((*self.reading, *self.result.last.warnings, *self.result.warnings)))
 
 
 def improve_json(report: LadderReport) -> dict[str, Any]:
@@ -53,8 +59,12 @@ def improve_json(report: LadderReport) -> dict[str, Any]:
         "command": "improve",
         "log": list(report.logs),
         "holdout": list(result.holdout),
-        **balance_json(result.last.band_hz, result.last.floor),
+        **balance_json(result.last.band_hz, result.last.floor, result.last.units),
         "ladder": [_step_json(step) for step in result.steps],
+        "validation": [validation_json(one) for one in report.validation],
+        **({"moved": [moved_json(one) for one in report.moved]} if report.moved else {}),
+        "values": estimates_json(result.values),
+        "correlations": correlations_json(result.correlations),
         "verdict": result.verdict,
         "verdict_text": final_line(result),
         "stopped": result.stopped,
@@ -65,7 +75,8 @@ def improve_json(report: LadderReport) -> dict[str, Any]:
 
 
 def _step_json(step: Step) -> dict[str, Any]:
-    return {"step": step.step, "effect": step.effect, **score_json(step.score), "values": estimates_json(own(step))}
+    done = {"step": step.step, "effect": step.effect, "kind": step.kind.replace(" ", "_")}
+    return {**done, **score_json(step.score), "values": estimates_json(own(step))}
 
 
 def own(step: Step) -> Estimates:
@@ -82,7 +93,7 @@ def final_line(result: Ladder) -> str:
     fell = change_text(first.heldout_rmse, last.heldout_rmse)
     line = (
         f"held-out {force_error(result.last.band_hz)}: {error(first.heldout_rmse)} -> {error(last.heldout_rmse)}"
-        f" {FORCE_UNIT} ({fell}) in {_count(len(result.steps) - 1)}"
+        f" {result.last.units.force} ({fell}) in {_count(len(result.steps) - 1)}"
     )
     if result.verdict in (NONE, UNKNOWN) or result.verdict == result.last.verdict:
         line += f"; {verdict_line(result.last)}"
@@ -108,12 +119,12 @@ def print_ladder(report: LadderReport, file: Any) -> None:
     result = report.result
     errors = [step.score.heldout_rmse for step in result.steps]
     top = max((e for e in errors if math.isfinite(e)), default=math.nan)
-    held = f"held-out {force_error(result.last.band_hz)} ({FORCE_UNIT})"
+    held = f"held-out {force_error(result.last.band_hz)} ({result.last.units.force})"
     table = plain_table(f"{', '.join(report.logs)}: {held}", "step", "error", "", "fell by", "fit")
     table.columns[2].justify = "left"
     for i, step in enumerate(result.steps):
         table.add_row(
-            named(f"{step.step} {step.effect}", own(step)),
+            named(f"{step.step} {_done(step)}", {} if step.kind == "taken back" else own(step)),
             error(errors[i]),
             bar(errors[i], top, _encoding(file)),
             fall_text(errors[i - 1], errors[i]) if i else "",
@@ -123,8 +134,25 @@ def print_ladder(report: LadderReport, file: Any) -> None:
     if report.dropped:
         counts = ", ".join(f"{reason} {count:,}" for reason, count in report.dropped.items())
         console.print(escaped(f"rows not taken as they are: {counts}"))
-    console.print(LEGEND)
+    print_values(console, "values at the end", result.values, result.correlations)
+    if report.moved:
+        print_moved(console, "prior", "this machine", report.moved)
+    for one in report.validation:
+        for line in validation_lines(one, result.last.units):
+            console.print(escaped(line))
+    if line := stability_line(result.last):
+        console.print(escaped(line))
+    _print_legend(console, result.last.units)
     console.print(f"[bold]{escaped(final_line(result))}[/bold]")
+
+
+def _print_legend(console: Any, units: Units) -> None:
+    if units.legend:
+        console.print(units.legend)
+
+
+def _done(step: Step) -> str:
+    return f"{step.effect} taken back" if step.kind == "taken back" else step.effect
 
 
 def _fit(percent: float) -> str:
@@ -182,11 +210,13 @@ def add_json(report: AdditionReport) -> dict[str, Any]:
         "rmse_after": number_or_none(result.after.rmse),
         "heldout_rmse_before": number_or_none(result.before.heldout_rmse),
         "heldout_rmse_after": number_or_none(result.after.heldout_rmse),
-        **balance_json(report.band_hz, report.floor),
+        **balance_json(report.band_hz, report.floor, result.units),
         "before": score_json(result.before),
         "after": score_json(result.after),
         "parameters": estimates_json(own(added_step(result))),
         "estimates": estimates_json(result.estimates),
+        "correlations": correlations_json(result.correlations),
+        "refitted": None if result.refitted is None else score_json(result.refitted),
         "warnings": list(result.warnings),
         "config": report.config,
     }
@@ -204,19 +234,20 @@ def print_addition(report: AdditionReport, file: Any) -> None:
     before, after = result.before, result.after
     fell = change_text(before.heldout_rmse, after.heldout_rmse)
     held = f"held-out {force_error(report.band_hz)}: {error(before.heldout_rmse)} -> {error(after.heldout_rmse)}"
-    console.print(f"[bold]{escaped(f'{result.effect} added: {held} {FORCE_UNIT} ({fell})')}[/bold]")
-    table = plain_table("", "", "before", "after")
-    for name, a, b in (
-        ("force error, rms", error(before.rmse), error(after.rmse)),
-        ("held-out, rms", error(before.heldout_rmse), error(after.heldout_rmse)),
-        ("fit", _fit(before.fit_percent), _fit(after.fit_percent)),
-        ("of u", _fit(before.relative_error_percent), _fit(after.relative_error_percent)),
+    console.print(f"[bold]{escaped(f'{result.effect} added: {held} {result.units.force} ({fell})')}[/bold]")
+    refitted = [] if result.refitted is None or result.effect in (INERTIA, DELAY) else [result.refitted]
+    scores = [before, *refitted, after]
+    table = plain_table("", "", "before", *(["own values refitted"] * len(refitted)), "after")
+    for name, of in (
+        ("force error, rms", lambda s: error(s.rmse)),
+        ("held-out, rms", lambda s: error(s.heldout_rmse)),
+        ("fit", lambda s: _fit(s.fit_percent)),
+        ("of u", lambda s: _fit(s.relative_error_percent)),
     ):
-        table.add_row(name, a, b)
+        table.add_row(name, *map(of, scores))
     console.print(table)
-    for name, estimate in result.estimates.items():
-        console.print(escaped(f"  {values_text({f'{name} =': estimate})}"))
-    console.print(LEGEND)
+    print_values(console, "values", result.estimates, result.correlations)
+    _print_legend(console, result.units)
 
 
 def history_json(config: str, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

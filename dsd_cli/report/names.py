@@ -7,10 +7,9 @@ from collections.abc import Iterable
 from typing import Any
 
 from dsd_cli.identify.results import DELAY, INERTIA, Estimate, Estimates
-from dsd_cli.signals.units import LEGEND, in_words
+from dsd_cli.signals.units import LEGEND, Units, in_words
 
 __all__ = [
-    "FORCE_UNIT",
     "LEGEND",
     "balance_json",
     "estimate_text",
@@ -25,8 +24,6 @@ __all__ = [
 
 #: Digits of a value whose error is not known, and of an error.
 DIGITS = 4
-#: Of errors of the balance of forces, as no log says what its u is measured in.
-FORCE_UNIT = "unit of u"
 
 
 def estimate_text(estimate: Estimate, unit: bool = True) -> str:
@@ -43,7 +40,7 @@ def estimate_text(estimate: Estimate, unit: bool = True) -> str:
             text = f"{estimate.value:.{max(places, 0)}f} +- {error:.{max(places, 0)}f}"
     if unit and estimate.unit not in ("", "1"):
         text += f" {in_words(estimate.unit)}"
-    return f"{text} (at its bound)" if estimate.at_bound else text
+    return f"{text} (held)" if estimate.held else f"{text} (at its bound)" if estimate.at_bound else text
 
 
 def values_text(estimates: Estimates, separator: str = ", ") -> str:
@@ -60,6 +57,9 @@ def estimates_json(estimates: Estimates) -> dict[str, Any]:
             "std_error": number_or_none(e.std_error),
             "unit": in_words(e.unit),
             "at_bound": e.at_bound,
+            **({"held": True} if e.held else {}),
+            **({"identified": e.told} if e.told else {}),
+            **({"prior_sigma": number_or_none(e.pull)} if math.isfinite(e.pull) else {}),
         }
         for name, e in estimates.items()
     }
@@ -70,9 +70,9 @@ def force_error(band_hz: float) -> str:
     return f"force error below {band_hz:.3g} Hz" if math.isfinite(band_hz) else "force error"
 
 
-def balance_json(band_hz: float, floor: float) -> dict[str, Any]:
+def balance_json(band_hz: float, floor: float, units: Units) -> dict[str, Any]:
     """What errors of the balance of forces are measured in, up to where, and what the sensor alone would leave."""
-    return {"unit": FORCE_UNIT, "band_hz": number_or_none(band_hz), "floor": number_or_none(floor)}
+    return {"unit": units.force, "band_hz": number_or_none(band_hz), "floor": number_or_none(floor)}
 
 
 def number_or_none(value: float) -> float | None:

@@ -32,8 +32,8 @@ def draw(result: Comparison, evaluation: Evaluation) -> bytes:
     fitted = "" if fit is None else f", fit {fit:.1f} %"
     logs = in_picture(", ".join(_short(log) for log in result.logs))
     figure.suptitle(f"{logs}: rmse {result.accuracy.rmse:.3g}{fitted}")
-    _draw_time(axes["time"], axes["residual"], evaluation)
-    for channel, unit in (("velocity", "rad/s or m/s"), ("position", "rad or m")):
+    _draw_time(axes["time"], axes["residual"], evaluation, result.units.force)
+    for channel, unit in (("velocity", result.units.of_velocity), ("position", result.units.of_position)):
         _draw_against(axes[channel], evaluation, channel, unit)
     _draw_correlation(axes["correlation"], result)
     _draw_regimes(axes["regimes"], result)
@@ -47,7 +47,7 @@ def _short(log: str) -> str:
     return Path(log).name
 
 
-def _draw_time(above: Any, below: Any, evaluation: Evaluation) -> None:
+def _draw_time(above: Any, below: Any, evaluation: Evaluation, unit: str) -> None:
     """Each stretch by itself; the logs one after the other if there are several."""
     offset, end = 0.0, -np.inf
     for i, stretch in enumerate(evaluation.stretches):
@@ -63,7 +63,7 @@ def _draw_time(above: Any, below: Any, evaluation: Evaluation) -> None:
         ):
             at, low, high = envelope(t, stretch.judged(x), _PIXELS)
             axis.fill_between(at, low, high, color=color, lw=0.9, alpha=0.85, label=label)
-    above.set_ylabel("d_hat (unit of u)")
+    above.set_ylabel(f"d_hat ({unit})")
     above.legend(loc="upper right", ncols=2, frameon=False, bbox_to_anchor=(1.0, 1.12))
     above.tick_params(labelbottom=False)
     below.axhline(0.0, color="0.6", lw=0.8)

@@ -19,15 +19,16 @@ from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Diagnosis
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.report.diagnosis import DiagnosisReport, candidate, error, percent, verdict_line
 from dsd_cli.report.figure import in_picture, png
-from dsd_cli.report.names import FORCE_UNIT, force_error
+from dsd_cli.report.names import force_error
 from dsd_cli.report.plots_comparison import PREDICTED, RESIDUAL, SHARE, binned_mean
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.units import Units
 
 #: Bars, and points of the scatter.
 MOST_BARS, POINTS = 14, 6000
 #: Samples after the delay with which the first row begins: a row looks at one step of delay more.
 _LATER = 50
-_LABELS = {"t": "time (s)", "u": "u", "velocity": "velocity (rad/s or m/s)", "position": "position (rad or m)"}
+_LABELS = {"t": "time (s)", "u": "u"}
 #: Words of `Diagnosis.depends_on` that are channels of a log.
 _CHANNELS = {"velocity": "velocity", "direction": "velocity", "position": "position", "u": "u", "time": "t"}
 
@@ -108,7 +109,7 @@ def draw(report: DiagnosisReport, view: ResidualView) -> bytes:
     bars, residual = figure.subplots(1, 2, width_ratios=[1.0, 1.1])
     figure.suptitle(in_picture(_wrapped(verdict_line(result, report.given))), fontsize=11)
     _draw_bars(bars, result, tested[:MOST_BARS])
-    _draw_residual(residual, view)
+    _draw_residual(residual, view, result.units)
     for axis in (bars, residual):
         axis.spines[["top", "right"]].set_visible(False)
     return png(figure)
@@ -146,9 +147,8 @@ def _draw_bars(axis: Any, result: Diagnosis, tested: Sequence[Candidate]) -> Non
     axis.set_yticks(range(len(tested)), [c.effect for c in tested])
     axis.invert_yaxis()
     axis.set_xlim(0.0, 1.06 * top)
-    axis.set_xlabel(
-        f"held-out {force_error(result.band_hz)} with one effect more ({FORCE_UNIT}); in brackets the probability"
-    )
+    of = f"held-out {force_error(result.band_hz)} with one effect more ({result.units.force})"
+    axis.set_xlabel(f"{of}; in brackets: in the final set")
     axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False, fontsize=9)
 
 
@@ -156,7 +156,7 @@ def _of(result: Diagnosis) -> str:
     return f" of {', '.join(result.ceiling.on)}" if result.ceiling.on else ""
 
 
-def _draw_residual(axis: Any, view: ResidualView) -> None:
+def _draw_residual(axis: Any, view: ResidualView, units: Units) -> None:
     step = max(len(view.x) // POINTS, 1)
     axis.axhline(0.0, color="0.6", lw=0.8)
     axis.plot(view.x[::step], view.residual[::step], ".", color=RESIDUAL, ms=2.5, alpha=0.35, mew=0)
@@ -166,7 +166,7 @@ def _draw_residual(axis: Any, view: ResidualView) -> None:
             mean = binned_mean(view.x, view.explained, 60)
             axis.plot(*mean, color=PREDICTED, lw=1.8, ls="--", label=f"mean of what {view.effect} predicts")
         axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False, fontsize=9)
-    axis.set_xlabel(_LABELS[view.on])
-    axis.set_ylabel(
-        f"force residual without {view.effect} ({FORCE_UNIT})" if view.effect else f"force residual ({FORCE_UNIT})"
-    )
+    named = {"velocity": units.of_velocity, "position": units.of_position, "u": units.u}.get(view.on, "")
+    axis.set_xlabel(f"{view.on} ({named})" if named else _LABELS[view.on])
+    without = f" without {view.effect}" if view.effect else ""
+    axis.set_ylabel(f"force residual{without} ({units.force})")

@@ -10,7 +10,7 @@ from typing import Any
 from dsd_cli.identify.results import Step
 from dsd_cli.report.figure import in_picture, png
 from dsd_cli.report.ladder import LadderReport, final_line, own
-from dsd_cli.report.names import FORCE_UNIT, change_text, force_error, values_text
+from dsd_cli.report.names import change_text, force_error, values_text
 from dsd_cli.report.plots_comparison import MEASURED, PREDICTED, RESIDUAL, SHARE
 
 #: Values named below a step.
@@ -29,7 +29,7 @@ def draw(report: LadderReport) -> bytes:
     figure.suptitle(in_picture(title), fontsize=11)
     _draw_steps(axis, steps)
     _draw_levels(axis, report)
-    axis.set_ylabel(f"held-out {force_error(report.result.last.band_hz)} ({FORCE_UNIT})")
+    axis.set_ylabel(f"held-out {force_error(report.result.last.band_hz)} ({report.result.last.units.force})")
     axis.set_xlim(-0.6, len(steps) - 0.4)
     axis.spines[["top", "right"]].set_visible(False)
     return png(figure)

@@ -2,14 +2,89 @@
 
 from __future__ import annotations
 
-_WORDS = {"({v})": "v", "({q})": "q", "{u}": "u", "{v}": "v", "{q}": "q"}
+import math
+from dataclasses import dataclass
 
 #: What the words mean; for the foot of a table.
 LEGEND = "Units: u is the unit of the control input; v is rad/s or m/s; q is rad or m."
 
+#: Unit of a position column -> (the SI unit that it is read in, factor).
+POSITION = {
+    "rad": ("rad", 1.0),
+    "deg": ("rad", math.pi / 180.0),
+    "turn": ("rad", 2.0 * math.pi),
+    "m": ("m", 1.0),
+    "mm": ("m", 1e-3),
+    "um": ("m", 1e-6),
+    "counts": ("", 1.0),
+}
+#: The same of a velocity column, per s.
+VELOCITY = {
+    "rad/s": ("rad", 1.0),
+    "deg/s": ("rad", math.pi / 180.0),
+    "turn/s": ("rad", 2.0 * math.pi),
+    "rpm": ("rad", 2.0 * math.pi / 60.0),
+    "m/s": ("m", 1.0),
+    "mm/s": ("m", 1e-3),
+    "um/s": ("m", 1e-6),
+    "counts/s": ("", 1.0),
+}
+#: What u / (q/s^2) is called where it has a name.
+_INERTIAS = {("N m", "rad"): "kg m^2", ("Nm", "rad"): "kg m^2", ("N", "m"): "kg"}
+
+
+@dataclass(frozen=True)
+class Units:
+    """The user's units: of u as he names it, of positions in SI; "" where he did not say."""
+
+    u: str = ""
+    position: str = ""
+
+    @property
+    def force(self) -> str:
+        """Of an error of the balance of forces."""
+        return self.u or "unit of u"
+
+    @property
+    def of_position(self) -> str:
+        """Of a position."""
+        return self.position or "rad or m"
+
+    @property
+    def of_velocity(self) -> str:
+        """Of a velocity."""
+        return f"{self.position}/s" if self.position else "rad/s or m/s"
+
+    def words(self, unit: str) -> str:
+        """`{u}/({v})` -> `N s/m` where the units are known, `u/v` where not; whatever else is in it stays."""
+        if unit == "{u}/({v}/s)" and (self.u, self.position) in _INERTIAS:
+            return _INERTIAS[self.u, self.position]
+        u = self.u or "u"
+        u = f"({u})" if " " in u and "/" in unit else u
+        v = f"{self.position}/s" if self.position else "v"
+        grouped = f"({v})" if self.position else v
+        unit = unit.replace("({v}/s)", f"({self.position}/s^2)" if self.position else "(v/s)")
+        for placeholder, word in (
+            ("({v})", grouped),
+            ("({q})", self.position or "q"),
+            ("{u}", u),
+            ("{v}^2", f"{grouped}^2"),
+            ("{v}", v),
+            ("{q}", self.position or "q"),
+        ):
+            unit = unit.replace(placeholder, word)
+        return unit
+
+    @property
+    def legend(self) -> str:
+        """What the words that are left mean; "" where there are none."""
+        if not self.u and not self.position:
+            return LEGEND
+        words = [] if self.u else ["u is the unit of the control input"]
+        words += [] if self.position else ["v is rad/s or m/s; q is rad or m"]
+        return f"Units: {'; '.join(words)}." if words else ""
+
 
 def in_words(unit: str) -> str:
     """`{u}/({v})` -> `u/v`; whatever else is in it stays."""
-    for placeholder, word in _WORDS.items():
-        unit = unit.replace(placeholder, word)
-    return unit
+    return Units().words(unit)

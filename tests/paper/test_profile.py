@@ -83,11 +83,11 @@ def test_fig8_is_followed_where_the_inertia_is_known_and_rho_is_the_noise(seed: 
 
 
 def test_fig8_cannot_tell_the_delay_where_the_inertia_is_free() -> None:
-    """The Cramer-Rao bound, by finite differences of Q { alpha u(t - L) }, is at its best farther than the candidates, 0.1 s.
+    """The Cramer-Rao bound, by finite differences of Q { alpha u(t - L) }, is wider than the candidates are apart.
 
-    It is so at a thirtieth of the paper's rho already; with J known it is a few ms.
+    It is so at a thirtieth of the paper's rho already; with J known it is below 20 ms.
     """
-    config, log = simulated("paper-delay-change", SHORT, "model.inertia=1.0")
+    _, log = simulated("paper-delay-change", SHORT, "model.inertia=1.0")
     u, pole, noise = np.array(log["u"]), np.exp(-0.001 / 0.01), 0.01
 
     def prediction(lag: int) -> np.ndarray:

@@ -65,7 +65,7 @@ def test_a_device_that_is_full_is_one_line(rig):
 
 def test_no_output_over_an_input(tmp_path):
     """Reference, transition, effect file, sidecar, the log: each under its name and through a link."""
-    for name in ("servo-friction.csv", "servo-friction.toml", "my_effect.py"):
+    for name in ("servo-friction.csv", "servo-friction.csv.meta.json", "servo-friction.toml", "my_effect.py"):
         shutil.copy(SAMPLES / name, tmp_path)
     shutil.copy(tmp_path / "servo-friction.csv", tmp_path / "ref.csv")
     (tmp_path / "A.csv").write_text("\n".join([",".join(["0.1"] * 9)] * 9).replace("0.1", str(1 / 9)) + "\n")
@@ -81,6 +81,8 @@ def test_no_output_over_an_input(tmp_path):
         ("detect", "servo-friction.csv", *config, "-o", "servo-friction.csv"),
         ("add", "servo-friction.csv", "gravity", *config, "-o", "my_effect.py", "--effects-from", "my_effect.py"),
         ("improve", "servo-friction.csv", "--auto", *config, "-o", "servo-friction.csv"),
+        ("add", "servo-friction.csv", "gravity", *config, "-o", "servo-friction.csv.meta.json"),
+        ("improve", "servo-friction.csv", "--auto", *config, "-o", "servo-friction.csv.meta.json"),
         ("improve", "servo-friction.csv", "--auto", *config, "-o", "new.png", "--plot", "new.png"),
         ("diagnose", "servo-friction.csv", *config, "--effects-from", "my.png", "--plot", "my.png"),
     ):

@@ -31,7 +31,15 @@ def test_what_a_killed_run_left_the_next_one_removes(folder):
     found = fuzz_kills.kill(folder, "labels.csv", signal.SIGKILL, -0.001)
     assert found.code == -signal.SIGKILL
     assert any(path.name.endswith(".tmp") for path in (folder / "out").iterdir())
-    assert fuzz_kills._cleaned(folder, "labels.csv", found).finding == ""
+    assert fuzz_kills.cleaned(folder, "labels.csv", found).finding == ""
+
+
+def test_a_few_of_a_thousand():
+    """`python -m bench kills --runs 1000`, the first dozen."""
+    command = [sys.executable, "-m", "bench", "kills", "--runs", "12"]
+    result = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=300)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "12 kills, exit codes" in result.stdout
 
 
 def test_what_a_running_one_writes_is_left_alone(tmp_path):

@@ -33,6 +33,7 @@ def test_the_line_is_named(rig, change, text, at):
     assert live.returncode == 0, live.stderr
     dropped = {entry["reason"]: entry["count"] for entry in json.loads(live.stdout)["dropped"]}
     assert dropped["unreadable line"] in (1, 2)
+    assert live.stderr.count(b"<stdin>") == live.stderr.count(b"warning")
 
 
 @pytest.mark.parametrize("text", ["1_000", "\uff11\uff12", "0x10", "1e", "1 2"])

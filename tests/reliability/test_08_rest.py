@@ -1,6 +1,9 @@
 """The small ones: extreme values, names that are no text, terminals without signs, memory."""
 
+import json
 import os
+import shlex
+import shutil
 import subprocess
 import tracemalloc
 from pathlib import Path
@@ -32,6 +35,10 @@ def rig(tmp_path: Path) -> Path:
         ("observer.time_constant=1e30", "at most 10000"),
         ("signals.sample_time=1e-320", "at least 1e-09"),
         ("model.delay=1e30", "at most 10000"),
+        ("detector.rho=1.7e308", "between 1e-100 and 1e+100"),
+        ("observer.nominal_inertia=1e-320", "between 1e-100 and 1e+100"),
+        ("detector.window=10000000000000000000000", "too much memory"),
+        (".".join(["a"] * 5000) + "=1", "5000 levels"),
         ("signals.u=" + "[" * 900 + "]" * 900, "nested too deeply"),
     ],
 )
@@ -39,6 +46,31 @@ def test_extreme_values_are_one_line(rig, value, text):
     result = dsd("detect", "log.csv", "--set", value, cwd=rig)
     refused(result, 1 if "judged" in text else 2, text)
     assert len(result.stderr) < 1500
+
+
+def test_an_average_over_more_than_memory_is_refused(rig):
+    huge = ("--set", "detector.method=average", "--set", "detector.average=10000000000000000000000")
+    refused(dsd("detect", "log.csv", *huge, cwd=rig), 2, "needs too much memory")
+
+
+@pytest.mark.parametrize("value", ["1e308", "1e-320"])
+def test_an_inertia_of_no_machine_is_one_line_of_diagnose_too(rig, value):
+    columns = make_log(300)
+    columns["velocity"] = np.cumsum(columns["u"]) * 1e-3
+    write(rig, "v.csv", columns)
+    refused(dsd("diagnose", "v.csv", "--set", f"model.inertia={value}", cwd=rig), 2, "model.inertia", "1e+100")
+
+
+@pytest.mark.parametrize("stamp", ["", "inf", "-inf"])
+@pytest.mark.parametrize("row", [1, 100, 300])
+def test_a_segment_that_begins_or_ends_at_no_time(rig, stamp, row):
+    lines = csv_text(make_log(300)).splitlines()
+    lines[row] = stamp + lines[row][lines[row].index(",") :]
+    (rig / "log.csv").write_text("\n".join(lines) + "\n")
+    result = dsd("detect", "log.csv", "--format", "json", cwd=rig)
+    assert result.returncode == 0, result.stderr
+    segments = json.loads(result.stdout)["segments"]
+    assert [segments[0]["start"] is None, segments[-1]["end"] is None] == [row == 1, row == 300]
 
 
 def test_a_nested_config(rig):
@@ -52,9 +84,8 @@ def test_more_history_than_memory_is_refused():
 
 
 def test_a_simulation_that_diverges_is_refused(rig):
-    gains = [f"simulate.controller.{key}" for key in ("kp=1e6", "kd=1e6", "limit=1e308")]
-    values = [text for gain in gains for text in ("--set", gain)]
-    result = dsd("simulate", "--template", "servo", *values, "--duration", "2", "-o", "x.csv", cwd=rig)
+    wild = ("--set", 'simulate.controller={kind="pd", kp=1e6, kd=1e6}')
+    result = dsd("simulate", "--template", "servo", *wild, "--duration", "2", "-o", "x.csv", cwd=rig)
     refused(result, 1, "no longer finite at t = ", "lower the gains")
     assert not (rig / "x.csv").exists()
 
@@ -69,6 +100,16 @@ def test_names_that_are_no_text(rig):
     bad = subprocess.run([*DSD, "detect", name, "-o", b"none\xff/x.csv"], cwd=rig, capture_output=True, timeout=60)
     assert (bad.returncode, bad.stdout) == (1, b"")
     assert sorted(os.listdir(os.fsencode(rig))) == [b"dsd.toml", b"l\xff.csv", b"o\xff.csv", b"o\xff.parquet"]
+
+
+def test_the_history_names_a_log_whose_name_is_no_text(tmp_path):
+    samples = Path(__file__).parents[2] / "sample_logs"
+    shutil.copy(samples / "servo-friction.csv", os.fsencode(tmp_path) + b"/l\xff.csv")
+    add = [*DSD, "add", b"l\xff.csv", "coulomb_friction", "-c", samples / "servo-bare.toml", "-o", "better.toml"]
+    result = subprocess.run(add, cwd=tmp_path, capture_output=True, timeout=120)
+    assert result.returncode == 0, result.stderr
+    assert "udcff.csv" in (tmp_path / "better.toml").read_text()
+    assert dsd("improve", "-c", "better.toml", "--history", cwd=tmp_path).returncode == 0
 
 
 def test_a_terminal_without_the_signs(rig):
@@ -86,6 +127,19 @@ def test_many_states_with_a_uniform_transition_take_no_matrix():
     tracemalloc.stop()
     assert log_a.shape == (20_000, 20_000)
     assert log_a[3, 7] == log_a[0, 0] == np.log(1.0 / 20_000)
+
+
+@pytest.mark.parametrize(("kernel", "method"), [("", "dsd"), ("numpy", "dsd"), ("", "imm")])
+def test_twenty_thousand_states_in_little_memory(rig, kernel, method):
+    """A matrix of all pairs would take 3.2 GB; the process and its libraries may have 2.5."""
+    write(rig, "log.csv", make_log(80))
+    delays, inertias = (np.arange(200) * 1e-4).round(4).tolist(), (0.5 + np.arange(100) * 0.01).round(2).tolist()
+    many = [f"states.delays={delays}", f"states.inertias={inertias}", "detector.window=2", f"detector.method={method}"]
+    many.append("detector.initial={delay=0.0, inertia=1.0}")
+    command = [*DSD, "detect", "log.csv", "-o", "out.csv", *(text for value in many for text in ("--set", value))]
+    limited = f"ulimit -v 2500000; DSD_KERNEL={kernel} exec " + shlex.join(map(str, command))
+    result = subprocess.run(["bash", "-c", limited], cwd=rig, capture_output=True, text=True, timeout=120)
+    assert result.returncode == 0, result.stderr
 
 
 def test_stdin_is_called_so(rig):
@@ -118,5 +172,5 @@ def test_a_column_of_one_extreme_value_is_one_line(rig, value):
 @pytest.mark.parametrize("key", ["simulate.reference.time", "simulate.events.0.time"])
 def test_what_happens_after_the_end_does_not_happen(rig, key):
     name = "paper-step" if "reference" in key else "paper-delay-change"
-    done = dsd("simulate", "--template", name, "--set", f"{key}=1.7e308", "--duration", "1", "-o", "x.csv", cwd=rig)
+    done = dsd("simulate", "--template", name, "--set", f"{key}=1e100", "--duration", "1", "-o", "x.csv", cwd=rig)
     assert done.returncode == 0, done.stderr

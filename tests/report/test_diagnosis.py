@@ -68,6 +68,7 @@ def test_json_has_the_keys_of_the_contract_and_no_nan() -> None:
         "heldout_rmse_before": 0.402,
         "heldout_rmse_after": 0.113,
         "probability": 0.97,
+        "in_final_set": True,
         "parameters": {"level": {"value": 0.52, "std_error": 0.03, "unit": "u", "at_bound": False}},
         "indistinguishable_from": ["load_friction"],
     }

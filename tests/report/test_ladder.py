@@ -144,7 +144,8 @@ def test_an_addition() -> None:
     print_addition(ADDED, out)
     first, *rest = out.getvalue().splitlines()
     assert first == "coulomb_friction added: held-out force error below 31.4 Hz: 0.402 -> 0.113 unit of u (-72 %)"
-    assert "  inertia = 1.020 +- 0.002 kg m2" in rest
+    (inertia,) = (line.split() for line in rest if line.split()[:1] == ["inertia"])
+    assert inertia == ["inertia", "1.020", "0.002", "kg", "m2"]
     unknown = json.loads(json.dumps(add_json(replace(ADDED, force=None)), allow_nan=False))
     assert (unknown["unit"], unknown["band_hz"], unknown["floor"]) == ("unit of u", None, None)
 

@@ -7,7 +7,8 @@ Generalised likelihood ratio of the two windows of M samples that end at k - M a
 S the residual sum of squares of the best delay, inertia and effect values. The sums of both windows together are the
 sum of their sums, so that this costs one fit more. It looks for a change of any direction in any of the values. One
 window after the test's peak the change is placed: its time is the median of the likelihood of all splits of the two
-windows between the two states, its uncertainty their spread. The next two windows begin after it: changes closer than that are missed.
+windows between the two states, its uncertainty their spread. The next two windows begin after it: changes closer than
+that are missed.
 """
 
 from __future__ import annotations

@@ -1,8 +1,10 @@
 """`dsd.toml`: `load_config(path)` reads and checks it, the sections are frozen dataclasses."""
 
 from dsd_cli.files.config.config import Config, load_config, parse_config, read_config
+from dsd_cli.files.config.fitting import Fit
 from dsd_cli.files.config.history import History
-from dsd_cli.files.config.sections import Detector, Initial, Model, Observer, Signals, States, Stay, TransitionFile
+from dsd_cli.files.config.sections import Detector, Initial, Model, Observer, States, Stay, TransitionFile
+from dsd_cli.files.config.signals import Signals
 from dsd_cli.files.config.simulation import (
     Column,
     Controller,
@@ -21,6 +23,7 @@ __all__ = [
     "Controller",
     "Detector",
     "Event",
+    "Fit",
     "History",
     "Initial",
     "Model",

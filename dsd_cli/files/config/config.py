@@ -11,10 +11,12 @@ from typing import Any, TypeVar
 
 from dsd_cli.errors import UsageError
 from dsd_cli.files.config.effect_values import check_complete
+from dsd_cli.files.config.fitting import Fit, with_known
 from dsd_cli.files.config.history import History
 from dsd_cli.files.config.overrides import with_effects, with_values
 from dsd_cli.files.config.rules import Place, Section, key, shown, table, tables
-from dsd_cli.files.config.sections import Detector, Model, Observer, Signals, States
+from dsd_cli.files.config.sections import Detector, Model, Observer, States
+from dsd_cli.files.config.signals import Signals
 from dsd_cli.files.config.simulation import Simulate
 
 S = TypeVar("S", bound=Section)
@@ -34,6 +36,7 @@ class Config(Section):
     signals: Signals = key(table(Signals), "column names in the log", default=Signals())
     observer: Observer | None = key(table(Observer), "the disturbance observer", default=None)
     model: Model = key(table(Model), "what the plant is believed to be", default=Model())
+    fit: Fit = key(table(Fit), "what a fit may change", default=Fit())
     states: States | None = key(table(States), "the grid of candidate states", default=None)
     detector: Detector = key(table(Detector), "how the state is chosen", default=Detector())
     simulate: Simulate | None = key(table(Simulate), "what `dsd simulate` runs", default=None)
@@ -127,6 +130,18 @@ class Config(Section):
             return self
         name = self.name if " with --" in self.name else f"{self.name} with --{'set' if values else 'effect'}"
         return read_config(with_effects(with_values(self.written, values), effects), name, self.folder)
+
+    def knowing(self, fix: Iterable[str] = (), bounds: Iterable[str] = (), prior: Iterable[str] = ()) -> Config:
+        """With `--fix`, `--bounds` and `--prior` in [fit].
+
+        Raises
+        ------
+        UsageError : a text that cannot be read, or a [fit] that is wrong with it.
+        """
+        fix, bounds, prior = tuple(fix), tuple(bounds), tuple(prior)
+        if not (fix or bounds or prior):
+            return self
+        return read_config(with_known(self.written, fix, bounds, prior), self.name, self.folder)
 
     def to_toml(self) -> str:
         """What the file and the command line said, as TOML; reading it gives the same config."""

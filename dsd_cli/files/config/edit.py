@@ -17,6 +17,7 @@ from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.config.history import History
 from dsd_cli.files.config.placing import newline, with_raws, without
 from dsd_cli.files.config.toml_text import Path, Statement, inline, inline_leaves, leaves, literal, statements
+from dsd_cli.files.tables_in import sidecar
 from dsd_cli.files.whole import STREAM, check_target, is_same, only_one, write_whole
 
 if TYPE_CHECKING:
@@ -64,7 +65,9 @@ def with_step(text: str, step: History, before: str) -> str:
     end = newline(text)
     lines = ["[[history]]  # `dsd improve --undo` takes the last step back"]
     given = {name: getattr(step, name) for name in History.keys if name != "before"}
-    lines += [f"{name} = {_history_value(v)}" for name, v in given.items() if v is not None and v != {}]
+    lines += [
+        f"{name} = {_history_value(v)}" for name, v in given.items() if v is not None and v != {} and v is not False
+    ]
     if "model" in tomllib.loads(before):
         kept = {path[1:]: raw for path, raw in _raws(before).items() if path[1] in FITTED}
         lines.append(f"before = {inline(kept)}")
@@ -200,11 +203,11 @@ def check_config_output(path: str, inputs: Iterable[str | FilePath] = ()) -> Non
 
     Raises
     ------
-    UsageError : `path` is one of the inputs.
+    UsageError : `path` is one of the inputs, or the metadata beside one.
     DataError : it is a directory, or its folder is not there or cannot be written to.
     """
     if path != STREAM:
-        check_target(path, inputs)
+        check_target(path, [read for name in inputs for read in (name, sidecar(name))])
 
 
 class Origin(NamedTuple):

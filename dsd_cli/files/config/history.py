@@ -7,7 +7,7 @@ from datetime import datetime
 from types import MappingProxyType
 from typing import Any
 
-from dsd_cli.files.config.rules import Place, Rule, Section, key, number, read_section, text
+from dsd_cli.files.config.rules import Place, Rule, Section, flag, key, number, read_section, text
 from dsd_cli.files.config.sections import Model
 
 Values = Mapping[str, Any]
@@ -67,6 +67,9 @@ class History(Section):
     heldout_rmse_after: float | None = _error("held-out error after the step")
     values: Values = _values("values that the step brought")
     std_errors: Values = _values("their standard errors")
+    taken_back: bool = key(flag(), "the effect was taken out again: it had become needless", default=False)
+    fitted: Values = _values("all values of the model after the step")
+    fitted_errors: Values = _values("their standard errors; none where they are held or not told")
     before: Mapping[str, Any] | None = key(
         Rule("a table as [model]", _read_before), "[model] before the step, for `dsd improve --undo`", default=None
     )

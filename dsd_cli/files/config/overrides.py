@@ -10,6 +10,9 @@ from typing import Any
 
 from dsd_cli.errors import UsageError
 
+#: Levels of a key that are looked at.
+DEEPEST = 20
+
 
 def with_values(written: Mapping[str, Any], texts: Iterable[str]) -> dict[str, Any]:
     """A copy of the tables with each `key=value` in place; list items are reached as `simulate.events.0.delay`.
@@ -24,6 +27,8 @@ def with_values(written: Mapping[str, Any], texts: Iterable[str]) -> dict[str, A
         parts = [part.strip() for part in dotted.split(".")]
         if not equals or not all(parts):
             raise UsageError(f"--set {text}", "write KEY=VALUE, such as model.inertia=0.7")
+        if len(parts) > DEEPEST:
+            raise UsageError(f"--set {parts[0]}...", f"a key of {len(parts)} levels; a config has at most five")
         _put(tables, parts, _value(value, f"--set {text}"), f"--set {text}")
     return tables
 

@@ -5,8 +5,13 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 
+from dsd_cli.files.config.rules import Place, read_section
+from dsd_cli.files.config.signals import Signals
 from dsd_cli.files.config.toml_text import Path, Statement, inline, leaves, statements
-from dsd_cli.signals.units import in_words
+from dsd_cli.signals.units import Units
+
+#: Keys of [signals] that name units.
+_UNITS = ("u_unit", "position_unit", "velocity_unit", "counts_per_turn", "counts_per_metre")
 
 
 def with_raws(text: str, wanted: Mapping[Path, str], keep_header: bool = True) -> str:
@@ -76,7 +81,7 @@ def _insert(text: str, all_of_it: Sequence[Statement], pieces: dict[int, str], m
     """Put what [model] lacks behind its parts, each under its own header."""
     end = newline(text)
     scalars = "".join(f"{path[-1]} = {raw}{end}" for path, raw in missing.items() if len(path) == 2)
-    blocks = _effect_blocks({path: raw for path, raw in missing.items() if len(path) > 2}, end)
+    blocks = _effect_blocks({path: raw for path, raw in missing.items() if len(path) > 2}, end, _units(text))
     header = next((i for i, s in enumerate(all_of_it) if s.kind == "[" and s.path == ("model",)), None)
     dotted = next((i for i, s in enumerate(all_of_it) if s.kind == "=" and s.path[:1] == ("model",)), None)
     if scalars and header is not None:
@@ -113,7 +118,13 @@ def _last_of_model(all_of_it: Sequence[Statement]) -> int:
     return last if directly else below - 1
 
 
-def _effect_blocks(missing: Mapping[Path, str], end: str) -> str:
+def _units(text: str) -> Units:
+    """As [signals] names them; nothing else of the config needs to be right here."""
+    written = tomllib.loads(text).get("signals", {})
+    return read_section(Signals, {k: v for k, v in written.items() if k in _UNITS}, Place("", "signals")).units
+
+
+def _effect_blocks(missing: Mapping[Path, str], end: str, units: Units) -> str:
     """`[model.effects.<id>]` with one comment per parameter."""
     from dsd_cli.effects import get_effect
 
@@ -123,7 +134,7 @@ def _effect_blocks(missing: Mapping[Path, str], end: str) -> str:
         for p in get_effect(effect_id).parameters:
             raw = missing.get(("model", "effects", effect_id, p.name))
             if raw is not None:
-                lines += [f"# {p.meaning} [{in_words(p.unit)}]", f"{p.name} = {raw}"]
+                lines += [f"# {p.meaning} [{units.words(p.unit)}]", f"{p.name} = {raw}"]
     return "".join(line + end for line in lines)
 
 

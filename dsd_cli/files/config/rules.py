@@ -71,6 +71,8 @@ class Rule(NamedTuple):
 
 #: s; delays and time constants are not longer, sample times not shorter.
 LONGEST, SHORTEST = 1e4, 1e-9
+#: No number is larger in size, none of those above 0 smaller: squares and ratios of two stay finite.
+SMALLEST, LARGEST = 1e-100, 1e100
 
 _NO_DEFAULT: Any = object()
 
@@ -150,7 +152,7 @@ def read_section(kind: type[S], table: Any, at: Place) -> S:
 
 
 def number(lower: float = -math.inf, above: float = -math.inf, upper: float = math.inf) -> Rule:
-    """A finite number, `lower <= x <= upper` and `x > above`; integers are taken as numbers, texts and flags not."""
+    """A number of no absurd size, `lower <= x <= upper` and `x > above`; integers are taken, texts and flags not."""
     limits = [f"of at least {lower:g}"] if lower > -math.inf else []
     limits += [f"above {above:g}"] if above > -math.inf else []
     limits += [f"of at most {upper:g}"] if upper < math.inf else []
@@ -161,6 +163,8 @@ def number(lower: float = -math.inf, above: float = -math.inf, upper: float = ma
             raise at.wrong(value, allowed)
         if not (abs(value) <= sys.float_info.max and lower <= value <= upper and value > above):
             raise at.wrong(value, allowed if limits else "a finite number")
+        if abs(value) > LARGEST or 0 < value < SMALLEST * (above == 0):
+            raise at.wrong(value, f"between {SMALLEST:g} and {LARGEST:g} in size")
         return float(value)
 
     return Rule(allowed, read)

@@ -18,14 +18,11 @@ from dsd_cli.identify.checks.scan import block_starts
 from dsd_cli.identify.checks.stretches import Stretch
 from dsd_cli.identify.checks.values import believable, delay_of
 from dsd_cli.identify.checks.view import View
+from dsd_cli.identify.grades import grade
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Array, Log
 
-#: Relative standard errors up to which a value is identified, and weak.
-IDENTIFIED, WEAK = 0.1, 0.5
-#: A delay is known well enough within these shares of a sample.
-DELAY_IDENTIFIED, DELAY_WEAK = 0.5, 2.0
 #: Correlation from which two values cannot be told apart.
 TIED = 0.98
 #: A value of 0 is judged by the force that it stands for: this share of u.
@@ -184,8 +181,6 @@ def _judged(values: Sequence[_Value], left: Array, slopes: Array, drive: float, 
 
 def _grade(value: _Value, fitted: float, error: float, small: float, T: float) -> Identified:
     if value.name == "delay":
-        limits = (max(IDENTIFIED * fitted, DELAY_IDENTIFIED * T), max(WEAK * fitted, DELAY_WEAK * T))
-    else:
-        size = 1.0 if value.unit == "rad" else abs(fitted) if value.value else max(abs(fitted), small)
-        limits = (IDENTIFIED * size, WEAK * size)
-    return "identified" if error < limits[0] else "weak" if error < limits[1] else "not"
+        return grade(fitted, error, T)
+    size = 1.0 if value.unit == "rad" else abs(fitted) if value.value else max(abs(fitted), small)
+    return grade(size, error)

@@ -11,6 +11,7 @@ from dsd_cli.identify.compare.regimes import Where, where
 from dsd_cli.identify.compare.residuals import LARGE, ResidualTests, residual_tests
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.units import Units
 
 #: Fewest lags of the residual's correlations.
 LAGS = 100
@@ -60,6 +61,7 @@ class Comparison:
     model: PlantModel
     provenance: Mapping[str, str] = field(default_factory=dict)
     missing: Mapping[str, str] = field(default_factory=dict)
+    units: Units = field(default_factory=Units)
 
 
 def compare(

@@ -6,6 +6,7 @@ and every u that was not quite what reached the axis, therefore adds up without 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -22,9 +23,12 @@ from dsd_cli.plant.observer import DisturbanceObserver
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.plant.references import Samples
 from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.units import Units
 
 OPEN_LOOP, CLOSED_LOOP = "open_loop", "closed_loop"
-UNITS = {"position": "rad or m", "velocity": "rad/s or m/s"}
+_CHANNELS = ("position", "velocity")
+#: Samples out of which the speed at the start is had.
+_FIRST = 20
 #: A simulated channel this many times beyond the range of the logged one has diverged.
 _DIVERGED = 1e6
 
@@ -46,7 +50,8 @@ class Tracking:
 class Forward:
     """Simulations over the logs; `not_closed` says why there is none in closed loop.
 
-    `provenance` : channel -> where it is from, of the first log.
+    `provenance` : channel -> where it is from, of the first log. `horizon` : s after which the open loop was begun
+    anew from the measured motion; inf: never.
     """
 
     logs: tuple[str, ...]
@@ -55,6 +60,7 @@ class Forward:
     closed_loop: tuple[Tracking, ...]
     not_closed: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)
+    horizon: float = math.inf
 
     @property
     def main(self) -> tuple[str, Tracking]:
@@ -68,30 +74,42 @@ def run_forward(
     model: PlantModel,
     observer: ObserverSettings,
     controller: ControllerSettings | None = None,
+    *,
+    horizon: float = math.inf,
+    units: Units = Units(),  # noqa: B008
 ) -> Forward:
     """Simulate every piece from its first position and speed, and compare.
+
+    Parameters
+    ----------
+    horizon : s; the open loop begins anew from the measured position and speed each time it has run so long.
 
     Raises
     ------
     DataError : the simulation diverges, or the logs have neither position nor velocity.
     """
     pieces = [piece for recording in recordings for piece in recording.pieces]
-    names = [name for name in UNITS if all(name in piece for piece in pieces)]
+    names = [name for name in _CHANNELS if all(name in piece for piece in pieces)]
     if "velocity" not in names:
         raise DataError(f"{recordings[0].name}: no motion to simulate against", "set signals.velocity or .position")
-    not_closed = _not_closed(pieces, controller)
-    runs = [open_loop(piece, model) for piece in pieces]
+    not_closed = (
+        _not_closed(pieces, controller) if math.isinf(horizon) else "a horizon in seconds looks at the open loop alone"
+    )
+    starts = [_start(piece, recording) for recording in recordings for piece in recording.pieces]
+    rest = [recording.rest_speed for recording in recordings for _ in recording.pieces]
+    runs = [open_loop(p, model, horizon, *how) for p, *how in zip(pieces, starts, rest, strict=True)]
     closed: tuple[Tracking, ...] = ()
     if controller is not None and not not_closed:
         looped = [closed_loop(piece, model, replace(observer, sign=1), controller) for piece in pieces]
-        closed = _tracking(pieces, looped, names)
+        closed = _tracking(pieces, looped, names, units)
     return Forward(
         logs=tuple(r.name for r in recordings),
         samples=sum(map(len, pieces)),
-        open_loop=_tracking(pieces, runs, names),
+        open_loop=_tracking(pieces, runs, names, units),
         closed_loop=closed,
         not_closed=not_closed,
         provenance=dict(recordings[0].provenance),
+        horizon=horizon,
     )
 
 
@@ -105,13 +123,26 @@ def _not_closed(pieces: Sequence[Log], controller: ControllerSettings | None) ->
     return ""
 
 
-def open_loop(piece: Log, model: PlantModel) -> dict[str, Array]:
-    """Position and velocity under the logged u, shape (n,) each; u before the log is held at u_0."""
-    frame = Frame(piece)
+def open_loop(
+    piece: Log, model: PlantModel, horizon: float = math.inf, start: float | None = None, rest_speed: float = 0.0
+) -> dict[str, Array]:
+    """Position and velocity under the logged u, shape (n,) each; u before the log is held at u_0.
+
+    Parameters
+    ----------
+    horizon : each time it has run for so many s it begins anew from the measured motion; what effects remember stays.
+    start : speed at the first sample; None is the logged one. rest_speed : an axis no faster than that rests.
+    """
+    frame, first = Frame(piece), float(piece["velocity"][0]) if start is None else start
     drive = frame.mean_u(frame.command(model.effects), model.delay).tolist()
     times, intervals = piece["t"].tolist(), frame.intervals.tolist()
-    plant, watch = _plant(piece, model), _Watch(piece)
+    plant, watch = _plant(piece, model, _at_rest(first, rest_speed)), _Watch(piece)
+    since = times[0]
     for k in range(1, len(times)):
+        if times[k] - since > horizon * (1.0 + 1e-9):
+            since = times[k - 1]
+            plant.position = float(piece["position"][k - 1]) if "position" in piece else plant.position
+            plant.velocity = _at_rest(float(piece["velocity"][k - 1]), rest_speed)
         watch.guarded(plant, times[k - 1], drive[k], intervals[k])
         watch.note(plant, times[k])
     return watch.channels()
@@ -125,7 +156,8 @@ def closed_loop(
     reference = Samples(tuple(piece["reference"].tolist())).sample(len(piece), step)
     targets = list(zip(reference.position.tolist(), reference.rate.tolist(), strict=True))
     times = piece["t"].tolist()
-    plant, watch, actuator = _plant(piece, model), _Watch(piece), Actuator(model)
+    start = _at_rest(float(piece["velocity"][0]), model.rest_speed)
+    plant, watch, actuator = _plant(piece, model, start), _Watch(piece), Actuator(model)
     watcher = DisturbanceObserver(observer, step, "velocity", float(piece["d_hat"][0]))
     law = Controller(controller, observer.nominal_inertia, step)
     whole, fraction = delay_taps(model.delay, step)
@@ -143,9 +175,24 @@ def closed_loop(
     return watch.channels()
 
 
-def _plant(piece: Log, model: PlantModel) -> Plant:
-    position = float(piece["position"][0]) if "position" in piece else 0.0
-    return Plant(model, position, float(piece["velocity"][0]))
+def _plant(piece: Log, model: PlantModel, speed: float) -> Plant:
+    return Plant(model, float(piece["position"][0]) if "position" in piece else 0.0, speed)
+
+
+def _at_rest(speed: float, rest_speed: float) -> float:
+    return 0.0 if abs(speed) <= rest_speed else speed
+
+
+def _start(piece: Log, recording: Recording) -> float:
+    """Speed at the first sample.
+
+    A speed that was had from the position is worst at the edge of a log, and what it is off the simulation carries
+    along; there a parabola through the first samples is better.
+    """
+    if recording.provenance.get("velocity") != "from position" or piece["position"].size < _FIRST:
+        return float(piece["velocity"][0])
+    t = piece["t"][:_FIRST] - piece["t"][0]
+    return float(np.polyfit(t / t[-1], piece["position"][:_FIRST], 2)[1] / t[-1])
 
 
 class _Watch:
@@ -155,7 +202,7 @@ class _Watch:
         self.name = piece.source
         first = (float(piece["position"][0]) if "position" in piece else 0.0, float(piece["velocity"][0]))
         self.rows = [first]
-        spans = [float(np.abs(piece[name]).max()) for name in UNITS if name in piece]
+        spans = [float(np.abs(piece[name]).max()) for name in _CHANNELS if name in piece]
         self.limit = _DIVERGED * max(max(spans), 1e-9)
 
     def guarded(self, plant: Plant, t: float, u: float, duration: float) -> None:
@@ -184,7 +231,9 @@ class _Watch:
         return {"position": position, "velocity": velocity}
 
 
-def _tracking(pieces: Sequence[Log], runs: Sequence[dict[str, Array]], names: Sequence[str]) -> tuple[Tracking, ...]:
+def _tracking(
+    pieces: Sequence[Log], runs: Sequence[dict[str, Array]], names: Sequence[str], units: Units
+) -> tuple[Tracking, ...]:
     found = []
     for name in names:
         logged = np.concatenate([piece[name] for piece in pieces])
@@ -194,7 +243,7 @@ def _tracking(pieces: Sequence[Log], runs: Sequence[dict[str, Array]], names: Se
         found.append(
             Tracking(
                 channel=name,
-                unit=UNITS[name],
+                unit=units.of_position if name == "position" else units.of_velocity,
                 rmse=size,
                 fit_percent=100.0 * (1.0 - size / spread) if spread > 0.0 else None,
                 vaf_percent=100.0 * (1.0 - float(np.var(error)) / spread**2) if spread > 0.0 else None,

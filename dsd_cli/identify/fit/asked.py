@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from dsd_cli.effects import catalogue, get_effect
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.fit.bank import ranges
 from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.known import Known
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import PlantModel
@@ -21,9 +22,14 @@ _ROUNDING = 1e-7
 
 @dataclass(frozen=True)
 class Settings:
-    """effects : candidates; None is all of the catalogue that the model does not have."""
+    """effects : candidates; None is all of the catalogue that the model does not have. known : of values, by the user.
+
+    band : factor on the end of the band that the sensor suggests.
+    """
 
     effects: tuple[str, ...] | None = None
+    known: Known = field(default_factory=Known)
+    band: float = 1.0
 
 
 def candidates_of(

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.effects import Channels, Effect, Role
-from dsd_cli.identify.fit.band import Band, chosen_band
+from dsd_cli.identify.fit.band import Band, band_of, chosen_band
 from dsd_cli.identify.fit.noise import HALF
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
@@ -158,15 +158,19 @@ class Equations:
         return replace(self, whitening=taps)
 
 
-def equations_of(recordings: Sequence[Recording], startup: int, band: Band | None = None) -> Equations:
+def equations_of(
+    recordings: Sequence[Recording], startup: int, band: Band | None = None, widened: float = 1.0
+) -> Equations:
     """Rows of these recordings, not whitened.
 
     Parameters
     ----------
-    startup : see `Equations`. band : None chooses it from what the sensors allow.
+    startup : see `Equations`. band : None chooses it from what the sensors allow; its end times `widened`.
     """
     if band is None:
         band = _band(recordings)
+        if widened != 1.0:
+            band = band_of(min(widened * band.hz, POLICY.highest_share / band.sample_time), band.sample_time)
     shortest = startup + len(band.taps) + 2 * band.step
     made = [_stretch(p, r) for r in recordings for p in r.pieces if len(p) > shortest]
     return Equations(tuple(recordings), tuple(made), band, startup, np.ones(1))

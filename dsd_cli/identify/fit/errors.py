@@ -60,6 +60,10 @@ class Errors:
         held = errors if self._aside is None else _errors(self._aside, model)[0]
         return _score(errors, _rms(held), u)
 
+    def rows_of_model(self, model: PlantModel) -> Array:
+        """r of the rows that count, unit of u, shape (number of `equations.kept`,)."""
+        return _errors(self.bank, model)[0]
+
     def of_fit(self, fit: Fit, scale: Scale) -> Score:
         """Of a fit to everything, with the held-out error of the fits that held a fold out each."""
         model = scale.model(fit)

@@ -77,7 +77,7 @@ class Problem:
     @property
     def scale(self) -> Scale:
         """From coefficients to values."""
-        return Scale(self.solver.bank.tap_time, self.model.rest_speed)
+        return Scale(self.solver.bank.tap_time, self.model.rest_speed, self.solver.known)
 
     @cached_property
     def ranges(self) -> Ranges:
@@ -133,18 +133,18 @@ def pose(
     UsageError : recordings with different sample times, a candidate that does not exist.
     """
     check_recordings((*recordings, *holdout), model)
+    known = settings.known
+    model = known.applied(model)
     candidates, untestable = candidates_of(recordings, holdout, model, settings)
     base, step = terms_of(model), recordings[0].sample_time
     longest = POLICY.longest_delay_share * max(len(p) for r in recordings for p in r.pieces) * step
     longest = min(longest, POLICY.longest_delay)
     beside = (*base, *_functions_of_motion(candidates))
-    bank, most_tap = _bank(recordings, longest)
-    found = (
-        best_delay(Solver(bank, lay_blocks(bank.equations.lengths, 1, recordings[0].name)), beside, most_tap)
-        * bank.tap_time
-    )
+    bank, most_tap = _bank(recordings, longest, settings.band)
+    solver = Solver(bank, lay_blocks(bank.equations.lengths, 1, recordings[0].name), known=known)
+    found = best_delay(solver, beside, most_tap) * bank.tap_time
     wanted = min(max(POLICY.least_delay_range, 2.0 * found, 2.0 * model.delay), longest)
-    solver, most_tap, fit = _laid_out(recordings, wanted, base, beside)
+    solver, most_tap, fit = _laid_out(recordings, wanted, base, beside, settings)
     errors = Errors(solver.bank, solver.blocks, _aside(holdout, solver.bank.equations))
     problem = Problem(
         tuple(recordings),
@@ -171,10 +171,12 @@ def asked_of_all(problem: Problem, recordings: Sequence[Recording], holdout: Seq
     plain = Bank(equations, variance=passed_variance(np.ones(1), few.band, _sensor(recordings)))
     blocks = lay_blocks(equations.lengths, POLICY.gap_rows, recordings[0].name)
     white = Bank(equations.with_whitening(few.whitening), plain, problem.solver.bank.variance)
-    solver = Solver(white, blocks, problem.solver.inertia)
+    known = problem.solver.known
+    solver = Solver(white, blocks, problem.solver.inertia, known)
     left = solver.squares(fit.terms, fit.tap) / blocks.rows
     louder = max(left / max(fit.squares / problem.blocks.rows, 1e-300), 1.0)
     noise = replace(problem.noise, variance=louder * problem.noise.variance)
+    solver = Solver(white, blocks, problem.solver.inertia, known, noise.variance * noise.inflation)
     errors = Errors(plain, blocks, _aside(holdout, equations))
     return replace(problem, recordings=tuple(recordings), solver=solver, errors=errors, noise=noise)
 
@@ -200,22 +202,24 @@ def _functions_of_motion(candidates: Sequence[str]) -> Terms:
     )
 
 
-def _bank(recordings: Sequence[Recording], longest: float) -> tuple[Bank, int]:
+def _bank(recordings: Sequence[Recording], longest: float, widened: float) -> tuple[Bank, int]:
     """(rows that are not whitened, most steps of delay) for delays of up to `longest` s."""
     startup = math.ceil(longest / recordings[0].sample_time) + 3
-    equations = equations_of(recordings, startup)
+    equations = equations_of(recordings, startup, widened=widened)
     check_used(recordings, equations)
     bank = Bank(equations, variance=passed_variance(np.ones(1), equations.band, _sensor(recordings)))
     return bank, max(int(longest / bank.tap_time) - 1, 1)
 
 
-def _laid_out(recordings: Sequence[Recording], longest: float, base: Terms, beside: Terms) -> tuple[Solver, int, Fit]:
+def _laid_out(
+    recordings: Sequence[Recording], longest: float, base: Terms, beside: Terms, settings: Settings
+) -> tuple[Solver, int, Fit]:
     """(solver on rows that are not whitened, most steps of delay, first fit) for delays of up to `longest` s."""
-    bank, most_tap = _bank(recordings, longest)
+    bank, most_tap = _bank(recordings, longest, settings.band)
     blocks = lay_blocks(bank.equations.lengths, POLICY.gap_rows, recordings[0].name)
-    solver = Solver(bank, blocks)
+    solver = Solver(bank, blocks, known=settings.known)
     fit = solver.fit(base, best_delay(solver, beside, most_tap))
-    solver = Solver(bank, blocks, _whole_inertia(fit) or _inertia_by_size(bank))
+    solver = Solver(bank, blocks, _whole_inertia(fit) or _inertia_by_size(bank), settings.known)
     return solver, most_tap, solver.fit(base, fit.tap)
 
 
@@ -233,14 +237,15 @@ def _inertia_by_size(bank: Bank) -> float:
 
 def best_delay(solver: Solver, terms: Terms, most_tap: int) -> int:
     """The whole-step delay with the least squares, found from coarse to fine."""
-    step = max(1, most_tap // 40)
-    solver.squares(terms, 0)  # keeps the columns that do not depend on the delay
-    tried = range(0, most_tap + 1, step)
+    allowed = solver.taps(most_tap)
+    step = max(1, (len(allowed) - 1) // 40)
+    solver.squares(terms, allowed[0])  # keeps the columns that do not depend on the delay
+    tried = allowed[::step]
     while True:
         best = min(tried, key=lambda n: solver.squares(terms, n, keep=False))
         if step == 1:
             return best
-        tried = range(max(best - step, 0), min(best + step, most_tap) + 1, max(step // 4, 1))
+        tried = range(max(best - step, allowed[0]), min(best + step, allowed[-1]) + 1, max(step // 4, 1))
         step = max(step // 4, 1)
 
 
@@ -255,7 +260,8 @@ def _with_noise(problem: Problem, fit: Fit) -> Problem:
     equations = plain.equations.with_whitening(taps)
     white = equations.whitened(residual)[equations.kept]
     noise = Noise(float(np.mean(white**2)), _inflation(white))
-    solver = Solver(Bank(equations, plain, passed_variance(taps, band, sensor)), blocks, inertia)
+    bank, known = Bank(equations, plain, passed_variance(taps, band, sensor)), problem.solver.known
+    solver = Solver(bank, blocks, inertia, known, noise.variance * noise.inflation)
     return replace(problem, solver=solver, noise=noise)
 
 

@@ -13,15 +13,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, Bank, Design, Term, Terms
 from dsd_cli.identify.fit.blocks import Blocks
+from dsd_cli.identify.fit.constraints import Reduction, Rules
 from dsd_cli.identify.fit.gram import Grams, grams, solve, total_gram, without_noise
+from dsd_cli.identify.fit.known import Known
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.results import DELAY
 from dsd_cli.signals.log import Array
 
+#: Rounds in which values that are no linear function of coefficients are brought to what they are held at.
+_ROUNDS, _LEAST_ROUNDS = 16, 3
 #: Of the target, that a residual must hold of a column to be more than rounding.
 _ROUNDING = 1e-7
 
@@ -41,6 +47,7 @@ class Fit:
     losses : the same on each block by the fit that did not see it, shape (B,).
     widths : coefficients of each effect (an effect on the command has none).
     grams : inner products of drive and columns.
+    variance : of a row, against which spreads of priors were weighed; 0: they were not.
     """
 
     terms: Terms
@@ -53,6 +60,7 @@ class Fit:
     losses: Array
     widths: tuple[int, ...]
     grams: Grams
+    variance: float = 0.0
 
     @property
     def loss(self) -> float:
@@ -77,10 +85,15 @@ class Solver:
     Parameters
     ----------
     inertia : J0 of the forward form.
+    known : what is held, bounded, or known to a spread. variance : of a row, per nat, against which a spread counts;
+        0 leaves spreads out.
     """
 
-    def __init__(self, bank: Bank, blocks: Blocks, inertia: float = 1.0) -> None:
+    def __init__(
+        self, bank: Bank, blocks: Blocks, inertia: float = 1.0, known: Known | None = None, variance: float = 0.0
+    ) -> None:
         self.bank, self.blocks, self.inertia = bank, blocks, inertia
+        self.known, self.variance = known or Known(), variance
 
     def squares(self, terms: Terms, tap: int, keep: bool = True) -> float:
         """Sum of squared residuals of the forward form, fitted to all rows at this whole-step delay.
@@ -88,21 +101,24 @@ class Solver:
         `keep` the columns that had to be made, for they will be asked for again.
         """
         design = self.bank.design(terms, tap, keep)
-        gram = without_noise(total_gram(design.rows), _of_columns(design), len(design.rows[0]))
-        _, weights = _solved(gram[None], 1, _forward_signs(design))
-        return self._size(weights[0], gram)
+        rules = self.reduction(terms, tap, design)
+        gram = _with_priors(without_noise(total_gram(design.rows), _of_columns(design), len(design.rows[0])), rules)
+        _, weights = _solved(gram[None], 1, _forward_signs(design), rules)
+        return self._size(weights[0], gram) + self.pull(terms)
 
     def fit(self, terms: Terms, tap: int) -> Fit:
         """Cross-validated, at one whole-step delay."""
         design = self.bank.design(terms, tap)
+        rules = self.reduction(terms, tap, design)
         found = grams(design.rows, self.blocks)
         stack = np.concatenate([found.total[None], found.fitted])
         rows = np.array([len(design.rows[0]), *self.blocks.fitted_rows()])
         events = [i + 1 for i in _events(terms, design.widths)]
-        _, forward = _solved(without_noise(stack, _of_columns(design), rows), 1, _forward_signs(design))
+        quiet = _with_priors(without_noise(stack, _of_columns(design), rows), rules)
+        _, forward = _solved(quiet, 1, _forward_signs(design), rules)
         ratio = forward[:, events] / np.where(forward[:, :1] != 0.0, forward[:, :1], 1.0)
         forward[:, events] = ratio[:1] * forward[:, :1]
-        inverse, _ = _solved(without_noise(stack, design.noise, rows), 0, [int(s) for s in design.signed])
+        inverse, _ = _solved(_with_priors(without_noise(stack, design.noise, rows), rules), 0, _signs(design), rules)
         inverse[:, [i - 1 for i in events]] = inverse[:1, [i - 1 for i in events]]
         weights = self.inertia * forward
         held = weights[1:][self.blocks.fold]
@@ -115,14 +131,70 @@ class Solver:
             inverse[1:],
             weights[0],
             weights[1:],
-            self._size(forward[0], without_noise(found.total, _of_columns(design), rows[0])),
+            self._size(forward[0], quiet[0]) + self.pull(terms),
             losses,
             design.widths,
             found,
+            0.0 if rules is None else rules.variance,
         )
+
+    def taps(self, most: int) -> range:
+        """Whole steps of delay that are allowed, up to `most`."""
+        fixed = self.known.fixed.get(DELAY)
+        low, high = (fixed, fixed) if fixed is not None else self.known.limits(DELAY)
+        if math.isinf(low) and math.isinf(high):
+            return range(most + 1)
+        step = self.bank.tap_time
+        first = min(max(int(max(low, 0.0) / step + 1e-9), 0), most)
+        last = most if math.isinf(high) else min(max(int(high / step + 1e-9), first), most)
+        return range(first, last + 1)
+
+    def pull(self, terms: Terms) -> float:
+        """What shapes away from their priors cost, as a sum of squares."""
+        if not (self.known.priors and self.variance > 0.0):
+            return 0.0
+        return self.variance * sum(self.known.pull_of_shapes(t.id, t.shape) for t in terms)
+
+    def reduction(self, terms: Terms, tap: int, design: Design) -> Reduction | None:
+        """What is known of the values of these effects, as rules on the rows; None where nothing is."""
+        if not self.known:
+            return None
+        rules = Rules(self.known, 0.0, terms, design.widths, tap, self.bank.tap_time)
+        gram = without_noise(total_gram(design.rows), design.noise, len(design.rows[0]))[None]
+        theta, held, pressed = np.zeros(len(design.rows) - 1), rules.held(None), list[int]()
+        found = rules.reduction(theta, held, linear_only=True)
+        for turn in range(_ROUNDS):
+            theta = _solved(_with_priors(gram, found), 0, _signs(design), found)[0][0]
+            if turn == 0:
+                rules = replace(rules, variance=self._variance(gram[0], theta, len(design.rows[0])))
+            beyond = {**rules.held(theta), **held}
+            below = [k for k, s in enumerate(design.signed) if s and theta[k] < 0.0 and k not in pressed]
+            turned = turn > 0 and (rules.linear or turn >= _LEAST_ROUNDS)
+            if turned and not below and beyond.keys() == held.keys() and rules.kept(theta, held):
+                break
+            held, pressed = beyond, pressed + below[:1]
+            found = rules.reduction(theta, held, pressed)
+        return found
+
+    def _variance(self, gram: Array, theta: Array, rows: int) -> float:
+        """Of a row, per nat; what these coefficients leave beyond noise counts as correlated over many rows."""
+        left = float(np.concatenate([[1.0], -theta]) @ gram @ np.concatenate([[1.0], -theta])) / rows
+        return self.variance + POLICY.correlated_rows * max(left - self.variance, 0.0) if self.variance > 0.0 else 0.0
 
     def _size(self, weights: Array, gram: Array) -> float:
         return self.inertia**2 * max(float(weights @ gram @ weights), 0.0)
+
+
+def _with_priors(stack: Array, rules: Reduction | None) -> Array:
+    """Gram matrices, shape (..., p+1, p+1), with the further equations."""
+    if rules is None or not len(rules.priors):
+        return stack
+    return np.asarray(stack + rules.priors.T @ rules.priors)
+
+
+def _signs(design: Design) -> list[int]:
+    """Of the columns, in the inverse form."""
+    return [int(s) for s in design.signed]
 
 
 def _forward_signs(design: Design) -> list[int]:
@@ -144,14 +216,33 @@ def _events(terms: Terms, widths: tuple[int, ...]) -> list[int]:
     return [i for term, at, width in pairs if "edges" in term.shape for i in range(at, at + width)]
 
 
-def _solved(stack: Array, target: int, signs: Sequence[int]) -> tuple[Array, Array]:
+def _solved(stack: Array, target: int, signs: Sequence[int], rules: Reduction | None = None) -> tuple[Array, Array]:
     """(coefficients of all rows but the target, shape (M, p), weights of all rows in the residual, shape (M, p+1)).
 
     Parameters
     ----------
     stack : Gram matrices, (M, p+1, p+1). The first says which coefficients are pressed onto 0 by their sign.
     signs : 1 not negative, -1 not positive, 0 free; of all rows but the target.
+    rules : weights are `rules.expand` times those of the rows that are left. Where the target is not left (a held
+        inertia leaves no acceleration), the drive stands in for it.
     """
+    others = [i for i in range(stack.shape[1]) if i != target]
+    if rules is None:
+        return _signed(stack, target, signs)
+    by_row = dict(zip(others, signs, strict=True))
+    if target not in rules.left:  # then columns count with the sign that they have beside the drive
+        by_row = {row: -sign for row, sign in by_row.items()}
+    instead = target if target in rules.left else 0
+    small = np.einsum("ki,mkl,lj->mij", rules.expand, stack, rules.expand)
+    left = [row for row in rules.left if row != instead]
+    _, weights = _signed(small, rules.left.index(instead), [by_row[row] for row in left])
+    weights = weights @ rules.expand.T
+    weights = weights / weights[:, [target]]
+    return -weights[:, others], weights
+
+
+def _signed(stack: Array, target: int, signs: Sequence[int]) -> tuple[Array, Array]:
+    """`_solved` without rules."""
     others = [i for i in range(stack.shape[1]) if i != target]
     free, total, returned = list(range(len(others))), stack[0], set[int]()
     size = np.sqrt(np.maximum(np.diag(total)[others], 1e-300))

@@ -3,28 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import FIXED, Term, Terms
-from dsd_cli.identify.fit.gram import grams, without_noise
+from dsd_cli.identify.fit.covariance import information
+from dsd_cli.identify.fit.known import Known
 from dsd_cli.identify.fit.solve import Fit, Solver
-from dsd_cli.identify.results import DELAY, INERTIA, Estimate
+from dsd_cli.identify.grades import grade
+from dsd_cli.identify.results import DELAY, INERTIA, Correlations, Estimate
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
-#: Relative step of numerical derivatives, and how near a bound counts as on it (share of the value).
-STEP, ON_BOUND = 1e-4, 1e-6
+#: How near a bound counts as on it (share of the value).
+ON_BOUND = 1e-6
 #: An error that is this many times the value is none: the log does not tell the value.
 NOT_TOLD = 1e3
 #: Correlation with the inertia from which on, and relative error above which, a value is known as a ratio only.
 TIED, LEAST_ERROR = 0.97, 0.02
-#: Blocks per unknown below which the scatter between blocks is no estimate of a covariance.
-BLOCKS_PER_UNKNOWN = 3
+#: Correlation from which on two values are told hardly apart.
+CORRELATED = 0.9
+#: A log that has less than this share in a value says nothing against its prior.
+LEAST_SHARE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -33,11 +37,12 @@ class Scale:
 
     tap_time: float
     rest_speed: float
+    known: Known = field(default_factory=Known)
 
     def model(self, fit: Fit, fold: int | None = None) -> PlantModel:
         """The plant model of a fit (of the fit that holds `fold` out); values are kept within their bounds."""
         theta = fit.total if fold is None else fit.folds[fold]
-        return _model(self, fit.terms, fit.widths, fit.tap, theta)
+        return self.known.applied(_model(self, fit.terms, fit.widths, fit.tap, theta))
 
 
 def _model(scale: Scale, terms: Terms, widths: tuple[int, ...], tap: int, theta: Array) -> PlantModel:
@@ -94,10 +99,17 @@ def flat(model: PlantModel) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Fitted:
-    """Values of a fit; `tied` : those of which the log tells only the ratio to the inertia."""
+    """Values of a fit.
+
+    Attributes
+    ----------
+    tied : those of which the log tells only the ratio to the inertia.
+    correlations : (value, value, correlation) of pairs that the log hardly tells apart, the strongest first.
+    """
 
     estimates: dict[str, Estimate]
     tied: tuple[str, ...]
+    correlations: Correlations = ()
 
 
 def fitted_values(fit: Fit, solver: Solver, scale: Scale, floor: float) -> Fitted:
@@ -107,30 +119,92 @@ def fitted_values(fit: Fit, solver: Solver, scale: Scale, floor: float) -> Fitte
     ----------
     floor : variance of a whitened row, inflated for correlation: no error is smaller than it implies.
     """
-    covariance, shapes = _covariance(fit, solver, floor)
+    found = information(fit, solver)
     values = flat(scale.model(fit))
     linear = len(fit.total)
+    bare = replace(scale, known=Known())
 
     def at(change: Array) -> dict[str, float]:
         theta = fit.total + change[:linear]
         terms = list(fit.terms)
-        for (i, name, value), step in zip(shapes, change[linear:], strict=True):
+        for (i, name, value), step in zip(found.shapes, change[linear:], strict=True):
             terms[i] = type(terms[i]).of(terms[i].id, {**terms[i].shape, name: value * math.exp(step)})
-        return flat(_model(scale, tuple(terms), fit.widths, fit.tap, theta))
+        return flat(_model(bare, tuple(terms), fit.widths, fit.tap, theta))
 
-    jacobian = _jacobian(at, values, _steps(covariance, linear))
+    units, known = _units(fit.terms), solver.known
+    bounds = {name: (known.limits(name), units[name][1:]) for name in values}
+    stuck = {n for n, v in values.items() if n not in known.fixed and any(_on_bound(v, *b) for b in bounds[n])}
+    usual = found.covariance(floor)
+    steps = _steps(usual, linear, None if not known else fit.total)
+    jacobian = _jacobian(at, values, steps)
+    covariance, pulls = usual, dict[str, float]()
+    if known:
+        rows = dict(zip(values, jacobian, strict=True))
+        held = [rows[n] for n in values if n in known.fixed or (n in stuck and _on_bound(values[n], *bounds[n][0]))]
+        held += _whole_events(fit, known, len(steps))
+        priors = [(rows[n], s) for n, (_, s) in known.priors.items() if n in rows and n not in known.fixed]
+        covariance = found.covariance(floor, held, priors, fit.variance)
+        for n in known.priors.keys() & rows.keys() - known.fixed.keys():
+            others = [(rows[o], s) for o, (_, s) in known.priors.items() if o in rows and o != n]
+            alone = math.sqrt(max(float(rows[n] @ found.covariance(floor, held, others, fit.variance) @ rows[n]), 0.0))
+            share = found.share(rows[n], known.priors[n][1], held, priors, fit.variance)
+            pulls[n] = _pull(values[n], known.priors[n], alone, share)
     spread = jacobian @ covariance @ jacobian.T
     errors = np.sqrt(np.maximum(np.diag(spread), 0.0))
-    units = _units(fit.terms)
-    found = {
-        name: Estimate(value, _told(value, float(error)), units[name][0], _on_bound(value, *units[name][1:]))
+    step = solver.bank.equations.sample_time
+    estimates = {
+        name: replace(
+            _estimate(name, value, float(error), units[name][0], name in stuck, known, step),
+            pull=pulls.get(name, math.nan),
+        )
         for (name, value), error in zip(values.items(), errors, strict=True)
     }
     with np.errstate(over="ignore", invalid="ignore"):
-        together = spread[0] / np.maximum(errors * errors[0], 1e-300)
+        together = spread / np.maximum(np.outer(errors, errors), 1e-300)
     doubtful = errors > LEAST_ERROR * np.abs(list(values.values()))
-    told = zip(values, np.abs(together), doubtful, strict=True)
-    return Fitted(found, tuple(name for name, r, d in told if r > TIED and d and name not in (INERTIA, DELAY)))
+    told = zip(values, np.abs(together[0]), doubtful, strict=True)
+    tied = tuple(name for name, r, d in told if r > TIED and d and name not in (INERTIA, DELAY))
+    return Fitted(estimates, tied, _correlated(list(values), together, estimates))
+
+
+def _estimate(
+    name: str, value: float, error: float, unit: str, at_bound: bool, known: Known, sample_time: float
+) -> Estimate:
+    if name in known.fixed:
+        return Estimate(value, 0.0, unit, held=True, told="held")
+    size = 1.0 if unit == "rad" else abs(value)
+    told = grade(size, error, sample_time if name == DELAY else math.nan)
+    judged = not at_bound or (name == DELAY and value == 0.0)  # nothing is earlier: no bound that anybody set
+    return Estimate(value, _told(value, error), unit, at_bound, told=told if judged else "not")
+
+
+def _pull(value: float, prior: tuple[float, float], alone: float, share: float) -> float:
+    """Standard deviations by which the log alone is off a prior.
+
+    Parameters
+    ----------
+    alone : standard error of the value without that prior. share : of the prior in the value.
+    """
+    if share > 1.0 - LEAST_SHARE:
+        return 0.0
+    without = (value - share * prior[0]) / (1.0 - share)
+    return (without - prior[0]) / math.hypot(prior[1], alone)
+
+
+def _correlated(names: Sequence[str], together: Array, estimates: Mapping[str, Estimate]) -> Correlations:
+    pairs = (
+        (names[i], names[j], float(together[i, j]))
+        for i in range(len(names))
+        for j in range(i + 1, len(names))
+        if not (estimates[names[i]].held or estimates[names[j]].held) and abs(together[i, j]) > CORRELATED
+    )
+    return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))
+
+
+def _whole_events(fit: Fit, known: Known, size: int) -> list[Array]:
+    """Coefficients of events that are held: a unit row each."""
+    at = [k for t in fit.terms if t.id in known.events for k in range(*fit.columns_of(t).indices(size))]
+    return list(np.eye(size)[at])
 
 
 def _told(value: float, error: float) -> float:
@@ -138,10 +212,15 @@ def _told(value: float, error: float) -> float:
     return error if value == 0.0 or error < NOT_TOLD * abs(value) else math.nan
 
 
-def _steps(covariance: Array, linear: int) -> Array:
-    """A small part of each standard error; of the logarithm of a shape that the log does not tell, a small step."""
+def _steps(covariance: Array, linear: int, theta: Array | None) -> Array:
+    """A small part of each standard error; of the logarithm of a shape that the log does not tell, a small step.
+
+    With `theta` a small part of the coefficients at most: what a log does not tell may be held.
+    """
     steps = np.maximum(0.05 * np.sqrt(np.maximum(np.diag(covariance), 0.0)), 1e-9)
     steps[linear:] = np.minimum(steps[linear:], 0.05)
+    if theta is not None:
+        steps[:linear] = np.minimum(steps[:linear], np.maximum(1e-3 * np.abs(theta), 1e-12))
     return steps
 
 
@@ -168,41 +247,3 @@ def _on_bound(value: float, lower: float, upper: float) -> bool:
     """Whether a value stands on a bound (a delay of 0 is none: nothing is earlier)."""
     span = max(abs(value), 1e-12)
     return any(math.isfinite(b) and abs(value - b) <= ON_BOUND * span for b in (lower, upper))
-
-
-def _covariance(fit: Fit, solver: Solver, floor: float) -> tuple[Array, list[tuple[int, str, float]]]:
-    """(covariance of coefficients and logarithms of shapes, [(term, shape name, value)]).
-
-    A sandwich over the blocks, which needs nothing to be white; with few blocks the usual one.
-    """
-    design = solver.bank.design(fit.terms, fit.tap, keep=False)
-    rows = list(design.rows)
-    shapes = [
-        (i, name, value)
-        for i, term in enumerate(fit.terms)
-        for name, value in term.items
-        if isinstance(value, float) and value > 0.0
-    ]
-    weights = np.concatenate([[-1.0], fit.total])
-    for i, name, value in shapes:
-        ends = []
-        for factor in (1.0 + STEP, 1.0 - STEP):
-            terms = list(fit.terms)
-            terms[i] = type(terms[i]).of(terms[i].id, {**terms[i].shape, name: value * factor})
-            changed = solver.bank.design(tuple(terms), fit.tap, keep=False)
-            ends.append(weights @ np.stack(changed.rows))
-        rows.append((ends[0] - ends[1]) / (2.0 * STEP))
-    found = grams(rows, solver.blocks)
-    normal = without_noise(found.total, np.pad(design.noise, (0, len(shapes))), len(rows[0]))[1:, 1:]
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    inverse = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-10) / np.outer(size, size)
-    usual = floor * inverse
-    unknowns, count = len(normal), solver.blocks.count
-    if count < BLOCKS_PER_UNKNOWN * unknowns:
-        return usual, shapes
-    residual = np.concatenate([[1.0], -fit.total, np.zeros(len(shapes))])
-    scores = found.held_out[:, 1:, :] @ residual
-    meat = scores.T @ scores * count / (count - unknowns)
-    sandwich = inverse @ meat @ inverse
-    larger = np.sum(np.diag(sandwich) * size**2) > np.sum(np.diag(usual) * size**2)
-    return (sandwich if larger else usual), shapes

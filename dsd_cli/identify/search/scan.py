@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from dsd_cli.effects import Role
-from dsd_cli.identify.fit.bank import Term, Terms, holds, inputs_of, not_negative
+from dsd_cli.identify.fit.bank import INERTIA, Term, Terms, holds, inputs_of, not_negative
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.signals.log import Array
 
@@ -24,6 +25,10 @@ class Scan:
     def __init__(self, solver: Solver, terms: Terms, tap: int, taps_for: Callable[[Term, int], Sequence[int]]) -> None:
         self.solver, self.terms, self.tap, self._taps_for = solver, terms, tap, taps_for
         self._inputs, self._held = inputs_of(terms), holds(terms)
+        self._squares = solver.squares(terms, tap) if solver.known else math.nan
+        if solver.known:
+            self._left, self._all = _under_rules(solver, terms, tap)
+            return
         drive, acceleration, *others = solver.bank.design(terms, tap).rows
         self._others = _basis(others)
         self._effects = _basis(others[1:]) if others[1:] else np.zeros((0, len(drive)))
@@ -40,12 +45,18 @@ class Scan:
 
         `keep` columns that had to be made, for they will be asked for again.
         """
-        if term.effect.role is Role.FRICTION and not self._held:  # the first friction makes rests of slow stretches
-            return self._squares - self.solver.squares((*self.terms, term), self.tap, keep), self.tap
+        first = term.effect.role is Role.FRICTION and not self._held  # it makes rests of slow stretches
+        if first or (self.solver.known and self._under_rule(term)):
+            taps = dict.fromkeys((self.tap, *self._taps_for(term, self.tap))) if not first else (self.tap,)
+            return max((self._squares - self.solver.squares((*self.terms, term), n, keep), n) for n in taps)
         if term.effect.role is not Role.INPUT:
             return self._gain_of_columns(self.solver.bank.columns(term, self.tap, keep, self._held), term), self.tap
         taps = dict.fromkeys((self.tap, *self._taps_for(term, self.tap)))
         return max((self._gain_of_drive(term, n, keep), n) for n in taps)
+
+    def _under_rule(self, term: Term) -> bool:
+        """Whether what is known changes more than the columns of the effects that are there."""
+        return term.effect.role in (Role.INPUT, Role.STRUCTURE) or self.solver.known.concerns(term.id)
 
     def _gain_of_drive(self, term: Term, tap: int, keep: bool) -> float:
         """The change over a further step of delay goes with the changed drive, and its share is not negative."""
@@ -62,7 +73,8 @@ class Scan:
         return self._squares - (float(self._unexplained @ self._unexplained) - explained)
 
     def _gain_of_columns(self, columns: Sequence[Array], term: Term) -> float:
-        own = np.stack([_without(c, self._all) for c in columns])
+        more = self._all.shape[1] - len(columns[0])  # further equations, in which a new effect has no part
+        own = np.stack([_without(np.pad(c, (0, more)), self._all) for c in columns])
         gram, moment = own @ own.T, own @ self._left
         size = np.array([float(c @ c) for c in columns])
         if not np.all(np.diag(gram) > _LEAST_OWN * size):
@@ -72,6 +84,24 @@ class Scan:
         if len(columns) == 1 and theta[0] > 0.0 and not_negative(term, 1):
             return 0.0
         return float(theta @ moment)
+
+
+def _under_rules(solver: Solver, terms: Terms, tap: int) -> tuple[Array, Array]:
+    """(what the forward form leaves, basis of what may change it), rows and further equations; shapes (n,), (k, n)."""
+    design = solver.bank.design(terms, tap)
+    rules = solver.reduction(terms, tap, design)
+    assert rules is not None
+    rows = rules.expand.T @ np.concatenate([np.stack(design.rows), rules.priors.T], axis=1)
+    acceleration = 1 + INERTIA
+    if acceleration in rules.left:
+        at = rules.left.index(acceleration)
+        target = solver.inertia * rows[at]
+    else:  # J is held: J0 (a - u/J), with what else is held in u
+        at = 0
+        target = -solver.inertia / -float(rules.expand[acceleration, 0]) * rows[at]
+    others = np.delete(rows, at, axis=0)
+    basis = _basis(list(others)) if len(others) else np.zeros((0, rows.shape[1]))
+    return _without(target, basis), basis
 
 
 def _basis(rows: Sequence[Array]) -> Array:

@@ -64,6 +64,7 @@ class Search:
         self.problem, self.solver, self.noise = problem, problem.solver, problem.noise
         self.base, self.allowed = problem.base, problem.candidates
         self.most_tap, self.ranges, self.practical = problem.most_tap, problem.ranges, problem.practical
+        self.taps = problem.solver.taps(problem.most_tap)
         self._options: dict[tuple[Terms, int], list[Option]] = {}
 
     @property
@@ -112,13 +113,14 @@ class Search:
 
     def fit(self, terms: Terms, near: int) -> Fit:
         """At the best delay near `near` steps: the share of a further step says which way to go."""
-        tap, tried = min(max(near, 0), self.most_tap), set()
+        least, most = self.taps[0], self.taps[-1]
+        tap, tried = min(max(near, least), most), set()
         while True:
             tried.add(tap)
             fit = self.solver.fit(terms, tap)
             share = float(fit.total[SHARE])
             step = math.floor(share) if share > 1.0 else -1 if share == 0.0 else 0
-            following = min(max(tap + step, 0), self.most_tap)
+            following = min(max(tap + step, least), most)
             if step == 0 or following in tried or len(tried) > MOST_WALKED:
                 return fit
             if step < 0 and self.solver.squares(terms, following) >= fit.squares:
@@ -131,7 +133,7 @@ class Search:
             return [tap]
         late = term.effect.lateness(term.shape) / self.solver.bank.tap_time
         tried = {round(tap - share * late) for share in (0.5, 0.65, 0.8, 0.9, 1.0)}
-        return sorted({min(max(n, 0), self.most_tap) for n in tried})
+        return sorted({min(max(n, self.taps[0]), self.taps[-1]) for n in tried})
 
     # -- steps -----------------------------------------------------------------------------------------------------
 
@@ -165,7 +167,9 @@ class Search:
         for effect_id in self.allowed:
             if effect_id in here or _listed(effect_id):
                 continue
-            tried = [Term.of(effect_id, shape) for shape in starts(effect_id, self.ranges, lines)]
+            known = self.solver.known
+            shapes = (known.pinned(effect_id, shape) for shape in starts(effect_id, self.ranges, lines))
+            tried = list(dict.fromkeys(Term.of(effect_id, shape) for shape in shapes))
             if tried:
                 found.append(max(((*scan.gain(term, keep=True), term) for term in tried), key=lambda f: f[0]))
         return found

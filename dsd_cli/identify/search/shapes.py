@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term, Terms
 from dsd_cli.identify.fit.golden import golden_section
+from dsd_cli.identify.fit.known import is_shape
 
 if TYPE_CHECKING:
     from dsd_cli.identify.search.scan import Scan
@@ -25,11 +26,14 @@ def refined(search: Search, terms: Terms, i: int, tap: int, rounds: int = ROUNDS
     """(terms with effect number i at its best shape, best delay); the squares over all rows are what counts."""
     term = terms[i]
     scan = search.scan((*terms[:i], *terms[i + 1 :]), tap)
+    held = search.solver.known.fixed
     names = [name for name, value in term.items if isinstance(value, float) and value > 0.0]
+    names = [n for n in names if f"{term.id}.{n}" not in held or not is_shape(term.effect, n, term.shape)]
     names.sort(key=lambda name: name in term.effect.broad)
     found = (*scan.gain(term), term)
     shrink = SHRINK if len(names) > 1 else SHRINK_ALONE
-    for turn in range(rounds if len(names) > 1 else 1 + (rounds == ROUNDS)):
+    alone = 1 + (rounds == ROUNDS) if names else 0
+    for turn in range(rounds if len(names) > 1 else alone):
         before = found[0]
         for name in names:
             found = _along(search, scan, found, name, _half_width(search, term, name) * (shrink**turn))
@@ -66,5 +70,10 @@ def _along(
 
 def _limits(search: Search, effect_id: str, name: str) -> tuple[float, float]:
     """A little beyond the starting shapes: further out the log cannot tell the shape, and the effect is another one."""
-    values = [shape[name] for shape in get_effect(effect_id).starts(search.ranges) if shape.get(name, 0.0) > 0.0]
+    effect = get_effect(effect_id)
+    starts = effect.starts(search.ranges)
+    low, high = search.solver.known.limits(f"{effect_id}.{name}")
+    if (low, high) != (-math.inf, math.inf) and starts and is_shape(effect, name, starts[0]):
+        return max(low, 1e-300), high
+    values = [shape[name] for shape in starts if shape.get(name, 0.0) > 0.0]
     return (min(values) / 1.5, max(values) * 1.5) if values else (1e-300, 1e300)

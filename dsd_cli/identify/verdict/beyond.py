@@ -82,6 +82,7 @@ def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
         settled = search.settled(again) if search.evidence(again) > search.evidence(settled) else settled
     then = beyond_of(search, settled)
     better = search.evidence(settled) > search.evidence(whole) and search.practical(whole, settled)
-    if better and not then.unknown:
+    a_law = beyond.on and "time" not in beyond.on and beyond.heldout_rmse < search.problem.errors.rmse(settled)
+    if better and not then.unknown and not a_law:  # a function of motion or u that explains more than pushes is a law
         return settled, then
     return whole, beyond if beyond.unknown else replace(beyond, unknown=True, on=("time",))

@@ -16,8 +16,10 @@ from dsd_cli.identify.search.long_logs import searched
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.beyond import Beyond, beyond_of, pushed
+from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
 from dsd_cli.identify.verdict.own_values import Own, own_values
+from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 __all__ = ["Settings", "diagnose"]
@@ -44,6 +46,7 @@ def diagnose(
     settings: Settings | None = None,
     holdout: Sequence[Recording] = (),
     progress: Progress | None = None,
+    stability: bool = False,
 ) -> Diagnosis:
     """The effect that is missing most, "inertia" or "delay" if a value is wrong, "none" or "unknown".
 
@@ -53,6 +56,7 @@ def diagnose(
     model : what the rig is believed to be; its values are fitted along, its effects stay.
     holdout : recordings that no fit sees; the held-out errors are then those of them.
     progress : called with what is being done and the share that is done.
+    stability : ask again with half of the data, and with half and twice the band.
 
     Raises
     ------
@@ -71,8 +75,12 @@ def diagnose(
     misfit = beyond.unknown or reconstructed or search.noise.inflation > MOST_INFLATION
     members = {name: membership(search, whole, name, misfit) for name in found}
     own = own_values(search)
+    diagnosis = _Verdict(search, search.options(search.refit), whole, members, own, beyond).diagnosis()
+    if stability:
+        report("how sure, on parts", 0.85)
+        diagnosis = with_stability(diagnosis, recordings, model, settings or Settings())
     report("done", 1.0)
-    return _Verdict(search, search.options(search.refit), whole, members, own, beyond).diagnosis()
+    return diagnosis
 
 
 class _Verdict:
@@ -193,6 +201,7 @@ class _Verdict:
         ranking = self._ranking(score, refitted)
         named = next((c for c in ranking if c.effect == verdict), None)
         fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
+        known, refit = problem.values(fit), problem.values(self.search.refit)
         return Diagnosis(
             logs=tuple(r.name for r in problem.recordings),
             samples=sum(r.samples for r in problem.recordings),
@@ -203,7 +212,11 @@ class _Verdict:
             ranking=ranking,
             ceiling=Ceiling(self.beyond.heldout_rmse, self.beyond.on),
             advice=advice_for(verdict, named, self.beyond.unknown, self.beyond.on, problem.recordings[0].provenance),
-            estimates=problem.values(fit).estimates,
+            estimates=known.estimates,
+            correlations=known.correlations,
+            given=problem.model,
+            refitted_values=refit.estimates,
+            refitted_correlations=refit.correlations,
             model=problem.scale.model(fit),
             refitted_model=problem.scale.model(self.search.refit),
             noise=self.beyond.noise,
@@ -211,6 +224,7 @@ class _Verdict:
             band_hz=self.search.equations.band.hz,
             floor=problem.floor,
             provenance=problem.recordings[0].provenance,
+            warnings=contradictions(self.search, fit, known.estimates),
             depends_on=self.beyond.on if self.beyond.unknown else (),
         )
 

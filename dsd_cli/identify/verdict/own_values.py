@@ -39,19 +39,18 @@ def own_values(search: Search) -> Own:
     problem = search.problem
     given, refit = problem.errors.of_model(problem.model), search.refit
     refitted, values = problem.score(refit), problem.values(refit).estimates
-    candidates = tuple(
-        sorted((_alone(search, name, given, values[name]) for name in (INERTIA, DELAY)), key=lambda c: c.rmse_after)
-    )
+    free = [name for name in (INERTIA, DELAY) if not values[name].held]
+    candidates = tuple(sorted((_alone(search, name, given, values[name]) for name in free), key=lambda c: c.rmse_after))
     fall = given.heldout_rmse**2 - refitted.heldout_rmse**2
     least = max(2.0 * POLICY.least_fall * given.heldout_rmse**2, problem.least_of_use(refit) ** 2)
     sure = max(_deviations(search, values), key=lambda pair: pair[1], default=("", 0.0))
     if fall < least or sure[1] < 4.0:
         return Own(given, refitted, candidates, "", 0.0)
-    best = candidates[0]
-    reached = given.rmse**2 - best.rmse_after**2
-    if best.effect == DELAY and _lag_explains_it(search):
+    best = candidates[0] if candidates else None
+    reached = given.rmse**2 - best.rmse_after**2 if best is not None else 0.0
+    if best is not None and best.effect == DELAY and _lag_explains_it(search):
         candidates = (replace(best, indistinguishable_from=(LAG,)), *candidates[1:])
-    wrong = best.effect if reached > SHARE_ALONE * fall else sure[0].split(".")[0]
+    wrong = best.effect if best is not None and reached > SHARE_ALONE * fall else sure[0].split(".")[0]
     sure_of_it = min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), 0.99)
     candidates = tuple(replace(c, probability=sure_of_it if c.effect == wrong else 0.0) for c in candidates)
     return Own(given, refitted, candidates, wrong, sure_of_it)

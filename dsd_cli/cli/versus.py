@@ -1,0 +1,77 @@
+"""`dsd compare -c a.toml -c b.toml`: two models side by side, on a log and value by value."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from dsd_cli.cli.options import Format
+
+if TYPE_CHECKING:
+    from dsd_cli.files.config import Config
+    from dsd_cli.identify.compare.versus import Moved, Versus
+
+
+def compare_configs(configs: Sequence[Config], logs: Sequence[str], form: Format, quiet: bool) -> None:
+    """Print both tables; logs are read as the first config says.
+
+    Raises
+    ------
+    UsageError : two configs of one name. DataError : see `load_recording`.
+    """
+    import sys
+
+    from dsd_cli.cli.identification import print_json
+    from dsd_cli.cli.recordings import believed_model
+    from dsd_cli.errors import UsageError
+    from dsd_cli.report.versus import print_versus, versus_json
+
+    names = [config.name.partition(" with --")[0] for config in configs]
+    if len(set(names)) < len(names):
+        raise UsageError(f"{names[0]} is given twice", "each config once")
+    models = {name: believed_model(config) for name, config in zip(names, configs, strict=True)}
+    found: Versus | None = None
+    if logs:
+        from dsd_cli.cli.identification import warn
+        from dsd_cli.cli.recordings import load_recording
+        from dsd_cli.identify.compare.versus import versus
+
+        loaded = [load_recording(path, configs[0]) for path in logs]
+        warn(quiet, (f"{path}: {w}" for path, one in zip(logs, loaded, strict=True) for w in one.warnings))
+        found = versus([one.recording for one in loaded], models)
+    differences = {name: _moved(configs[0], config) for name, config in zip(names[1:], configs[1:], strict=True)}
+    units = configs[0].signals.units
+    if form is Format.JSON:
+        print_json(versus_json(names, list(logs), found, differences, units))
+    else:
+        print_versus(names, found, differences, units, sys.stdout)
+
+
+def _moved(first: Config, second: Config) -> tuple[Moved, ...]:
+    from dsd_cli.cli.recordings import believed_model
+    from dsd_cli.effects import get_effect
+    from dsd_cli.identify.compare.versus import moved
+    from dsd_cli.identify.fit.values import flat
+
+    one, other = believed_model(first), believed_model(second)
+    units = {"inertia": "{u}/({v}/s)", "delay": "s"}
+    for name in (*one.effects, *other.effects):
+        units |= {f"{name}.{p.name}": p.unit for p in get_effect(name).parameters}
+    words = {name: first.signals.units.words(unit) for name, unit in units.items()}
+    return moved(flat(one), flat(other), fitted_errors(first), fitted_errors(second), words)
+
+
+def fitted_errors(config: Config) -> dict[str, float]:
+    """Standard errors out of the last step of [[history]], of values that [model] still has as they were fitted."""
+    from dsd_cli.cli.recordings import believed_model
+    from dsd_cli.identify.fit.values import flat
+
+    if not config.history:
+        return {}
+    last, now = config.history[-1], flat(believed_model(config))
+    return {
+        name: float(error)
+        for name, error in last.fitted_errors.items()
+        if name in now and name in last.fitted and math.isclose(now[name], last.fitted[name], rel_tol=1e-4)
+    }

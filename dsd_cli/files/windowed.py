@@ -1,0 +1,104 @@
+"""A table of which only the rows of a stretch of time are read, or only those outside of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dsd_cli.errors import DataError
+from dsd_cli.files.tables_in import Batch, TableSource
+from dsd_cli.signals.log import Array
+
+
+@dataclass(frozen=True)
+class Window:
+    """From `start` to `end`, both in it, s as the log's stamps count; `outside` is all the rest."""
+
+    start: float = -math.inf
+    end: float = math.inf
+    outside: bool = False
+
+    def __bool__(self) -> bool:
+        return self.outside or self.start > -math.inf or self.end < math.inf
+
+    def __str__(self) -> str:
+        since, until = self.start > -math.inf, self.end < math.inf
+        if since and until:
+            part = f"from {self.start:g} s to {self.end:g} s"
+        else:
+            part = f"from {self.start:g} s on" if since else f"up to {self.end:g} s"
+        return f"{'without its part ' * self.outside}{part}"
+
+    @property
+    def rest(self) -> Window:
+        """All that is not in it."""
+        return replace(self, outside=not self.outside)
+
+    def holds(self, t: Array) -> Array:
+        """Which stamps (s) are in it; one that is not finite is left to whoever drops such rows."""
+        inside = ~((t < self.start) | (t > self.end))
+        return np.asarray((~inside | ~np.isfinite(t)) if self.outside else inside)
+
+
+def windowed(table: TableSource, window: Window, time_scale: float, sample_time: float | None) -> TableSource:
+    """The table with the rows of a window alone; the table itself where there is none.
+
+    Parameters
+    ----------
+    time_scale : s per unit of the stamps. sample_time : s from row to row, where there are no stamps.
+    """
+    return _Windowed(table, window, time_scale, sample_time) if window else table
+
+
+class _Windowed:
+    """See `TableSource`; a live stream may change what it says while it is read."""
+
+    def __init__(self, table: TableSource, window: Window, time_scale: float, sample_time: float | None) -> None:
+        self._table, self._window = table, window
+        self._time_scale, self._sample_time = time_scale, sample_time or 0.0
+        self.name, self.metadata = table.name, table.metadata
+
+    @property
+    def column_names(self) -> list[str]:
+        return self._table.column_names
+
+    @property
+    def columns(self) -> dict[str, str]:
+        return self._table.columns
+
+    @property
+    def warnings(self) -> list[str]:
+        return self._table.warnings
+
+    @property
+    def unreadable(self) -> int:
+        return self._table.unreadable
+
+    def batches(self) -> Iterator[Batch]:
+        """Rows of the window.
+
+        Raises
+        ------
+        DataError : there are none.
+        """
+        passed, restart, first, last, before = 0, False, math.inf, -math.inf, 0
+        for batch in self._table.batches():
+            t = self._stamps(batch, before)
+            before += batch.rows
+            finite = t[np.isfinite(t)]
+            first, last = min(first, finite.min(initial=math.inf)), max(last, finite.max(initial=-math.inf))
+            keep = self._window.holds(t)
+            rows, restart = int(keep.sum()), restart or batch.restart
+            if rows:
+                yield Batch(rows, {name: x[keep] for name, x in batch.columns.items()}, restart)
+                passed, restart = passed + rows, False
+        if before and not passed:
+            raise DataError(f"{self.name}: no row {self._window}", f"it goes from {first:g} s to {last:g} s")
+
+    def _stamps(self, batch: Batch, before: int) -> Array:
+        if "t" in batch.columns:
+            return np.asarray(batch.columns["t"] * self._time_scale)
+        return np.asarray((before + np.arange(batch.rows)) * self._sample_time)

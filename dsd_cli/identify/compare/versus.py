@@ -1,0 +1,123 @@
+"""Two models on the same logs, side by side: which predicts better, and whether that is more than chance.
+
+Nothing is fitted. The logs are cut into the blocks on which `dsd diagnose` holds out; the squared errors of both
+models on each block are compared in pairs, so that what is hard for both does not count.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsd_cli.identify.compare.evaluation import Force
+from dsd_cli.identify.fit.problem import Settings, pose
+from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.results import DELAY, INERTIA
+from dsd_cli.plant.model import PlantModel
+
+#: Random changes of sign of the differences, and below which chance a difference is said to be one.
+DRAWS, SEED, CHANCE = 20000, 20261121, 0.01
+
+
+@dataclass(frozen=True)
+class Contender:
+    """One model. `better_by` : share by which its error is below that of the first model; `chance` : that blocks of
+    two equal models differ so much; `blocks_won` : share of the blocks on which it is better. NaN for the first."""
+
+    name: str
+    force: Force
+    better_by: float = math.nan
+    chance: float = math.nan
+    blocks_won: float = math.nan
+
+    @property
+    def differs(self) -> bool:
+        """Whether the difference to the first model is more than chance."""
+        return self.chance < CHANCE
+
+
+@dataclass(frozen=True)
+class Versus:
+    """All models, the first one the one that the others are compared with."""
+
+    logs: tuple[str, ...]
+    blocks: int
+    contenders: tuple[Contender, ...]
+
+
+def versus(recordings: Sequence[Recording], models: Mapping[str, PlantModel]) -> Versus:
+    """Raises DataError, UsageError as `pose`."""
+    problem = pose(recordings, next(iter(models.values())), Settings(effects=()))
+    errors, blocks = problem.errors, problem.blocks
+    block = blocks.block_of_rows()[errors.equations.kept]
+    found: list[Contender] = []
+    first = np.zeros(0)
+    for name, model in models.items():
+        residual, score = errors.rows_of_model(model), errors.of_model(model)
+        squares = np.array([float(np.mean(residual[block == b] ** 2)) for b in np.unique(block)])
+        fit, share = (x if math.isfinite(x) else None for x in (score.fit_percent, score.relative_error_percent))
+        force = Force(score.rmse, fit, share, problem.equations.band.hz, problem.floor)
+        if not found:
+            first = squares
+            found.append(Contender(name, force))
+            continue
+        better = 1.0 - score.rmse / found[0].force.rmse if found[0].force.rmse > 0.0 else 0.0
+        found.append(Contender(name, force, better, _chance(first - squares), float(np.mean(squares < first))))
+    return Versus(tuple(r.name for r in recordings), int(np.unique(block).size), tuple(found))
+
+
+def _chance(differences: np.ndarray) -> float:
+    """Of a mean so far from 0 under random signs (two-sided); robust against a few loud blocks by ranks."""
+    size = np.abs(differences)
+    if not size.max(initial=0.0) > 0.0:
+        return 1.0
+    ranks = np.argsort(np.argsort(size)) + 1.0
+    signs = np.random.default_rng(SEED).choice([-1.0, 1.0], (DRAWS, len(size)))
+    found = []
+    for weights in (size, ranks):
+        seen = abs(float(np.sign(differences) @ weights))
+        found.append((1.0 + np.sum(np.abs(signs @ weights) >= seen * (1.0 - 1e-12))) / (DRAWS + 1.0))
+    return float(max(found))
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A value of two models; standard errors NaN where they are not known, values NaN where a model has it not."""
+
+    name: str
+    unit: str
+    first: float
+    first_error: float
+    second: float
+    second_error: float
+
+    @property
+    def sigma(self) -> float:
+        """By how many standard errors of the difference it moved; NaN where they are not known."""
+        spread = math.hypot(self.first_error, self.second_error)
+        return (self.second - self.first) / spread if spread > 0.0 else math.nan
+
+
+def moved(
+    first: Mapping[str, float],
+    second: Mapping[str, float],
+    first_errors: Mapping[str, float],
+    second_errors: Mapping[str, float],
+    units: Mapping[str, str],
+) -> tuple[Moved, ...]:
+    """Every value of both models; inertia and delay first."""
+    names = dict.fromkeys((INERTIA, DELAY, *first, *second))
+    return tuple(
+        Moved(
+            name,
+            units.get(name, ""),
+            first.get(name, math.nan),
+            first_errors.get(name, math.nan),
+            second.get(name, math.nan),
+            second_errors.get(name, math.nan),
+        )
+        for name in names
+    )

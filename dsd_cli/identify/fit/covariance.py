@@ -1,0 +1,118 @@
+"""How the coefficients and shapes of a fit scatter: a sandwich over the blocks, under what is known of the values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsd_cli.identify.fit.gram import grams, without_noise
+from dsd_cli.identify.fit.solve import Fit, Solver
+from dsd_cli.signals.log import Array
+
+#: Relative step of numerical derivatives.
+STEP = 1e-4
+#: Blocks per unknown below which the scatter between blocks is no estimate of a covariance.
+BLOCKS_PER_UNKNOWN = 3
+#: Singular values below this share are rules that say nothing more.
+_RANK = 1e-9
+
+
+@dataclass(frozen=True)
+class Information:
+    """What the rows say of coefficients and logarithms of shapes (m unknowns).
+
+    Attributes
+    ----------
+    normal : X'X less the sensor's noise, shape (m, m). scores : X'r of each block, shape (B, m).
+    shapes : (term, shape name, value) of the unknowns behind the coefficients.
+    """
+
+    normal: Array
+    scores: Array
+    shapes: tuple[tuple[int, str, float], ...]
+
+    def covariance(
+        self,
+        floor: float,
+        held: Sequence[Array] = (),
+        priors: Sequence[tuple[Array, float]] = (),
+        weight: float = 0.0,
+    ) -> Array:
+        """Shape (m, m): (H+P)^-1 (scatter + spread of the priors) (H+P)^-1 within what is free.
+
+        A sandwich needs nothing to be white; with few blocks, or where it says less, the usual covariance.
+
+        Parameters
+        ----------
+        floor : variance of a whitened row, inflated for correlation.
+        held : slopes of values that do not move, shape (m,) each.
+        priors : (slopes of a value, its standard deviation); `weight` is the variance of a row against which the fit
+            weighed them.
+        """
+        size, free, pulled, data, inverse = self._inverse(held, priors, weight)
+        scattered = weight**2 * pulled
+        usual = inverse @ (floor * data + scattered) @ inverse
+        count, unknowns = len(self.scores), free.shape[1]
+        if count >= BLOCKS_PER_UNKNOWN * unknowns > 0:
+            scores = (self.scores / size) @ free
+            meat = scores.T @ scores * count / (count - unknowns)
+            sandwich = inverse @ (meat + scattered) @ inverse
+            if np.trace(free @ sandwich @ free.T) > np.trace(free @ usual @ free.T):
+                usual = sandwich
+        return np.asarray((free @ usual @ free.T) / np.outer(size, size))
+
+    def share(
+        self, row: Array, spread: float, held: Sequence[Array], priors: Sequence[tuple[Array, float]], weight: float
+    ) -> float:
+        """How much of a value is its prior: 0 where the log alone decides, 1 where it says nothing."""
+        size, free, _, _, inverse = self._inverse(held, priors, weight)
+        slope = free.T @ (row / size)
+        return float(weight / spread**2 * slope @ inverse @ slope)
+
+    def _inverse(
+        self, held: Sequence[Array], priors: Sequence[tuple[Array, float]], weight: float
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """(sizes of the unknowns; free directions, priors, data, inverse of both: in unknowns of size 1)."""
+        size = np.sqrt(np.maximum(np.diag(self.normal), 1e-300))
+        prior = [row / spread for row, spread in priors] if weight > 0.0 else []
+        pulls = np.array(prior).reshape(-1, len(size)) / size
+        free = _free(np.array(held).reshape(-1, len(size)) / size, len(size))
+        data = free.T @ (self.normal / np.outer(size, size)) @ free
+        pulled = free.T @ (pulls.T @ pulls) @ free
+        return size, free, pulled, data, np.linalg.pinv(data + weight * pulled, rcond=1e-10, hermitian=True)
+
+
+def _free(held: Array, size: int) -> Array:
+    """Orthonormal directions in which nothing that is held moves, shape (size, q)."""
+    if not len(held):
+        return np.eye(size)
+    lengths = np.linalg.norm(held, axis=1, keepdims=True)
+    _, strengths, basis = np.linalg.svd(held / np.maximum(lengths, 1e-300))
+    return np.asarray(basis[int(np.sum(strengths > _RANK)) :].T)
+
+
+def information(fit: Fit, solver: Solver) -> Information:
+    """Out of the rows of a fit, with a numerical slope for every shape."""
+    design = solver.bank.design(fit.terms, fit.tap, keep=False)
+    rows = list(design.rows)
+    shapes = tuple(
+        (i, name, value)
+        for i, term in enumerate(fit.terms)
+        for name, value in term.items
+        if isinstance(value, float) and value > 0.0
+    )
+    weights = np.concatenate([[-1.0], fit.total])
+    for i, name, value in shapes:
+        ends = []
+        for factor in (1.0 + STEP, 1.0 - STEP):
+            terms = list(fit.terms)
+            terms[i] = type(terms[i]).of(terms[i].id, {**terms[i].shape, name: value * factor})
+            changed = solver.bank.design(tuple(terms), fit.tap, keep=False)
+            ends.append(weights @ np.stack(changed.rows))
+        rows.append((ends[0] - ends[1]) / (2.0 * STEP))
+    found = grams(rows, solver.blocks)
+    normal = without_noise(found.total, np.pad(design.noise, (0, len(shapes))), len(rows[0]))[1:, 1:]
+    residual = np.concatenate([[1.0], -fit.total, np.zeros(len(shapes))])
+    return Information(normal, found.held_out[:, 1:, :] @ residual, shapes)

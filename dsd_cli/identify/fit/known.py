@@ -1,0 +1,114 @@
+"""What the user knows of values before any fit: held, bounded, or known to a spread (a prior)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from dsd_cli.effects import Effect, Shape, get_effect
+from dsd_cli.identify.results import DELAY, INERTIA
+from dsd_cli.plant.model import PlantModel
+
+#: Coefficients under which a parameter is asked whether it is a shape by itself.
+_PROBES = (0.3, 0.6)
+
+
+@dataclass(frozen=True)
+class Known:
+    """Names are "inertia", "delay" or "<effect>.<parameter>"; effects need not be in the model.
+
+    Attributes
+    ----------
+    fixed : values that no fit changes.
+    bounds : smallest and largest value.
+    priors : value and standard deviation: one more equation.
+    events : effects all of whose values are held as the model has them, lists of events too.
+    """
+
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    events: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        return bool(self.fixed or self.bounds or self.priors or self.events)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All values of which something is known."""
+        return tuple(dict.fromkeys((*self.fixed, *self.bounds, *self.priors)))
+
+    def concerns(self, effect_id: str) -> bool:
+        """Whether something is known of a value of that effect."""
+        return effect_id in self.events or any(name.startswith(f"{effect_id}.") for name in self.names)
+
+    def applied(self, model: PlantModel) -> PlantModel:
+        """The model with what is fixed put into what it has."""
+        effects: dict[str, dict[str, float]] = {}
+        for name, value in self.fixed.items():
+            effect, _, parameter = name.partition(".")
+            if effect in model.effects:
+                effects.setdefault(effect, {})[parameter] = value
+        return model.changed(self.fixed.get(DELAY), self.fixed.get(INERTIA), effects)
+
+    def holding(self, model: PlantModel) -> Known:
+        """With every value of that model fixed as well."""
+        numbers = {INERTIA: model.inertia, DELAY: model.delay}
+        events = {}
+        for name, values in model.effects.items():
+            if any(p.listed for p in get_effect(name).parameters):
+                events[name] = values
+            else:
+                numbers |= {f"{name}.{p}": float(v) for p, v in values.items()}
+        rest = {name: found for name, found in self.priors.items() if name not in numbers}
+        limits = {name: found for name, found in self.bounds.items() if name not in numbers}
+        return replace(self, fixed={**numbers, **self.fixed}, events=events, priors=rest, bounds=limits)
+
+    def limits(self, name: str) -> tuple[float, float]:
+        """Bounds of a value; infinite where there are none."""
+        return self.bounds.get(name, (-math.inf, math.inf))
+
+    def pinned(self, effect_id: str, shape: Shape) -> dict[str, Any]:
+        """A shape with what is known of it in place: fixed values, and within bounds."""
+        found = dict(shape)
+        for key, value in shape.items():
+            name = f"{effect_id}.{key}"
+            if name in self.names and is_shape(get_effect(effect_id), key, shape):
+                low, high = self.limits(name)
+                found[key] = self.fixed.get(name, min(max(value, low), high))
+        return found
+
+    def pull_of_shapes(self, effect_id: str, shape: Shape) -> float:
+        """Sum of ((shape - prior) / spread)^2 over priors of shapes."""
+        found = 0.0
+        for key, value in shape.items():
+            prior = self.priors.get(f"{effect_id}.{key}")
+            if prior is not None and is_shape(get_effect(effect_id), key, shape):
+                found += ((value - prior[0]) / prior[1]) ** 2
+        return found
+
+
+def is_shape(effect: Effect, parameter: str, shape: Shape) -> bool:
+    """Whether a parameter stands in the shape as it is, whatever the coefficients are."""
+    if parameter not in shape:
+        return False
+    if effect.split is None:
+        return True
+    count = len(effect.to_columns(_some_values(effect), 1.0)[0])
+    found = [effect.from_columns((probe,) * count, shape, 1.0)[parameter] for probe in _PROBES]
+    return all(math.isclose(one, shape[parameter], rel_tol=1e-12) for one in found)
+
+
+def _some_values(effect: Effect) -> dict[str, Any]:
+    """Any values within the bounds."""
+    return {
+        p.name: () if p.listed else min(max(0.5, p.lower), p.upper if math.isfinite(p.upper) else math.inf)
+        for p in effect.parameters
+    }
+
+
+def named_of(effect_id: str, names: Iterable[str]) -> list[str]:
+    """The parameters of that effect among names."""
+    return [name.partition(".")[2] for name in names if name.startswith(f"{effect_id}.")]

@@ -1,0 +1,65 @@
+"""What must be said of values that the user knows: one on its bound, one that the log pulls away from its prior or from
+what it is held at."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from dsd_cli.identify.fit.problem import Problem
+from dsd_cli.identify.fit.solve import Fit, Solver
+from dsd_cli.identify.fit.values import flat
+from dsd_cli.identify.results import Estimates
+from dsd_cli.identify.search.sets import Search
+
+#: Standard deviations from which on a log contradicts what is known.
+LEAST_SIGMA = 3.0
+
+
+def contradictions(search: Search, fit: Fit, estimates: Estimates) -> tuple[str, ...]:
+    """One sentence each, about the values of a fit."""
+    known = search.solver.known
+    if not known:
+        return ()
+    found = []
+    for name, estimate in estimates.items():
+        low, high = known.limits(name)
+        side = next((s for s, b in (("lower", low), ("upper", high)) if math.isclose(estimate.value, b)), "")
+        if estimate.at_bound and side:
+            found.append(f"{name} stands on its {side} bound, {estimate.value:.4g}: the log asks for more")
+        if abs(estimate.pull) > LEAST_SIGMA:
+            value, spread = known.priors[name]
+            found.append(
+                f"{name} = {estimate.value:.4g} pulls against its prior {value:.4g} +- {spread:.2g} by"
+                f" {abs(estimate.pull):.1f} sigma"
+            )
+    return (*found, *_of_held(search.problem, fit, estimates))
+
+
+def _of_held(problem: Problem, fit: Fit, estimates: Estimates) -> list[str]:
+    """Held values that this log would put elsewhere if it might."""
+    held = [name for name, e in estimates.items() if e.held]
+    if not held:
+        return []
+    free = _freed(problem)
+    search = Search(free)
+    loose = search.fit(fit.terms, fit.tap)
+    values, given = free.values(loose).estimates, flat(problem.scale.model(fit))
+    found = []
+    for name in held:
+        alone = values.get(name)
+        if alone is None or not alone.std_error > 0.0:
+            continue
+        sigma = abs(alone.value - given[name]) / alone.std_error
+        if sigma > LEAST_SIGMA:
+            found.append(
+                f"{name} is held at {given[name]:.4g}; this log alone says {alone.value:.4g} +- {alone.std_error:.2g}"
+                f" ({sigma:.1f} sigma off)"
+            )
+    return found
+
+
+def _freed(problem: Problem) -> Problem:
+    """The same question of somebody who knows nothing."""
+    solver = problem.solver
+    return replace(problem, solver=Solver(solver.bank, solver.blocks, solver.inertia))

@@ -1,0 +1,61 @@
+"""The one honest table at the end: every value with its unit, its error, and whether the log tells it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from dsd_cli.identify.results import Correlations, Estimate, Estimates
+from dsd_cli.report.names import estimate_text, in_words
+from dsd_cli.report.terminal import escaped
+
+#: Correlations on the screen; the JSON has all.
+MOST_CORRELATIONS = 6
+
+
+def print_values(console: Any, title: str, values: Estimates, correlations: Correlations) -> None:
+    """For a person; nothing where there are none."""
+    from rich import box
+    from rich.table import Table
+
+    if not values:
+        return
+    table = Table(
+        box=box.SIMPLE_HEAD, title=escaped(title), title_justify="left", title_style="", pad_edge=False, padding=(0, 1)
+    )
+    for name, justify in (("", "left"), ("value", "right"), ("+-", "right"), ("unit", "left"), ("told", "left")):
+        table.add_column(name, justify=justify, no_wrap=name != "told", overflow="fold")  # type: ignore[arg-type]
+    for name, one in values.items():
+        number, spread = _number_and_spread(one)
+        table.add_row(name, number, spread, escaped("" if one.unit == "1" else in_words(one.unit)), told(one))
+    console.print(table)
+    for line in correlation_lines(correlations):
+        console.print(escaped(line))
+
+
+def _number_and_spread(one: Estimate) -> tuple[str, str]:
+    """Both with the digits that the error deserves."""
+    bare = Estimate(one.value, one.std_error, "")
+    number, _, spread = estimate_text(bare).partition(" +- ")
+    return number, spread or ("-" if not one.held else "")
+
+
+def told(one: Estimate) -> str:
+    """`identified`, `weak`, `not`, `held`, and what else to know."""
+    words = [one.told] if one.told else []
+    words += ["at its bound"] if one.at_bound else []
+    words += [f"{abs(one.pull):.1f} sigma from its prior"] if math.isfinite(one.pull) else []
+    return ", ".join(words)
+
+
+def correlation_lines(correlations: Correlations) -> list[str]:
+    """What the log hardly tells apart."""
+    lines = [f"hardly told apart: {a} and {b} (correlation {r:.2f})" for a, b, r in correlations[:MOST_CORRELATIONS]]
+    more = len(correlations) - MOST_CORRELATIONS
+    return [*lines, f"  and {more} more pairs (--format json lists them)"] if more > 0 else lines
+
+
+def correlations_json(correlations: Correlations) -> Sequence[dict[str, Any]]:
+    """Pairs of values and their correlation."""
+    return [{"of": [a, b], "correlation": r} for a, b, r in correlations]

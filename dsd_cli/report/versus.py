@@ -1,0 +1,128 @@
+"""Two configs side by side, as JSON and as tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import PurePath
+from typing import Any
+
+from dsd_cli.identify.compare.versus import Contender, Moved, Versus
+from dsd_cli.identify.results import Estimate
+from dsd_cli.report import terminal
+from dsd_cli.report.diagnosis import error, plain_table
+from dsd_cli.report.names import estimate_text, force_error, in_words, number_or_none
+from dsd_cli.report.terminal import escaped
+from dsd_cli.signals.units import Units
+
+#: Standard errors from which on a value has moved.
+_MOVED = 3.0
+#: Characters that the table of values may take.
+_WIDEST = 110
+
+
+def versus_json(
+    names: Sequence[str],
+    logs: Sequence[str],
+    found: Versus | None,
+    differences: Mapping[str, Sequence[Moved]],
+    units: Units,
+) -> dict[str, Any]:
+    """The object of the contract; `models` is null without a log."""
+    models = None if found is None else [_contender_json(one) for one in found.contenders]
+    return {
+        "schema_version": 1,
+        "command": "compare",
+        "log": list(logs),
+        "configs": list(names),
+        "unit": units.force,
+        "blocks": None if found is None else found.blocks,
+        "models": models,
+        "verdict_text": None if found is None else verdict_line(found),
+        "differences": [
+            {"config": name, "values": [moved_json(one) for one in values]} for name, values in differences.items()
+        ],
+    }
+
+
+def _contender_json(one: Contender) -> dict[str, Any]:
+    figures = {key: number_or_none(getattr(one, key)) for key in ("better_by", "chance", "blocks_won")}
+    return {"config": one.name, **asdict(one.force), **figures, "differs": one.differs}
+
+
+def moved_json(one: Moved) -> dict[str, Any]:
+    numbers = {k: number_or_none(v) for k, v in asdict(one).items() if isinstance(v, float)}
+    return {"name": one.name, "unit": one.unit, **numbers, "sigma": number_or_none(one.sigma)}
+
+
+def verdict_line(found: Versus) -> str:
+    """Which model is better, if any is."""
+    first, lines = found.contenders[0], []
+    for one in found.contenders[1:]:
+        if not one.differs:
+            chance = f"chance makes as much in {100 * one.chance:.0f} of 100"
+            lines.append(f"{first.name} and {one.name} cannot be told apart on this log ({chance})")
+            continue
+        better, worse = (one, first) if one.better_by > 0.0 else (first, one)
+        lines.append(
+            f"{better.name} is better than {worse.name}: force error {error(better.force.rmse)} against "
+            f"{error(worse.force.rmse)}, on {_won(one):.0f} % of {found.blocks} blocks (by chance: {one.chance:.2g})"
+        )
+    return "; ".join(lines)
+
+
+def _won(one: Contender) -> float:
+    return 100.0 * (one.blocks_won if one.better_by > 0.0 else 1.0 - one.blocks_won)
+
+
+def print_versus(
+    names: Sequence[str], found: Versus | None, differences: Mapping[str, Sequence[Moved]], units: Units, file: Any
+) -> None:
+    """For a person."""
+    console = terminal.console(file)
+    if found is not None:
+        title = f"{', '.join(found.logs)}: {force_error(found.contenders[0].force.band_hz)} ({units.force})"
+        table = plain_table(title, "", *names)
+        rows = (("rmse", "rmse"), ("fit %", "fit_percent"), ("of u %", "relative_error_percent"), ("floor", "floor"))
+        for heading, key in rows:
+            figures = (getattr(one.force, key) for one in found.contenders)
+            table.add_row(heading, *("-" if x is None else error(x) for x in figures))
+        console.print(table)
+        console.print(f"[bold]{escaped(verdict_line(found))}[/bold]")
+    for name, values in differences.items():
+        print_moved(console, names[0], name, values)
+
+
+def print_moved(console: Any, first: str, second: str, values: Sequence[Moved]) -> None:
+    """Value by value, with the difference in standard errors."""
+    table = plain_table("values", "", *_short(first, second), "difference", "sigma", "unit")
+    table.columns[0].no_wrap, table.columns[-1].justify = True, "left"
+    for one in values:
+        change = one.second - one.first
+        share = f" ({100 * change / abs(one.first):+.1f} %)" if one.first and math.isfinite(change) else ""
+        table.add_row(
+            escaped(one.name),
+            _value(one.first, one.first_error),
+            _value(one.second, one.second_error),
+            f"{change:+.3g}{share}" if math.isfinite(change) else "-",
+            _sigma(one.sigma),
+            escaped(in_words(one.unit)),
+        )
+    wide = terminal.console(console.file)
+    wide.width = max(console.width, _WIDEST)
+    wide.print(table)
+
+
+def _short(first: str, second: str) -> tuple[str, str]:
+    """Without folders, where they differ all the same."""
+    one, other = PurePath(first).name, PurePath(second).name
+    return (one, other) if one != other else (first, second)
+
+
+def _value(value: float, spread: float) -> str:
+    return estimate_text(Estimate(value, spread, "")) if math.isfinite(value) else "-"
+
+
+def _sigma(sigma: float) -> str:
+    return "-" if not math.isfinite(sigma) else f"{sigma:+.1f}{' moved' if abs(sigma) > _MOVED else ''}"
