@@ -31,6 +31,7 @@ check: setup
 bench: setup
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[bench]"
 	$(BIN)/python -m bench
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.beyond cost --print
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench hidden --seeds 1
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench random
 

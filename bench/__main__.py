@@ -6,7 +6,8 @@ tests on new examples, see bench/properties.py; `python -m bench fuzz` looks for
 bench/fuzz.py; `python -m bench kills` ends them by signals, see bench/fuzz_kills.py;
 `python -m bench coverage` counts how often standard errors hold the truth, see bench/coverage.py;
 `python -m bench longlog` labels a day at 10 kHz, see bench/longlog.py; `python -m bench fleet`
-runs over many logs, see bench/fleet.py.
+runs over many logs, see bench/fleet.py; `python -m bench.beyond` makes the tables of docs/beyond.md, its item `cost`
+what method "profile" takes.
 """
 
 from __future__ import annotations

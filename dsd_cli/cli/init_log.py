@@ -11,12 +11,14 @@ import numpy as np
 from dsd_cli.errors import DataError, DsdError
 from dsd_cli.files.first_look import FirstLook, first_look, time_unit_of
 from dsd_cli.files.formats.base import CLOCK
+from dsd_cli.files.joints import joint_that_moves
 from dsd_cli.files.logs import LoadedLog, load_log
 from dsd_cli.files.template import template_text
 from dsd_cli.identify.checks import CheckResult, check_log
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import predict_d_hat
+from dsd_cli.signals.clock import FASTEST, SLOWEST
 from dsd_cli.signals.log import Array
 
 #: Rows from which everything is proposed.
@@ -52,8 +54,9 @@ def propose(path: str) -> tuple[str, list[str]]:
     ------
     DataError : it cannot be read, or no control input or nothing to have d_hat from is recognised.
     """
-    look = first_look(path)
     out = Proposal()
+    look, chosen = joint_that_moves(path, first_look(path))
+    out.said += chosen
     _name_columns(path, look, out)
     try:
         loaded, factors = _read(path, look, out)
@@ -73,7 +76,10 @@ def _name_columns(path: str, look: FirstLook, out: Proposal) -> None:
     if "u" not in found or not needed:
         what = "no control input" if "u" not in found else "neither disturbance nor velocity nor position"
         listed = ", ".join(look.columns[:12]) + (" ..." if len(look.columns) > 12 else "")
-        raise DataError(f"{path}: {what} among its columns ({listed})", "name them in [signals]; dsd init writes one")
+        raise DataError(
+            f"{path}: {what} among its columns ({listed})",
+            "`dsd init` without a log writes a config in which to name them",
+        )
     if look.clock:
         out.put("signals", "time", CLOCK, "the file stamps its rows itself")
     for channel, one in found.items():
@@ -115,6 +121,7 @@ def _read(path: str, look: FirstLook, out: Proposal) -> tuple[LoadedLog, dict[st
 def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal) -> None:
     log = loaded.log
     step = log.sample_time
+    _doubt_time_unit(step, out)
     clock = "regular" if loaded.regular else "irregular stamps"
     out.said.append(f"sample time {step:g} s ({clock}), from the first {len(log):,} rows, {len(log) * step:.3g} s")
     out.put("observer", "time_constant", float(f"{5 * step:.3g}"), "5 samples; take your observer's if d_hat is logged")
@@ -139,6 +146,18 @@ def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal
     if left > 0.0:
         rho = float(f"{max(RHO_OF_LEFT * left, RHO_LEAST * float(np.std(log['u']))):.3g}")
         out.put("detector", "rho", rho, f"{RHO_OF_LEFT:g} times what inertia and delay leave")
+
+
+def _doubt_time_unit(step: float, out: Proposal) -> None:
+    """Say so where the unit in a name makes a sample time that no servo log has, and another unit would not."""
+    unit = json.loads(out.values.get(("signals", "time_unit"), '"s"'))
+    as_written = step / _TIME_SCALE[unit]
+    likely = time_unit_of(as_written)
+    seconds = as_written * _TIME_SCALE[likely]
+    if not FASTEST <= step <= SLOWEST and FASTEST <= seconds <= SLOWEST:
+        out.said.append(
+            f"time_unit: in {unit}, rows are {step:g} s apart; in {likely} they would be {seconds:g} s: which?"
+        )
 
 
 def _put_delays(at: float, step: float, told: bool, out: Proposal) -> None:

@@ -20,6 +20,8 @@ from dsd_cli.signals.log import Array
 LEAST_STEPS = 2.0
 #: Samples to look back on at least: two changes must fit in.
 LEAST_SPAN = 4
+#: Share of a window that may be at rest without reason on irregular stamps, for its label to be confident.
+MOST_REST = 0.02
 
 
 class Motion:
@@ -66,12 +68,36 @@ class Motion:
         return np.asarray(total[self._span :] - total[self._span - span : -span])
 
 
+class RestShare:
+    """Which labels rest on rest: too much of their window is intervals that no friction of the model explains.
+
+    Parameters
+    ----------
+    window : samples that a decision looks back on.
+    """
+
+    def __init__(self, window: int) -> None:
+        self._past = np.zeros(window, dtype=np.bool_)
+
+    def restart(self) -> None:
+        """What comes next rests on nothing that was before."""
+        self._past[:] = False
+
+    def unfounded(self, resting: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Of the next samples; both of shape (n,)."""
+        window = self._past.size
+        all_of_it = np.concatenate([self._past, resting])
+        total = np.cumsum(all_of_it, dtype=np.intp)
+        self._past = all_of_it[resting.size :]
+        return np.asarray(total[window:] - total[: resting.size] > MOST_REST * window)
+
+
 class FrictionMarks:
     """Marks the intervals that say nothing because friction there is whatever explains the motion.
 
     These are those at rest that no candidate explains, and those in which the plant starts, stops or turns: there J a
     is what was measured, for every inertia, so that Q { Jn a } of it is taken out of d_hat (`turning`) instead of being
-    predicted.
+    predicted. On irregular stamps rests have their vote, but no label may rest on them (`resting`, for `RestShare`).
     """
 
     def __init__(self, plan: Plan, sample_time: float, alone: bool) -> None:
@@ -84,6 +110,7 @@ class FrictionMarks:
         self._past: Array | None = None  # the last samples of u, as far as a delay reaches
         self._turned = 0.0
         self.turning = np.zeros(0)
+        self.resting = np.zeros(0, dtype=np.bool_)
 
     def marked(
         self,
@@ -99,7 +126,7 @@ class FrictionMarks:
         position : shape (n,), where it is read; `alone` of the constructor: it alone tells the motion.
         pushed : u, shape (n,); forces and friction budgets, shape (n, combinations).
         """
-        self.turning = np.zeros(means.sign.size)
+        self.turning, self.resting = np.zeros(means.sign.size), np.zeros(means.sign.size, dtype=np.bool_)
         if not self._acts:
             return means.sign
         sign, still = means.sign, np.isnan(means.sign)
@@ -113,9 +140,9 @@ class FrictionMarks:
         else:
             still &= ~self._explained(*pushed)
         if np.ndim(interval) > 0:
-            # irregular stamps: with rests left out, a real servo whose friction the model lacks had labels that are
-            # confident and wrong where it had none before
-            still = np.zeros(sign.size, dtype=np.bool_)
+            # with rests left out, a real servo whose friction the model lacks had labels that are confident and wrong
+            # in motion, where it had none before
+            self.resting, still = still, np.zeros(sign.size, dtype=np.bool_)
         turns = self._taken_out(means.acceleration, interval) if self._plan.has_friction else still
         return np.where(still | turns, np.inf, sign)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.detect.engine import Forces, Labels
-from dsd_cli.detect.profile.cells import Estimates
+from dsd_cli.detect.profile.cells import Estimates, held
 from dsd_cli.signals.log import Array
 
 
@@ -88,7 +88,7 @@ def estimates_of(labels: Labels | None, keep: NDArray[Any] | None, n: int, last:
 
 
 def without_confidence(labels: Labels, wrong: NDArray[np.bool_]) -> Labels:
-    """The same labels, none of the `wrong` ones confident."""
+    """The same labels, none of the `wrong` ones confident; see `held_again` for the estimates."""
     estimates: Any = labels.estimates
     if estimates:
         estimates = estimates._replace(
@@ -97,13 +97,29 @@ def without_confidence(labels: Labels, wrong: NDArray[np.bool_]) -> Labels:
     return replace(labels, confident=labels.confident & ~wrong, estimates=estimates)
 
 
+def held_again(labels: Labels, last: tuple[float, ...]) -> Labels:
+    """The same labels, with estimates only of samples whose flag is still set.
+
+    Parameters
+    ----------
+    last : delay, its std, inertia, its std before the first sample.
+    """
+    flags = labels.estimates[4:]
+    columns = [held(column, flags[i // 2], last[i]) for i, column in enumerate(labels.estimates[:4])]
+    return replace(labels, estimates=Estimates(*columns, *flags))
+
+
 class Inputs(NamedTuple):
-    """What the engine takes, each array of shape (n,)."""
+    """What the engine takes, each array of shape (n,).
+
+    resting : where the axis rests without a reason that the model knows, yet has a vote; None: nowhere.
+    """
 
     u: Array
     d_hat: Array
     t: Array
     forces: Forces | None
+    resting: NDArray[np.bool_] | None = None
 
 
 def labels_arrays(labels: Labels) -> tuple[NDArray[Any], ...]:
@@ -118,7 +134,8 @@ def joined(inputs: list[Inputs]) -> Inputs:
         parts = [part.forces for part in inputs if part.forces is not None]
         forces = Forces(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     u, d_hat, t = (np.concatenate([part[i] for part in inputs]) for i in range(3))
-    return Inputs(u, d_hat, t, forces)
+    rests = [part.resting for part in inputs if part.resting is not None]
+    return Inputs(u, d_hat, t, forces, np.concatenate(rests) if rests else None)
 
 
 def cut(labels: Labels, begin: int, end: int) -> Labels:

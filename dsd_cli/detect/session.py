@@ -12,12 +12,13 @@ from dsd_cli.detect.engine import Engine, Forces, Labels, Measurement
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.profile.cells import Estimates
 from dsd_cli.detect.profile.changes import Change
-from dsd_cli.detect.rest import FrictionMarks
+from dsd_cli.detect.rest import FrictionMarks, RestShare
 from dsd_cli.detect.rows import (
     Inputs,
     Rows,
     cut,
     estimates_of,
+    held_again,
     joined,
     labels_arrays,
     part,
@@ -51,6 +52,7 @@ class Session:
         self._last_t: float | None = None
         self._before: Sample | None = None
         self._friction: FrictionMarks | None = None
+        self._rest = RestShare(plan.settings.effective_window)
         self._label = plan.settings.initial
         self._waiting: list[Piece] = []
         self._early = 0
@@ -161,6 +163,7 @@ class Session:
             self.engine.restart()
         if self._spikes is not None:
             self._spikes.restart()
+        self._rest.restart()
         self._observer, self._last_t, self._before, self._friction = None, None, None, None
         self._damping, self._in_window = None, 0
 
@@ -173,10 +176,12 @@ class Session:
         if self._spikes is None:
             self._spikes = Spikes(engine.spec, self.plan.settings.window, self.plan.d_hat_source == "logged")
         unfounded = self._spikes.unfounded(inputs.u, labels.state)
-        if unfounded is None:
-            return labels
-        self._doubted += int((labels.confident & unfounded).sum())
-        return without_confidence(labels, unfounded)
+        if unfounded is not None:
+            self._doubted += int((labels.confident & unfounded).sum())
+            labels = without_confidence(labels, unfounded)
+        if inputs.resting is not None:
+            labels = without_confidence(labels, self._rest.unfounded(inputs.resting))
+        return held_again(labels, self._estimates) if labels.estimates else labels
 
     def _engine_now(self) -> Engine:
         if self.engine is None:
@@ -217,7 +222,7 @@ class Session:
         if forces is not None and self._friction is not None and self._friction.turning.any():
             d_hat = d_hat - self.plan.observer.sign * self._friction.turning
         self._last_t = float(piece.t[-1])
-        return Inputs(u, d_hat, piece.t, forces)
+        return Inputs(u, d_hat, piece.t, forces, None if self._friction is None else self._friction.resting)
 
     def _forces(self, piece: Piece) -> Forces:
         """Forces of every combination of effect values, per interval that ends at a sample."""

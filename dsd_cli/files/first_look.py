@@ -15,9 +15,13 @@ from dsd_cli.files.tables_in import is_stream, open_table, read_head
 
 @dataclass(frozen=True)
 class FirstLook:
-    """`columns` of the log, and channel -> column for those that are recognised; `clock`: the file stamps its rows."""
+    """`columns` of the log with their `units`, and channel -> column for those that are recognised.
+
+    `clock`: the file stamps its rows.
+    """
 
     columns: tuple[str, ...]
+    units: Mapping[str, str]
     found: Mapping[str, Recognised]
     clock: bool = False
 
@@ -38,10 +42,11 @@ def first_look(path: str) -> FirstLook:
         units = {place.full: place.group.units.get(place.channel, "") for place in known}
         names = list(dict.fromkeys(place.full for place in known if place.channel != CLOCK or not place.group.clock))
         clock, found = any(group.clock for group in file.groups), recognise(names, units)
-        return FirstLook(tuple(names), _without_time(found) if clock else found, clock)
+        return FirstLook(tuple(names), units, _without_time(found) if clock else found, clock)
     table = open_table(path, {}, ())
     names = [name for name in dict.fromkeys(table.column_names) if name]
-    return FirstLook(tuple(names), recognise(names, _units_row(path, recognise(names))))
+    units = _units_row(path, recognise(names))
+    return FirstLook(tuple(names), units, recognise(names, units))
 
 
 def _without_time(found: dict[str, Recognised]) -> dict[str, Recognised]:

@@ -73,7 +73,7 @@ def load_log(
     """
     if "t" not in signals and sample_time is None:
         raise DataError(f"{path}: no time column", "set signals.time, or signals.sample_time")
-    table = windowed(open_table(path, signals, optional), window or Window(), time_scale, sample_time)
+    table = windowed(open_table(path, signals, optional, u_hold=u_hold), window or Window(), time_scale, sample_time)
     table = scaled(table, factors or {})
     cleaner = Cleaner(sample_time, time_scale, limits=limits)
     channels, restarts = _joined(_cleaned(table, cleaner, most_rows))

@@ -51,12 +51,16 @@ _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|°")
 
 @dataclass(frozen=True)
 class Recognised:
-    """A channel's column; `unit` as the log says it, "" where it does not; `others`: columns it could be as well."""
+    """A channel's column; `unit` as the log says it, "" where it does not.
+
+    `others`: columns it could be as well, best first; `equals`: those of them whose names say it as clearly.
+    """
 
     channel: str
     column: str
     unit: str = ""
     others: tuple[str, ...] = ()
+    equals: tuple[str, ...] = ()
 
     @property
     def time_unit(self) -> str | None:
@@ -80,8 +84,10 @@ def recognise(columns: Sequence[str], units: Mapping[str, str] | None = None) ->
             if column not in {one.column for one in found.values()} and (score := _score(channel, column)) > 0.0
         ]
         if scored:
-            best, *rest = [column for *_, column in sorted(scored, reverse=True)]
-            found[channel] = Recognised(channel, best, units.get(best) or unit_in(best, channel), tuple(rest))
+            (top, _, best), *rest = sorted(scored, reverse=True)
+            others = tuple(column for *_, column in rest)
+            equals = tuple(column for score, _, column in rest if score == top)
+            found[channel] = Recognised(channel, best, units.get(best) or unit_in(best, channel), others, equals)
     return found
 
 

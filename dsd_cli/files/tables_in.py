@@ -14,7 +14,7 @@ from typing import BinaryIO, NamedTuple, Protocol
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.signals.log import Array
+from dsd_cli.signals.log import Array, Hold
 
 PARQUET_MAGIC = b"PAR1"
 STDIN = "-"
@@ -62,7 +62,12 @@ class TableSource(Protocol):
 
 
 def open_table(
-    path: str | Path, columns: Mapping[str, str], optional: Collection[str] = (), *, follow: bool = False
+    path: str | Path,
+    columns: Mapping[str, str],
+    optional: Collection[str] = (),
+    *,
+    follow: bool = False,
+    u_hold: Hold = "held",
 ) -> TableSource:
     """Open a log.
 
@@ -72,6 +77,7 @@ def open_table(
     columns : canonical name -> name of the column in the file.
     optional : canonical names that may be missing.
     follow : keep reading what is appended to the CSV file; ends only when the caller stops.
+    u_hold : how u lives between its samples, which matters where it is joined with channels of another rate.
 
     Raises
     ------
@@ -104,7 +110,7 @@ def open_table(
         return CsvTable(str(path), columns, optional)
     from dsd_cli.files.formats.table import ContainerTable
 
-    return ContainerTable(path, other, columns, optional)
+    return ContainerTable(path, other, columns, optional, u_hold)
 
 
 def is_stream(path: str | Path) -> bool:
@@ -182,7 +188,11 @@ def _hint(canonical: str, name: str, column_names: list[str]) -> str:
     if canonical in column_names:
         return f'set [signals] {key} = "{canonical}"'
     column_names = [column for column in column_names if not column.startswith("true_")]
-    folded = {column.casefold(): column for column in column_names}
+    if "/" in name:  # group/channel: that they share the group says nothing
+        name = name.rpartition("/")[2]
+        folded = {column.rpartition("/")[2].casefold(): column for column in column_names}
+    else:
+        folded = {column.casefold(): column for column in column_names}
     close = get_close_matches(name.casefold(), list(folded), n=1, cutoff=0.5) or [
         column for column in folded if column.startswith((name.casefold() + "_", name.casefold() + " "))
     ]

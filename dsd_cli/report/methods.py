@@ -24,18 +24,19 @@ def print_table(log: str, scores: Sequence[MethodScore], file: Any) -> None:
     console = terminal.console(file)
     known = any(one.share_correct is not None for one in scores)
     console.print(f"[bold]{escaped(log)}[/bold]: {scores[0].judged:,} judged samples")
-    table = Table(box=box.SIMPLE_HEAD)
-    columns = ["method", "right", "confident", "these right", "followed", "after s", "false", "us each"]
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), collapse_padding=True, pad_edge=False)
+    columns = ["method", "right", "sure", "of sure", "followed", "after s", "false", "us"]
     if not known:
-        columns = ["method", "confident", "switches", "us each"]
+        columns = ["method", "sure", "switches", "us"]
     for name in columns:
-        table.add_column(name, justify="left" if name == "method" else "right")
+        table.add_column(name, justify="left" if name == "method" else "right", no_wrap=True)
     for one in scores:
         table.add_row(*(_cells(one) if known else _cells_without_truth(one)))
     console.print(table)
+    console.print("sure: confident labels; us: microseconds per sample")
     if known:
         console.print("followed: changes of the true state, and the median time until the label is right and stands")
-        console.print("false: changes of the label to a wrong state; us each: time per sample")
+        console.print("of sure: right ones of the confident; false: changes of the label to a wrong state")
 
 
 def _cells(one: MethodScore) -> list[str]:
@@ -49,13 +50,19 @@ def _cells(one: MethodScore) -> list[str]:
         followed,
         delay,
         str(one.false_switches),
-        f"{one.nanoseconds / 1e3:.3g}",
+        _microseconds(one.nanoseconds),
     ]
 
 
 def _cells_without_truth(one: MethodScore) -> list[str]:
-    return [one.method, _percent(one.confident_share), str(one.switches), f"{one.nanoseconds / 1e3:.3g}"]
+    return [one.method, _percent(one.confident_share), str(one.switches), _microseconds(one.nanoseconds)]
 
 
 def _percent(share: float | None) -> str:
     return "-" if share is None else f"{100 * share:.1f} %"
+
+
+def _microseconds(nanoseconds: float) -> str:
+    """Three digits, never an exponent."""
+    value = nanoseconds / 1e3
+    return f"{value:.3g}" if value < 100.0 else f"{value:,.0f}"

@@ -45,6 +45,9 @@ def test_the_table_names_every_method(folder):
         ALL.split(",")
     )
     assert "2 of 2" in said
+    narrow = done("detect", "log.csv", "--method", ALL, cwd=folder, COLUMNS="80").stdout
+    assert "\u2026" not in narrow  # every cell whole
+    assert "e+" not in narrow
     truthless = ("--set", 'signals.true_delay=""', "--set", 'signals.true_inertia=""')
     assert "switches" in done("detect", "log.csv", "--method", "dsd,imm", *truthless, cwd=folder).stdout
 

@@ -67,3 +67,13 @@ def test_other_methods_have_no_estimates(rig: Path) -> None:
 def test_a_short_window_is_refused_in_one_line(rig: Path) -> None:
     result = dsd("detect", "log.csv", *METHOD, "--set", "detector.window=5", cwd=rig)
     refused(result, 2, "needs 10 samples")
+
+
+def test_a_change_is_placed_within_its_own_interval(tmp_path: Path) -> None:
+    """The load is taken up at 1.5 s, while little moves: many places explain the log almost as well."""
+    samples = Path(__file__).parents[2] / "sample_logs"
+    log, config = samples / "servo-load-change.parquet", samples / "servo-load-change.toml"
+    said = done("detect", log, "-c", config, *METHOD, "--format", "json", cwd=tmp_path).stdout
+    (change,) = json.loads(said)["changes"]
+    assert change["low"] <= change["time"] <= change["high"]
+    assert change["low"] <= 1.5 <= change["high"]

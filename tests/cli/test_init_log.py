@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.files.config import load_config
+from dsd_cli.files.joints import joints_of
 from dsd_cli.files.recognise import recognise
 from tests.cli.rig import csv_text, done, dsd, refused
 from tests.files.formats import makers
@@ -98,6 +99,54 @@ def test_logs_of_other_tools(kind: str, tmp_path: Path) -> None:
     done("detect", made.path, cwd=tmp_path)
 
 
+JOINTS = ("shoulder_pan_joint", "wrist_1_joint", "wrist_2_joint")
+
+
+@pytest.mark.parametrize("moving", JOINTS)
+def test_of_many_joints_the_one_that_moves_is_chosen(moving: str, tmp_path: Path) -> None:
+    data, rng = axis(2000), np.random.default_rng(4)
+    drive = {}
+    for joint in JOINTS:
+        share = 1.0 if joint == moving else 0.0
+        drive |= {
+            f"effort_{joint}": share * data["u"] + 3.0 * (1.0 - share) + 0.01 * rng.standard_normal(2000),
+            f"velocity_{joint}": share * data["velocity"] + 0.001 * rng.standard_normal(2000),
+            f"temp_{joint}": 40.0 + np.arange(2000),
+        }
+    np.savez(tmp_path / "arm.npz", time=data["t"], **drive)
+    said = done("init", "arm.npz", cwd=tmp_path).stderr
+    config = load_config(tmp_path / "dsd.toml")
+    assert (config.signals.u, config.signals.velocity) == (f"effort_{moving}", f"velocity_{moving}")
+    assert config.signals.time == "time"
+    assert config.model.inertia == pytest.approx(0.02, rel=0.1)
+    label = moving.removesuffix("_joint")
+    assert f"joint {label} of 3: it moves most (standard deviation of velocity: shoulder_pan " in said
+
+
+def test_the_joint_that_moves_in_messages_and_in_groups(tmp_path: Path) -> None:
+    pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed")
+    made = makers.mcap_ros2(tmp_path, {name: axis(1500)[name] for name in ("t", "u", "velocity")})
+    said = done("init", made.path, cwd=tmp_path).stderr
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.u, signals.velocity) == (made.names["u"], made.names["velocity"])
+    assert "joint elbow of 2" in said
+
+
+@pytest.mark.parametrize(
+    ("columns", "expected"),
+    [
+        (["t", "iq_1", "iq_2", "speed_1", "speed_2"], {"1": {"iq_1", "speed_1"}, "2": {"iq_2", "speed_2"}}),
+        (["axis1/t", "axis1/iq", "axis1/pos", "axis2/t", "axis2/iq", "axis2/pos"],
+         {"1": {"axis1/t", "axis1/iq", "axis1/pos"}, "2": {"axis2/t", "axis2/iq", "axis2/pos"}}),
+        (["t", "voltage_a", "voltage_b", "voltage_c", "speed"], {}),  # three phases of one motor
+        (["t", "torque_motor", "torque_load", "speed_motor", "speed_load"], {}),  # two ends of one axis
+        (["t", "u", "velocity"], {}),
+    ],
+)  # fmt: skip
+def test_which_columns_belong_to_one_joint(columns: list[str], expected: dict[str, set[str]]) -> None:
+    assert joints_of(columns, recognise(columns)) == expected
+
+
 def test_without_a_time_or_units_it_says_what_it_took(tmp_path: Path) -> None:
     data = axis(3000)
     (tmp_path / "a.csv").write_text(csv_text({"torque": data["u"], "speed": data["velocity"]}))
@@ -108,6 +157,17 @@ def test_without_a_time_or_units_it_says_what_it_took(tmp_path: Path) -> None:
     (tmp_path / "b.csv").write_text(csv_text({"t": data["t"] * 1e6, "torque": data["u"], "speed": data["velocity"]}))
     said = done("init", "b.csv", "--force", cwd=tmp_path).stderr
     assert "time_unit: not said; steps of 1000 are taken as us" in said
+    assert "which?" not in said
+
+
+@pytest.mark.parametrize(("unit", "scale", "doubted"), [("ms", 1.0, True), ("s", 1e3, True), ("ms", 1e3, False)])
+def test_a_unit_in_the_name_that_cannot_be_is_doubted(unit: str, scale: float, doubted: bool, tmp_path: Path) -> None:
+    data = axis(1000)
+    (tmp_path / "a.csv").write_text(
+        csv_text({f"Time [{unit}]": data["t"] * scale, "torque": data["u"], "speed": data["velocity"]})
+    )
+    said = done("init", "a.csv", cwd=tmp_path).stderr
+    assert ("they would be 0.001 s: which?" in said) == doubted
 
 
 def test_refused_in_one_line(tmp_path: Path) -> None:

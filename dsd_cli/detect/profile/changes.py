@@ -6,8 +6,9 @@ Generalised likelihood ratio of the two windows of M samples that end at k - M a
 
 S the residual sum of squares of the best delay, inertia and effect values. The sums of both windows together are the
 sum of their sums, so that this costs one fit more. It looks for a change of any direction in any of the values. One
-window after the test's peak the change is placed: its time is the best split of the two windows between the two states,
-its uncertainty the likelihood of all splits. The next two windows begin after it: changes closer than that are missed.
+window after the test's peak the change is placed: its time is the median of the likelihood of all splits of the two
+windows between the two states, its uncertainty their spread. The next two windows begin after it: changes closer than
+that are missed.
 """
 
 from __future__ import annotations
@@ -177,7 +178,7 @@ class ChangeTest:
         self._blind = row + 2 * self._settings.window + self._memory
 
     def _placed(self, peak: _Peak) -> tuple[Found, int]:
-        """The change at the best split of the two windows between the two states, and its sample."""
+        """The change at the median split of the two windows between the two states, and its sample."""
         window = self._settings.window
         rows = np.arange(peak.row - 2 * window + 1, peak.row + 1) % len(self._past)
         past = self._past[rows]
@@ -185,9 +186,10 @@ class ChangeTest:
         cost = split_costs(self._residuals(past, before), self._residuals(past, after), self._pole)
         weight = np.exp(-(cost - cost.min()) / (2.0 * peak.variance))
         share = np.cumsum(weight) / weight.sum()
-        low, high = (int(np.searchsorted(share, level)) for level in (TAIL, 1.0 - TAIL))
-        time, early, late = (float(past[i + 1, 0]) for i in (int(cost.argmin()), low, min(high, cost.size - 1)))
-        row = peak.row - 2 * window + 2 + int(cost.argmin())
+        # not the best split: where many are nearly as good it may stand outside of its own interval
+        low, at, high = (int(np.searchsorted(share, level)) for level in (TAIL, 0.5, 1.0 - TAIL))
+        time, early, late = (float(past[i + 1, 0]) for i in (at, low, min(high, cost.size - 1)))
+        row = peak.row - 2 * window + 2 + at
         return Found(time, early, late, self._detected, peak.nats, before, after), row
 
     def _clear_of_it(self, peak: _Peak) -> tuple[Level, Level]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.files.formats.base import Group, numbers
+from dsd_cli.files.formats.matlab_objects import NOT_SEEN, object_channels
 from dsd_cli.signals.log import Array
 
 #: Attributes that name the unit of a dataset.
@@ -26,7 +27,10 @@ class Hdf5File:
         # MATLAB writes its matrices the other way round, and marks every variable
         self._matlab = any("MATLAB_class" in item.attrs for item in self._file.values())
         parts: dict[tuple[str, int], dict[str, _Place]] = {}
+        self._objects: list[str] = []
         self._file.visititems(lambda name, item: self._note(parts, name, item))
+        if self._objects:
+            self._note_objects(parts, path)
         self.groups: Sequence[Group] = [
             Group(group, rows, {name: place.unit for name, place in places.items()}, handle=places)
             for (group, rows), places in parts.items()
@@ -40,9 +44,22 @@ class Hdf5File:
             return
         if item.attrs.get("MATLAB_class") in (b"char", b"cell", b"function_handle"):
             return
+        if "MATLAB_object_decode" in item.attrs:  # a number that stands for an object
+            self._objects.append(path)
+            return
         for full, place in _places(path, item, self._matlab).items():
             group, _, name = full.rpartition("/")
             parts.setdefault((group, place.rows), {})[name] = place
+
+    def _note_objects(self, parts: dict[tuple[str, int], dict[str, _Place]], path: str) -> None:
+        found = object_channels(path)
+        if found is None:
+            self.notes.append(NOT_SEEN)
+            return
+        for full, values in found.items():
+            if any(full == one or full.startswith(f"{one}/") for one in self._objects):
+                group, _, name = full.rpartition("/")
+                parts.setdefault((group, values.size), {})[name] = _Place(values, 0)
 
     def read(self, group: Group, channels: Sequence[str], start: int, rows: int) -> dict[str, Array]:
         return {name: group.handle[name].read(start, min(start + rows, group.rows)) for name in channels}
@@ -54,9 +71,8 @@ class _Place:
     def __init__(self, item: Any, along: int, at: int | None = None, part: str | None = None) -> None:
         self._item, self._along, self._at, self._part = item, along, at, part
         self.rows = item.shape[along]
-        self.unit = _text(
-            next((item.attrs[key] for key in ("units", "unit", "Units", "Unit") if key in item.attrs), "")
-        )
+        attributes = getattr(item, "attrs", {})  # an array in memory has none
+        self.unit = _text(next((attributes[key] for key in UNITS if key in attributes), ""))
 
     def read(self, start: int, stop: int) -> Array:
         rows = slice(start, stop)

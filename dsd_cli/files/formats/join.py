@@ -1,7 +1,8 @@
 """Channels of different clocks on one: rows come at the stamps of the slowest that was measured.
 
 Nothing is invented between samples of a slow channel. A faster u is averaged from row to row, which is what an axis
-feels of it; faster measurements are interpolated between the two samples around a row; references are held.
+feels of it, or, where it was sampled from a continuous signal, interpolated as faster measurements are: between the two
+samples around a row. References are held.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.signals.log import Array
+from dsd_cli.signals.log import Array, Hold
 
 #: Channels whose rate may decide about that of the rows.
 DECIDING = ("u", "d_hat", "velocity", "position")
@@ -22,6 +23,8 @@ SAME_RATE = 0.01
 HOLE = 2.5
 #: Steps longer than this many mean steps are pauses, and no part of the rate.
 PAUSE = 10.0
+#: What is done to a channel of another clock.
+AVERAGED, INTERPOLATED, HELD = "averaged from row to row", "interpolated", "held"
 
 
 class Sampled(NamedTuple):
@@ -48,8 +51,8 @@ class Joined(NamedTuple):
     notes: list[str]
 
 
-def join(source: str, parts: list[Sampled]) -> Joined:
-    """One table of channels with different clocks.
+def join(source: str, parts: list[Sampled], u_hold: Hold = "held") -> Joined:
+    """One table of channels with different clocks; `u_hold` as in `Log`: how u lives between its own samples.
 
     Raises
     ------
@@ -66,8 +69,8 @@ def join(source: str, parts: list[Sampled]) -> Joined:
         t, values = _ordered(source, part)
         _check_overlap(source, base, part.label, t)
         for name, column in values.items():
-            out[name] = _at(name, base.t, t, column)
-        notes.append(_note(base, part))
+            out[name] = _BY_WAY[_way(name, u_hold)](base.t, t, column)
+        notes.append(_note(base, part, u_hold))
     return Joined(base.t, out, notes)
 
 
@@ -99,10 +102,11 @@ def _check_overlap(source: str, base: Sampled, label: str, t: Array) -> None:
         raise DataError(f"{source}: the stamps of {label} ({span}) and of {base.label} ({mine}) do not overlap")
 
 
-def _at(name: str, rows: Array, t: Array, values: Array) -> Array:
-    if name == "u":
-        return _averaged(rows, t, values)
-    return _interpolated(rows, t, values) if name in DECIDING else _held(rows, t, values)
+def _way(name: str, u_hold: Hold) -> str:
+    """What is done to a channel, in the word of the note."""
+    if name == "u" and u_hold == "held":
+        return AVERAGED
+    return INTERPOLATED if name in DECIDING else HELD
 
 
 def _interpolated(rows: Array, t: Array, values: Array) -> Array:
@@ -146,10 +150,10 @@ def _averaged(rows: Array, t: Array, values: Array) -> Array:
     return out
 
 
-def _note(base: Sampled, part: Sampled) -> str:
+_BY_WAY = {AVERAGED: _averaged, INTERPOLATED: _interpolated, HELD: _held}
+
+
+def _note(base: Sampled, part: Sampled, u_hold: Hold) -> str:
     ratio = part.rate / base.rate if base.rate > 0.0 else 0.0
-    how = [
-        f"{name} {'averaged from row to row' if name == 'u' else 'interpolated' if name in DECIDING else 'held'}"
-        for name in part.values
-    ]
+    how = [f"{name} {_way(name, u_hold)}" for name in part.values]
     return f"{part.label} (sampled {ratio:.3g} times as often) joined to the stamps of {base.label}: {', '.join(how)}"

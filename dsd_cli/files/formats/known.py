@@ -58,11 +58,11 @@ def format_of(path: str | Path, head: bytes) -> Format | None:
     """The format of a file that begins with `head` (`HEAD_BYTES`), or of a folder; None: none of these."""
     if is_bag(path):
         return BAG
+    if any(head[at : at + 8] == b"\x89HDF\r\n\x1a\n" for at in (512, 1024, 2048)):
+        return MAT73 if head.startswith(b"MATLAB") else HDF5  # some call themselves 5.0
     for magic, found in _MAGIC:
         if head.startswith(magic):
             return found
-    if any(head[at : at + 8] == b"\x89HDF\r\n\x1a\n" for at in (512, 1024, 2048)):
-        return HDF5
     if head.startswith(b"PK\x03\x04") and _holds_arrays(path):
         return NUMPY
     # version 4 has no mark but a small type number
@@ -105,5 +105,5 @@ def open_container(path: str | Path, found: Format) -> Container:
     with understanding(str(path), found.kind):
         opened: Container = getattr(import_module(f"dsd_cli.files.formats.{found.module}"), found.opener)(str(path))
     if not opened.groups:
-        raise DataError(f"{path}: no channel with numbers in it")
+        raise DataError(f"{path}: no channel with numbers in it", "; ".join(opened.notes))
     return opened

@@ -1,14 +1,19 @@
-"""MATLAB's .mat up to version 7 (scipy); 7.3 is HDF5, see hdf5.py."""
+"""MATLAB's .mat up to version 7 (scipy; objects by mat-io); 7.3 is HDF5, see hdf5.py."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from dsd_cli.files.formats.base import InMemory, columns_of
+from dsd_cli.files.formats.matlab_objects import NOT_SEEN, object_channels
 from dsd_cli.signals.log import Array
+
+#: Where a file keeps what is in its objects.
+_WORKSPACE = "__function_workspace__"
 
 
 class MatFile(InMemory):
@@ -17,9 +22,14 @@ class MatFile(InMemory):
     def __init__(self, path: str) -> None:
         from scipy.io import loadmat
 
-        loaded = loadmat(path, simplify_cells=True)
-        channels = _channels("", {name: value for name, value in loaded.items() if not name.startswith("__")})
-        super().__init__(channels)
+        with warnings.catch_warnings():  # of objects, of which it takes one for another
+            warnings.simplefilter("ignore")
+            loaded = loadmat(path, simplify_cells=True)
+        objects = object_channels(path) if _WORKSPACE in loaded else None
+        plain = {name: value for name, value in loaded.items() if not name.startswith("__") and name != "None"}
+        super().__init__(_channels("", plain) if objects is None else objects)
+        if _WORKSPACE in loaded and objects is None:
+            self.notes.append(NOT_SEEN)
 
 
 def _channels(prefix: str, value: Any) -> dict[str, Array]:

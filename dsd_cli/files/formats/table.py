@@ -12,20 +12,30 @@ from dsd_cli.files.formats.known import Format, open_container
 from dsd_cli.files.formats.names import Place, chosen_places, places, stamps_of
 from dsd_cli.files.parquet_in import BATCH_ROWS
 from dsd_cli.files.tables_in import Batch
-from dsd_cli.signals.log import Array
+from dsd_cli.signals.log import Array, Hold
 
 
 class ContainerTable:
     """A file of another tool; see `TableSource`. Channels of one clock are read in batches, others joined in memory."""
 
     def __init__(
-        self, path: str | Path, found: Format, columns: Mapping[str, str], optional: Collection[str] = ()
+        self,
+        path: str | Path,
+        found: Format,
+        columns: Mapping[str, str],
+        optional: Collection[str] = (),
+        u_hold: Hold = "held",
     ) -> None:
-        self.name, self._kind = str(path), found.kind
+        self.name, self._kind, self._u_hold = str(path), found.kind, u_hold
         self._file = open_container(path, found)
         groups = self._file.groups
         self.column_names: list[str] = list(dict.fromkeys(place.full for place in places(groups)))
-        self._places = chosen_places(self.name, groups, columns, optional)
+        try:
+            self._places = chosen_places(self.name, groups, columns, optional)
+        except DataError as error:
+            if self._file.notes:  # it may be in what could not be read
+                raise DataError(error.message, "; ".join(self._file.notes)) from None
+            raise
         self._stamps: dict[str, Place] = {}
         if "t" in columns:
             self._stamps = {c: stamps_of(self.name, groups, place, columns["t"]) for c, place in self._places.items()}
@@ -62,7 +72,7 @@ class ContainerTable:
             mine = {c: place for c, place in self._places.items() if self._stamps[c] == clock}
             columns = self._read({**mine, "t": clock}, 0, clock.group.rows)
             parts.append(Sampled(clock.full, columns.pop("t"), columns))
-        joined = join(self.name, parts)
+        joined = join(self.name, parts, self._u_hold)
         self._notes += joined.notes
         for start in range(0, joined.t.size, BATCH_ROWS):
             cut = slice(start, start + BATCH_ROWS)

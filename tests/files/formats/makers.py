@@ -1,6 +1,7 @@
 """Files of every format, written by the format's own library: a rig's channels as its loggers would store them."""
 
 import json
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -88,6 +89,40 @@ def mat73(folder: Path, data: dict) -> Made:
     drive = {"time": data["t"], "current": data["u"], "both": np.column_stack([data["u"], data["velocity"]])}
     hdf5storage.savemat(str(folder / "new.mat"), {"drive": drive, "name": "axis"}, format="7.3")
     return Made(folder / "new.mat", {"t": "drive/time", "u": "drive/current", "velocity": "drive/both/2"})
+
+
+def _objects(folder: Path, data: dict, version: str) -> Path:
+    """A table and a class of ours, as MATLAB stores what `save` is given."""
+    matio = pytest.importorskip("matio", reason="mat-io is not installed")
+    pandas = pytest.importorskip("pandas", reason="pandas is not installed")
+    from matio.utils.matclass import MatlabOpaque
+
+    held = {"Data_": data["velocity"][:, None], "Time": data["t"][:, None], "Name": "speed"}
+    axis = MatlabOpaque(properties=held, classname="recording", type_system="MCOS")
+    drive = pandas.DataFrame({"Time": data["t"], "iq": data["u"], "mode": ["run"] * data["t"].size})
+    path = folder / f"objects{version}.mat"
+    matio.save_to_mat(str(path), {"drive": drive, "axis": axis, "gain": np.arange(5.0)}, version=version)
+    return path
+
+
+def mat7_objects(folder: Path, data: dict) -> Made:
+    return Made(_objects(folder, data, "v7"), {"t": "Time", "u": "drive/iq", "velocity": "axis/Data"})
+
+
+def mat73_objects(folder: Path, data: dict) -> Made:
+    return Made(_objects(folder, data, "v7.3"), {"t": "Time", "u": "drive/iq", "velocity": "axis/Data"})
+
+
+def mat7_timetable(folder: Path, data: dict) -> Made:
+    matio = pytest.importorskip("matio", reason="mat-io is not installed")
+    pandas = pytest.importorskip("pandas", reason="pandas is not installed")
+    stamps = pandas.to_timedelta(np.round(data["t"] * 1e6).astype("i8"), unit="us")
+    table = pandas.DataFrame({"iq": data["u"], "speed": data["velocity"]}, index=stamps)
+    table.index.name = "Time"
+    with warnings.catch_warnings():  # of the unit in which MATLAB shows the times
+        warnings.simplefilter("ignore")
+        matio.save_to_mat(str(folder / "tt.mat"), {"log": table}, version="v7")
+    return Made(folder / "tt.mat", {"t": "log/Time", "u": "log/iq", "velocity": "log/speed"})
 
 
 def hdf5(folder: Path, data: dict) -> Made:
@@ -251,6 +286,9 @@ MAKERS: list[Callable[[Path, dict], Made]] = [
     mat5,
     mat4,
     mat73,
+    mat7_objects,
+    mat73_objects,
+    mat7_timetable,
     hdf5,
     mdf,
     tdms,

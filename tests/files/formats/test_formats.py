@@ -7,7 +7,7 @@ import pytest
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.tables_in import open_table
-from tests.files.formats.makers import MAKERS, channels
+from tests.files.formats.makers import MAKERS, channels, mat5, mat7_objects, mat7_timetable, mat73_objects
 
 
 def read(path: Path, names: dict[str, str]) -> tuple[dict[str, np.ndarray], list[str]]:
@@ -43,3 +43,26 @@ def test_a_file_that_was_cut_off_is_one_line_or_what_is_whole_of_it(maker, tmp_p
             np.testing.assert_allclose(found["u"], data["u"][: found["u"].size], rtol=0, atol=1e-6)
         assert said.startswith(str(made.path))
         assert "\n" not in said
+
+
+@pytest.mark.parametrize("maker", [mat7_objects, mat73_objects], ids=lambda maker: maker.__name__)
+def test_objects_without_their_library_are_said(maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = maker(tmp_path, channels())
+    monkeypatch.setattr("dsd_cli.files.formats.matlab_objects.find_spec", lambda name: None)
+    with pytest.raises(DataError, match=r'no column "drive/iq"; it has gain.*dsd-cli\[mat\]'):
+        read(*made)
+    assert "dsd-cli[mat]" in open_table(made.path, {"u": "gain"}).warnings[0]
+
+
+def test_a_timetable_keeps_its_stamps_below_a_millisecond(tmp_path: Path) -> None:
+    data = channels(step=0.0001)
+    found, _ = read(*mat7_timetable(tmp_path, data))
+    np.testing.assert_allclose(found["t"], data["t"], rtol=0, atol=1e-9)
+
+
+def test_the_hint_for_a_channel_that_is_not_there_goes_by_its_own_name_and_not_by_its_group(tmp_path: Path) -> None:
+    path = mat5(tmp_path, channels()).path
+    for name, hint in (("drive/iq", 'u = "..."'), ("drive/curent", 'u = "drive/current"')):
+        with pytest.raises(DataError) as caught:
+            open_table(path, {"t": "time", "u": name})
+        assert str(caught.value).endswith(hint)

@@ -9,6 +9,7 @@ import pytest
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.formats.join import Sampled, join
+from dsd_cli.files.logs import load_log
 from tests.files.formats.test_formats import read
 
 
@@ -37,6 +38,26 @@ def test_a_fast_u_is_averaged_over_the_rows_of_a_slow_sensor() -> None:
     assert done.notes == [
         "drive/t (sampled 4 times as often) joined to the stamps of axis/t: u averaged from row to row"
     ]
+
+
+def test_a_fast_u_that_was_sampled_has_its_value_at_each_row(tmp_path: Path) -> None:
+    """Its mean ahead would be half a row late, and the log says "sampled", so that nobody would take that out again."""
+    asammdf = pytest.importorskip("asammdf", reason="asammdf is not installed")
+    fast, slow = np.arange(4000) * 0.25e-3, 0.1e-3 + np.arange(990) * 1e-3
+    u = np.sin(20.0 * fast)
+    with asammdf.MDF(version="4.10") as file:
+        file.append([asammdf.Signal(u, fast, name="iq")], acq_name="drive")
+        file.append([asammdf.Signal(slow**2, slow, name="speed")], acq_name="axis")
+        file.save(tmp_path / "log.mf4")
+    names = {"t": "t", "u": "iq", "velocity": "speed"}
+    sampled = load_log(tmp_path / "log.mf4", names, u_hold="sampled")
+    expected = [on_the_line(fast.tolist(), u.tolist(), at) for at in slow]
+    np.testing.assert_allclose(sampled.log["u"], expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(sampled.log["u"], np.sin(20.0 * slow), rtol=0, atol=1e-4)
+    assert sampled.warnings[0].endswith("joined to the stamps of axis/t: u interpolated")
+    held = load_log(tmp_path / "log.mf4", names)
+    assert held.warnings[0].endswith("u averaged from row to row")
+    assert np.abs(held.log["u"] - np.sin(20.0 * slow)).max() > 5e-3
 
 
 def test_a_fast_sensor_is_interpolated_and_a_slow_reference_held() -> None:

@@ -1,0 +1,96 @@
+"""Objects in MATLAB's .mat files (mat-io): tables, timetables, and the properties of any other, such as timeseries.
+
+Properties are taken as they are stored: mat-io's own tables round the times of rows to whole milliseconds.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from dsd_cli.files.formats.base import columns_of
+from dsd_cli.signals.log import Array
+
+#: What is said where the library is not there.
+NOT_SEEN = "MATLAB objects in it (tables, timetables, timeseries) are not seen: pip install 'dsd-cli[mat]'"
+
+
+def object_channels(path: str) -> dict[str, Array] | None:
+    """Channels of all variables, those inside of objects as `variable/property`; None without mat-io."""
+    if find_spec("matio") is None:
+        return None
+    from matio import load_from_mat
+
+    with warnings.catch_warnings():  # of classes that it does not convert, which nobody asks it to
+        warnings.simplefilter("ignore")
+        loaded = load_from_mat(path, raw_data=True)
+    found: dict[str, Array] = {}
+    for name, value in loaded.items():
+        if not name.startswith("__"):
+            found |= dict(_channels(name, value))
+    return found
+
+
+def _channels(name: str, value: Any) -> Iterator[tuple[str, Array]]:
+    properties = getattr(value, "properties", None)
+    if isinstance(properties, dict):
+        yield from _of_object(name, str(value.classname), properties)
+    elif not isinstance(value, np.ndarray):
+        return
+    elif value.dtype.names:  # structs
+        for at, record in enumerate(value.reshape(-1)):
+            prefix = name if value.size == 1 else f"{name}/{at + 1}"
+            for part in value.dtype.names:
+                yield from _channels(f"{prefix}/{part}", record[part])
+    elif value.dtype == object:  # cells
+        for at, part in enumerate(value.reshape(-1)):
+            yield from _channels(f"{name}/{at + 1}", part)
+    else:
+        yield from columns_of(name, value).items()
+
+
+def _of_object(name: str, kind: str, properties: dict[str, Any]) -> Iterator[tuple[str, Array]]:
+    if kind == "table":
+        yield from _columns(name, properties["data"], properties["varnames"])
+    elif kind == "timetable":
+        held = properties["any"].reshape(-1)[0]
+        yield from _columns(name, held["data"], held["varNames"])
+        times = _row_times(held["rowTimes"], int(np.asarray(held["numRows"]).item()))
+        if times is not None:
+            yield f"{name}/{_text(held['dimNames'].reshape(-1)[0])}", times
+    elif kind == "duration":
+        yield name, np.asarray(properties["millis"], dtype=np.float64).reshape(-1) / 1e3
+    else:
+        for key, value in properties.items():
+            # a timeseries keeps its Data as Data_
+            plain = key.rstrip("_")
+            yield from _channels(f"{name}/{key if plain in properties else plain}", value)
+
+
+def _columns(name: str, data: Any, names: Any) -> Iterator[tuple[str, Array]]:
+    for column, values in zip(names.reshape(-1), data.reshape(-1), strict=True):
+        yield from _channels(f"{name}/{_text(column)}", values)
+
+
+def _row_times(times: Any, rows: int) -> Array | None:
+    """s; None where they are dates or a step of a calendar."""
+    if getattr(times, "classname", "") == "duration":
+        return dict(_channels("t", times))["t"]
+    if not (isinstance(times, np.ndarray) and times.dtype.names and "sampleRate" in times.dtype.names):
+        return None
+    held = times.reshape(-1)[0]
+    begin = dict(_channels("t", held["origin"])).get("t")
+    if begin is None or begin.size != 1:
+        return None
+    if np.asarray(held["specifiedAsRate"]).item():
+        return np.asarray(begin + np.arange(rows) / float(np.asarray(held["sampleRate"]).item()))
+    step = dict(_channels("t", held["stepSize"])).get("t")
+    return None if step is None or step.size != 1 else np.asarray(begin + step * np.arange(rows))
+
+
+def _text(value: Any) -> str:
+    return str(np.asarray(value).reshape(-1)[0]) if np.size(value) else ""
