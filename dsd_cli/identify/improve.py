@@ -152,7 +152,10 @@ def improve(
         if not climb.lowered_by(taken.score):
             refused.append(chosen)
             continue
-        if climb.lowered_by(last.refitted, LEAST_REFIT):  # what the effect itself did is the rest
+        moves = (
+            last.refitted_model.inertia > POLICY.least_inertia * model.inertia
+        )  # else the refit explains u, no motion
+        if moves and climb.lowered_by(last.refitted, LEAST_REFIT):  # what the effect itself did is the rest
             climb.up(REFIT, last.refitted, last.refitted_values, last.refitted_model)
         model = climb.up(chosen, taken.score, taken.all_values, taken.model)
 

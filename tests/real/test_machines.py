@@ -147,7 +147,8 @@ def named(result: dict, effect: str) -> dict:
 
 
 def effects(result: dict) -> list[str]:
-    return [step["effect"] for step in result["ladder"][1:]]
+    """Those that were added; a refit of the model's own values is a rung of its own."""
+    return [step["effect"] for step in result["ladder"][1:] if step["effect"] != "refit"]
 
 
 def held_out(result: dict) -> list[float]:

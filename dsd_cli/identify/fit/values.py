@@ -30,6 +30,9 @@ CORRELATED = 0.9
 #: A log that has less than this share in a value says nothing against its prior.
 LEAST_SHARE = 1e-3
 
+#: What stands for an inertia that the fit leaves none of: a config can hold it.
+LEAST_INERTIA = 1e-99
+
 
 @dataclass(frozen=True)
 class Scale:
@@ -48,7 +51,7 @@ class Scale:
 def _model(scale: Scale, terms: Terms, widths: tuple[int, ...], tap: int, theta: Array) -> PlantModel:
     parts = np.split(theta[FIXED:], np.cumsum(widths)[:-1]) if widths else []
     loads = sum(float(c[0]) for t, c in zip(terms, parts, strict=True) if t.effect.role is Role.STRUCTURE)
-    inertia = max(float(theta[0]) + loads, 1e-300)
+    inertia = max(float(theta[0]) + loads, LEAST_INERTIA)
     effects: dict[str, Mapping[str, Any]] = {}
     for term, coefficients in zip(terms, parts, strict=True):
         unit = inertia if term.effect.role is Role.STRUCTURE else 1.0
