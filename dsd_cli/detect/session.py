@@ -52,7 +52,7 @@ class Session:
         self._last_t: float | None = None
         self._before: Sample | None = None
         self._friction: FrictionMarks | None = None
-        self._rest = RestShare(plan.settings.effective_window)
+        self._rest = RestShare(0)  # until the engine has judged the size of the window
         self._label = plan.settings.initial
         self._waiting: list[Piece] = []
         self._early = 0
@@ -195,6 +195,7 @@ class Session:
                 timed=not regular,
             )
             self.engine = Engine(plan.grid, plan.settings, measurement, plan.backend)
+            self._rest = RestShare(plan.settings.effective_window)
         return self.engine
 
     def _sample_time(self) -> float:

@@ -168,7 +168,8 @@ def test_the_log_that_kills_its_workers_is_named(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_keeps_what_is_done(many: Path) -> None:
-    run = start(many, *FLEET)
+    delays = ", ".join(f"{0.0005 * k:.4f}" for k in range(200))  # states enough to take a while
+    run = start(many, *FLEET, "--set", f"states.delays=[{delays}]")
     wait_for(lambda: finished_rows(many) >= 2)
     run.send_signal(signal.SIGINT)
     _, said = run.communicate()
