@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -129,3 +130,8 @@ def same(a: dict[str, np.ndarray], b: dict[str, np.ndarray], single: bool = Fals
 
 def records(text: str) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(text)))
+
+
+def interruptible() -> None:
+    """In a child before it starts: Ctrl-C acts, also where the tests run behind an `&` of a shell, which ignores it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)

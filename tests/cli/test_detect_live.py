@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.rig import CONFIG, DSD, csv_text, done, make_log, read_labels, same, write
+from tests.cli.rig import CONFIG, DSD, csv_text, done, interruptible, make_log, read_labels, same, write
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +51,7 @@ def running(*arguments, cwd):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         cwd=cwd,
+        preexec_fn=interruptible,
     )
     try:
         yield process, Lines(process.stdout)

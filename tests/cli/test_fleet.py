@@ -12,7 +12,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from tests.cli.rig import CONFIG, DSD, done, dsd, make_log, refused, summary, write
+from tests.cli.rig import CONFIG, DSD, done, dsd, interruptible, make_log, refused, summary, write
 
 LOGS = 12
 #: An effect that does nothing, but ends the process that computes it for a log of 77 rows.
@@ -100,7 +100,12 @@ def test_neither_the_number_of_workers_nor_the_order_of_the_logs_matters(fleet: 
 
 def start(folder: Path, *arguments: str) -> subprocess.Popen:
     return subprocess.Popen(
-        [*DSD, *arguments], cwd=folder, stderr=subprocess.PIPE, text=True, env={**os.environ, "NO_COLOR": "1"}
+        [*DSD, *arguments],
+        cwd=folder,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "NO_COLOR": "1"},
+        preexec_fn=interruptible,
     )
 
 
