@@ -8,6 +8,7 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.tables_in import Batch, TableSource
+from dsd_cli.files.wrapped import WrappedTable
 
 #: Metadata of a log that was written with its factors in: it must not get them again.
 FACTORS = "signals_factors"
@@ -36,28 +37,12 @@ def factors_text(factors: Mapping[str, float]) -> str:
     return ", ".join(f"{channel} x {factor:.12g}" for channel, factor in factors.items())
 
 
-class _ScaledTable:
-    """See `TableSource`; a live stream may change what it says while it is read."""
+class _ScaledTable(WrappedTable):
+    """With channels multiplied."""
 
     def __init__(self, table: TableSource, factors: Mapping[str, float]) -> None:
-        self._table, self._factors = table, factors
-        self.name, self.metadata = table.name, table.metadata
-
-    @property
-    def column_names(self) -> list[str]:
-        return self._table.column_names
-
-    @property
-    def columns(self) -> dict[str, str]:
-        return self._table.columns
-
-    @property
-    def warnings(self) -> list[str]:
-        return self._table.warnings
-
-    @property
-    def unreadable(self) -> int:
-        return self._table.unreadable
+        super().__init__(table)
+        self._factors = factors
 
     def batches(self) -> Iterator[Batch]:
         for batch in self._table.batches():

@@ -10,6 +10,7 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.tables_in import Batch, TableSource
+from dsd_cli.files.wrapped import WrappedTable
 from dsd_cli.signals.log import Array
 
 
@@ -53,29 +54,12 @@ def windowed(table: TableSource, window: Window, time_scale: float, sample_time:
     return _Windowed(table, window, time_scale, sample_time) if window else table
 
 
-class _Windowed:
-    """See `TableSource`; a live stream may change what it says while it is read."""
+class _Windowed(WrappedTable):
+    """With the rows of a window alone."""
 
     def __init__(self, table: TableSource, window: Window, time_scale: float, sample_time: float | None) -> None:
-        self._table, self._window = table, window
-        self._time_scale, self._sample_time = time_scale, sample_time or 0.0
-        self.name, self.metadata = table.name, table.metadata
-
-    @property
-    def column_names(self) -> list[str]:
-        return self._table.column_names
-
-    @property
-    def columns(self) -> dict[str, str]:
-        return self._table.columns
-
-    @property
-    def warnings(self) -> list[str]:
-        return self._table.warnings
-
-    @property
-    def unreadable(self) -> int:
-        return self._table.unreadable
+        super().__init__(table)
+        self._window, self._time_scale, self._sample_time = window, time_scale, sample_time or 0.0
 
     def batches(self) -> Iterator[Batch]:
         """Rows of the window.

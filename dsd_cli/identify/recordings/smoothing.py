@@ -61,9 +61,8 @@ def smooth(x: Array, t: Array) -> Smoothed:
             break
         chosen, value, least = half, candidate, min(least, max(size, 1.0))
     value, slope, value_spread, slope_spread = _adapted(x, t, chosen, noise)
-    weights, slopes = (_weights(max(chosen, 1), d) for d in (0, 1))
-    value_noise = noise * float(np.sqrt(np.sum(weights**2))) if chosen else noise
-    slope_noise = noise * float(np.sqrt(np.sum(slopes**2))) / float(np.median(np.diff(t)))
+    value_noise = _spread(chosen, 0, noise, t) if chosen else noise
+    slope_noise = _spread(max(chosen, 1), 1, noise, t)
     return Smoothed(value, slope, chosen, value_noise, slope_noise, value_spread, slope_spread)
 
 

@@ -30,14 +30,13 @@ class Scan:
             self._left, self._all = _under_rules(solver, terms, tap)
             return
         drive, acceleration, *others = solver.bank.design(terms, tap).rows
-        self._others = _basis(others)
+        fixed = _basis(others)
         self._effects = _basis(others[1:]) if others[1:] else np.zeros((0, len(drive)))
         self._unexplained = solver.inertia * _without(acceleration, self._effects)
-        self._accelerated = solver.inertia * _without(acceleration, self._others)
-        own = _without(drive, self._others)
+        own = _without(drive, fixed)
         size = float(np.linalg.norm(own))
-        self._all = np.vstack([self._others, own / size]) if size > 0.0 else self._others
-        self._left = _without(self._accelerated, self._all)
+        self._all = np.vstack([fixed, own / size]) if size > 0.0 else fixed
+        self._left = solver.inertia * _without(acceleration, self._all)
         self._squares = float(self._left @ self._left)
 
     def gain(self, term: Term, keep: bool = False) -> tuple[float, int]:
