@@ -21,6 +21,7 @@ class Policy:
 
     # -- rows --
     least_free: float = 0.3  # share of a row in which friction's direction is known
+    unsure_share: float = 0.005  # share of a row, in which the axis may rest or turn, from which on it is weighed down
     delay_step_share: float = 0.03  # of a row; a delay between two steps mixes both, exact enough to the band's end
     exercised: float = 0.99  # quantile of |u| that counts as its largest: one spike says nothing about a limit
 

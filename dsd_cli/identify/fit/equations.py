@@ -101,6 +101,7 @@ class Equations:
     ----------
     startup : samples at the beginning of each stretch that depend on a u before the log; excluded.
     whitening : taps over rows (`noise.whitening`); (1,) leaves rows in the unit of u.
+    trust : of each row, a factor before it is whitened; None trusts all alike.
     """
 
     recordings: tuple[Recording, ...]
@@ -108,6 +109,7 @@ class Equations:
     band: Band
     startup: int
     whitening: Array
+    trust: Array | None = None
 
     @property
     def sample_time(self) -> float:
@@ -138,6 +140,8 @@ class Equations:
 
     def whitened(self, rows: Array) -> Array:
         """Rows (in the unit of u) made white."""
+        if self.trust is not None:
+            rows = rows * self.trust
         if len(self.whitening) == 1:
             return rows * self.whitening[0]
         parts = np.split(rows, np.cumsum(self.lengths)[:-1])

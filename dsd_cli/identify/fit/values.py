@@ -30,6 +30,8 @@ CORRELATED = 0.9
 #: A log that has less than this share in a value says nothing against its prior.
 LEAST_SHARE = 1e-3
 
+#: Steps of delay beyond the whole ones at which a mix of two steps still stands for a delay.
+MOST_SHARE = 1.5
 #: What stands for an inertia that the fit leaves none of: a config can hold it.
 LEAST_INERTIA = 1e-99
 
@@ -59,7 +61,7 @@ def _model(scale: Scale, terms: Terms, widths: tuple[int, ...], tap: int, theta:
         if term.effect.role is not Role.INPUT and term.effect.memory:
             found = tuple(max(c, 1e-9) for c in found)  # a level or a share that stands under a fraction bar
         effects[term.id] = _bounded(term.effect, term.effect.from_columns(found, term.shape, inertia))
-    delay = (tap + min(float(theta[1]), 1.0)) * scale.tap_time
+    delay = (tap + min(float(theta[1]), MOST_SHARE)) * scale.tap_time
     return PlantModel(inertia, max(delay, 0.0), effects, scale.rest_speed)
 
 
