@@ -1,4 +1,9 @@
-"""How the coefficients and shapes of a fit scatter: a sandwich over the blocks, under what is known of the values."""
+"""How the coefficients and shapes of a fit scatter: a jackknife over the blocks, under what is known of the values.
+
+What each block pulls at the coefficients, by the fit that did not see it, is what they scatter by: nothing has to be
+white, or of one size, within a block; and a block that decides a value by itself makes it uncertain, which a plain
+sandwich would not see (CR3 of Bell and McCaffrey, 2002; MacKinnon and White, 1985).
+"""
 
 from __future__ import annotations
 
@@ -15,6 +20,8 @@ from dsd_cli.signals.log import Array
 STEP = 1e-4
 #: Blocks per unknown below which the scatter between blocks is no estimate of a covariance.
 BLOCKS_PER_UNKNOWN = 3
+#: Of unknowns of size 1, where one block alone tells an unknown.
+_RIDGE = 1e-9
 #: Singular values below this share are rules that say nothing more.
 _RANK = 1e-9
 
@@ -25,11 +32,13 @@ class Information:
 
     Attributes
     ----------
-    normal : X'X less the sensor's noise, shape (m, m). scores : X'r of each block, shape (B, m).
+    normal : X'X less the sensor's noise, shape (m, m). normals : of each block, shape (B, m, m).
+    scores : X'r of each block, shape (B, m).
     shapes : (term, shape name, value) of the unknowns behind the coefficients.
     """
 
     normal: Array
+    normals: Array
     scores: Array
     shapes: tuple[tuple[int, str, float], ...]
 
@@ -39,29 +48,36 @@ class Information:
         held: Sequence[Array] = (),
         priors: Sequence[tuple[Array, float]] = (),
         weight: float = 0.0,
+        complete: bool = False,
     ) -> Array:
-        """Shape (m, m): (H+P)^-1 (scatter + spread of the priors) (H+P)^-1 within what is free.
-
-        A sandwich needs nothing to be white; with few blocks, or where it says less, the usual covariance.
+        """Shape (m, m), within what is free; with few blocks the usual one, (H+P)^-1 (floor H + spread) (H+P)^-1.
 
         Parameters
         ----------
-        floor : variance of a whitened row, inflated for correlation.
+        floor : variance of a whitened row, inflated for correlation: the usual covariance, where blocks are too few.
+        complete : the fit leaves noise alone; else the larger of both counts, for a jackknife knows no lean that all
+            blocks share.
         held : slopes of values that do not move, shape (m,) each.
         priors : (slopes of a value, its standard deviation); `weight` is the variance of a row against which the fit
             weighed them.
         """
         size, free, pulled, data, inverse = self._inverse(held, priors, weight)
-        scattered = weight**2 * pulled
-        usual = inverse @ (floor * data + scattered) @ inverse
+        scattered = inverse @ (weight**2 * pulled) @ inverse
+        usual = floor * inverse @ data @ inverse
         count, unknowns = len(self.scores), free.shape[1]
         if count >= BLOCKS_PER_UNKNOWN * unknowns > 0:
-            scores = (self.scores / size) @ free
-            meat = scores.T @ scores * count / (count - unknowns)
-            sandwich = inverse @ (meat + scattered) @ inverse
-            if np.trace(free @ sandwich @ free.T) > np.trace(free @ usual @ free.T):
-                usual = sandwich
-        return np.asarray((free @ usual @ free.T) / np.outer(size, size))
+            scatter = self._jackknife(size, free, data + weight * pulled)
+            if complete or np.trace(free @ scatter @ free.T) > np.trace(free @ usual @ free.T):
+                usual = scatter
+        return np.asarray((free @ (usual + scattered) @ free.T) / np.outer(size, size))
+
+    def _jackknife(self, size: Array, free: Array, whole: Array) -> Array:
+        """Scatter of the coefficients (in unknowns of size 1) when each block is left out in turn."""
+        scores = (self.scores / size) @ free
+        normals = np.einsum("ki,bkl,lj->bij", free, self.normals / np.outer(size, size), free)
+        left = whole - normals + _RIDGE * np.eye(len(whole))
+        moved = np.linalg.solve(left, scores[..., None])[..., 0]
+        return np.asarray(moved.T @ moved * (len(scores) - 1) / len(scores))
 
     def share(
         self, row: Array, spread: float, held: Sequence[Array], priors: Sequence[tuple[Array, float]], weight: float
@@ -115,4 +131,4 @@ def information(fit: Fit, solver: Solver) -> Information:
     found = grams(rows, solver.blocks)
     normal = without_noise(found.total, np.pad(design.noise, (0, len(shapes))), len(rows[0]))[1:, 1:]
     residual = np.concatenate([[1.0], -fit.total, np.zeros(len(shapes))])
-    return Information(normal, found.held_out[:, 1:, :] @ residual, shapes)
+    return Information(normal, found.held_out[:, 1:, 1:], found.held_out[:, 1:, :] @ residual, shapes)

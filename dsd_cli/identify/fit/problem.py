@@ -19,6 +19,7 @@ from dsd_cli.identify.fit.errors import Errors
 from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
 from dsd_cli.identify.fit.noise import fitted_noise, passed_variance, whitening
 from dsd_cli.identify.fit.solve import Fit, Solver
+from dsd_cli.identify.fit.sure import Weighed, inflation, weighed
 from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values, terms_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
@@ -30,10 +31,11 @@ from dsd_cli.signals.log import Array
 
 @dataclass(frozen=True)
 class Noise:
-    """variance of a whitened row; inflation: integrated autocorrelation time, rows."""
+    """variance of a whitened row; inflation: integrated autocorrelation time, rows; rows: of it in the unit of u."""
 
     variance: float
     inflation: float
+    rows: Array | None = None
 
     @property
     def nats(self) -> float:
@@ -112,10 +114,22 @@ class Problem:
         return self.errors.of_fit(fit, self.scale)
 
     def values(self, fit: Fit) -> Fitted:
-        """Values of a fit with standard errors; what is left beyond noise counts as correlated over many rows."""
-        beyond = max(fit.squares / self.blocks.rows - self.noise.variance, 0.0)
-        floor = self.noise.variance * self.noise.inflation + beyond * POLICY.correlated_rows
-        return fitted_values(fit, self.solver, self.scale, floor)
+        """Values of a fit with standard errors, from rows where friction's direction is sure.
+
+        Where the fit leaves clearly more than noise, something is missing from it, and all of that counts as
+        correlated over many rows.
+        """
+        found = weighed(fit, self.solver, self.errors.bank)
+        left, noise = found.variance, self._noise_in(found)
+        beyond = left - noise if left > POLICY.incomplete * noise else 0.0
+        floor = left * found.inflation + beyond * POLICY.correlated_rows
+        return fitted_values(found.fit, found.solver, self.scale, floor, complete=beyond == 0.0)
+
+    def _noise_in(self, found: Weighed) -> float:
+        """Variance of a whitened row that no function of single channels explains, in the rows that this fit trusts."""
+        if self.noise.rows is None or len(self.noise.rows) != len(found.residual):
+            return self.noise.variance
+        return found.variance_of(found.solver.bank.equations.whitened(self.noise.rows))
 
     def measured_again(self, fit: Fit) -> Problem:
         """The same question with the noise as it is beside this fit: what was missing before is no noise."""
@@ -259,7 +273,7 @@ def _with_noise(problem: Problem, fit: Fit) -> Problem:
     taps = whitening(levels, band, sensor)
     equations = plain.equations.with_whitening(taps)
     white = equations.whitened(residual)[equations.kept]
-    noise = Noise(float(np.mean(white**2)), _inflation(white))
+    noise = Noise(float(np.mean(white**2)), inflation(white), residual)
     bank, known = Bank(equations, plain, passed_variance(taps, band, sensor)), problem.solver.known
     solver = Solver(bank, blocks, inertia, known, noise.variance * noise.inflation)
     return replace(problem, solver=solver, noise=noise)
@@ -268,11 +282,3 @@ def _with_noise(problem: Problem, fit: Fit) -> Problem:
 def _sensor(recordings: Sequence[Recording]) -> SensorNoise:
     """The noise of the loudest sensor."""
     return max((r.sensor.noise for r in recordings), key=lambda noise: noise.scale)
-
-
-def _inflation(white: Array) -> float:
-    """Integrated autocorrelation time: 1 + 2 sum of the autocorrelation, rows."""
-    n = len(white)
-    lags = min(POLICY.correlated_rows, n // 4)
-    products = np.array([np.dot(white[: n - k], white[k:]) for k in range(lags)])
-    return float(max(1.0, 1.0 + 2.0 * np.sum(products[1:]) / max(products[0], 1e-300))) if lags else 1.0

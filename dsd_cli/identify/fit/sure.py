@@ -8,10 +8,10 @@ rows of two variances.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dsd_cli.identify.fit.bank import SHARE, Bank, holds
 from dsd_cli.identify.fit.equations import Equations
@@ -19,62 +19,92 @@ from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
 
-#: Mean of sgn v from which on the direction is sure; rounds in which the weights are found.
-_SURE, _ROUNDS = 0.999, 3
+#: Mean of sgn v from which on the direction is sure; rounds in which the weights are found, and the delay's step.
+_SURE, _ROUNDS, _STEPS = 0.999, 3, 4
 
 
 @dataclass(frozen=True)
 class Weighed:
     """A fit with every row weighed by how sure it is.
 
-    residual : whitened, of the inverse form, shape (N,). counted : rows with a weight of their own, shape (N,).
+    residual : whitened, of the inverse form, shape (N,). rows : how many whole rows count, by their weights.
     """
 
     solver: Solver
     fit: Fit
     residual: Array
-    counted: NDArray[np.bool_]
+    rows: float
+
+    @property
+    def variance(self) -> float:
+        """Of a whitened row."""
+        return self.variance_of(self.residual) / max(1.0 - len(self.fit.total) / self.rows, 0.1)
+
+    def variance_of(self, white: Array) -> float:
+        """Mean square of whitened rows, shape (N,), over those that count."""
+        return float(white @ white) / self.rows
+
+    @property
+    def inflation(self) -> float:
+        """Integrated autocorrelation time of the residual, rows."""
+        return inflation(self.residual)
 
 
 def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
-    """The fit of the same effects at the same delay step, with rows where the direction is not sure weighed down.
+    """The fit of the same effects, with rows where the direction is not sure weighed down.
+
+    What those leave beyond noise leans to one side: together they count as one row of that size.
 
     Parameters
     ----------
     plain : the bank of the same rows in the unit of u.
     """
-    counted = np.ones(len(plain.acceleration), dtype=bool)
-    if not holds(fit.terms):
-        return Weighed(solver, fit, _residual(fit, solver.bank), counted)
+    fit = _centred(fit, solver)
     equations = solver.bank.equations
-    counted = equations.kept
-    unsure = counted & (uncertain(equations) > POLICY.unsure_share)
+    counted = equations.kept if holds(fit.terms) else np.ones(len(plain.acceleration), dtype=bool)
+    unsure = counted & (uncertain(equations) > POLICY.unsure_share) if holds(fit.terms) else ~counted
     sure = counted & ~unsure
-    if sure.sum() < POLICY.few_rows or not unsure.any():
-        return Weighed(solver, fit, _residual(fit, solver.bank), counted)
-    tap = centred(fit)
+    least = POLICY.rows_per_value * (len(fit.total) + sum(len(t.items) for t in fit.terms))
+    if sure.sum() < least or not unsure.any():
+        return Weighed(solver, fit, _residual(fit, solver.bank), float(counted.sum()))
     for _ in range(_ROUNDS):
         left = _residual(fit, plain)
         quiet, loud = (float(np.mean(equations.whitened(left * rows)[rows] ** 2)) for rows in (sure, unsure))
-        weight = np.sqrt(quiet / (quiet + unsure.sum() * max(loud - quiet, 0.0) + 1e-300))
+        weight = math.sqrt(quiet / (quiet + unsure.sum() * max(loud - quiet, 0.0) + 1e-300))
         trust = np.where(sure, 1.0, np.where(unsure, weight, 0.0))
-        bank = Bank(replace(equations, trust=trust), plain, solver.bank.variance * float(np.mean(trust**2)))
-        trusting = Solver(bank, solver.blocks, solver.inertia, solver.known, solver.variance)
-        fit = trusting.fit(fit.terms, tap)
-    return Weighed(trusting, fit, _residual(fit, bank), counted)
+        size = float(trust @ trust)
+        bank = Bank(replace(equations, trust=trust), plain, solver.bank.variance * size / len(trust))
+        nats = min(quiet, solver.variance)
+        trusting = Solver(bank, solver.blocks, solver.inertia, solver.known, nats)
+        fit = _centred(trusting.fit(fit.terms, fit.tap), trusting)
+    return Weighed(trusting, fit, _residual(fit, bank), size)
 
 
-def centred(fit: Fit) -> int:
-    """The whole-step delay below which, and beyond which, the fitted one may still lie."""
-    return max(round(fit.tap + float(fit.total[SHARE])) - 1, 0)
+def inflation(white: Array) -> float:
+    """Integrated autocorrelation time: 1 + 2 sum of the autocorrelation, rows."""
+    n = len(white)
+    lags = min(POLICY.correlated_rows, n // 4)
+    products = np.array([np.dot(white[: n - k], white[k:]) for k in range(lags)])
+    return float(max(1.0, 1.0 + 2.0 * np.sum(products[1:]) / max(products[0], 1e-300))) if lags else 1.0
+
+
+def _centred(fit: Fit, solver: Solver) -> Fit:
+    """The same at the whole-step delay below which, and beyond which, the fitted one may still lie.
+
+    Between whole steps two delays are mixed; a share that stands on 0 or beyond 1 would hold the other values.
+    """
+    for _ in range(_STEPS):
+        tap = max(round(fit.tap + float(fit.total[SHARE])) - 1, 0)
+        if tap == fit.tap or tap not in solver.taps(tap):
+            break
+        fit = solver.fit(fit.terms, tap)
+    return fit
 
 
 def uncertain(equations: Equations) -> Array:
     """Share of each row's weight on samples in which the axis may rest or turn, shape (N,)."""
     band = replace(equations.band, taps=np.abs(equations.band.taps) / np.abs(equations.band.taps).sum())
-    doubts = [
-        (s.free == 0.0) | (np.abs(s.sign) < _SURE) | np.isfinite(s.log["turning"]) for s in equations.stretches
-    ]
+    doubts = [(s.free == 0.0) | (np.abs(s.sign) < _SURE) | np.isfinite(s.log["turning"]) for s in equations.stretches]
     return np.concatenate([band.rows(doubt.astype(np.float64), equations.startup) for doubt in doubts])
 
 

@@ -112,17 +112,18 @@ class Fitted:
     correlations : (value, value, correlation) of pairs that the log hardly tells apart, the strongest first.
     """
 
+    model: PlantModel
     estimates: dict[str, Estimate]
     tied: tuple[str, ...]
     correlations: Correlations = ()
 
 
-def fitted_values(fit: Fit, solver: Solver, scale: Scale, floor: float) -> Fitted:
+def fitted_values(fit: Fit, solver: Solver, scale: Scale, floor: float, complete: bool = False) -> Fitted:
     """Every value of the model with its standard error.
 
     Parameters
     ----------
-    floor : variance of a whitened row, inflated for correlation: no error is smaller than it implies.
+    floor, complete : see `Information.covariance`.
     """
     found = information(fit, solver)
     values = flat(scale.model(fit))
@@ -139,7 +140,7 @@ def fitted_values(fit: Fit, solver: Solver, scale: Scale, floor: float) -> Fitte
     units, known = _units(fit.terms), solver.known
     bounds = {name: (known.limits(name), units[name][1:]) for name in values}
     stuck = {n for n, v in values.items() if n not in known.fixed and any(_on_bound(v, *b) for b in bounds[n])}
-    usual = found.covariance(floor)
+    usual = found.covariance(floor, complete=complete)
     steps = _steps(usual, linear, None if not known else fit.total)
     jacobian = _jacobian(at, values, steps)
     covariance, pulls = usual, dict[str, float]()
@@ -148,10 +149,12 @@ def fitted_values(fit: Fit, solver: Solver, scale: Scale, floor: float) -> Fitte
         held = [rows[n] for n in values if n in known.fixed or (n in stuck and _on_bound(values[n], *bounds[n][0]))]
         held += _whole_events(fit, known, len(steps))
         priors = [(rows[n], s) for n, (_, s) in known.priors.items() if n in rows and n not in known.fixed]
-        covariance = found.covariance(floor, held, priors, fit.variance)
+        covariance = found.covariance(floor, held, priors, fit.variance, complete)
         for n in known.priors.keys() & rows.keys() - known.fixed.keys():
             others = [(rows[o], s) for o, (_, s) in known.priors.items() if o in rows and o != n]
-            alone = math.sqrt(max(float(rows[n] @ found.covariance(floor, held, others, fit.variance) @ rows[n]), 0.0))
+            alone = math.sqrt(
+                max(float(rows[n] @ found.covariance(floor, held, others, fit.variance, complete) @ rows[n]), 0.0)
+            )
             share = found.share(rows[n], known.priors[n][1], held, priors, fit.variance)
             pulls[n] = _pull(values[n], known.priors[n], alone, share)
     spread = jacobian @ covariance @ jacobian.T
@@ -169,7 +172,7 @@ def fitted_values(fit: Fit, solver: Solver, scale: Scale, floor: float) -> Fitte
     doubtful = errors > LEAST_ERROR * np.abs(list(values.values()))
     told = zip(values, np.abs(together[0]), doubtful, strict=True)
     tied = tuple(name for name, r, d in told if r > TIED and d and name not in (INERTIA, DELAY))
-    return Fitted(estimates, tied, _correlated(list(values), together, estimates))
+    return Fitted(scale.model(fit), estimates, tied, _correlated(list(values), together, estimates))
 
 
 def _estimate(
