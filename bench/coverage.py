@@ -1,17 +1,20 @@
 """How often the +- of a fit holds the truth: the outside rig, all that is in a log fitted, with help and without.
 
-`python -m bench coverage [--logs 200]`
+`python -m bench coverage [--logs 200] [--first SEED] [--sensing NAME ...]`: the logs take turns with the sensings. One
+standard error comes out of a jackknife over the blocks of a log, so that 95 % are a t quantile with one degree of
+freedom less than blocks.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy import stats
 
 from dsd_cli.identify.fit.known import Known
 from dsd_cli.identify.fit.problem import Settings, pose
@@ -26,18 +29,24 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.oracle.rig import make
 from tests.oracle.rig_cases import RigCase, RigLog
 
-#: Relative standard deviation of a prior's error; two-sided 95 % of a normal distribution.
-SPREAD, TWO_SIDED = 0.02, 1.959964
+#: Relative standard deviation of a prior's error; share that the intervals are to hold.
+SPREAD, SHARE = 0.02, 0.95
 HIDDEN = ("coulomb_friction", "viscous_friction")
 
 
 @dataclass(frozen=True)
 class Deviation:
-    """A value of one log: (fitted - true) / standard error, under that help."""
+    """A value of one log under that help: (fitted - true) / standard error; `blocks` that the error is from."""
 
     help: str
     name: str
     sigma: float
+    blocks: int
+
+    @property
+    def inside(self) -> bool:
+        """Whether the 95 % interval holds the truth."""
+        return abs(self.sigma) < float(stats.t.ppf(0.5 + 0.5 * SHARE, self.blocks - 1))
 
 
 def deviations(seed: int, sensing: str = "speed40k", duration: float = 20.0) -> Iterator[Deviation]:
@@ -64,19 +73,35 @@ def _deviations(made: RigLog, truth: PlantModel, help_: str, known: Known) -> It
     found = search.problem.values(search.fit(terms_of(truth), tap)).estimates
     for name, value in flat(truth).items():
         if found[name].std_error > 0.0:
-            yield Deviation(help_, name, (found[name].value - value) / found[name].std_error)
+            sigma = (found[name].value - value) / found[name].std_error
+            yield Deviation(help_, name, sigma, search.problem.blocks.count)
+
+
+def table(found: Sequence[Deviation]) -> Iterator[str]:
+    """Share of logs whose interval holds the truth, with its own 95 % interval, per help and value."""
+    for key in dict.fromkeys((d.help, d.name) for d in found):
+        own = [d for d in found if (d.help, d.name) == key]
+        inside, z = sum(d.inside for d in own), np.array([d.sigma for d in own])
+        low, high = (100.0 * x for x in stats.binomtest(inside, len(own)).proportion_ci(0.95))
+        yield (
+            f"{key[0]:16s} {key[1]:32s} {100.0 * inside / len(own):5.1f} % ({low:.0f}-{high:.0f})"
+            f"  mean {z.mean():+.2f}  std {z.std():.2f}  n {z.size}"
+        )
 
 
 def main(arguments: list[str]) -> None:
     """Print a table: help, value, share of logs whose 95 % interval holds the truth."""
     parser = argparse.ArgumentParser(prog="python -m bench coverage")
     parser.add_argument("--logs", type=int, default=200)
-    parser.add_argument("--sensing", default="speed40k")
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--sensing", nargs="+", default=["speed40k"])
     parser.add_argument("--duration", type=float, default=20.0)
     wanted = parser.parse_args(arguments)
-    found = [d for seed in range(wanted.logs) for d in deviations(seed, wanted.sensing, wanted.duration)]
-    print(f"{wanted.logs} logs, {wanted.sensing}, {wanted.duration:g} s; share within 95 %, and mean deviation")
-    for key in dict.fromkeys((d.help, d.name) for d in found):
-        z = np.array([d.sigma for d in found if (d.help, d.name) == key])
-        inside = 100.0 * np.mean(np.abs(z) < TWO_SIDED)
-        print(f"{key[0]:16s} {key[1]:32s} {inside:5.1f} %  mean {z.mean():+.2f}  std {z.std():.2f}  n {z.size}")
+    found: list[Deviation] = []
+    for i in range(wanted.logs):
+        sensing = wanted.sensing[i % len(wanted.sensing)]
+        found += deviations(wanted.first + i, sensing, wanted.duration)
+        print(f"\r{i + 1} of {wanted.logs} logs", end="", file=sys.stderr, flush=True)
+    print(f"\n{wanted.logs} logs from {wanted.first}, {', '.join(wanted.sensing)}, {wanted.duration:g} s")
+    for line in table(found):
+        print(line)

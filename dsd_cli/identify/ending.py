@@ -76,7 +76,7 @@ def _ended(search: Search, fit: Fit, gone: str) -> Ended:
     known = problem.values(fit)
     return Ended(
         gone,
-        problem.scale.model(fit),
+        known.model,
         problem.score(fit),
         known.estimates,
         known.correlations,

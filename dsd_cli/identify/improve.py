@@ -81,7 +81,7 @@ def add_effect(
     said = contradictions(search, fit, known.estimates)
     return Addition(
         effect_id,
-        problem.scale.model(fit),
+        known.model,
         before.score,
         after,
         known.estimates,
@@ -200,6 +200,8 @@ class _Climb:
         for end in ended(self.recordings, given, reached, self.settings, self.holdout):
             if end.without:
                 self.up(end.without, end.score, end.values, end.model, "taken back")
+            else:  # the values of the rung, as the whole set and its noise have them
+                self.steps[-1] = replace(self.steps[-1], model=end.model, estimates=end.values)
         assert end is not None
         warnings = tuple(dict.fromkeys((*last.warnings, *end.warnings)))
         found = (end.values, end.correlations, warnings)
