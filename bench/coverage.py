@@ -10,14 +10,15 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy import stats
 
 from dsd_cli.identify.fit.known import Known
-from dsd_cli.identify.fit.problem import Settings, pose
+from dsd_cli.identify.fit.problem import Problem, Settings, pose
+from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.identify.fit.values import flat, terms_of
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.sets import Search
@@ -27,7 +28,7 @@ from dsd_cli.signals.log import Log
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tests.oracle.rig import make
-from tests.oracle.rig_cases import RigCase, RigLog
+from tests.oracle.rig_cases import RigCase
 
 #: Relative standard deviation of a prior's error; share that the intervals are to hold.
 SPREAD, SHARE = 0.02, 0.95
@@ -59,22 +60,27 @@ def deviations(seed: int, sensing: str = "speed40k", duration: float = 20.0) -> 
         "J held": Known(fixed={"inertia": truth.inertia}),
         "J with a prior": Known(priors={"inertia": (truth.inertia * (1.0 + SPREAD * draw), SPREAD * truth.inertia)}),
     }
-    for name, known in helps.items():
-        yield from _deviations(made, truth, name, known)
-
-
-def _deviations(made: RigLog, truth: PlantModel, help_: str, known: Known) -> Iterator[Deviation]:
     observer = ObserverSettings(made.observer["nominal_inertia"], made.observer["time_constant"])
     recording = prepare(Log(made.channels, made.sample_time, "rig"), observer)
-    problem = pose([recording], truth, Settings(effects=(), known=known))
-    first = Search(problem)
+    problem = pose([recording], truth, Settings(effects=()))
     tap = round(truth.delay / problem.solver.bank.tap_time)
-    search = Search(problem.measured_again(first.fit(terms_of(truth), tap)))
-    found = search.problem.values(search.fit(terms_of(truth), tap)).estimates
+    problem = problem.measured_again(Search(problem).fit(terms_of(truth), tap))
+    for name, known in helps.items():
+        yield from _deviations(_told(problem, known), truth, name, tap)
+
+
+def _told(problem: Problem, known: Known) -> Problem:
+    """The same question of somebody who knows that."""
+    solver = problem.solver
+    return replace(problem, solver=Solver(solver.bank, solver.blocks, solver.inertia, known, solver.variance))
+
+
+def _deviations(problem: Problem, truth: PlantModel, help_: str, tap: int) -> Iterator[Deviation]:
+    found = problem.values(Search(problem).fit(terms_of(truth), tap)).estimates
     for name, value in flat(truth).items():
         if found[name].std_error > 0.0:
             sigma = (found[name].value - value) / found[name].std_error
-            yield Deviation(help_, name, sigma, search.problem.blocks.count)
+            yield Deviation(help_, name, sigma, problem.blocks.count)
 
 
 def table(found: Sequence[Deviation]) -> Iterator[str]:

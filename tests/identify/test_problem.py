@@ -10,7 +10,8 @@ from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
 from dsd_cli.identify.fit.noise import structured_share
-from dsd_cli.identify.fit.problem import Settings, _inflation, pose
+from dsd_cli.identify.fit.problem import Settings, pose
+from dsd_cli.identify.fit.sure import inflation
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.sets import Search
@@ -60,10 +61,10 @@ def test_rows_are_white_after_whitening(problem):
 def test_rows_that_count_twice_are_told():
     rng = np.random.default_rng(1)
     white = rng.normal(size=20_000)
-    assert _inflation(white) < 1.5
+    assert inflation(white) < 1.5
     held = np.repeat(rng.normal(size=2000), 10)  # ten rows that are one
-    assert _inflation(held) == pytest.approx(10.0, rel=0.3)
-    assert _inflation(np.diff(white)) == 1.0
+    assert inflation(held) == pytest.approx(10.0, rel=0.3)
+    assert inflation(np.diff(white)) == 1.0
 
 
 @pytest.mark.parametrize("sensor", ["velocity", "position"])

@@ -101,7 +101,7 @@ class Equations:
     ----------
     startup : samples at the beginning of each stretch that depend on a u before the log; excluded.
     whitening : taps over rows (`noise.whitening`); (1,) leaves rows in the unit of u.
-    trust : of each row, a factor before it is whitened; None trusts all alike.
+    trust : of each whitened row, a factor; None trusts all alike.
     """
 
     recordings: tuple[Recording, ...]
@@ -140,12 +140,12 @@ class Equations:
 
     def whitened(self, rows: Array) -> Array:
         """Rows (in the unit of u) made white."""
-        if self.trust is not None:
-            rows = rows * self.trust
         if len(self.whitening) == 1:
-            return rows * self.whitening[0]
-        parts = np.split(rows, np.cumsum(self.lengths)[:-1])
-        return np.concatenate([np.convolve(np.pad(x, HALF, mode="edge"), self.whitening, "valid") for x in parts])
+            white = rows * self.whitening[0]
+        else:
+            parts = np.split(rows, np.cumsum(self.lengths)[:-1])
+            white = np.concatenate([np.convolve(np.pad(x, HALF, mode="edge"), self.whitening, "valid") for x in parts])
+        return white if self.trust is None else white * self.trust
 
     def by_stretch(self, rows: Array) -> list[Array]:
         """Rows as one array per stretch."""

@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.identify.fit.bank import SHARE, Bank, holds
 from dsd_cli.identify.fit.equations import Equations
@@ -67,9 +68,11 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     least = POLICY.rows_per_value * (len(fit.total) + sum(len(t.items) for t in fit.terms))
     if sure.sum() < least or not unsure.any():
         return Weighed(solver, fit, _residual(fit, solver.bank), float(counted.sum()))
+    if not clear_of_noise(solver.bank, sure):
+        return Weighed(solver, fit, _residual(fit, solver.bank), float(counted.sum()))
     for _ in range(_ROUNDS):
-        left = _residual(fit, plain)
-        quiet, loud = (float(np.mean(equations.whitened(left * rows)[rows] ** 2)) for rows in (sure, unsure))
+        left = _residual(fit, solver.bank) ** 2
+        quiet, loud = float(np.mean(left[sure])), float(np.mean(left[unsure]))
         weight = math.sqrt(quiet / (quiet + unsure.sum() * max(loud - quiet, 0.0) + 1e-300))
         trust = np.where(sure, 1.0, np.where(unsure, weight, 0.0))
         size = float(trust @ trust)
@@ -102,10 +105,37 @@ def _centred(fit: Fit, solver: Solver) -> Fit:
 
 
 def uncertain(equations: Equations) -> Array:
-    """Share of each row's weight on samples in which the axis may rest or turn, shape (N,)."""
-    band = replace(equations.band, taps=np.abs(equations.band.taps) / np.abs(equations.band.taps).sum())
-    doubts = [(s.free == 0.0) | (np.abs(s.sign) < _SURE) | np.isfinite(s.log["turning"]) for s in equations.stretches]
-    return np.concatenate([band.rows(doubt.astype(np.float64), equations.startup) for doubt in doubts])
+    """Share of each whitened row's weight on samples in which the axis may rest or turn, shape (N,).
+
+    The halo of the smoothing that made the speed is in doubt, too, where it is no wider than a row.
+    """
+    taps, white = np.abs(equations.band.taps), np.abs(equations.whitening)
+    band = replace(equations.band, taps=taps / taps.sum())
+    shares = []
+    for s in equations.stretches:
+        doubt = (s.free == 0.0) | (np.abs(s.sign) < _SURE)
+        halo = np.isfinite(s.log["turning"])
+        if _shortest_run(halo) <= 2 * band.step + 1:
+            doubt |= halo
+        reach = len(white) // 2
+        rows = np.pad(band.rows(doubt.astype(np.float64), equations.startup), reach, mode="edge")
+        shares.append(np.convolve(rows, white / white.sum(), mode="valid"))
+    return np.concatenate(shares)
+
+
+def clear_of_noise(bank: Bank, rows: NDArray[np.bool_]) -> bool:
+    """Whether the acceleration in these rows stands as high above its sensor's noise as it must at the band's end.
+
+    Else what is wrong with the noise that is taken out of the normal equations pulls the inertia.
+    """
+    power = float(np.mean(bank.acceleration[rows] ** 2))
+    return power > POLICY.signal_over_noise * bank.variance or power >= float(np.mean(bank.acceleration**2))
+
+
+def _shortest_run(marks: NDArray[np.bool_]) -> int:
+    """Of marks that stand side by side; 0 where there are none."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marks, [False]]).astype(np.int8)))
+    return int(np.min(edges[1::2] - edges[::2], initial=len(marks))) if edges.size else 0
 
 
 def _residual(fit: Fit, bank: Bank) -> Array:
