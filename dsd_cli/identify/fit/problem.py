@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -35,7 +35,7 @@ class Noise:
 
     variance: float
     inflation: float
-    rows: Array | None = None
+    rows: Array | None = field(default=None, compare=False, repr=False)
 
     @property
     def nats(self) -> float:

@@ -9,11 +9,12 @@ from dataclasses import replace
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.values import flat
-from dsd_cli.identify.results import Estimates
+from dsd_cli.identify.results import DELAY, Estimates
 from dsd_cli.identify.search.sets import Search
 
-#: Standard deviations from which on a log contradicts what is known.
-LEAST_SIGMA = 3.0
+#: Standard deviations from which on a log contradicts what is known, and the least share of the value (of a sample, for
+#: a delay) that is worth saying.
+LEAST_SIGMA, LEAST_SHARE = 3.0, 0.005
 
 
 def contradictions(search: Search, fit: Fit, estimates: Estimates) -> tuple[str, ...]:
@@ -51,7 +52,8 @@ def _of_held(problem: Problem, fit: Fit, estimates: Estimates) -> list[str]:
         if alone is None or not alone.std_error > 0.0:
             continue
         sigma = abs(alone.value - given[name]) / alone.std_error
-        if sigma > LEAST_SIGMA:
+        size = problem.equations.sample_time if name == DELAY else abs(given[name])
+        if sigma > LEAST_SIGMA and abs(alone.value - given[name]) > LEAST_SHARE * size:
             found.append(
                 f"{name} is held at {given[name]:.4g}; this log alone says {alone.value:.4g} +- {alone.std_error:.2g}"
                 f" ({sigma:.1f} sigma off)"
