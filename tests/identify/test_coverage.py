@@ -17,7 +17,7 @@ def found():
 @pytest.mark.parametrize("help_", ["nothing known", "J held", "J with a prior"])
 def test_the_intervals_hold_the_truth(found, help_):
     """Of 12 logs fewer than 9 inside would happen once in 5000 times at 95 %; a bias of 2 sigma leaves about 6."""
-    names = {d.name for d in found if d.help == help_ and "friction" in d.name or d.name in ("inertia", "delay")}
+    names = {d.name for d in found if (d.help == help_ and "friction" in d.name) or d.name in ("inertia", "delay")}
     for name in names:
         own = [d for d in found if (d.help, d.name) == (help_, name)]
         assert len(own) in (0, len(SEEDS) * len(SENSINGS)), name
