@@ -12,7 +12,7 @@ from pathlib import Path
 from dsd_cli.cli.fleet_pools import DaskPool, Pool, ProcessPool, run_all
 from dsd_cli.cli.fleet_tasks import COMMON, DONE, Row, Task
 from dsd_cli.errors import DataError
-from dsd_cli.files.fleet_table import KEY, Journal, read_rows
+from dsd_cli.files.fleet_table import KEY, Journal, load_writers, read_rows
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,10 @@ def _rows(workers: Workers, left: list[Task], say: Callable[[str], None]) -> Ite
         return
     pool = workers.pool()
     try:
-        yield from run_all(pool, left, workers.retries, say)
+        rows = run_all(pool, left, workers.retries, say)
+        yield next(rows)
+        load_writers()  # while the workers work, not when they are done
+        yield from rows
     finally:
         pool.close()
 

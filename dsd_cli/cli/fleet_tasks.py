@@ -158,7 +158,7 @@ def _detect(path: str, settings: Config) -> Row:
     from dsd_cli.cli.detect_checks import Judgement
     from dsd_cli.cli.detect_job import Destination, Job
 
-    result = Job(path, settings, False, Destination("json", None, True, ())).run(Judgement())
+    result = Job(path, settings, False, Destination("json", None, True, ()), ahead=False).run(Judgement())
     summary = result.summary
     usual = max(summary.states, key=lambda state: (state.confident_share, state.share))
     verdict = ", ".join(f"{axis} {value:g}" for axis, value in usual.values.items())

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from dsd_cli.errors import DataError, UsageError
+from dsd_cli.files.arrow_arrays import arrow_column
 from dsd_cli.files.whole import WholeFile, cannot_be_written, check_target
 
 Row = Mapping[str, Any]
@@ -150,6 +151,12 @@ def _columns(rows: Iterator[dict[str, Any]], first: Sequence[str]) -> dict[str, 
     }
 
 
+def load_writers() -> None:
+    """Import what writing a table takes."""
+    import pyarrow.csv
+    import pyarrow.parquet  # noqa: F401
+
+
 def write_table(path: Path, rows: Iterator[Row], columns: Mapping[str, Any]) -> None:
     """The table, whole or not at all.
 
@@ -167,7 +174,9 @@ def write_table(path: Path, rows: Iterator[Row], columns: Mapping[str, Any]) -> 
         writer = pc.CSVWriter if path.suffix.lower() == ".csv" else pq.ParquetWriter
         with writer(str(out.path), schema) as sink:
             while batch := list(islice(rows, _BATCH)):
-                sink.write_table(pa.Table.from_pylist([_fitting(row, columns) for row in batch], schema=schema))
+                fitting = [_fitting(row, columns) for row in batch]
+                arrays = [arrow_column([row.get(name) for row in fitting], kind) for name, kind in columns.items()]
+                sink.write_batch(pa.RecordBatch.from_arrays(arrays, schema=schema))
         out.commit()
     except OSError as error:
         raise cannot_be_written(path, error) from None
@@ -223,7 +232,8 @@ def _read_table(table: Path) -> tuple[list[str], Callable[[], Any]]:
         return found.column_names, lambda: found
     import pyarrow.parquet as pq
 
-    return pq.read_schema(table).names, lambda: pq.read_table(table)
+    file = pq.ParquetFile(table)  # `read_table` imports pyarrow.dataset, which takes longer than to read
+    return file.schema_arrow.names, file.read
 
 
 def _texts() -> dict[str, Any]:
