@@ -7,7 +7,7 @@ import pytest
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.tables_in import open_table
-from tests.files.formats.makers import MAKERS, channels, mat5, mat7_objects, mat7_timetable, mat73_objects
+from tests.files.formats.makers import MAKERS, START_NS, channels, mat5, mat7_objects, mat7_timetable, mat73_objects
 
 
 def read(path: Path, names: dict[str, str]) -> tuple[dict[str, np.ndarray], list[str]]:
@@ -52,6 +52,27 @@ def test_objects_without_their_library_are_said(maker, tmp_path: Path, monkeypat
     with pytest.raises(DataError, match=r'no column "drive/iq"; it has gain.*dsd-cli\[mat\]'):
         read(*made)
     assert "dsd-cli[mat]" in open_table(made.path, {"u": "gain"}).warnings[0]
+
+
+@pytest.mark.parametrize("version", ["v7", "v7.3"])
+def test_objects_without_numbers_say_what_to_do_in_matlab(version: str, tmp_path: Path) -> None:
+    matio = pytest.importorskip("matio", reason="mat-io is not installed")
+    from matio.utils.matclass import MatlabOpaque
+
+    named = MatlabOpaque(properties={"Name": "axis"}, classname="Simulink.Signal", type_system="MCOS")
+    matio.save_to_mat(str(tmp_path / "named.mat"), {"named": named}, version=version)
+    with pytest.raises(
+        DataError, match=r"no channel with numbers in it: the MATLAB objects .*save\('log.mat'"
+    ) as caught:
+        open_table(tmp_path / "named.mat", {"u": "u"})
+    assert "\n" not in str(caught.value)
+
+
+def test_a_timetable_of_dates_is_stamped_since_1970(tmp_path: Path) -> None:
+    data = channels(step=0.0001)
+    path, names = mat7_timetable(tmp_path, data, "2026-01-01")
+    found, _ = read(path, names)
+    np.testing.assert_allclose(found["t"] - START_NS / 1e9, data["t"], rtol=0, atol=3e-7)
 
 
 def test_a_timetable_keeps_its_stamps_below_a_millisecond(tmp_path: Path) -> None:
