@@ -142,13 +142,17 @@ def _run(
     given: tuple[list[str] | None, list[str] | None, list[Path] | None],
     quiet: bool,
 ) -> None:
-    from dsd_cli.cli.fleet_logs import Asked, entries, refuse_output_among, tasks
+    from dsd_cli.cli.fleet_logs import Asked, entries, once, refuse_output_among, tasks
     from dsd_cli.cli.fleet_run import run_fleet
     from dsd_cli.files.fleet_table import check_table
 
     override, effect, effects_from = given
     workers = _workers(*where)
-    found = refuse_output_among(entries(logs or (), listing), output)
+    named = entries(logs or (), listing)
+    found = once(named)
+    if (again := len(named) - len(found)) and not quiet:
+        typer.echo(f"{again:,} of {len(named):,} names are of logs that are named already: taken once", err=True)
+    found = refuse_output_among(found, output)
     asked = Asked(command, config, tuple(override or ()), tuple(effect or ()), tuple(effects_from or ()))
     work = tasks(found, asked)
     inputs: Sequence[str | Path] = [*{task.config.name for task in work}, *asked.effects_from]

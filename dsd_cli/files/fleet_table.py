@@ -18,6 +18,8 @@ Row = Mapping[str, Any]
 SUFFIXES = (".parquet", ".pq", ".csv")
 #: The column that tells one log in one state with one config from another.
 KEY = "key"
+#: What the journal is called, after the table's name.
+PART = ".part"
 _BATCH = 2048
 
 
@@ -49,7 +51,7 @@ class Journal:
     """
 
     def __init__(self, table: Path) -> None:
-        self.table, self.path = table, table.with_name(table.name + ".part")
+        self.table, self.path = table, table.with_name(table.name + PART)
         self._places: dict[str, int] = {}
         try:
             self._file = open(self.path, "a+b")  # noqa: SIM115 (open as long as the run)
@@ -90,6 +92,10 @@ class Journal:
         except OSError as error:
             raise cannot_be_written(self.path, error) from None
         self._places[str(row[KEY])] = place
+
+    def first(self) -> dict[str, Any]:
+        """A row that is kept; nothing where there is none."""
+        return next(self.rows(list(self._places)[:1]), {})
 
     def forget(self, keys: Collection[str]) -> None:
         """These rows are to be made again."""
@@ -204,7 +210,7 @@ def read_rows(path: str | Path) -> list[dict[str, Any]]:
     import pyarrow as pa
 
     table = Path(path)
-    journal = table.with_name(table.name + ".part")
+    journal = table.with_name(table.name + PART)
     try:
         if not table.is_file() and journal.is_file():
             with open(journal, "rb") as file:
