@@ -120,11 +120,13 @@ def summary(
     import sys
 
     from dsd_cli.cli.identification import print_json
-    from dsd_cli.files.fleet_table import read_rows
+    from dsd_cli.files.fleet_table import read_rows, rows_file
     from dsd_cli.report.fleet import summarize, to_json
     from dsd_cli.report.fleet_table import print_table
 
-    found = summarize(str(results), read_rows(results))
+    found, where = summarize(str(results), read_rows(results)), rows_file(results)
+    if where != results:
+        typer.echo(f"{results} is not written yet; these are the rows so far, in {where}", err=True)
     if form is Format.JSON:
         print_json(to_json(found))
     else:

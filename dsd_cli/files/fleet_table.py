@@ -200,8 +200,15 @@ def _fitting(row: Row, columns: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+def rows_file(path: str | Path) -> Path:
+    """Where the rows of that table are: in the table, or in the journal beside it where there is no table yet."""
+    table = Path(path)
+    journal = table.with_name(table.name + PART)
+    return journal if journal.is_file() and not table.is_file() else table
+
+
 def read_rows(path: str | Path) -> list[dict[str, Any]]:
-    """The rows of a table of results; of the journal beside it where there is no table yet.
+    """The rows of a table of results, or of its journal; see `rows_file`.
 
     Raises
     ------
@@ -209,11 +216,10 @@ def read_rows(path: str | Path) -> list[dict[str, Any]]:
     """
     import pyarrow as pa
 
-    table = Path(path)
-    journal = table.with_name(table.name + PART)
+    table = rows_file(path)
     try:
-        if not table.is_file() and journal.is_file():
-            with open(journal, "rb") as file:
+        if table.name == Path(path).name + PART:
+            with open(table, "rb") as file:
                 lines = [json.loads(line) for line in file if line.endswith(b"\n")]
             return list({row[KEY]: row for row in lines}.values())
         names, found = _read_table(table)

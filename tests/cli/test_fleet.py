@@ -137,6 +137,9 @@ def test_a_killed_run_goes_on_and_leaves_no_workers(many: Path) -> None:
     wait_for(lambda: not any(Path(f"/proc/{one}").exists() for one in left))
     assert not (many / "r.parquet").exists()
     kept = finished_rows(many)
+    so_far = done("fleet", "summary", "r.parquet", cwd=many)
+    assert f"{kept} logs" in so_far.stdout
+    assert "r.parquet is not written yet; these are the rows so far, in r.parquet.part" in so_far.stderr
     with open(many / "r.parquet.part", "ab") as file:
         file.write(b'{"log": "torn')  # what the kill may leave
     again = done(*FLEET, cwd=many)
