@@ -27,6 +27,7 @@ def test_what_went_in_comes_out(maker, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("maker", MAKERS, ids=lambda maker: maker.__name__)
+@pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")  # what a library says when it is collected
 def test_a_file_that_was_cut_off_is_one_line_or_what_is_whole_of_it(maker, tmp_path: Path) -> None:
     data = channels(300)
     made = maker(tmp_path, data)
