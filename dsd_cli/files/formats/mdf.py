@@ -21,7 +21,7 @@ class MdfFile:
 
         # what could not be opened cannot be closed either, and says so with a traceback when it is collected
         for kind in (mdf_v3.MDF3, mdf_v4.MDF4):
-            kind.__del__ = _close_quietly
+            kind.__del__ = _close_quietly  # type: ignore[method-assign]
         self._mdf = MDF(path)
         self.metadata = {RECORDED: self._mdf.header.start_time.isoformat()}
         self.notes: list[str] = []

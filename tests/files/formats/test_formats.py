@@ -7,7 +7,17 @@ import pytest
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.tables_in import open_table
-from tests.files.formats.makers import MAKERS, START_NS, channels, mat5, mat7_objects, mat7_timetable, mat73_objects
+from tests.files.formats.makers import (
+    MAKERS,
+    START_NS,
+    channels,
+    mat5,
+    mat7_objects,
+    mat7_timetable,
+    mat73_objects,
+    npz,
+    tdms,
+)
 
 
 def read(path: Path, names: dict[str, str]) -> tuple[dict[str, np.ndarray], list[str]]:
@@ -27,7 +37,9 @@ def test_what_went_in_comes_out(maker, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("maker", MAKERS, ids=lambda maker: maker.__name__)
-@pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")  # what a library says when it is collected
+@pytest.mark.filterwarnings(
+    "error::pytest.PytestUnraisableExceptionWarning"
+)  # what a library says when it is collected
 def test_a_file_that_was_cut_off_is_one_line_or_what_is_whole_of_it(maker, tmp_path: Path) -> None:
     data = channels(300)
     made = maker(tmp_path, data)
@@ -53,6 +65,20 @@ def test_objects_without_their_library_are_said(maker, tmp_path: Path, monkeypat
     with pytest.raises(DataError, match=r'no column "drive/iq"; it has gain.*dsd-cli\[mat\]'):
         read(*made)
     assert "dsd-cli[mat]" in open_table(made.path, {"u": "gain"}).warnings[0]
+
+
+def test_a_tdms_file_that_was_cut_off_is_read_and_said_and_nothing_else_is(tmp_path: Path, capfd) -> None:
+    path, names = tdms(tmp_path, channels(300))
+    path.write_bytes(path.read_bytes()[:-100])
+    assert read(path, names)[1][0] == "its end is missing: what is whole of it is read"
+    assert capfd.readouterr() == ("", "")
+
+
+def test_an_archive_of_numpy_that_was_cut_off_is_no_spreadsheet(tmp_path: Path) -> None:
+    path, names = npz(tmp_path, channels())
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(DataError, match=r"cannot be read as a NumPy.*is it whole"):
+        read(path, names)
 
 
 @pytest.mark.parametrize("version", ["v7", "v7.3"])
