@@ -127,6 +127,34 @@ def finished_rows(folder: Path) -> int:
     return part.read_bytes().count(b"\n") if part.exists() else 0
 
 
+#: What share of its processor time a worker spends in the thread that works.
+ONE_CORE = """
+import resource, sys
+from pathlib import Path
+from dsd_cli.cli.fleet_pools import start_worker
+start_worker()
+from dsd_cli.cli.fleet_tasks import ConfigText, Task, run_task
+
+def times():
+    found = [resource.getrusage(who) for who in (resource.RUSAGE_THREAD, resource.RUSAGE_SELF)]
+    return [one.ru_utime + one.ru_stime for one in found]
+
+config = ConfigText("dsd.toml", ".", Path("dsd.toml").read_text())
+logs = [Task("detect", log, log, config, (), "k", "", "") for log in sys.argv[1:]]
+run_task(logs[0])  # which imports
+before, rows, after = times(), [run_task(task) for task in logs], times()
+assert all(row["status"] == "done" for row in rows), rows
+print((after[0] - before[0]) / (after[1] - before[1]))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="RUSAGE_THREAD")
+def test_a_worker_uses_one_core(many: Path) -> None:
+    logs = sorted(str(path) for path in (many / "logs").iterdir())
+    run = subprocess.run([sys.executable, "-c", ONE_CORE, *logs], cwd=many, capture_output=True, text=True, check=True)
+    assert float(run.stdout) > 0.95
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_a_killed_run_goes_on_and_leaves_no_workers(many: Path) -> None:
     run = start(many, *FLEET)
