@@ -59,9 +59,9 @@ def _place(name: str) -> str:
 
 
 def _expanded(pattern: str) -> list[str]:
-    if not any(sign in pattern for sign in "*?["):
-        return [pattern]
-    if os.path.exists(pattern):  # a file whose name has such a sign
+    if os.path.isdir(pattern) and not is_bag(pattern):
+        raise UsageError(f"{pattern}: is a folder", f"name its logs: '{os.path.join(pattern, '**', '*')}'")
+    if not any(sign in pattern for sign in "*?[") or os.path.exists(pattern):  # a name may have such a sign
         return [pattern]
     if is_url(pattern):
         import fsspec

@@ -355,6 +355,7 @@ def test_refused_in_one_line(fleet: Path, tmp_path: Path) -> None:
     refused(dsd(*run, "one.parquet", "-o", "one.parquet", cwd=fleet), 1, "is the only log")
     refused(dsd(*run, "logs/m1/*", "-o", "r.json", cwd=fleet), 2, "end the name in .parquet or .csv")
     refused(dsd(*run, "logs/m1/*", "-c", "no.toml", cwd=fleet), 2, "no.toml: no such config file")
+    refused(dsd(*run, "logs", cwd=fleet), 2, "logs: is a folder: name its logs: 'logs/**/*'")
     refused(dsd(*run, "--list", "no.txt", cwd=fleet), 2, "no.txt: no such file")
     refused(dsd(*run, "--list", "no.csv", cwd=fleet), 2, "no.csv: no such file")
     refused(dsd(*run, "logs/m1/*", "--workers", "0", cwd=fleet), 2, "--workers 0")
