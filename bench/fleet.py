@@ -75,10 +75,13 @@ def gain(folder: Path, logs: str, repeats: int) -> str:
     turns = [{name: took(folder, f"{logs}/*", where) for name, where in kinds.items()} for _ in range(repeats)]
     wall = {name: min(turn[name][0] for turn in turns) for name in kinds}
     cpu = {name: min(turn[name][1] for turn in turns) for name in kinds}
-    one = cpu["1 worker"]
+    one, two = cpu["1 worker"], cpu["2 workers"]
+    bounds = [one / (start + (total - start) / 2) for total in (one, two)]
     said = [f"{name} {wall[name]:.1f} s ({cpu[name]:.1f} s of CPU)" for name in kinds]
     said += [f"{wall['1 worker'] / wall[name]:.2f} times as fast with {name}" for name in list(kinds)[1:]]
-    said += [f"at least 1.85; by CPU time {one / (start + (one - start) / 2):.2f}, {start:.2f} s to start"]
+    said += [
+        f"at least 1.85; by the CPU time of 1 worker {bounds[0]:.2f}, of 2 {bounds[1]:.2f}; {start:.2f} s to start"
+    ]
     return "; ".join([*said, f"load of the machine {os.getloadavg()[0]:.1f}"])
 
 
