@@ -31,20 +31,21 @@ class Modes:
         self._fixed = [signals.rows(signals.force), signals.rows(signals.shift)]
         sizes = [1 << (2 * len(x) - 1).bit_length() for x in signals.force]
         self._spectra = [np.fft.rfft(x, n) for x, n in zip(signals.force, sizes, strict=True)]
-        self._hz = [np.fft.rfftfreq(n, signals.step) for n in sizes]
+        self._hz = [np.fft.rfftfreq(n, signals.step).astype(np.float64) for n in sizes]
 
     def rigid(self) -> list[Array]:
         """What a rigid axis leaves, and one behind a lag, for several lags."""
         times = np.geomspace(self.signals.step, _LONGEST_LAG, _LAGS).tolist()
         plain, shift = self._fixed
-        lagged = [self._passed(_lag(time)) for time in times]
+        lagged = [self._passed(_lag(float(time))) for time in times]
         return [left(np.stack([x, shift], axis=1), self.signals.target) for x in (plain, *lagged)]
 
     def best(self, lowest: float, highest: float) -> Array:
         """The mode between these frequencies (Hz) that leaves least; it may end beside them."""
         frequencies = np.exp(np.arange(math.log(lowest), math.log(highest), math.log(_RATIO)))
-        tried = [np.log((f, z)) for f in frequencies.tolist() for z in _DAMPINGS]
-        return self.refined(min(tried, key=lambda at: float(np.sum(self.left(at) ** 2))))
+        tried = [np.array([math.log(f), math.log(z)]) for f in frequencies.tolist() for z in _DAMPINGS]
+        starts = sorted(tried, key=lambda at: float(np.sum(self.left(at) ** 2)))
+        return self.refined(starts[0])
 
     def left(self, at: Array) -> Array:
         """What the best rigid body and mode leave, shape (n,)."""
@@ -81,7 +82,7 @@ class Modes:
         return self.signals.rows([np.fft.irfft(x * response(f))[: len(force)] for x, f, force in pairs])
 
     def _columns(self, at: Array) -> Array:
-        frequency, damping = np.exp(at)
+        frequency, damping = math.exp(at[0]), math.exp(at[1])
 
         def mode(f: Array) -> Array:
             return np.asarray(-(f**2) / (frequency**2 - f**2 + 2j * damping * frequency * f))
