@@ -42,6 +42,13 @@ class Seen:
     likelihoods: tuple[Array, Array]
     restarts: tuple[float, ...]
 
+    def since(self, origin: float) -> Seen:
+        """The same with stamps counted from there."""
+        lines = {name: (t - origin, x) for name, (t, x) in self.lines.items()}
+        (sure_t, sure), (likely_t, likely) = self.confident, self.likelihoods
+        again = tuple(at - origin for at in self.restarts)
+        return Seen(lines, (sure_t - origin, sure), (likely_t - origin, likely), again)
+
 
 class WatchedSession(Session):
     """Labels as `Session` does; `seen` gives what a picture needs."""

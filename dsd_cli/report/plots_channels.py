@@ -47,7 +47,12 @@ def panels_of(log: Log) -> dict[str, tuple[str, ...]]:
 def constants(log: Log) -> dict[str, float]:
     """Delay and inertia of a simulated log in which they stay as they are."""
     names = (name for name in ("delay", "inertia") if f"true_{name}" in log and f"adopted_{name}" not in log)
-    return {name: float(log[f"true_{name}"][0]) for name in names if np.ptp(log[f"true_{name}"]) == 0.0}
+    return {name: float(log[f"true_{name}"][0]) for name in names if _still(log[f"true_{name}"])}
+
+
+def _still(x: Array) -> bool:
+    """Constant, but for the rounding of samples that were bridged."""
+    return bool(np.ptp(x) <= 1e-9 * np.abs(x).max())
 
 
 def draw(name: str, log: Log, restarts: Sequence[int], units: Units) -> Any:

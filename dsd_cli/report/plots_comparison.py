@@ -128,7 +128,7 @@ def _draw_forces(above: Any, below: Any, evaluation: Evaluation, channel: str, u
     above.set_ylabel(f"forces on the axis{unit}")
     below.set_ylabel(f"left of them{unit}")
     below.set_xlabel(channel_label(channel, units))
-    legend_above(above, 4)
+    legend_above(above, 2)
 
 
 def _draw_curve(above: Any, below: Any, curve: Curve) -> None:
@@ -166,7 +166,6 @@ def _draw_spectrum(axis: Any, result: Comparison, evaluation: Evaluation) -> Non
         axis.axvspan(axis.get_xlim()[0], force.band_hz, color="0.93", lw=0, zorder=0)
         axis.axvline(force.band_hz, color="0.25", lw=0.9, ls=(0, (4, 2)), label=f"band: below {force.band_hz:.3g} Hz")
     axis.autoscale(enable=True, axis="x", tight=True)
-    unit = result.units.u
     axis.set_xlabel("frequency (Hz)")
-    axis.set_ylabel(f"amplitude density ({f'{unit}/' if unit else 'unit of u/'}sqrt Hz)")
-    axis.legend(loc="lower left")
+    axis.set_ylabel(f"density ({result.units.force} / √Hz)")
+    legend_above(axis, 3)

@@ -26,7 +26,7 @@ from dsd_cli.report.figure import (
     sheet,
     shortened,
 )
-from dsd_cli.report.timeline import gaps, zero
+from dsd_cli.report.timeline import gaps, origin_of, time_label, zero
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.units import Units
 
@@ -38,7 +38,10 @@ _SURE = 0.5
 
 def draw(result: Detection, seen: Seen, plan: Plan, units: Units) -> Any:
     """The figure."""
-    grid = plan.grid
+    start = min(times[0] for times, _ in seen.lines.values() if times.size)
+    end = max(times[-1] for times, _ in seen.lines.values() if times.size)
+    origin = origin_of(start, end)
+    seen, grid = seen.since(origin), plan.grid
     axes_of_grid = [name for name, values in grid.axes.items() if np.unique(values).size > 1] or ["delay"]
     states = likely_states(seen, MOST_STATES)
     heights = [0.9, 1.3, 0.8, *[0.9] * len(axes_of_grid), 0.5 + 0.13 * len(states)]
@@ -49,13 +52,11 @@ def draw(result: Detection, seen: Seen, plan: Plan, units: Units) -> Any:
     for panel, name in zip(panels[3:-1], axes_of_grid, strict=True):
         _draw_axis(panel, name, seen, grid, units)
     _draw_ribbon(panels[-1], seen, states, grid)
-    start = min(times[0] for times, _ in seen.lines.values() if times.size)
-    end = max(times[-1] for times, _ in seen.lines.values() if times.size)
     for panel in panels:
         for at in seen.restarts:
             panel.axvline(at, color="0.25", lw=0.9, ls=(0, (4, 2)))
-        panel.set_xlim(start, end)
-    panels[-1].set_xlabel("time (s)" + (", recordings one after the other" if seen.restarts else ""))
+        panel.set_xlim(start - origin, end - origin)
+    panels[-1].set_xlabel(time_label(origin) + (", recordings one after the other" if seen.restarts else ""))
     figure.align_ylabels(panels)
     return figure
 

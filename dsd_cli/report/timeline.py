@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,7 +58,7 @@ class Timeline:
         """Of the axis."""
         if len(self.logs) > 1:
             return "time (s), the logs one after the other"
-        return f"time since {self.origin:.16g} s (s)" if self.origin else "time (s)"
+        return time_label(self.origin)
 
     def joined(self, pieces: Sequence[Array]) -> tuple[Array, Array]:
         """(times, values) of all pieces, with a NaN wherever time does not go on."""
@@ -106,8 +107,7 @@ def timeline(parts: Sequence[Part]) -> Timeline:
     """Pieces of one log keep their stamps; another log, or stamps that begin anew, go on where the last one ended."""
     several = len({(part.name, part.aside) for part in parts}) > 1
     first, last = float(parts[0].t[0]), float(parts[-1].t[-1])
-    far = several or abs(first) > _FAR * max(abs(last - first), 1e-300)
-    origin = first if far else 0.0
+    origin = first if several else origin_of(first, last)
     shift, end = -origin, -np.inf
     times: list[Array] = []
     logs: list[Log] = []
@@ -121,6 +121,16 @@ def timeline(parts: Sequence[Part]) -> Timeline:
             logs.append(Log(part.name, float(times[-1][0]), end, part.aside))
         logs[-1] = Log(part.name, logs[-1].start, end, part.aside)
     return Timeline(tuple(times), tuple(logs), origin)
+
+
+def origin_of(first: float, last: float) -> float:
+    """The stamp to count from: a whole second near the first, where stamps are far larger than their span; else 0."""
+    return math.floor(first) if abs(first) > _FAR * max(abs(last - first), 1e-300) else 0.0
+
+
+def time_label(origin: float) -> str:
+    """Of the axis of one log."""
+    return f"time since {origin:.16g} s (s)" if origin else "time (s)"
 
 
 def zero(axis: Any) -> None:
