@@ -115,7 +115,7 @@ def thinned(x: Array, y: Array, points: int) -> tuple[Array, Array]:
     if x.size <= points:
         return x, y
     order = np.argsort(x, kind="stable")
-    edge = envelope(x[order], y[order], points // 2)
+    edge = envelope(x[order], y[order], points // 10)
     chosen = np.sort(np.random.default_rng(_SEED).choice(x.size, points - edge[0].size, replace=False))
     return np.concatenate([x[chosen], edge[0]]), np.concatenate([y[chosen], edge[1]])
 

@@ -99,7 +99,7 @@ def _draw_time(panels: list[Any], evaluation: Evaluation, aside: Evaluation | No
 
 
 def _draw_channel(panel: Any, name: str, stretches: list[Stretch], time: Timeline, units: Units) -> None:
-    panel.set_ylabel(channel_label(name, units))
+    panel.set_ylabel(channel_label(name, units).replace(" (", "\n("))
     if all(name in s.log for s in stretches):
         line(panel, *time.joined([s.judged(s.log[name]) for s in stretches]), MEASURED)
     else:

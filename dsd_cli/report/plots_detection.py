@@ -91,12 +91,11 @@ def _draw_signals(panels: Any, result: Detection, seen: Seen, units: Units) -> N
         for panel in panels:
             nothing(panel, "no sample")
         return
-    line(commanded, *_broken(*seen.lines["u"]), MEASURED)
+    line(commanded, *seen.lines["u"], MEASURED)
     commanded.set_ylabel(channel_label("u", units))
-    t, d_hat = _broken(*seen.lines["d_hat"])
     source = "measured" if result.d_hat_source == "logged" else f"computed from {result.d_hat_source}"
-    line(measured, t, d_hat, MEASURED, source, lw=1.3)
-    line(measured, *_broken(*seen.lines["predicted"]), PREDICTED, "of the state chosen", lw=1.0)
+    line(measured, *seen.lines["d_hat"], MEASURED, source, lw=1.3)
+    line(measured, *seen.lines["predicted"], PREDICTED, "of the state chosen", lw=1.0)
     measured.set_ylabel(channel_label("d_hat", units) if result.output == "d_hat" else "d(d_hat)/dt")
     legend_above(measured, 2)
     _draw_left(left, seen, result.rho, units)
@@ -105,15 +104,9 @@ def _draw_signals(panels: Any, result: Detection, seen: Seen, units: Units) -> N
 def _draw_left(panel: Any, seen: Seen, rho: float, units: Units) -> None:
     panel.axhspan(-2.0 * rho, 2.0 * rho, color=SHARE, alpha=0.55, lw=0, label="within 2 rho")
     zero(panel)
-    line(panel, *_broken(*seen.lines["unexplained"]), RESIDUAL)
+    line(panel, *seen.lines["unexplained"], RESIDUAL)
     panel.set_ylabel(f"unexplained{f' ({units.u})' if units.u else ''}")
     legend_above(panel, 1)
-
-
-def _broken(t: Array, x: Array) -> tuple[Array, Array]:
-    """A NaN wherever time does not go on."""
-    where = gaps(t)
-    return np.insert(t, where, t[where]), np.insert(x, where, np.nan)
 
 
 def _draw_axis(panel: Any, name: str, seen: Seen, grid: Grid, units: Units) -> None:
