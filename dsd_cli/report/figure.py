@@ -143,11 +143,11 @@ def binned_median(x: Array, y: Array, bins: int, least: int = 8) -> tuple[Array,
     return np.array(at), np.array(middle)
 
 
-def legend_above(axis: Any, columns: int) -> None:
-    """A legend over the upper right corner, which takes room above and none beside."""
-    lines = -(-len(axis.get_legend_handles_labels()[1]) // columns)
+def legend_above(axis: Any, columns: int, lift: float = 0.0) -> None:
+    """A legend over the upper right corner, which takes room above and none beside; `lift` : lines it stands higher."""
+    lines = round(lift) + -(-len(axis.get_legend_handles_labels()[1]) // columns)
     axis.set_title("\n".join([" "] * lines), fontsize=9.5)
-    place = axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.985), ncols=columns, borderaxespad=0.0)
+    place = axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.985 + 0.11 * lift), ncols=columns, borderaxespad=0.0)
     place.set_in_layout(False)
 
 

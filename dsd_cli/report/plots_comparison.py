@@ -87,7 +87,7 @@ def _draw_time(panels: list[Any], evaluation: Evaluation, aside: Evaluation | No
     put(measured, lambda s: s.log["d_hat"], MEASURED, "measured")
     put(measured, lambda s: s.predicted, PREDICTED, "predicted")
     measured.set_ylabel(channel_label("d_hat", units))
-    legend_above(measured, 2)
+    legend_above(measured, 2, lift=1.0 if len(time.logs) > 1 else 0.0)
     zero(residual)
     put(residual, lambda s: s.residual, RESIDUAL)
     residual.set_ylabel(f"residual{f' ({units.u})' if units.u else ''}")
