@@ -91,7 +91,7 @@ def _draw_over(axis: Any, channel: str, found: Versus, units: Units) -> None:
         cloud(axis, x, one.residual, color, alpha=0.2)
         parts = [way > 0.0, way < 0.0] if way.size else [np.ones(x.size, dtype=bool)]
         for k, part in enumerate(parts):
-            curve = binned_median(x[part], one.residual[part], bins_for(x[part]))
+            curve = binned_median(x[part], one.residual[part], bins_for(x[part], fine=channel == "position"))
             axis.plot(
                 *curve, color=color, ls=style, lw=1.7, alpha=0.6 if k else 1.0, label=None if k else in_picture(name)
             )
