@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 from dsd_cli.detect.watched import Seen
+from dsd_cli.identify.checks import CheckResult, Excitation, Parameter
 from dsd_cli.identify.compare.evaluation import evaluate
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.results import Estimate, Score, Step
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.report.figure import FORMATS, binned_median, channel_label, rendered, sheet, shortened, thinned
 from dsd_cli.report.plots_channels import constants, panels_of
+from dsd_cli.report.plots_check import BEYOND, relative_errors
 from dsd_cli.report.plots_detection import likely_states, ribbon, unsure
 from dsd_cli.report.plots_ladder import Cell, values_by_step
 from dsd_cli.report.timeline import Part, gaps, timeline
@@ -206,6 +208,25 @@ def test_a_truth_that_stays_is_a_word_and_no_panel() -> None:
     log = Log(channels | {"true_delay": np.full(5, 0.3), "true_inertia": np.arange(5.0)}, T)
     assert constants(log) == {"delay": 0.3}
     assert list(panels_of(log)) == ["u", "velocity", "inertia"]
+
+
+def test_what_a_log_tells_of_each_value() -> None:
+    parameters = (
+        Parameter("inertia", "identified", 2.0, 0.02),
+        Parameter("delay", "not", 0.0, 0.001),
+        Parameter("gravity.phase", "weak", -0.5, 0.1),
+        Parameter("gravity.amplitude", "not", 1.0, math.inf),
+        Parameter("stiffness.coefficient", "not", math.nan, math.nan),
+    )
+    did = Excitation(None, 0, 0, None, None, 0.0)
+    found = relative_errors(CheckResult("a.csv", (), parameters, None, None, did, 1.0, 10))
+    assert found == {
+        "inertia": (1.0, "identified"),
+        "delay": (BEYOND, "not"),
+        "gravity.phase": (20.0, "weak"),
+        "gravity.amplitude": (BEYOND, "not"),
+        "stiffness.coefficient": (BEYOND, "not"),
+    }
 
 
 def test_units_stand_on_the_axes_where_they_are_known() -> None:
