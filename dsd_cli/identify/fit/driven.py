@@ -32,7 +32,7 @@ _STEP = 0.05
 
 
 def with_driven_load(recordings: Sequence[Recording], model: PlantModel) -> tuple[Recording, ...]:
-    """The recordings with "driven", the acceleration of the motor of a model with a load, if that leaves clearly less."""
+    """The recordings with "driven", the acceleration of the motor of a model with a load, if that leaves less."""
     terms = terms_of(model)
     loads = [t for t in terms if t.effect.coupling is not None]
     if len(loads) != 1 or not recordings:

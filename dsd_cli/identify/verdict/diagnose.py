@@ -210,8 +210,7 @@ class _Verdict:
     def diagnosis(self) -> Diagnosis:
         """The whole answer."""
         problem = self.problem
-        verdict, probability = self.named, self.sure
-        score, refitted = self.own.score, self.own.refitted
+        verdict, probability, score, refitted = self.named, self.sure, self.own.score, self.own.refitted
         ranking = self._ranking(score, refitted)
         named = next((c for c in ranking if c.effect == verdict), None)
         fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
@@ -233,6 +232,7 @@ class _Verdict:
             refitted_correlations=refit.correlations,
             model=problem.scale.model(fit),
             refitted_model=problem.scale.model(self.search.refit),
+            whole_model=problem.scale.model(self.whole) if self.members else None,
             noise=self.beyond.noise,
             found=tuple(t.id for t in self.search.added(self.whole.terms)),
             band_hz=self.search.equations.band.hz,
