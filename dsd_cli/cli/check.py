@@ -55,7 +55,7 @@ def check(
     check_logs(log, ())
     use_effects(effects_from)
     settings = load_config(config, with_window(override, start, end))
-    results = [_checked(path, settings, quiet) for path in log]
+    results = [checked(path, settings, quiet) for path in log]
     if form is Format.JSON:
         print_json(to_json(results))
     else:
@@ -67,7 +67,7 @@ def check(
         raise CheckFailed("; ".join(f"{one.log}: {one.errors[0].what}" for one in failed))
 
 
-def _checked(path: str, config: Config, quiet: bool) -> CheckResult:
+def checked(path: str, config: Config, quiet: bool) -> CheckResult:
     """Read and check one log; every channel may be missing but u (and the time).
 
     Raises

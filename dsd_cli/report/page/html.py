@@ -1,0 +1,87 @@
+"""HTML whose texts are escaped because there is no other way to put them in."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from dsd_cli.errors import ORDERS, printable
+
+#: Elements without content.
+_VOID = {"meta", "input", "br"}
+
+
+class Html(str):
+    """Text that is HTML already; only `tag`, `text` and `lines` make it."""
+
+    __slots__ = ()
+
+
+Child = Html | str | int | float | None
+
+
+def text(content: object) -> Html:
+    """Escaped, on one line, with control characters and marks of direction as `\\x1b`."""
+    return Html(html.escape(printable(str(content))))
+
+
+def lines(content: str) -> Html:
+    """Escaped, for <pre>: line ends and tabs stay, and nothing is shortened."""
+    shown = ORDERS.sub(lambda one: one[0] if one[0] in "\n\t" else printable(one[0]), content.replace("\r\n", "\n"))
+    return Html(html.escape(shown))
+
+
+def tag(name: str, /, *children: Child, **attributes: Any) -> Html:
+    """`<name class="...">children</name>`; `class_` and `data_x` are written class and data-x; None is left out."""
+    given = "".join(_attribute(key, value) for key, value in attributes.items() if value not in (None, False))
+    if name in _VOID:
+        return Html(f"<{name}{given}>")
+    return Html(f"<{name}{given}>{joined(children)}</{name}>")
+
+
+def _attribute(key: str, value: Any) -> str:
+    key = key.rstrip("_").replace("_", "-")
+    return f" {key}" if value is True else f' {key}="{text(value)}"'
+
+
+def joined(children: Iterable[Child]) -> Html:
+    """One after the other; what is no HTML is escaped."""
+    return Html("".join(c if isinstance(c, Html) else text(c) for c in children if c is not None))
+
+
+def data(value: Any) -> Html:
+    """JSON for a <script type="application/json">: no `<`, no line ends of Unicode; a NaN fails."""
+    dumped = json.dumps(value, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return Html(dumped.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
+
+
+def table(head: Sequence[Child], rows: Iterable[Sequence[Child]], kind: str = "", caption: str = "") -> Html:
+    """A table; cells after the first are numbers to the right unless they say `class="left"` themselves."""
+    body = [tag("tr", *(c if _is_cell(c) else tag("td", c) for c in row)) for row in rows]
+    parts = [tag("caption", caption)] if caption else []
+    if any(head):
+        parts.append(tag("thead", tag("tr", *(tag("th", c, scope="col") for c in head))))
+    return tag("div", tag("table", *parts, tag("tbody", *body), class_=kind or None), class_="scroll")
+
+
+def left(*children: Child) -> Html:
+    """A cell of words."""
+    return tag("td", *children, class_="left")
+
+
+def _is_cell(child: Child) -> bool:
+    return isinstance(child, Html) and child.startswith("<td")
+
+
+def bar(share: float, kind: str = "") -> Html:
+    """A bar of that share, 0 to 1, of its cell."""
+    width = 100.0 * min(max(share, 0.0), 1.0)
+    return tag("span", tag("i", style=f"width:{width:.2f}%"), class_=f"bar {kind}".strip())
+
+
+def listing(items: Iterable[Child], kind: str = "") -> Html:
+    """Items of a list; nothing without any."""
+    made = [tag("li", item) for item in items]
+    return tag("ul", *made, class_=kind or None) if made else Html("")
