@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from dsd_cli.errors import printable
 from dsd_cli.report.page.series import Cloud, Curve, Views
 from dsd_cli.report.page.story import Labels, Part, Story
 from dsd_cli.report.page.timebase import onward
@@ -27,7 +28,7 @@ def drawing(story: Story) -> dict[str, Any]:
     steps = len(views.predicted)
     charts = _channels(views, story.units) | _fits(views, story.units) | _clouds(views, story.units)
     charts |= _labels(views, story.detections)
-    logs = [{"name": one.name, "start": _time(one.start), "shift": one.shift} for one in views.base.logs]
+    logs = [{"name": printable(one.name), "start": _time(one.start), "shift": one.shift} for one in views.base.logs]
     return {"charts": charts, "logs": logs, "end": _time(views.base.end), "steps": steps, "copies": copies}
 
 
@@ -88,8 +89,16 @@ def _cloud(cloud: Cloud, steps: int, unit: str, force: str, by_step: bool) -> di
         "x": f"{cloud.on} ({unit})" if unit else cloud.on,
         "by_step": by_step,
         "series": [
-            {"name": "residual", "color": "cloud", "points": True, "data": [[x, _numbers(r)] for r in cloud.residuals[:steps]]},
-            {"name": "median", "color": "model", "data": [[_numbers(a), _numbers(b)] for a, b in cloud.medians[:steps]]},
+            {
+                "name": "residual",
+                "color": "cloud",
+                "points": True,
+                "data": [[x, _numbers(r)] for r in cloud.residuals[:steps]],
+            },
+            *(
+                {"name": name, "color": color, "data": [[_numbers(a), _numbers(b)] for a, b in curves[:steps]]}
+                for color, (name, curves) in zip(("model", "measured"), cloud.medians.items(), strict=False)
+            ),
         ],
     }
 
@@ -141,4 +150,3 @@ def _times(t: Array) -> list[float]:
 
 def _numbers(x: Array) -> list[float | None]:
     return [float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None for value in x.tolist()]
-

@@ -46,6 +46,16 @@ def _attribute(key: str, value: Any) -> str:
     return f" {key}" if value is True else f' {key}="{text(value)}"'
 
 
+def name(identifier: str) -> Html:
+    """An id, which may be broken after `_` and `.` where it is too long for its column."""
+    return Html(text(identifier).replace("_", "_<wbr>").replace(".", ".<wbr>"))
+
+
+def typeset(sentence: str) -> str:
+    """A sentence of the commands in the signs of a page."""
+    return sentence.replace(" +- ", " ± ").replace(" -> ", " → ").replace("`", "")
+
+
 def joined(children: Iterable[Child]) -> Html:
     """One after the other; what is no HTML is escaped."""
     return Html("".join(c if isinstance(c, Html) else text(c) for c in children if c is not None))
@@ -59,10 +69,13 @@ def data(value: Any) -> Html:
 
 def table(head: Sequence[Child], rows: Iterable[Sequence[Child]], kind: str = "", caption: str = "") -> Html:
     """A table; cells after the first are numbers to the right unless they say `class="left"` themselves."""
-    body = [tag("tr", *(c if _is_cell(c) else tag("td", c) for c in row)) for row in rows]
+    cells = [[_cell(c) for c in row] for row in rows]
+    body = [tag("tr", *row) for row in cells]
     parts = [tag("caption", caption)] if caption else []
     if any(head):
-        parts.append(tag("thead", tag("tr", *(tag("th", c, scope="col") for c in head))))
+        words = [c.startswith('<td class="left"') for c in cells[0]] if cells else [True] * len(head)
+        heads = (tag("th", c, scope="col", class_="left" if w else None) for c, w in zip(head, words, strict=True))
+        parts.append(tag("thead", tag("tr", *heads)))
     return tag("div", tag("table", *parts, tag("tbody", *body), class_=kind or None), class_="scroll")
 
 
@@ -71,8 +84,8 @@ def left(*children: Child) -> Html:
     return tag("td", *children, class_="left")
 
 
-def _is_cell(child: Child) -> bool:
-    return isinstance(child, Html) and child.startswith("<td")
+def _cell(child: Child) -> Html:
+    return child if isinstance(child, Html) and child.startswith("<td") else tag("td", child)
 
 
 def bar(share: float, kind: str = "") -> Html:

@@ -11,7 +11,7 @@ from dsd_cli.report.detection import Detection
 from dsd_cli.report.diagnosis import error, percent
 from dsd_cli.report.ladder import final_line
 from dsd_cli.report.names import change_text
-from dsd_cli.report.page.html import Html, bar, joined, left, listing, table, tag
+from dsd_cli.report.page.html import Html, bar, joined, left, listing, table, tag, typeset
 from dsd_cli.report.page.parts import badge, missing, panel, section
 from dsd_cli.report.page.story import Labels, Part, Story
 
@@ -28,7 +28,7 @@ def head(story: Story) -> Html:
         tag("p", f"dsd report · {story.made.replace('T', ' ').replace('Z', ' UTC')}", class_="dim"),
         tag("h1", names),
         aside,
-        tag("p", _answer(story), class_="answer"),
+        tag("p", typeset(_answer(story)), class_="answer"),
         tag("div", *_cards(story), class_="cards"),
         _warnings(story),
     )
@@ -36,7 +36,8 @@ def head(story: Story) -> Html:
 
 def _answer(story: Story) -> str:
     if story.ladder.value is not None:
-        return final_line(story.ladder.value.result)
+        line = final_line(story.ladder.value.result)
+        return f"{line[:1].upper()}{line[1:]}."
     return f"No answer about the model: {story.ladder.missing}"
 
 
@@ -80,14 +81,17 @@ def _warnings(story: Story) -> Html | None:
 
 def log_section(story: Story) -> Html:
     """What `check` says of each log, and the channels."""
+    title = "The log and its quality"
     parts: list[Html] = [_checked(one) for one in story.checks]
     views = story.views.value
     if views is None:
-        return section("log", "The log and its quality", *parts, missing(story.views.missing or story.comparison.missing))
+        return section(
+            "log", "The log and its quality", *parts, missing(story.views.missing or story.comparison.missing)
+        )
     sources = [f"{name}: {how}" for name, how in views.provenance.items() if how != "logged"]
     if sources:
         parts.append(tag("p", "Not logged as it is: ", "; ".join(sources), ".", class_="dim"))
-    return section("log", "The log and its quality", *parts, *(panel(name) for name in views.channels if name != "d_hat"))
+    return section("log", title, *parts, *(panel(name) for name in views.channels if name != "d_hat"))
 
 
 def _checked(result: CheckResult) -> Html:

@@ -12,7 +12,7 @@ from dsd_cli.identify.results import Candidate, Diagnosis
 from dsd_cli.report.conclusions import conclusion
 from dsd_cli.report.diagnosis import error, percent, stability_line, verdict_line
 from dsd_cli.report.names import estimate_text, fall_text, force_error, listed
-from dsd_cli.report.page.html import Html, bar, joined, left, listing, table, tag
+from dsd_cli.report.page.html import Html, bar, joined, left, listing, name, table, tag, typeset
 from dsd_cli.report.page.parts import missing, panel, panels, section
 from dsd_cli.report.page.story import Story
 
@@ -28,7 +28,7 @@ def comparison_section(story: Story) -> Html:
     result = story.comparison.value.result
     assert isinstance(result, Comparison)
     parts: list[Html | None] = [
-        tag("p", "The model as the config has it, nothing fitted: ", conclusion(result).replace("`", ""), "."),
+        tag("p", "The model as the config has it, nothing fitted: ", typeset(conclusion(result)), "."),
         _accuracies(result),
         _by_log(result),
     ]
@@ -45,12 +45,16 @@ def _accuracies(result: Comparison) -> Html:
         columns.append((f"held out: {PurePath(aside.log).name}", result.force.holdout, aside.accuracy))
     rows = [
         (left("samples judged"), *(f"{a.samples:,}" for *_, a in columns), ""),
-        (left("force error, rms"), *(_figure(f and f.rmse) for _, f, _ in columns), left(_below(unit, force))),
-        (left("  of it the sensor's noise (floor)"), *(_figure(f and f.floor) for _, f, _ in columns), left(unit)),
-        (left("fit of the forces"), *(_figure(f and f.fit_percent) for _, f, _ in columns), left("%")),
+        (left("force error, rms"), *(_figure(f.rmse if f else None) for _, f, _ in columns), left(_below(unit, force))),
+        (
+            left("\u2003of it the sensor's noise (floor)"),
+            *(_figure(f.floor if f else None) for _, f, _ in columns),
+            left(unit),
+        ),
+        (left("fit of the forces"), *(_figure(f.fit_percent if f else None) for _, f, _ in columns), left("%")),
         (left("error of d_hat, rms"), *(_figure(a.rmse) for *_, a in columns), left(unit)),
-        (left("  bias"), *(_figure(a.bias) for *_, a in columns), left(unit)),
-        (left("  largest"), *(_figure(a.max_error) for *_, a in columns), left(unit)),
+        (left("\u2003bias"), *(_figure(a.bias) for *_, a in columns), left(unit)),
+        (left("\u2003largest"), *(_figure(a.max_error) for *_, a in columns), left(unit)),
         (left("fit of d_hat"), *(_figure(a.fit_percent) for *_, a in columns), left("%")),
     ]
     made = table(("", *(name for name, *_ in columns), "unit"), rows)
@@ -67,7 +71,11 @@ def _by_log(result: Comparison) -> Html | None:
     if len(result.by_log) < 2:
         return None
     rows = [
-        (left(PurePath(one.log).name), f"{one.accuracy.samples:,}", *map(_figure, (one.accuracy.rmse, one.accuracy.bias)))
+        (
+            left(PurePath(one.log).name),
+            f"{one.accuracy.samples:,}",
+            *map(_figure, (one.accuracy.rmse, one.accuracy.bias)),
+        )
         for one in result.by_log
     ]
     return table(("log", "samples", "rms of d_hat's error", "bias"), rows, "", "Log by log")
@@ -104,11 +112,10 @@ def where_section(story: Story) -> Html:
     return section(
         "where",
         title,
-        _dependences(result),
         tag("h3", "The force residual against the motion") if clouds else None,
         panels(*clouds) if clouds else None,
-        tag("h3", "Shares of the squared error of d_hat"),
-        _regimes(result),
+        tag("h3", "The error of d_hat"),
+        tag("div", tag("div", _dependences(result)), tag("div", _regimes(result)), class_="pair"),
         tag("div", *(s for s in strips if s), class_="strips"),
     )
 
@@ -139,7 +146,7 @@ def _regimes(result: Comparison) -> Html | None:
     return joined([table(heads, rows), note if any(r.overlaps for r in result.where.regimes) else None])
 
 
-def _strip(name: str, unit: str, bins: Sequence[Bin] | Sequence[Band]) -> Html | None:
+def _strip(over: str, unit: str, bins: Sequence[Bin | Band]) -> Html | None:
     """Shares of the error, bin by bin, as columns."""
     if not bins:
         return None
@@ -156,7 +163,7 @@ def _strip(name: str, unit: str, bins: Sequence[Bin] | Sequence[Band]) -> Html |
     most = f"most, {_percent(worst.share_of_error)}, from {worst.start:.3g} to {worst.end:.3g} {unit}"
     return tag(
         "figure",
-        tag("figcaption", tag("b", name), f" · {most}"),
+        tag("figcaption", tag("b", over), f" · {most}"),
         tag("div", *columns, class_="columns"),
         tag("div", tag("span", f"{bins[0].start:.3g}"), tag("span", f"{bins[-1].end:.3g} {unit}"), class_="ends"),
         class_="strip",
@@ -175,7 +182,7 @@ def diagnosis_section(story: Story) -> Html:
     return section(
         "missing",
         title,
-        tag("p", verdict_line(result, report.given), class_="verdict"),
+        tag("p", typeset(_sentence(verdict_line(result, report.given))), class_="verdict"),
         tag("p", f"Found together: {listed(result.found)}.") if len(result.found) > 1 else None,
         tag("p", _sentence(stability_line(result))) if result.stability else None,
         _ranking(result, tested[:MOST_CANDIDATES]),
@@ -206,14 +213,18 @@ def _ranking(result: Diagnosis, candidates: Sequence[Candidate]) -> Html:
     before = befores[0] if befores else math.nan
     rows = []
     for one in candidates:
-        values = [f"{name} {estimate_text(e)}" for name, e in one.parameters.items()]
+        values = [typeset(f"{key} {estimate_text(e)}") for key, e in one.parameters.items()]
         notes = [one.note] if one.note else []
         notes += [f"not to be told from {other}" for other in one.indistinguishable_from]
         winner = "winner" if one.effect == result.verdict else ""
         share = one.heldout_rmse_after / before if before > 0.0 and math.isfinite(one.heldout_rmse_after) else 0.0
         rows.append(
             (
-                left(tag("b", one.effect, class_=winner or None), listing(values, "values"), listing(notes, "notes")),
+                left(
+                    tag("b", name(one.effect), class_=winner or None),
+                    listing(values, "values"),
+                    listing(notes, "notes"),
+                ),
                 tag("td", error(one.heldout_rmse_after), bar(share, winner)),
                 fall_text(one.heldout_rmse_before, one.heldout_rmse_after),
                 f"{'yes, ' * (one.effect in result.found)}{percent(one.probability)}",

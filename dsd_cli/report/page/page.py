@@ -8,14 +8,9 @@ from importlib.resources import files
 from pathlib import PurePath
 
 from dsd_cli.report.page.drawing import drawing
+from dsd_cli.report.page.end_sections import config_section, repeat_section, untold_section
 from dsd_cli.report.page.html import Html, data, tag
-from dsd_cli.report.page.ladder_sections import (
-    config_section,
-    ladder_section,
-    repeat_section,
-    untold_section,
-    values_section,
-)
+from dsd_cli.report.page.ladder_sections import ladder_section, values_section
 from dsd_cli.report.page.log_sections import detection_section, head, log_section
 from dsd_cli.report.page.model_sections import comparison_section, diagnosis_section, where_section
 from dsd_cli.report.page.story import Story
@@ -100,11 +95,14 @@ def _foot(story: Story) -> Html | None:
     views = story.views.value
     if views is None:
         return None
-    lines = ["Time 0 is the first stamp of the first log; logs follow each other. Drag over a chart to zoom all of them."]
+    lines = [
+        "Time 0 is the first stamp of the first log; logs follow each other. Drag over a chart to zoom all of them; "
+        "a double click shows all again."
+    ]
     if views.samples > views.points:
         lines.append(
-            f"Curves have {views.samples:,} samples and are drawn with at most {views.points:,} points: of equally long "
-            "stretches the lowest and the highest sample, so that no peak is lost."
+            f"Curves have {views.samples:,} samples and are drawn with at most {views.points:,} points: of equally "
+            "long stretches the lowest and the highest sample, so that no peak is lost."
         )
     every = max((cloud.every for cloud in views.clouds), default=1)
     if every > 1:
@@ -125,4 +123,3 @@ def _digest(script: str) -> str:
 def _asset(name: str) -> str:
     """A file beside this one, as it stands."""
     return files("dsd_cli.report.page").joinpath("assets", name).read_text("utf-8")
-

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dsd_cli.report.page.html import Child, Html, tag
 
+#: Colour of what `told` says of a value.
+GRADES = {"identified": "good", "weak": "warn", "not": "bad", "held": "note"}
+
 
 def section(name: str, title: str, *children: Child) -> Html:
     """A section of the page; `name` is its anchor."""

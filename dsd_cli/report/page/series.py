@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.errors import DataError, DsdError
 from dsd_cli.identify.compare.evaluation import evaluate
@@ -17,7 +18,7 @@ from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.report.page.timebase import Timebase, laid_out
 from dsd_cli.signals.envelope import envelope
-from dsd_cli.signals.log import Array
+from dsd_cli.signals.log import Array, Log
 
 #: Points of all curves together, and of one; 16 bytes each in the page.
 ALL_POINTS, MOST_POINTS, FEWEST_POINTS = 170_000, 6_000, 800
@@ -37,14 +38,15 @@ class Cloud:
 
     Attributes
     ----------
-    x : shape (n,), ascending. residuals : of each step, shape (n,). medians : of each step.
+    x : shape (n,), ascending. residuals : of each step, shape (n,).
+    medians : name -> curve of each step; by direction of motion, where the speed is known.
     """
 
     on: str
     every: int
     x: Array
     residuals: tuple[Array, ...]
-    medians: tuple[Curve, ...]
+    medians: Mapping[str, tuple[Curve, ...]]
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,7 @@ class _Balance:
         except DsdError as failure:
             self.missing, self._residuals = str(failure), []
 
-    def curves(self, base: Timebase, pieces: Sequence[Mapping[str, Array]], points: int) -> tuple[Curve, ...]:
+    def curves(self, base: Timebase, pieces: Sequence[Log], points: int) -> tuple[Curve, ...]:
         """Over time; a break where friction holds and the balance says nothing."""
         if self.missing:
             return ()
@@ -167,13 +169,16 @@ class _Balance:
         if self.missing or not self._kept.any():
             return ()
         logs = [s.log for s in self._equations.stretches]
-        found = []
-        for name in AGAINST:
-            if all(name in log for log in logs):
-                x = self._equations.of_rows([log[name] for log in logs])[self._kept]
-                if np.ptp(x) > 0.0:
-                    found.append(_cloud(name, x, [residual[self._kept] for residual in self._residuals]))
-        return tuple(found)
+        channels = {
+            name: self._equations.of_rows([log[name] for log in logs])[self._kept]
+            for name in AGAINST
+            if all(name in log for log in logs)
+        }
+        ways = {"median": np.ones(int(self._kept.sum()), dtype=bool)}
+        if "velocity" in channels:
+            ways = {"forward, median": channels["velocity"] > 0.0, "backward, median": channels["velocity"] < 0.0}
+        residuals = [residual[self._kept] for residual in self._residuals]
+        return tuple(_cloud(name, x, residuals, ways) for name, x in channels.items() if np.ptp(x) > 0.0)
 
 
 #: Samples after the delay with which the first row begins: a row looks at one step of delay more.
@@ -188,18 +193,22 @@ def _residual(bank: Bank, model: PlantModel) -> Array:
     return np.asarray(drive - theta @ np.stack(columns))
 
 
-def _cloud(name: str, x: Array, residuals: Sequence[Array]) -> Cloud:
+def _cloud(name: str, x: Array, residuals: Sequence[Array], ways: Mapping[str, NDArray[np.bool_]]) -> Cloud:
     order = np.argsort(x, kind="stable")
     every = max(-(-len(x) // CLOUD), 1)
-    some = np.sort(np.arange(len(x))[::every])  # evenly over time, then in order of x
+    some = np.arange(0, len(x), every)  # evenly over time, then in order of x
     some = some[np.argsort(x[some], kind="stable")]
-    medians = tuple(_medians(x[order], residual[order]) for residual in residuals)
+    width = float(np.ptp(x)) / BINS
+    medians = {}
+    for way, rows in ways.items():
+        mine = order[rows[order]]
+        if mine.size >= _LEAST_ROWS:
+            medians[way] = tuple(_medians(x[mine], residual[mine], width) for residual in residuals)
     return Cloud(name, every, x[some], tuple(residual[some] for residual in residuals), medians)
 
 
-def _medians(x: Array, r: Array) -> Curve:
-    """Medians of r over bins of x (ascending) of equal width; 0 is an edge, so that a jump there stays one."""
-    width = float(np.ptp(x)) / BINS
+def _medians(x: Array, r: Array, width: float) -> Curve:
+    """Medians of r over bins of x (ascending) of that width; 0 is an edge, so that a jump there stays one."""
     edges = np.flatnonzero(np.diff(np.floor(x / width))) + 1
     parts = [(a, b) for a, b in zip([0, *edges], [*edges, len(x)], strict=True) if b - a >= _LEAST_ROWS]
     at = np.array([np.mean(x[a:b]) for a, b in parts])

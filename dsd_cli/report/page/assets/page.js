@@ -122,10 +122,15 @@
 
   function draw(chart) {
     if (chart.plot) chart.plot.destroy();
-    const width = Math.max(Math.floor(chart.box.clientWidth), 200);
-    chart.width = width;
+    const width = chart.width = widthOf(chart);
     chart.plot = new uPlot(options(chart, width), table(chart.spec, chart.spec.by_step ? step : 0), chart.box);
     chart.box.ondblclick = () => setRange(0, DATA.end);
+  }
+
+  /* On paper the layout is another, and it is not there yet when the charts are drawn for it: A4, three side by side. */
+  function widthOf(chart) {
+    if (printing) return chart.figure.parentElement.className === "panels" ? 220 : 690;
+    return Math.max(Math.floor(chart.box.clientWidth), 200);
   }
 
   function setRange(low, high) {
@@ -211,7 +216,7 @@
   let waiting = 0;
   new ResizeObserver(() => {
     cancelAnimationFrame(waiting);
-    waiting = requestAnimationFrame(() => redraw((chart) => Math.abs(chart.width - Math.max(Math.floor(chart.box.clientWidth), 200)) > 1));
+    waiting = requestAnimationFrame(() => redraw((chart) => Math.abs(chart.width - widthOf(chart)) > 1));
   }).observe(document.querySelector("main"));
   dark.addEventListener("change", () => redraw());
   const print = (on) => { if (on !== printing) { printing = on; redraw(); } };
