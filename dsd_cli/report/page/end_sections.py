@@ -116,7 +116,7 @@ def config_section(story: Story) -> Html:
     buttons = tag(
         "div",
         tag("button", "Copy", type="button", data_copy="config"),
-        tag("button", "Save as dsd.toml", type="button", data_save="config"),
+        tag("button", "Save as dsd.toml", type="button", data_save="dsd.toml"),
         class_="buttons",
     )
     return section("config", title, tag("p", what), buttons, tag("pre", lines(story.config_text), id="config-text"))
@@ -132,7 +132,12 @@ def repeat_section(story: Story) -> Html:
         "repeat",
         "How to repeat it",
         tag("p", "The command, in the folder of the files:"),
-        tag("div", tag("button", "Copy", type="button", data_copy="command"), class_="buttons"),
+        tag(
+            "div",
+            tag("button", "Copy", type="button", data_copy="command"),
+            tag("button", "Save the results as JSON", type="button", data_save="results.json"),
+            class_="buttons",
+        ),
         tag("pre", lines(story.command), id="command-text"),
         table(("file", "bytes", "SHA-256"), files, "words"),
         table(("made with", "version"), versions, "words"),

@@ -85,9 +85,7 @@ def log_section(story: Story) -> Html:
     parts: list[Html] = [_checked(one) for one in story.checks]
     views = story.views.value
     if views is None:
-        return section(
-            "log", "The log and its quality", *parts, missing(story.views.missing or story.comparison.missing)
-        )
+        return section("log", title, *parts, missing(story.views.missing or story.comparison.missing))
     sources = [f"{name}: {how}" for name, how in views.provenance.items() if how != "logged"]
     if sources:
         parts.append(tag("p", "Not logged as it is: ", "; ".join(sources), ".", class_="dim"))
@@ -182,7 +180,7 @@ def _segments(result: Detection) -> Html:
         )
         for one in segments[:MOST_SEGMENTS]
     ]
-    made = table(("from s", "to s", *_axes(result), "confident"), rows)
+    made = table(("from s", "to s", *_axes(result), "confident"), rows, "long")
     more = _more(total, MOST_SEGMENTS, "segments")
     title = "1 segment of one label" if total == 1 else f"{total:,} segments of one label"
     return tag("details", tag("summary", title), made, more)

@@ -44,7 +44,7 @@ def _accuracies(result: Comparison) -> Html:
     if aside is not None:
         columns.append((f"held out: {PurePath(aside.log).name}", result.force.holdout, aside.accuracy))
     rows = [
-        (left("samples judged"), *(f"{a.samples:,}" for *_, a in columns), ""),
+        (left("samples judged"), *(f"{a.samples:,}" for *_, a in columns), left("")),
         (left("force error, rms"), *(_figure(f.rmse if f else None) for _, f, _ in columns), left(_below(unit, force))),
         (
             left("\u2003of it the sensor's noise (floor)"),
@@ -231,7 +231,7 @@ def _ranking(result: Diagnosis, candidates: Sequence[Candidate]) -> Html:
             )
         )
     held = f"held-out {force_error(result.band_hz)}, {result.units.force} (without: {error(before)})"
-    return table(("one effect more", held, "falls by", "in the final set"), rows)
+    return table(("one effect more", held, "falls by", "in the final set"), rows, "long")
 
 
 def _levels(result: Diagnosis) -> list[str]:

@@ -13,6 +13,7 @@ from dsd_cli.report.page.html import Html, data, tag
 from dsd_cli.report.page.ladder_sections import ladder_section, values_section
 from dsd_cli.report.page.log_sections import detection_section, head, log_section
 from dsd_cli.report.page.model_sections import comparison_section, diagnosis_section, where_section
+from dsd_cli.report.page.results import results
 from dsd_cli.report.page.story import Story
 
 #: Anchor and name of each section, for the line on top.
@@ -51,6 +52,7 @@ def render(story: Story) -> bytes:
         _bar(story),
         tag("main", head(story), *_sections(story), _foot(story)),
         tag("script", data(drawing(story)), type="application/json", id="data"),
+        tag("script", data(results(story)), type="application/json", id="results"),
         *(tag("script", Html(script)) for script in scripts),
     )
     return ("<!doctype html>\n" + tag("html", page_head, body, lang="en") + "\n").encode()

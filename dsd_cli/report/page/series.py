@@ -22,10 +22,10 @@ from dsd_cli.signals.log import Array, Log
 
 #: Points of all curves together, and of one; 16 bytes each in the page.
 ALL_POINTS, MOST_POINTS, FEWEST_POINTS = 170_000, 6_000, 800
-#: Points of a cloud, and bins of the curve through it.
-CLOUD, BINS = 1_500, 48
+#: Points of a cloud; most and fewest bins of the curve through it, and rows for each of them.
+CLOUD, BINS, FEWEST_BINS, ROWS_PER_BIN = 1_500, 48, 8, 25
 #: A bin with fewer rows than this has no median worth a point.
-_LEAST_ROWS = 8
+_LEAST_ROWS = 5
 #: Channels that are shown over time, and those that residuals are shown against.
 CHANNELS, AGAINST = ("u", "reference", "velocity", "position"), ("velocity", "position", "u")
 
@@ -198,7 +198,7 @@ def _cloud(name: str, x: Array, residuals: Sequence[Array], ways: Mapping[str, N
     every = max(-(-len(x) // CLOUD), 1)
     some = np.arange(0, len(x), every)  # evenly over time, then in order of x
     some = some[np.argsort(x[some], kind="stable")]
-    width = float(np.ptp(x)) / BINS
+    width = float(np.ptp(x)) / min(max(len(x) // ROWS_PER_BIN, FEWEST_BINS), BINS)
     medians = {}
     for way, rows in ways.items():
         mine = order[rows[order]]

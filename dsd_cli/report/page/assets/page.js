@@ -181,7 +181,7 @@
     const same = document.getElementById("same-scale");
     if (same) same.addEventListener("change", () => { sameScale = same.checked; redraw((chart) => chart.spec.by_step); });
     for (const button of document.querySelectorAll("[data-copy]")) button.addEventListener("click", () => copy(button));
-    for (const button of document.querySelectorAll("[data-save]")) button.addEventListener("click", () => save(DATA.copies[button.dataset.save]));
+    for (const button of document.querySelectorAll("[data-save]")) button.addEventListener("click", () => save(button.dataset.save));
   }
 
   function copy(button) {
@@ -195,10 +195,11 @@
     setTimeout(() => { button.textContent = was; }, 1500);
   }
 
-  function save(text) {
+  function save(name) {
+    const text = name === "dsd.toml" ? DATA.copies.config : document.getElementById("results").textContent;
     const link = document.createElement("a");
     link.href = URL.createObjectURL(new Blob([text], { type: "text/plain" }));
-    link.download = "dsd.toml";
+    link.download = name;
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 1000);
   }
