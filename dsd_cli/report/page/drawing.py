@@ -35,7 +35,7 @@ def drawing(story: Story) -> dict[str, Any]:
 def _channels(views: Views, units: Units) -> dict[str, Any]:
     named = {"u": units.u, "velocity": units.of_velocity, "position": units.of_position, "reference": ""}
     return {
-        name: {"title": name, "unit": unit, "series": [_series(name, "measured", [views.channels[name]])]}
+        name: {"title": name, "unit": unit, "low": True, "series": [_series(name, "measured", [views.channels[name]])]}
         for name, unit in named.items()
         if name in views.channels
     }
@@ -126,6 +126,7 @@ def _label_chart(axis: str, parts: list[tuple[Array, Array, Array]], views: View
         "title": f"{axis} of the label",
         "unit": {"delay": "s"}.get(axis, ""),
         "stepped": True,
+        "low": True,
         "series": [
             _series("label", "faint", [views.reduced(t, values)]),
             {**_series("confident", "model", [views.reduced(t, sure)]), "wide": True},

@@ -37,7 +37,11 @@ def _open(story: Story) -> list[str]:
     result = report.result
     said = {"weak": "is told weakly", "not": "is not told at all"}
     found += [f"{key} {said[one.told]}" for key, one in result.values.items() if one.told in said]
-    found += [f"{key} stands at its bound: not to be believed" for key, one in result.values.items() if one.at_bound]
+    found += [
+        f"{key} stands at its bound: neither it nor its error is to be believed"
+        for key, one in result.values.items()
+        if one.at_bound
+    ]
     found += correlation_lines(result.correlations)
     ties = [*_ties(story), *(c for c in result.last.ranking if c.effect == result.last.verdict)]
     pairs = [(c.effect, listed(c.indistinguishable_from, "or")) for c in ties if c.indistinguishable_from]

@@ -182,7 +182,7 @@ def diagnosis_section(story: Story) -> Html:
     return section(
         "missing",
         title,
-        tag("p", typeset(_sentence(verdict_line(result, report.given))), class_="verdict"),
+        tag("p", typeset(verdict_line(result, report.given)), ".", class_="verdict"),
         tag("p", f"Found together: {listed(result.found)}.") if len(result.found) > 1 else None,
         tag("p", _sentence(stability_line(result))) if result.stability else None,
         _ranking(result, tested[:MOST_CANDIDATES]),

@@ -67,6 +67,10 @@ def test_data_ends_no_script_and_comes_back(evil):
     assert json.loads(made) == {evil: [evil, 1.5, None]}
 
 
+def test_an_attribute_of_zero_is_there_and_one_of_none_is_not():
+    assert tag("p", data_step=0, title=None, hidden=False, open=True) == '<p data-step="0" open></p>'
+
+
 def test_a_nan_is_refused():
     with pytest.raises(ValueError, match="Out of range"):
         data({"x": float("nan")})

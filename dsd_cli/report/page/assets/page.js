@@ -42,7 +42,7 @@
       paths: s.points ? () => null : spec.stepped ? uPlot.paths.stepped({ align: 1 }) : uPlot.paths.linear(),
     });
     return {
-      width, height: overTime(spec) ? (spec.stepped ? 150 : narrow ? 190 : 220) : narrow ? 220 : 260,
+      width, height: overTime(spec) ? (spec.low ? 150 : narrow ? 190 : 220) : narrow ? 220 : 260,
       legend: { show: false },
       cursor: overTime(spec)
         ? { sync: { key: "time", setSeries: false, filters: { pub: (type) => type === "mousemove" || type === "mouseleave" } }, drag: { x: true, y: false, setScale: false }, points: { size: 6 } }
@@ -52,7 +52,8 @@
         y: { range: (u, low, high) => (sameScale && spec.by_step ? padded(...(chart.limits = chart.limits || limits(spec))) : padded(low, high)) },
       },
       axes: [
-        Object.assign({ size: overTime(spec) ? 28 : 42, space: narrow ? 60 : 70, label: overTime(spec) ? undefined : spec.x, labelSize: 16 }, axis),
+        Object.assign({ size: overTime(spec) ? 28 : 42, space: narrow ? 60 : 70, label: overTime(spec) ? undefined : spec.x, labelSize: 16,
+          values: (u, ticks) => ticks.map((v, i) => number(v) + (overTime(spec) && i === ticks.length - 1 ? " s" : "")) }, axis),
         Object.assign({ size: narrow ? 50 : 58, space: 34, values: (u, ticks) => ticks.map(number) }, axis),
       ],
       series: [{}].concat(spec.series.map(line)),
