@@ -119,9 +119,8 @@ def _labels(views: Views, detections: Iterable[tuple[str, Part[Labels]]]) -> dic
 
 
 def _label_chart(axis: str, parts: list[tuple[Array, Array, Array]], views: Views) -> dict[str, Any]:
-    t = np.concatenate([np.append(t, t[-1:]) for t, *_ in parts])
-    values = np.concatenate([np.append(x, np.nan) for _, x, _ in parts])
-    sure = np.concatenate([np.append(np.where(c, x, np.nan), np.nan) for _, x, c in parts])
+    t, values, confident = (np.concatenate(column) for column in zip(*parts, strict=True))
+    sure = np.where(confident, values, np.nan)
     return {
         "title": f"{axis} of the label",
         "unit": {"delay": "s"}.get(axis, ""),
@@ -143,9 +142,9 @@ def _time(t: float) -> float:
 
 
 def _times(t: Array) -> list[float]:
-    """Times in steps that no picture shows."""
+    """Times in steps that are smaller than any sample time: two samples never fall together."""
     span = float(t[-1] - t[0]) if len(t) else 0.0
-    places = max(0, 6 - math.floor(math.log10(span))) if span > 0.0 else 9
+    places = max(0, 8 - math.floor(math.log10(span))) if span > 0.0 else 9
     return [float(x) for x in np.round(t, min(places, 9))]
 
 

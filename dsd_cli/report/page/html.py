@@ -35,7 +35,9 @@ def lines(content: str) -> Html:
 
 def tag(name: str, /, *children: Child, **attributes: Any) -> Html:
     """`<name class="...">children</name>`; `class_` and `data_x` are written class and data-x; None is left out."""
-    given = "".join(_attribute(key, value) for key, value in attributes.items() if value is not None and value is not False)
+    given = "".join(
+        _attribute(key, value) for key, value in attributes.items() if value is not None and value is not False
+    )
     if name in _VOID:
         return Html(f"<{name}{given}>")
     return Html(f"<{name}{given}>{joined(children)}</{name}>")

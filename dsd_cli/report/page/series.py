@@ -16,7 +16,7 @@ from dsd_cli.identify.fit.equations import equations_of
 from dsd_cli.identify.fit.values import coefficients_of, terms_of
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import ObserverSettings, PlantModel
-from dsd_cli.report.page.timebase import Timebase, laid_out
+from dsd_cli.report.page.timebase import Timebase, broken, laid_out
 from dsd_cli.signals.envelope import envelope
 from dsd_cli.signals.log import Array, Log
 
@@ -160,8 +160,7 @@ class _Balance:
         breaks = np.cumsum(equations.lengths)[:-1]
         curves = []
         for residual in self._residuals:
-            values = np.where(self._kept, residual, np.nan)
-            curves.append(envelope(np.insert(t, breaks, t[breaks]), np.insert(values, breaks, np.nan), points))
+            curves.append(envelope(*broken(t, np.where(self._kept, residual, np.nan), breaks), points))
         return tuple(curves)
 
     def clouds(self) -> tuple[Cloud, ...]:

@@ -39,21 +39,24 @@ class Timebase:
 
     def joined(self, pieces: Sequence[Array]) -> tuple[Array, Array]:
         """(times, values) of all pieces, with a NaN between them."""
-        nan = np.array([np.nan])
-        times = [x for t in self.times for x in (t, t[-1:])]
-        values = [x for piece in pieces for x in (np.asarray(piece, dtype=np.float64), nan)]
-        return np.concatenate(times)[:-1], np.concatenate(values)[:-1]
+        return broken(np.concatenate(self.times), np.concatenate(pieces), np.cumsum([len(t) for t in self.times])[:-1])
+
+
+def broken(t: Array, x: Array, at: Array) -> tuple[Array, Array]:
+    """A curve with a NaN before each of these rows, at a time of its own: curves are joined by their times."""
+    return np.insert(t, at, 0.5 * (t[at - 1] + t[at])), np.insert(np.asarray(x, dtype=np.float64), at, np.nan)
 
 
 def laid_out(pieces: Sequence[tuple[str, Array]]) -> Timebase:
-    """(name of the log, stamps in s) of each piece; what begins before the end of the last piece goes on after it."""
+    """(name of the log, stamps in s) of each piece; what begins before the end of the last piece goes on after it,
+    one sample later."""
     shift, end = -float(pieces[0][1][0]), 0.0
     times: list[Array] = []
     logs: list[Placed] = []
     for name, t in pieces:
         new = not logs or logs[-1].name != name
         if times and (new or t[0] + shift < end):
-            shift = end - float(t[0])
+            shift = end - float(t[0]) + float(np.median(np.diff(t)))
         times.append(t + shift)
         end = float(times[-1][-1])
         if new:

@@ -24,7 +24,9 @@ def chromium() -> Iterator[object]:
     if path is None:
         pytest.skip("no browser tests: no Chromium is installed (apt-get install chromium, or set DSD_BROWSER)")
     with playwright.sync_playwright() as tool:
-        running = tool.chromium.launch(executable_path=path, args=["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"])
+        running = tool.chromium.launch(
+            executable_path=path, args=["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
+        )
         yield running
         running.close()
 
