@@ -1,0 +1,97 @@
+"""What the picture of a comparison shows, as numbers: forces as measured and as the model has them, and a spectrum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsd_cli.identify.compare.evaluation import Evaluation, Stretch
+from dsd_cli.identify.recordings.spectrum import density
+from dsd_cli.report.figure import binned_median
+from dsd_cli.signals.log import Array
+
+#: Samples that a bin should hold, and bins at least and at most: as fine as cogging, where the log has enough samples.
+_PER_BIN, _FEWEST_BINS, _MOST_BINS = 30, 12, 300
+
+
+@dataclass(frozen=True)
+class Forces:
+    """What acts on the axis beside u, of the rows that count, shape (n,), unit of u, as Q shows it.
+
+    `measured` : J a - u(t - L) out of d_hat; `modelled` : the sum of the model's forces. Their difference is J/Jn times
+    the residual of d_hat.
+    """
+
+    measured: Array
+    modelled: Array
+
+
+def forces_of(evaluation: Evaluation) -> Forces:
+    """sum f = (J/Jn) Q{Jn a} - Q{u_eff(t - L)}, from eq. 13; and the same with the model's d_hat."""
+    scale = evaluation.model.motor_inertia / evaluation.observer.nominal_inertia
+
+    def acting(stretch: Stretch) -> Array:
+        return np.asarray(scale * stretch.net - stretch.drive)
+
+    measured = evaluation.pooled(acting)
+    return Forces(measured, measured - scale * evaluation.errors)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Medians over bins of a channel, shape (bins,), NaN between bins that do not touch."""
+
+    name: str
+    x: Array
+    measured: Array
+    modelled: Array
+
+
+def curves_over(x: Array, forces: Forces, direction: Array | None = None) -> list[Curve]:
+    """Medians of both forces over `x`; by direction of motion if that is given (sign of the speed, rest left out)."""
+    if direction is None:
+        return [_curve("", x, forces)]
+    moving = ((1.0, "forward"), (-1.0, "backward"))
+    return [
+        _curve(
+            name, x[direction == sign], Forces(forces.measured[direction == sign], forces.modelled[direction == sign])
+        )
+        for sign, name in moving
+        if np.any(direction == sign)
+    ]
+
+
+def _curve(name: str, x: Array, forces: Forces) -> Curve:
+    bins = bins_for(x)
+    at, measured = binned_median(x, forces.measured, bins)
+    return Curve(name, at, measured, binned_median(x, forces.modelled, bins)[1])
+
+
+def bins_for(x: Array) -> int:
+    """Bins of a channel."""
+    return int(np.clip(x.size // _PER_BIN, _FEWEST_BINS, _MOST_BINS))
+
+
+def directions(evaluation: Evaluation) -> Array:
+    """1 forward, -1 backward, 0 at rest, of the rows that count."""
+    return evaluation.pooled(
+        lambda s: np.where(np.abs(s.log["velocity"]) <= s.model.rest_speed, 0.0, np.sign(s.log["velocity"]))
+    )
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Amplitude density over frequency (Hz), shape (m,): the square of it adds up to the mean square."""
+
+    frequency: Array
+    amplitude: Array
+
+
+def spectrum_of(parts: list[Array], interval: float) -> Spectrum:
+    """Of stretches of one signal without gaps (Welch), one-sided, unit per sqrt(Hz); not of those too short."""
+    parts = [part for part in parts if part.size >= 16]
+    if not parts:
+        return Spectrum(np.zeros(0), np.zeros(0))
+    found = density(parts)
+    return Spectrum(found.angle / (2.0 * np.pi * interval), np.sqrt(2.0 * interval * found.power))
