@@ -97,7 +97,7 @@ def _cloud(cloud: Cloud, steps: int, unit: str, force: str, by_step: bool) -> di
             },
             *(
                 {"name": name, "color": color, "data": [[_numbers(a), _numbers(b)] for a, b in curves[:steps]]}
-                for color, (name, curves) in zip(("model", "measured"), cloud.medians.items(), strict=False)
+                for color, (name, curves) in zip(("measured", "model"), cloud.medians.items(), strict=False)
             ),
         ],
     }

@@ -9,23 +9,21 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.errors import DataError, DsdError
+from dsd_cli.errors import DsdError
 from dsd_cli.identify.compare.evaluation import evaluate
-from dsd_cli.identify.fit.bank import Bank
-from dsd_cli.identify.fit.equations import equations_of
-from dsd_cli.identify.fit.values import coefficients_of, terms_of
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.report.figure import binned_median
 from dsd_cli.report.page.timebase import Timebase, broken, laid_out
+from dsd_cli.report.views_comparison import bins_for
+from dsd_cli.report.views_diagnosis import Rows
 from dsd_cli.signals.envelope import envelope
 from dsd_cli.signals.log import Array, Log
 
 #: Points of all curves together, and of one; 16 bytes each in the page.
 ALL_POINTS, MOST_POINTS, FEWEST_POINTS = 170_000, 6_000, 800
-#: Points of a cloud; most and fewest bins of the curve through it, and rows for each of them.
-CLOUD, BINS, FEWEST_BINS, ROWS_PER_BIN = 1_500, 48, 8, 25
-#: A bin with fewer rows than this has no median worth a point.
-_LEAST_ROWS = 5
+#: Points of a cloud. A bin with fewer rows than this has no median worth a point.
+CLOUD, _LEAST_ROWS = 1_500, 5
 #: Channels that are shown over time, and those that residuals are shown against.
 CHANNELS, AGAINST = ("u", "reference", "velocity", "position"), ("velocity", "position", "u")
 
@@ -140,75 +138,56 @@ class _Balance:
         self.missing, self.band_hz = "", math.nan
         self._residuals: list[Array] = []
         try:
-            latest = max(model.delay for model in models) / recordings[0].sample_time
-            self._equations = equations_of(recordings, math.ceil(latest) + _LATER)
-            if not self._equations.stretches:
-                raise DataError("the log is too short for the balance of forces")
-            bank = Bank(self._equations)
-            self._residuals = [_residual(bank, model) for model in models]
-            self._kept, self.band_hz = self._equations.kept, self._equations.band.hz
+            self._rows = Rows(recordings, models)
         except DsdError as failure:
-            self.missing, self._residuals = str(failure), []
+            self.missing = str(failure)
+            return
+        self._residuals = [self._rows.balance(model) for model in models]
+        self.band_hz = self._rows.equations.band.hz
 
     def curves(self, base: Timebase, pieces: Sequence[Log], points: int) -> tuple[Curve, ...]:
         """Over time; a break where friction holds and the balance says nothing."""
         if self.missing:
             return ()
+        equations, kept = self._rows.equations, self._rows.kept
         places = {id(piece): times for piece, times in zip(pieces, base.times, strict=True)}
-        equations = self._equations
         t = equations.of_rows([places[id(s.log)] for s in equations.stretches])
-        breaks = np.cumsum(equations.lengths)[:-1]
-        curves = []
+        breaks, curves = np.cumsum(equations.lengths)[:-1], []
         for residual in self._residuals:
-            curves.append(envelope(*broken(t, np.where(self._kept, residual, np.nan), breaks), points))
+            values = np.full(kept.size, np.nan)
+            values[kept] = residual
+            curves.append(envelope(*broken(t, values, breaks), points))
         return tuple(curves)
 
     def clouds(self) -> tuple[Cloud, ...]:
         """Against every channel that is there."""
-        if self.missing or not self._kept.any():
+        if self.missing or not self._rows.kept.any():
             return ()
-        logs = [s.log for s in self._equations.stretches]
-        channels = {
-            name: self._equations.of_rows([log[name] for log in logs])[self._kept]
-            for name in AGAINST
-            if all(name in log for log in logs)
-        }
-        ways = {"median": np.ones(int(self._kept.sum()), dtype=bool)}
+        logs = [s.log for s in self._rows.equations.stretches]
+        channels = {name: self._rows.of(name) for name in AGAINST if all(name in log for log in logs)}
+        ways = {"median": np.ones(int(self._rows.kept.sum()), dtype=bool)}
         if "velocity" in channels:
             ways = {"forward, median": channels["velocity"] > 0.0, "backward, median": channels["velocity"] < 0.0}
-        residuals = [residual[self._kept] for residual in self._residuals]
-        return tuple(_cloud(name, x, residuals, ways) for name, x in channels.items() if np.ptp(x) > 0.0)
-
-
-#: Samples after the delay with which the first row begins: a row looks at one step of delay more.
-_LATER = 50
-
-
-def _residual(bank: Bank, model: PlantModel) -> Array:
-    """r of every row."""
-    terms = terms_of(model)
-    tap, theta = coefficients_of(model, terms, bank.tap_time)
-    drive, *columns = bank.design(terms, tap).rows
-    return np.asarray(drive - theta @ np.stack(columns))
+        return tuple(_cloud(name, x, self._residuals, ways) for name, x in channels.items() if np.ptp(x) > 0.0)
 
 
 def _cloud(name: str, x: Array, residuals: Sequence[Array], ways: Mapping[str, NDArray[np.bool_]]) -> Cloud:
-    order = np.argsort(x, kind="stable")
     every = max(-(-len(x) // CLOUD), 1)
     some = np.arange(0, len(x), every)  # evenly over time, then in order of x
     some = some[np.argsort(x[some], kind="stable")]
-    width = float(np.ptp(x)) / min(max(len(x) // ROWS_PER_BIN, FEWEST_BINS), BINS)
-    medians = {}
-    for way, rows in ways.items():
-        mine = order[rows[order]]
-        if mine.size >= _LEAST_ROWS:
-            medians[way] = tuple(_medians(x[mine], residual[mine], width) for residual in residuals)
+    medians = {
+        way: tuple(_medians(x[rows], residual[rows]) for residual in residuals)
+        for way, rows in ways.items()
+        if rows.any()
+    }
     return Cloud(name, every, x[some], tuple(residual[some] for residual in residuals), medians)
 
 
-def _medians(x: Array, r: Array, width: float) -> Curve:
-    """Medians of r over bins of x (ascending) of that width; 0 is an edge, so that a jump there stays one."""
-    edges = np.flatnonzero(np.diff(np.floor(x / width))) + 1
-    parts = [(a, b) for a, b in zip([0, *edges], [*edges, len(x)], strict=True) if b - a >= _LEAST_ROWS]
-    at = np.array([np.mean(x[a:b]) for a, b in parts])
-    return at, np.array([np.median(r[a:b]) for a, b in parts])
+def _medians(x: Array, r: Array) -> Curve:
+    """Medians of r over bins of x, with a NaN between bins that are no neighbours."""
+    at, median = binned_median(x, r, bins_for(x), least=min(_LEAST_ROWS, x.size))
+    gaps = np.flatnonzero(np.isnan(at))
+    if gaps.size and gaps[-1] == at.size - 1:
+        at, median, gaps = at[:-1], median[:-1], gaps[:-1]
+    at[gaps] = 0.5 * (at[gaps - 1] + at[gaps + 1])
+    return at, median

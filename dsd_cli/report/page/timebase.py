@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.signals.log import Array
 
@@ -42,7 +43,7 @@ class Timebase:
         return broken(np.concatenate(self.times), np.concatenate(pieces), np.cumsum([len(t) for t in self.times])[:-1])
 
 
-def broken(t: Array, x: Array, at: Array) -> tuple[Array, Array]:
+def broken(t: Array, x: Array, at: NDArray[np.intp]) -> tuple[Array, Array]:
     """A curve with a NaN before each of these rows, at a time of its own: curves are joined by their times."""
     return np.insert(t, at, 0.5 * (t[at - 1] + t[at])), np.insert(np.asarray(x, dtype=np.float64), at, np.nan)
 

@@ -3,7 +3,7 @@
   "use strict";
   const DATA = JSON.parse(document.getElementById("data").textContent);
   const COLORS = {
-    light: { ink: "#3d4650", grid: "#e4e8ec", zero: "#9aa4ae", measured: "#1f5a8c", model: "#d9730d", residual: "#5b6470",
+    light: { ink: "#3d4650", grid: "#e4e8ec", zero: "#9aa4ae", measured: "#0b5394", model: "#e07b00", residual: "#5b6470",
              cloud: "#5b647059", faint: "#9aa4ae", mark: "#3d4650" },
     dark: { ink: "#aeb8c2", grid: "#2b333b", zero: "#66717c", measured: "#6db3ee", model: "#ff9f40", residual: "#b4bec8",
             cloud: "#b4bec859", faint: "#66717c", mark: "#aeb8c2" },
