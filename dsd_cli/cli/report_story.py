@@ -63,7 +63,8 @@ def tell(
     teller = _Teller(config, tuple(logs), tuple(holdout), quiet)
     detections = teller.detections()
     given = teller.attempt("the model", lambda: load_given(config, logs, holdout))
-    comparison, ladder, diagnosis, curves = teller.identified(given)
+    axes = {axis for _, part in detections if part.value for axis in part.value.axes}
+    comparison, ladder, diagnosis, curves = teller.identified(given, 2 * len(axes))
     steps = ladder.value.result.steps if ladder.value else ()
     return Story(
         logs=tuple(logs),
@@ -121,9 +122,9 @@ class _Teller:
         return Labels(result, t, axes, confident)
 
     def identified(
-        self, given: Part[Given]
+        self, given: Part[Given], more: int
     ) -> tuple[Part[Report], Part[LadderReport], Part[DiagnosisReport], Part[Views]]:
-        """compare, improve, diagnose, and the curves of all steps."""
+        """compare, improve, diagnose, and the curves of all steps; `more` curves are drawn beside these."""
         if given.value is None:
             return Part(None, given.missing), Part(None, given.missing), Part(None, given.missing), Part(None, "")
         known = given.value
@@ -133,7 +134,6 @@ class _Teller:
         ladder = self.attempt("improve", lambda: self._climbed(known, first))
         diagnosis = self.attempt("diagnose", lambda: _diagnosed(known, first)) if first else Part(None, ladder.missing)
         models = [step.model for step in ladder.value.result.steps] if ladder.value else [known.model]
-        more = sum(4 for _ in self.logs) if self.config.states else 0
         curves = self.attempt("curves", lambda: views(known.recordings, models, known.observer, more))
         return comparison, ladder, diagnosis, curves
 

@@ -5,10 +5,13 @@ import pytest
 
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.plant.model import ObserverSettings, PlantModel
-from dsd_cli.report.page.drawing import _numbers, _times
+from dsd_cli.report.page.drawing import _numbers, _times, drawing
+from dsd_cli.report.page.html import data
 from dsd_cli.report.page.series import CLOUD, _medians, views
+from dsd_cli.report.page.story import Part, Story
 from dsd_cli.report.page.timebase import laid_out, onward
 from dsd_cli.signals.log import Log
+from dsd_cli.signals.units import Units
 
 OBSERVER = ObserverSettings(1.0, 0.01)
 
@@ -90,6 +93,16 @@ def test_a_peak_of_a_long_log_is_drawn():
     assert t.size <= seen.points < 30_000
     assert np.nanmax(u) == 77.0
     assert t[np.nanargmax(u)] == pytest.approx(12.345)
+
+
+def test_a_long_ladder_over_a_long_log_stays_below_5_mb():
+    """Longer logs give no more points than this one: every curve is at its limit."""
+    damped = [PlantModel(1.0, 0.0, {"viscous_friction": {"coefficient": 0.05 * k}}) for k in range(11)]
+    seen = views([recording(20.0)], damped, OBSERVER, more=4)
+    assert all(t.size > 0.6 * seen.points for t, _ in [*seen.predicted, *seen.residual])
+    nothing = Part(None, "")
+    story = Story(("a.csv",), (), (), (), nothing, nothing, nothing, Part(seen), "", "", "", "", Units())
+    assert 1e6 < len(data(drawing(story))) < 4.5e6
 
 
 def test_numbers_and_times_keep_what_a_picture_shows():
