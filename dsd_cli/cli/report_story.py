@@ -22,6 +22,7 @@ from dsd_cli.cli.detect_job import Destination, Job
 from dsd_cli.cli.identification import Given, ShareDone, load_given, warn
 from dsd_cli.cli.improve import validated
 from dsd_cli.cli.improve_loop import follow, with_steps
+from dsd_cli.cli.labels_out import ESTIMATES
 from dsd_cli.cli.recordings import known_values
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.rows import Rows
@@ -119,7 +120,10 @@ class _Teller:
         rows = to.rows
         t, state, confident = (np.concatenate([getattr(r, n) for r in rows]) for n in ("t", "state", "confident"))
         axes = {name: np.asarray(values)[state] for name, values in to.grids[0].axes.items()}
-        return Labels(result, t, axes, confident)
+        columns = zip(*(r.estimates for r in rows), strict=True)
+        estimates = dict(zip(ESTIMATES, (np.concatenate(column) for column in columns), strict=False))
+        between = {axis: estimates[f"{axis}_estimate"] for axis in axes if f"{axis}_estimate" in estimates}
+        return Labels(result, t, axes, confident, between)
 
     def identified(
         self, given: Part[Given], more: int
@@ -207,6 +211,8 @@ class _Kept(Destination):
 
 
 def _source(path: str | Path) -> SourceFile:
+    if Path(path).is_dir():  # some logs are folders
+        return SourceFile(str(path), sum(file.stat().st_size for file in Path(path).rglob("*") if file.is_file()), "")
     with open(path, "rb") as stream:
         digest = hashlib.file_digest(stream, "sha256").hexdigest()
         return SourceFile(str(path), stream.tell(), digest)

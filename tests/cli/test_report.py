@@ -115,6 +115,7 @@ def test_an_axis_that_stands_still_and_a_config_without_inertia_or_states(rig):
     found, page, _ = missing(rig, "still.csv", "-c", "dsd.toml")
     assert "does not move" in found["missing"]["improve"]
     assert found["check"]["can_answer"] is False
+    assert "still.csv cannot answer as it is: " in page
     found, page, _ = missing(rig, "log.csv", "-c", "bare.toml", "--quiet")
     assert "inertia" in found["missing"]["compare"]
     assert found["detect"][0]["samples"] == 600
@@ -128,7 +129,7 @@ def test_an_axis_that_stands_still_and_a_config_without_inertia_or_states(rig):
 def test_two_logs_and_one_held_out(rig):
     write(rig, "b.csv", make_log(500, seed=2))
     write(rig, "c.csv", make_log(550, seed=3))
-    found, page, _ = missing(rig, "log.csv", "b.csv", "--holdout", "c.csv")
+    found, page, _ = missing(rig, "log.csv", "b.csv", "--holdout", "c.csv", "--set", 'detector.method="profile"')
     assert found["log"] == ["log.csv", "b.csv"]
     assert [one["log"] for one in found["detect"]] == ["log.csv", "b.csv"]
     assert found["compare"]["holdout"]["log"] == "c.csv"
@@ -137,6 +138,10 @@ def test_two_logs_and_one_held_out(rig):
     data = json.loads(re.findall(r'id="data">(.*?)</script>', page)[0])
     assert [log["name"] for log in data["logs"]] == ["log.csv", "b.csv"]
     assert data["end"] > 1.0
+    estimated = next(one for one in data["charts"]["label-delay"]["series"] if one["name"] == "estimated")
+    times, values = estimated["data"][0]
+    assert times[-1] > 1.0
+    assert abs(values[-1] - 0.005) < 0.001, "the delay that the log was made with"
 
 
 def test_the_command_on_the_page_makes_the_page_again(rig):

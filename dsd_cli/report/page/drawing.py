@@ -106,7 +106,7 @@ def _cloud(cloud: Cloud, steps: int, unit: str, force: str, by_step: bool) -> di
 def _labels(views: Views, detections: Iterable[tuple[str, Part[Labels]]]) -> dict[str, Any]:
     """Label of each axis over time, faint where it is not confident."""
     placed = {one.name: one for one in views.base.logs}
-    by_axis: dict[str, list[tuple[Array, Array, Array]]] = {}
+    by_axis: dict[str, list[tuple[Array, ...]]] = {}
     for log, part in detections:
         if part.value is None or log not in placed:
             continue
@@ -114,13 +114,15 @@ def _labels(views: Views, detections: Iterable[tuple[str, Part[Labels]]]) -> dic
         known = np.isfinite(labels.t)
         t = onward(labels.t[known], placed[log])
         for axis, values in labels.axes.items():
-            by_axis.setdefault(axis, []).append((t, values[known], labels.confident[known]))
+            between = labels.between.get(axis, np.full(values.size, np.nan))
+            by_axis.setdefault(axis, []).append((t, values[known], labels.confident[known], between[known]))
     return {f"label-{axis}": _label_chart(axis, parts, views) for axis, parts in by_axis.items()}
 
 
-def _label_chart(axis: str, parts: list[tuple[Array, Array, Array]], views: Views) -> dict[str, Any]:
-    t, values, confident = (np.concatenate(column) for column in zip(*parts, strict=True))
+def _label_chart(axis: str, parts: list[tuple[Array, ...]], views: Views) -> dict[str, Any]:
+    t, values, confident, between = (np.concatenate(column) for column in zip(*parts, strict=True))
     sure = np.where(confident, values, np.nan)
+    estimated = [_series("estimated", "model", [views.reduced(t, between)])] if np.isfinite(between).any() else []
     return {
         "title": f"{axis} of the label",
         "unit": {"delay": "s"}.get(axis, ""),
@@ -128,7 +130,8 @@ def _label_chart(axis: str, parts: list[tuple[Array, Array, Array]], views: View
         "low": True,
         "series": [
             _series("label", "faint", [views.reduced(t, values)]),
-            {**_series("confident", "model", [views.reduced(t, sure)]), "wide": True},
+            {**_series("confident", "measured", [views.reduced(t, sure)]), "wide": True},
+            *estimated,
         ],
     }
 

@@ -28,10 +28,27 @@ def head(story: Story) -> Html:
         tag("p", f"dsd report · {story.made.replace('T', ' ').replace('Z', ' UTC')}", class_="dim"),
         tag("h1", names),
         aside,
+        *_cautions(story),
         tag("p", typeset(_answer(story)), class_="answer"),
         tag("div", *_cards(story), class_="cards"),
         _warnings(story),
     )
+
+
+def _cautions(story: Story) -> list[Html]:
+    """What must be mended before anything below is believed."""
+    return [
+        tag(
+            "p",
+            tag("b", f"{PurePath(check.log).name} cannot answer as it is: {one.what}."),
+            " What follows is not to be believed until that is mended",
+            tag("span", ": ", tag("code", one.remedy)) if one.remedy else "",
+            ".",
+            class_="caution",
+        )
+        for check in story.checks
+        for one in check.errors
+    ]
 
 
 def _answer(story: Story) -> str:

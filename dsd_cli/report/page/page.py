@@ -7,12 +7,13 @@ import hashlib
 from importlib.resources import files
 from pathlib import PurePath
 
+from dsd_cli.report.page.diagnosis_section import diagnosis_section
 from dsd_cli.report.page.drawing import drawing
 from dsd_cli.report.page.end_sections import config_section, repeat_section, untold_section
 from dsd_cli.report.page.html import Html, data, tag
 from dsd_cli.report.page.ladder_sections import ladder_section, values_section
 from dsd_cli.report.page.log_sections import detection_section, head, log_section
-from dsd_cli.report.page.model_sections import comparison_section, diagnosis_section, where_section
+from dsd_cli.report.page.model_sections import comparison_section, where_section
 from dsd_cli.report.page.results import results
 from dsd_cli.report.page.story import Story
 

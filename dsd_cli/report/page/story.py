@@ -30,13 +30,15 @@ class Part(Generic[T]):
 class Labels:
     """What the detector said of one log, and its labels: values of each axis of the grid by row; arrays of shape (n,).
 
-    `t` : stamps, s. `confident` : whether a label is well founded.
+    `t` : stamps, s. `confident` : whether a label is well founded. `between` : estimates of an axis between its
+    candidates, NaN before the first one; of method "profile" alone.
     """
 
     result: Detection
     t: Array
     axes: Mapping[str, Array]
     confident: Array
+    between: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

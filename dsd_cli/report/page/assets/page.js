@@ -109,6 +109,8 @@
     const spec = chart.spec, title = chart.figure.querySelector("figcaption b"), legend = chart.figure.querySelector(".legend");
     title.textContent = spec.title + (spec.unit ? " (" + spec.unit + ")" : "");
     legend.textContent = "";
+    chart.box.setAttribute("role", "img");
+    chart.box.setAttribute("aria-label", title.textContent);
     chart.keys = spec.series.map((s) => {
       const key = document.createElement("span"), dot = document.createElement("i");
       key.className = "key c-" + s.color;
