@@ -21,7 +21,7 @@ def diagnosis_section(story: Story) -> Html:
     title = "What is missing"
     report = story.diagnosis.value
     if report is None:
-        return section("missing", title, missing(story.diagnosis.missing))
+        return section("missing", title, missing(story.why_not(story.diagnosis)))
     result = report.result
     tested = [c for c in result.ranking if not c.untestable]
     untested = [c for c in result.ranking if c.untestable]
@@ -42,7 +42,11 @@ def diagnosis_section(story: Story) -> Html:
         listing(_levels(result), "facts"),
         tag(
             "details",
-            tag("summary", f"{len(untested)} effects that this log cannot test"),
+            tag(
+                "summary",
+                "1 effect that" if len(untested) == 1 else f"{len(untested)} effects that",
+                " this log cannot test",
+            ),
             listing(joined([tag("b", c.effect), ": ", c.untestable]) for c in untested),
         )
         if untested

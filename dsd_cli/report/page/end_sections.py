@@ -110,7 +110,7 @@ def config_section(story: Story) -> Html:
     """The config that results; the buttons work with its exact text."""
     title = "The config that results"
     if not story.config_text:
-        return section("config", title, missing(story.ladder.missing))
+        return section("config", title, missing(story.why_not(story.ladder)))
     steps = len(story.ladder.value.result.steps) - 1 if story.ladder.value else 0
     what = (
         f"{story.config_name} with what the ladder found, its comments kept; [[history]] has the steps."

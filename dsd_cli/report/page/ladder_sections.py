@@ -24,7 +24,7 @@ def ladder_section(story: Story) -> Html:
     title = "The ladder"
     report = story.ladder.value
     if report is None:
-        return section("ladder", title, missing(story.ladder.missing))
+        return section("ladder", title, missing(story.why_not(story.ladder)))
     result = report.result
     views = story.views.value
     charts: list[Html | None] = []
@@ -127,7 +127,7 @@ def values_section(story: Story) -> Html:
     title = "Values, and what they are worth"
     report = story.ladder.value
     if report is None:
-        return section("values", title, missing(story.ladder.missing))
+        return section("values", title, missing(story.why_not(story.ladder)))
     result = report.result
     given = flat(result.steps[0].model)
     rows = [_value_row(key, one, given.get(key)) for key, one in result.values.items()]

@@ -60,7 +60,10 @@ def _answer(story: Story) -> str:
 
 def _cards(story: Story) -> list[Html]:
     bad = sum(bool(one.errors) for one in story.checks)
-    cards = [_card("the log", "cannot answer" if bad else "can answer", "", "bad" if bad else "good")]
+    grave = sum(f.severity == "warning" for one in story.checks for f in one.findings)
+    kind = "bad" if bad else "warn" if grave else "good"
+    below = "" if not grave else "with a warning" if grave == 1 else f"with {grave} warnings"
+    cards = [_card("the log", "cannot answer" if bad else "can answer", below, kind)]
     if story.ladder.value is None:
         return cards
     ladder = story.ladder.value.result

@@ -91,7 +91,7 @@ def where_section(story: Story) -> Html:
     """Where the error is."""
     title = "Where it fails"
     if story.comparison.value is None:
-        return section("where", title, missing(story.comparison.missing))
+        return section("where", title, missing(story.why_not(story.comparison)))
     result = story.comparison.value.result
     assert isinstance(result, Comparison)
     where, unit = result.where, result.units

@@ -15,7 +15,7 @@ def section(name: str, title: str, *children: Child) -> Html:
 
 def missing(why: str) -> Html:
     """The one honest line where there is no result."""
-    return tag("p", "Not available: ", why, class_="missing")
+    return tag("p", "Not available", " " if why.startswith("for ") else ": ", why, class_="missing")
 
 
 def badge(word: str, kind: str) -> Html:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from dsd_cli.identify.checks import CheckResult
 from dsd_cli.report.comparison import Report
@@ -77,3 +77,7 @@ class Story:
     files: tuple[SourceFile, ...] = ()
     versions: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+
+    def why_not(self, part: Part[Any]) -> str:
+        """Why a later part is missing; not twice the same line."""
+        return "for the same reason" if part.missing == self.comparison.missing else part.missing

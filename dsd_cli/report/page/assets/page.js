@@ -76,7 +76,7 @@
       ctx.strokeStyle = c.zero; ctx.beginPath(); ctx.moveTo(left, y); ctx.lineTo(left + width, y); ctx.stroke();
     }
     if (overTime(spec) && DATA.logs.length > 1) {
-      ctx.strokeStyle = c.mark; ctx.fillStyle = c.mark; ctx.font = 11 * ratio + "px system-ui, sans-serif"; ctx.textBaseline = "top";
+      ctx.strokeStyle = c.mark; ctx.fillStyle = c.mark; ctx.font = 11 * ratio + "px system-ui, sans-serif"; ctx.textBaseline = "top"; ctx.textAlign = "left";
       ctx.setLineDash([5 * ratio, 4 * ratio]);
       for (const log of DATA.logs) {
         const x = Math.round(u.valToPos(log.start, "x", true));
