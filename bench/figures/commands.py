@@ -13,6 +13,7 @@ _CHANGE = ("sample_logs/servo-load-change.parquet", "-c", "sample_logs/servo-loa
 
 PICTURES: dict[str, tuple[str, ...]] = {
     "observe": ("observe", _LOG, "-c", _KNOWN, *_UNITS, "-o", "-"),
+    "check": ("check", _LOG, "-c", _KNOWN, *_UNITS, "--set", "signals.u_sign=-1"),
     "detect": ("detect", *_CHANGE, *_UNITS),
     "detect-profile": ("detect", *_CHANGE, *_UNITS, "--method", "profile"),
     "compare": ("compare", _LOG, "-c", _BARE, *_UNITS),

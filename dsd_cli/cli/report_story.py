@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from dsd_cli.cli.check import checked
+from dsd_cli.cli.check import checked_log
 from dsd_cli.cli.compare import beyond_known
 from dsd_cli.cli.detect_checks import Judgement
 from dsd_cli.cli.detect_job import Destination, Job
@@ -36,7 +36,7 @@ from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.report.comparison import Report
 from dsd_cli.report.diagnosis import DiagnosisReport
 from dsd_cli.report.ladder import LadderReport, step_line
-from dsd_cli.report.page.series import Views, views
+from dsd_cli.report.page.series import Views, channels_of, views
 from dsd_cli.report.page.story import Labels, Part, SourceFile, Story
 
 if TYPE_CHECKING:
@@ -60,17 +60,19 @@ def tell(
     """
     if config.model.inertia is not None:
         known_values(config)  # what is asked wrongly is no matter of this log
-    checks = tuple(checked(path, config, quiet) for path in logs)
+    looked = [checked_log(path, config, quiet) for path in logs]
     teller = _Teller(config, tuple(logs), tuple(holdout), quiet)
     detections = teller.detections()
     given = teller.attempt("the model", lambda: load_given(config, logs, holdout))
     axes = {axis for _, part in detections if part.value for axis in part.value.axes}
     comparison, ladder, diagnosis, curves = teller.identified(given, 2 * len(axes))
+    if curves.value is None:
+        curves = teller.attempt("curves", lambda: channels_of([(one.log, one.restarts) for one in looked]))
     steps = ladder.value.result.steps if ladder.value else ()
     return Story(
         logs=tuple(logs),
         holdout=tuple(holdout),
-        checks=checks,
+        checks=tuple(one.result for one in looked),
         detections=detections,
         comparison=comparison,
         diagnosis=diagnosis,

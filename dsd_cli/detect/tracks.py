@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from dsd_cli.signals.envelope import envelope
 from dsd_cli.signals.log import Array
 
-#: Points of a line that are kept, and columns of means.
-POINTS, COLUMNS = 20_000, 1_200
+#: Columns of lines, and of means (up to twice as many).
+COLUMNS_OF_LINES, COLUMNS = 10_000, 1_200
 
 
 class Onward:
@@ -30,32 +29,79 @@ class Onward:
 
 
 class Track:
-    """A line that keeps its lowest and highest values, at most some `POINTS` times 2 at any time."""
+    """A line that keeps the lowest and the highest value of every column of equally many rows, at their own times.
+
+    When there are too many columns, neighbours become one. What is not finite is a gap, kept once per column.
+    """
 
     def __init__(self) -> None:
-        self._parts: list[tuple[Array, Array]] = []
-        self._size = 0
+        self._rows, self._filled = 1, 0  # of a column; of the one that is not full yet
+        nothing = np.zeros((0, 3))
+        self._columns, self._rest = (nothing, nothing), (np.zeros(0), np.zeros(0))
 
     def add(self, t: Array, x: Array) -> None:
         """The next values, shape (n,) each; t ascends."""
-        self._parts.append((t, np.asarray(x, dtype=np.float64)))
-        self._size += t.size
-        if self._size > 2 * POINTS:
-            kept = envelope(*self.line(), POINTS)
-            self._parts, self._size = [kept], kept[0].size
+        first = min(self._rows - self._filled, t.size)
+        self._fill(t[:first], x[:first])
+        whole = first + (t.size - first) // self._rows * self._rows
+        if whole > first:
+            self._append(t[first:whole].reshape(-1, self._rows), x[first:whole].reshape(-1, self._rows))
+        self._fill(t[whole:], x[whole:])
+        while len(self._columns[0]) > COLUMNS_OF_LINES:
+            self._pair()
 
     def interrupt(self) -> None:
         """What follows does not go on from here."""
-        if self._parts and self._parts[-1][0].size:
-            self._parts.append((self._parts[-1][0][-1:], np.array([np.nan])))
-            self._size += 1
+        t, _ = self.line()
+        if t.size:
+            self._rest = np.append(self._rest[0], t[-1]), np.append(self._rest[1], np.nan)
 
     def line(self) -> tuple[Array, Array]:
         """(times, values)."""
-        if not self._parts:
-            return np.zeros(0), np.zeros(0)
-        t, x = zip(*self._parts, strict=True)
-        return np.concatenate(t), np.concatenate(x)
+        t, x = (np.concatenate([of.ravel(), rest]) for of, rest in zip(self._columns, self._rest, strict=True))
+        there = np.isfinite(t)
+        return t[there], x[there]
+
+    def _fill(self, t: Array, x: Array) -> None:
+        """Into the column that is not full yet."""
+        self._rest = np.concatenate([self._rest[0], t]), np.concatenate([self._rest[1], x])
+        self._filled += t.size
+        if self._filled == self._rows:
+            self._append(self._rest[0][None, :], self._rest[1][None, :])
+            self._rest, self._filled = (np.zeros(0), np.zeros(0)), 0
+
+    def _append(self, t: Array, x: Array) -> None:
+        new = _ends(t, x)
+        self._columns = np.concatenate([self._columns[0], new[0]]), np.concatenate([self._columns[1], new[1]])
+
+    def _pair(self) -> None:
+        """Twice the rows a column; an odd one at the end goes back to what is not full."""
+        even = len(self._columns[0]) // 2 * 2
+        if even < len(self._columns[0]):
+            self._rest = (
+                np.concatenate([self._columns[0][-1], self._rest[0]]),
+                np.concatenate([self._columns[1][-1], self._rest[1]]),
+            )
+            self._filled += self._rows
+        self._rows *= 2
+        t, x = (of[:even].reshape(-1, 6) for of in self._columns)
+        self._columns = _ends(t, x)
+
+
+def _ends(t: Array, x: Array) -> tuple[Array, Array]:
+    """Of each row of entries (k, n) the lowest, the highest and the first gap, (k, 3), in their order.
+
+    A time of NaN is no entry, in what comes in and in what goes out.
+    """
+    there, finite = np.isfinite(t), np.isfinite(t) & np.isfinite(x)
+    gap = there & ~finite
+    lowest, highest = np.where(finite, x, np.inf).argmin(axis=1), np.where(finite, x, -np.inf).argmax(axis=1)
+    some, at = finite.any(axis=1), np.stack([lowest, highest, gap.argmax(axis=1)], axis=1)
+    kept = np.stack([some, some & (highest != lowest), gap.any(axis=1)], axis=1)
+    order = np.argsort(at, axis=1, kind="stable")
+    at, kept = np.take_along_axis(at, order, axis=1), np.take_along_axis(kept, order, axis=1)
+    values = np.take_along_axis(np.where(finite, x, np.nan), at, axis=1)
+    return np.where(kept, np.take_along_axis(t, at, axis=1), np.nan), values
 
 
 class Means:

@@ -59,7 +59,7 @@ class WatchedSession(Session):
         self._confident, self._likelihoods = Means(1), Means(len(plan.grid))
         self._kernel: Kernel | None = None
         self._prediction: Any = None
-        self._turned: list[Array] = []
+        self._raw: list[tuple[Array, Array]] = []
         self._of_rows, self._of_samples = Onward(), Onward()
 
     def seen(self) -> Seen:
@@ -99,23 +99,24 @@ class WatchedSession(Session):
         turned = np.zeros(inputs.u.size)
         if inputs.forces is not None and friction is not None and friction.turning.any():
             turned = self.plan.observer.sign * friction.turning
-        self._turned.append(turned)
+        self._raw.append((piece.values["u"], turned))
         return inputs
 
     def _run_inputs(self, inputs: Inputs) -> Labels:
         labels = super()._run_inputs(inputs)
-        turned = np.concatenate(self._turned)
-        self._turned = []
+        command, turned = (np.concatenate(parts) for parts in zip(*self._raw, strict=True))
+        self._raw = []
         size = max(_AT_ONCE // len(self.plan.grid), 256)
         for begin in range(0, inputs.u.size, size):
             part = slice(begin, begin + size)
-            self._note(_cut(inputs, part), labels.state[part], turned[part])
+            self._note(_cut(inputs, part), labels.state[part], command[part], turned[part])
         return labels
 
-    def _note(self, inputs: Inputs, state: Array, turned: Array) -> None:
+    def _note(self, inputs: Inputs, state: Array, command: Array, turned: Array) -> None:
+        """Of the next samples; `command` : u as it was logged, `turned` : what was taken out of d_hat."""
         t = self._of_samples.placed(inputs.t)
         buffers = (inputs.u, inputs.d_hat, inputs.t if self._spec.timed else None, *(inputs.forces or (None,) * 3))
-        self._track("u").add(t, inputs.u)
+        self._track("u").add(t, command)
         self._track("d_hat").add(t, inputs.d_hat + turned)
         residual = self._residual(buffers, state)
         self._track("predicted").add(t, inputs.d_hat + turned - residual)

@@ -115,15 +115,16 @@ def thinned(x: Array, y: Array, points: int) -> tuple[Array, Array]:
     if x.size <= points:
         return x, y
     order = np.argsort(x, kind="stable")
-    edge = envelope(x[order], y[order], points // 2)
+    edge = envelope(x[order], y[order], points // 10)
     chosen = np.sort(np.random.default_rng(_SEED).choice(x.size, points - edge[0].size, replace=False))
     return np.concatenate([x[chosen], edge[0]]), np.concatenate([y[chosen], edge[1]])
 
 
-def binned_median(x: Array, y: Array, bins: int, least: int = 8) -> tuple[Array, Array]:
-    """(median of x, median of y) of equal bins of x that hold at least `least` samples; 0 is an edge of a bin.
+def binned_median(x: Array, y: Array, bins: int, least: int = 5) -> tuple[Array, Array]:
+    """(median of x, median of y) of equal bins of x, neighbours taken together until they hold `least` samples.
 
-    Medians, so that one sample that is far off does not bend the curve. Bins without enough samples break it (NaN).
+    Medians, so that one sample that is far off does not bend the curve. 0 is an edge of a bin, and no bin reaches over
+    it; an empty bin breaks the curve (NaN). What does not add up to `least` samples is left out.
     """
     finite = np.isfinite(x) & np.isfinite(y)
     x, y = x[finite], y[finite]
@@ -135,19 +136,23 @@ def binned_median(x: Array, y: Array, bins: int, least: int = 8) -> tuple[Array,
     found, starts = np.unique(place[order], return_index=True)
     at: list[float] = []
     middle: list[float] = []
-    for k, rows in enumerate(np.split(order, starts[1:])):
-        if k and found[k] > found[k - 1] + 1 and at and np.isfinite(at[-1]):
+    rows = np.zeros(0, dtype=np.intp)
+    for k, part in enumerate(np.split(order, starts[1:])):
+        hole = k > 0 and found[k] > found[k - 1] + 1
+        if hole and at and np.isfinite(at[-1]):
             at, middle = [*at, np.nan], [*middle, np.nan]
+        rows = part if hole or found[k] == 0 else np.concatenate([rows, part])
         if rows.size >= least:
             at, middle = [*at, float(np.median(x[rows]))], [*middle, float(np.median(y[rows]))]
+            rows = rows[:0]
     return np.array(at), np.array(middle)
 
 
-def legend_above(axis: Any, columns: int) -> None:
-    """A legend over the upper right corner, which takes room above and none beside."""
-    lines = -(-len(axis.get_legend_handles_labels()[1]) // columns)
+def legend_above(axis: Any, columns: int, lift: float = 0.0) -> None:
+    """A legend over the upper right corner, which takes room above and none beside; `lift` : lines it stands higher."""
+    lines = round(lift) + -(-len(axis.get_legend_handles_labels()[1]) // columns)
     axis.set_title("\n".join([" "] * lines), fontsize=9.5)
-    place = axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.985), ncols=columns, borderaxespad=0.0)
+    place = axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.985 + 0.11 * lift), ncols=columns, borderaxespad=0.0)
     place.set_in_layout(False)
 
 

@@ -87,7 +87,7 @@ def _draw_time(panels: list[Any], evaluation: Evaluation, aside: Evaluation | No
     put(measured, lambda s: s.log["d_hat"], MEASURED, "measured")
     put(measured, lambda s: s.predicted, PREDICTED, "predicted")
     measured.set_ylabel(channel_label("d_hat", units))
-    legend_above(measured, 2)
+    legend_above(measured, 2, lift=1.0 if len(time.logs) > 1 else 0.0)
     zero(residual)
     put(residual, lambda s: s.residual, RESIDUAL)
     residual.set_ylabel(f"residual{f' ({units.u})' if units.u else ''}")
@@ -99,7 +99,7 @@ def _draw_time(panels: list[Any], evaluation: Evaluation, aside: Evaluation | No
 
 
 def _draw_channel(panel: Any, name: str, stretches: list[Stretch], time: Timeline, units: Units) -> None:
-    panel.set_ylabel(channel_label(name, units))
+    panel.set_ylabel(channel_label(name, units).replace(" (", "\n("))
     if all(name in s.log for s in stretches):
         line(panel, *time.joined([s.judged(s.log[name]) for s in stretches]), MEASURED)
     else:

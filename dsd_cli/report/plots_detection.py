@@ -10,6 +10,7 @@ import numpy as np
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.watched import Seen
+from dsd_cli.effects import get_effect
 from dsd_cli.report.detection import Detection
 from dsd_cli.report.figure import (
     LIMIT,
@@ -47,7 +48,7 @@ def draw(result: Detection, seen: Seen, plan: Plan, units: Units) -> Any:
     heights = [0.9, 1.3, 0.8, *[0.9] * len(axes_of_grid), 0.5 + 0.13 * len(states)]
     figure = sheet(11.0, 1.7 * sum(heights) + 0.8)
     panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
-    headline(figure, f"{shortened(Path(result.log).name)}: {_said(result, units)}", 105)
+    headline(figure, f"{shortened(Path(result.log).name, 60)}\n{_said(result, units)}", 120)
     _draw_signals(panels[:3], result, seen, units)
     for panel, name in zip(panels[3:-1], axes_of_grid, strict=True):
         _draw_axis(panel, name, seen, grid, units)
@@ -91,12 +92,11 @@ def _draw_signals(panels: Any, result: Detection, seen: Seen, units: Units) -> N
         for panel in panels:
             nothing(panel, "no sample")
         return
-    line(commanded, *_broken(*seen.lines["u"]), MEASURED)
+    line(commanded, *seen.lines["u"], MEASURED)
     commanded.set_ylabel(channel_label("u", units))
-    t, d_hat = _broken(*seen.lines["d_hat"])
     source = "measured" if result.d_hat_source == "logged" else f"computed from {result.d_hat_source}"
-    line(measured, t, d_hat, MEASURED, source, lw=1.3)
-    line(measured, *_broken(*seen.lines["predicted"]), PREDICTED, "of the state chosen", lw=1.0)
+    line(measured, *seen.lines["d_hat"], MEASURED, source, lw=1.3)
+    line(measured, *seen.lines["predicted"], PREDICTED, "of the state chosen", lw=1.0)
     measured.set_ylabel(channel_label("d_hat", units) if result.output == "d_hat" else "d(d_hat)/dt")
     legend_above(measured, 2)
     _draw_left(left, seen, result.rho, units)
@@ -105,15 +105,9 @@ def _draw_signals(panels: Any, result: Detection, seen: Seen, units: Units) -> N
 def _draw_left(panel: Any, seen: Seen, rho: float, units: Units) -> None:
     panel.axhspan(-2.0 * rho, 2.0 * rho, color=SHARE, alpha=0.55, lw=0, label="within 2 rho")
     zero(panel)
-    line(panel, *_broken(*seen.lines["unexplained"]), RESIDUAL)
+    line(panel, *seen.lines["unexplained"], RESIDUAL)
     panel.set_ylabel(f"unexplained{f' ({units.u})' if units.u else ''}")
     legend_above(panel, 1)
-
-
-def _broken(t: Array, x: Array) -> tuple[Array, Array]:
-    """A NaN wherever time does not go on."""
-    where = gaps(t)
-    return np.insert(t, where, t[where]), np.insert(x, where, np.nan)
 
 
 def _draw_axis(panel: Any, name: str, seen: Seen, grid: Grid, units: Units) -> None:
@@ -131,14 +125,24 @@ def _draw_axis(panel: Any, name: str, seen: Seen, grid: Grid, units: Units) -> N
     truth = seen.lines.get(f"true_{name}")
     if truth is not None and np.isfinite(truth[1]).any():
         line(panel, *truth, LIMIT, "truth in the log", lw=1.2, ls="--", drawstyle="steps-post")
-    if candidates.size <= 7:
-        panel.set_yticks(candidates, [f"{value:.4g}" for value in candidates])
-    shown = [candidates, *(x[np.isfinite(x)] for x in (truth[1] if truth is not None else candidates,))]
-    low, high = (f(np.concatenate(shown)) for f in (np.min, np.max))
+    known = np.zeros(0) if truth is None else np.unique(truth[1][np.isfinite(truth[1])])
+    values = np.unique([*candidates, *known])
+    if values.size <= 7:
+        panel.set_yticks(values, [f"{value:.4g}" for value in values])
+    low, high = values[0], values[-1]
     room = 0.12 * (high - low) or 0.1 * max(abs(high), 1e-9)
     panel.set_ylim(low - room, high + room)
-    panel.set_ylabel(channel_label(name, units))
+    panel.set_ylabel(_axis_label(name, units))
     legend_above(panel, 4)
+
+
+def _axis_label(name: str, units: Units) -> str:
+    effect, _, parameter = name.partition(".")
+    if not parameter:
+        return channel_label(name, units)
+    unit = next(one.unit for one in get_effect(effect).parameters if one.name == parameter)
+    known = units.u and units.position and unit not in ("", "1")
+    return f"{effect}\n{parameter}{f' ({units.words(unit)})' if known else ''}"
 
 
 def ribbon(times: Array, share: Array) -> tuple[Array, Array]:
@@ -165,7 +169,7 @@ def _draw_ribbon(panel: Any, seen: Seen, states: list[int], grid: Grid) -> None:
     panel.set_yticks(range(len(states)), labels, fontsize=8)
     panel.invert_yaxis()
     more = "" if len(states) == len(grid) else f"\n{len(states)} likeliest of {len(grid)}"
-    panel.set_ylabel(f"states: {', '.join(names)}{more}")
+    panel.set_ylabel("\n".join(["states:", *(name.replace(".", "\n") for name in names)]) + more)
     bar = panel.figure.colorbar(shades, ax=panel, location="bottom", fraction=0.09, pad=0.01, aspect=50, shrink=0.5)
     bar.set_label("likelihood of the state over its window, of all states (grey: not judged)", fontsize=8.5)
     bar.ax.tick_params(labelsize=8)

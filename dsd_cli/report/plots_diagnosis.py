@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -107,10 +108,10 @@ def _draw_residual(axis: Any, view: ResidualView, units: Units) -> None:
             if series is not None:
                 _draw_medians(axis, view, series, color, style, label)
         legend_above(axis, 2)
-    axis.set_xlabel(channel_label(view.on, units))
+    beside = "\n" + fill(f"beside {listed(view.beside)}", 52) if view.beside else ""
+    axis.set_xlabel(channel_label(view.on, units) + beside)
     without = f" without {view.effect}" if view.effect else ""
-    beside = f"\nbeside {listed(view.beside)}" if view.beside else ""
-    axis.set_ylabel(f"force left{without} ({units.force}){beside}")
+    axis.set_ylabel(f"force left{without}\n({units.force})")
 
 
 def _draw_medians(axis: Any, view: ResidualView, series: Array, color: str, style: str, label: str) -> None:
@@ -122,7 +123,7 @@ def _draw_medians(axis: Any, view: ResidualView, series: Array, color: str, styl
         if view.on == "t":
             line(axis, x, y, color, label, ls=style, lw=1.4)
         elif x.size:
-            curve = binned_median(x, y, bins_for(x), least=min(8, x.size))
+            curve = binned_median(x, y, bins_for(x, fine=view.on == "position"), least=min(5, x.size))
             axis.plot(*curve, color=color, ls=style, lw=1.8, alpha=0.55 if k else 1.0, label=None if k else label)
     if len(parts) > 1 and series is view.residual:
         axis.plot([], [], color=color, lw=1.8, alpha=0.55, label="pale: backward")

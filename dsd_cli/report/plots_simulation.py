@@ -46,7 +46,8 @@ def draw(report: Report, units: Units) -> Any:
     axes = figure.subplots(2 * len(channels), 1, sharex=True, height_ratios=[1.4, 0.8] * len(channels))
     headline(figure, f"{_title(result, report.holdout)}\n{simulation_conclusion(result)}", 110)
     for k, channel in enumerate(channels):
-        _draw_channel(axes[2 * k], axes[2 * k + 1], channel, traces, time, units, result.horizon)
+        _draw_channel(axes[2 * k : 2 * k + 2], channel, traces, time, units, result.horizon)
+        legend_above(axes[2 * k], 3, lift=0.0 if k or len(time.logs) < 2 else 1.0)
     time.mark(axes)
     figure.align_ylabels(axes)
     return figure
@@ -59,9 +60,9 @@ def _title(result: Forward, holdout: Forward | None) -> str:
     return title if holdout is None else f"{title}; hold-out {holdout.main[1].rmse:.3g}"
 
 
-def _draw_channel(
-    above: Any, below: Any, channel: str, traces: list[Trace], time: Timeline, units: Units, horizon: float
-) -> None:
+def _draw_channel(panels: Any, channel: str, traces: list[Trace], time: Timeline, units: Units, horizon: float) -> None:
+    above, below = panels
+
     def series(of: Callable[[Trace], Mapping[str, Array]]) -> tuple[Array, Array]:
         return time.joined([of(one)[channel] for one in traces])
 
@@ -76,7 +77,6 @@ def _draw_channel(
         line(above, t, x, color, label, ls=style)
         line(below, t, measured[1] - x, color, ls=style)
     _keep_in_view(above, measured[1])
-    legend_above(above, 3)
     above.set_ylabel(channel_label(channel, units))
     unit = {"position": units.of_position, "velocity": units.of_velocity}[channel]
     below.set_ylabel(f"off by ({unit})")

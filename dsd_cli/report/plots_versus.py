@@ -39,7 +39,10 @@ def draw(found: Versus, units: Units) -> Any:
         [["u"] * 3, *([name] * 3 for name in time), ["velocity", "position", "blocks"]],
         height_ratios=[0.7, *[1.0] * len(models), 1.7],
     )
-    headline(figure, f"{', '.join(shortened(PurePath(log).name) for log in found.logs)}: {verdict_line(found)}", 115)
+    said = verdict_line(found)
+    for one, name in zip(models, _named(models), strict=True):
+        said = said.replace(one.name, name)
+    headline(figure, f"{', '.join(shortened(PurePath(log).name) for log in found.logs)}: {said}", 115)
     line_of_time = timeline([Part(rows.name, rows.channels["t"]) for rows in found.rows])
     _draw_time(axes["u"], [axes[name] for name in time], found, line_of_time, units)
     for channel in ("velocity", "position"):
@@ -51,10 +54,7 @@ def draw(found: Versus, units: Units) -> Any:
 def _named(models: tuple[Contender, ...]) -> list[str]:
     """Names without their folders, where they differ all the same."""
     short = [PurePath(one.name).name for one in models]
-    return [
-        in_picture(shortened(name, 30))
-        for name in (short if len(set(short)) == len(short) else [m.name for m in models])
-    ]
+    return [shortened(name, 30) for name in (short if len(set(short)) == len(short) else [m.name for m in models])]
 
 
 def _draw_time(top: Any, panels: list[Any], found: Versus, time: Timeline, units: Units) -> None:
@@ -70,7 +70,9 @@ def _draw_time(top: Any, panels: list[Any], found: Versus, time: Timeline, units
         line(panel, *time.joined(np.split(one.residual, ends)), color)
         panel.set_ylim(-1.08 * most, 1.08 * most)
         panel.set_ylabel(f"residual{f' ({units.u})' if units.u else ''}")
-        panel.set_title(f"{name}: {force_error(one.force.band_hz)} {one.force.rmse:.3g} {units.force}", loc="left")
+        panel.set_title(
+            f"{in_picture(name)}: {force_error(one.force.band_hz)} {one.force.rmse:.3g} {units.force}", loc="left"
+        )
     for panel in (top, *panels[:-1]):
         panel.tick_params(labelbottom=False)
     time.mark([top, *panels])
@@ -89,8 +91,10 @@ def _draw_over(axis: Any, channel: str, found: Versus, units: Units) -> None:
         cloud(axis, x, one.residual, color, alpha=0.2)
         parts = [way > 0.0, way < 0.0] if way.size else [np.ones(x.size, dtype=bool)]
         for k, part in enumerate(parts):
-            curve = binned_median(x[part], one.residual[part], bins_for(x[part]))
-            axis.plot(*curve, color=color, ls=style, lw=1.7, alpha=0.6 if k else 1.0, label=None if k else name)
+            curve = binned_median(x[part], one.residual[part], bins_for(x[part], fine=channel == "position"))
+            axis.plot(
+                *curve, color=color, ls=style, lw=1.7, alpha=0.6 if k else 1.0, label=None if k else in_picture(name)
+            )
     medians = "medians, pale: backward" if way.size else "medians"
     axis.set_ylabel(f"residual, {medians}{f' ({units.u})' if units.u else ''}")
     legend_above(axis, 1 if len(found.contenders) > 2 else 2)
@@ -111,9 +115,9 @@ def _draw_blocks(axis: Any, found: Versus, units: Units) -> None:
         return
     axis.loglog([low / 1.2, high * 1.2], [low / 1.2, high * 1.2], color="0.6", lw=0.9)
     for one, name, (color, _) in list(zip(found.contenders, names, MODELS * 9, strict=False))[1:]:
-        axis.loglog(first.by_block, one.by_block, "o", color=color, ms=4, alpha=0.7, mew=0, label=name)
-    axis.set_xlabel(f"{names[0]}: rms of each block ({units.force})")
+        axis.loglog(first.by_block, one.by_block, "o", color=color, ms=4, alpha=0.7, mew=0, label=in_picture(name))
+    axis.set_xlabel(f"{in_picture(names[0])}: rms of each block ({units.force})")
     other = names[1] if len(names) == 2 else "the others"
-    axis.set_ylabel(f"{other}\nbetter below the line")
+    axis.set_ylabel(f"{in_picture(other)}\nbetter below the line")
     if len(found.contenders) > 2:
         axis.legend(loc="best")

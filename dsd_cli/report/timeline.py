@@ -16,6 +16,8 @@ from dsd_cli.signals.log import Array
 
 #: Stamps that are so much larger than the time they span are counted from the first one.
 _FAR = 1e4
+#: Characters over the width of a page, and of the shortest name that says something.
+_CHARACTERS, _SHORTEST = 150, 12
 #: An interval of so many times the usual one is a gap.
 _GAP = 5.0
 
@@ -60,6 +62,12 @@ class Timeline:
             return "time (s), the logs one after the other"
         return time_label(self.origin)
 
+    def _name(self, number: int, log: Log) -> str:
+        """As much of it as has room; where there is none, its number."""
+        share = (log.end - log.start) / max(self.logs[-1].end - self.logs[0].start, 1e-300)
+        name, room = ("hold-out: " if log.aside else "") + Path(log.name).name, int(_CHARACTERS * share) - 2
+        return shortened(name, room) if room >= _SHORTEST else "hold-out" if log.aside else str(number)
+
     def joined(self, pieces: Sequence[Array]) -> tuple[Array, Array]:
         """(times, values) of all pieces, with a NaN wherever time does not go on."""
         times: list[Array] = []
@@ -81,8 +89,8 @@ class Timeline:
         axes[-1].set_xlabel(self.label)
         if len(self.logs) < 2:
             return
-        for log in self.logs:
-            name = ("hold-out: " if log.aside else "") + shortened(Path(log.name).name, max(64 // len(self.logs), 12))
+        for number, log in enumerate(self.logs, 1):
+            name = self._name(number, log)
             axes[0].annotate(
                 in_picture(name),
                 (log.start, 1.0),

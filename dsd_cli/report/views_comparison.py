@@ -11,8 +11,9 @@ from dsd_cli.identify.recordings.spectrum import density
 from dsd_cli.report.figure import binned_median
 from dsd_cli.signals.log import Array
 
-#: Samples that a bin should hold, and bins at least and at most: as fine as cogging, where the log has enough samples.
-_PER_BIN, _FEWEST_BINS, _MOST_BINS = 30, 12, 300
+#: Samples that a bin should hold, and bins at least and at most; along the position as fine as cogging.
+_PER_BIN, _FEWEST_BINS, _MOST_BINS = 30, 12, 120
+_PER_FINE_BIN, _MOST_FINE_BINS = 6, 400
 
 
 @dataclass(frozen=True)
@@ -49,28 +50,30 @@ class Curve:
 
 
 def curves_over(x: Array, forces: Forces, direction: Array | None = None) -> list[Curve]:
-    """Medians of both forces over `x`; by direction of motion if that is given (sign of the speed, rest left out)."""
+    """Medians of both forces over the speed `x`.
+
+    With `direction` (sign of the speed, rest is left out) over the position `x`, for each direction in fine bins.
+    """
     if direction is None:
-        return [_curve("", x, forces)]
-    moving = ((1.0, "forward"), (-1.0, "backward"))
-    return [
-        _curve(
-            name, x[direction == sign], Forces(forces.measured[direction == sign], forces.modelled[direction == sign])
-        )
-        for sign, name in moving
-        if np.any(direction == sign)
-    ]
+        return [_curve("", x, forces, fine=False)]
+    found = []
+    for sign, name in ((1.0, "forward"), (-1.0, "backward")):
+        way = direction == sign
+        if way.any():
+            found.append(_curve(name, x[way], Forces(forces.measured[way], forces.modelled[way]), fine=True))
+    return found
 
 
-def _curve(name: str, x: Array, forces: Forces) -> Curve:
-    bins = bins_for(x)
+def _curve(name: str, x: Array, forces: Forces, fine: bool) -> Curve:
+    bins = bins_for(x, fine)
     at, measured = binned_median(x, forces.measured, bins)
     return Curve(name, at, measured, binned_median(x, forces.modelled, bins)[1])
 
 
-def bins_for(x: Array) -> int:
-    """Bins of a channel."""
-    return int(np.clip(x.size // _PER_BIN, _FEWEST_BINS, _MOST_BINS))
+def bins_for(x: Array, fine: bool = False) -> int:
+    """Bins of a channel; `fine` : of the position, along which forces may go to and fro."""
+    per_bin, most = (_PER_FINE_BIN, _MOST_FINE_BINS) if fine else (_PER_BIN, _MOST_BINS)
+    return int(np.clip(x.size // per_bin, _FEWEST_BINS, most))
 
 
 def directions(evaluation: Evaluation) -> Array:

@@ -16,6 +16,7 @@ COMMANDS = {
     "detect": ("detect", *KNOWN),
     "profile": ("detect", *KNOWN, "--method", "profile"),
     "viterbi": ("detect", *KNOWN, "--method", "viterbi"),
+    "check": ("check", *KNOWN, "--set", "signals.u_sign=-1"),
     "compare": ("compare", *KNOWN),
     "holdout": (
         "compare",
@@ -62,7 +63,7 @@ def test_a_failing_picture_keeps_the_result_and_the_exit_code(folder: Path) -> N
         assert "Traceback" not in drawn.stderr
 
 
-@pytest.mark.parametrize("command", ["simulate", "observe", "detect", "compare"])
+@pytest.mark.parametrize("command", ["simulate", "observe", "detect", "check", "compare"])
 def test_what_cannot_be_drawn_is_said_before_anything_is_done(folder: Path, command: str) -> None:
     for plot, code, text in (
         ("out.jpg", 2, ".svg"),

@@ -10,23 +10,47 @@ from dsd_cli.cli.labelling import cleaner_for
 from dsd_cli.cli.plan import detection_plan
 from dsd_cli.cli.simulate import simulation_settings
 from dsd_cli.detect.session import Session
-from dsd_cli.detect.tracks import COLUMNS, POINTS, Means, Onward, Track
+from dsd_cli.detect.tracks import COLUMNS, COLUMNS_OF_LINES, Means, Onward, Track
 from dsd_cli.detect.watched import WatchedSession
 from dsd_cli.files.template import load_template
 from dsd_cli.plant.simulation import simulate
 
 
-def test_a_track_of_any_length_keeps_its_peaks() -> None:
-    track, draw = Track(), random.Random(1)
-    spikes = sorted(draw.sample(range(500_000), 5))
-    for begin in range(0, 500_000, 5_000):
-        x = np.zeros(5_000)
-        x[[k - begin for k in spikes if begin <= k < begin + 5_000]] = 9.0
-        track.add(np.arange(begin, begin + 5_000.0), x)
-        assert track.line()[0].size <= 2 * POINTS
-    t, x = track.line()
-    assert t[x == 9.0].tolist() == spikes
+def test_a_track_of_any_length_keeps_its_peaks_evenly() -> None:
+    """Chunks of any size: every column of 2^k rows has its lowest and its highest value, the first as the last."""
+    track, draw, n = Track(), random.Random(1), 300_007
+    x = [draw.gauss(0.0, 1.0) for _ in range(n)]
+    gap = range(120_000, 121_000)
+    for k in gap:
+        x[k] = float("nan")
+    begin = 0
+    while begin < n:
+        end = min(begin + draw.randrange(1, 9_000), n)
+        track.add(np.arange(begin, end, dtype=float), np.array(x[begin:end]))
+        begin = end
+    t, shown = track.line()
+    assert t.size <= 2 * COLUMNS_OF_LINES + 10
     assert (np.diff(t) > 0.0).all()
+    assert np.isnan(shown[(t >= gap[0]) & (t <= gap[-1])]).all()
+    assert np.isnan(shown).sum() >= 10
+    rows = 32
+    kept = dict(zip(t.tolist(), shown.tolist(), strict=True))
+    for begin in range(0, n - rows, rows):
+        part = {k: x[k] for k in range(begin, begin + rows) if k not in gap}
+        if len(part) == rows:
+            assert kept[min(part, key=part.get)] == min(part.values())
+            assert kept[max(part, key=part.get)] == max(part.values())
+
+
+def test_a_short_track_is_as_it_was_and_an_interruption_breaks_it() -> None:
+    track = Track()
+    track.interrupt()
+    track.add(np.arange(3.0), np.array([1.0, 2.0, 1.0]))
+    track.interrupt()
+    track.add(np.arange(2.0, 4.0), np.array([5.0, 6.0]))
+    t, x = track.line()
+    assert t.tolist() == [0.0, 1.0, 2.0, 2.0, 2.0, 3.0]
+    assert np.array_equal(x, [1.0, 2.0, 1.0, np.nan, 5.0, 6.0], equal_nan=True)
 
 
 @pytest.mark.parametrize("n", [1, 7, 2 * COLUMNS, 2 * COLUMNS + 1, 50_003])

@@ -25,7 +25,7 @@ def drawing(story: Story) -> dict[str, Any]:
     views = story.views.value
     if views is None:
         return {"charts": {}, "logs": [], "end": 0, "steps": 1, "copies": copies}
-    steps = len(views.predicted)
+    steps = max(len(views.predicted), 1)
     charts = _channels(views, story.units) | _fits(views, story.units) | _clouds(views, story.units)
     charts |= _labels(views, story.detections)
     logs = [{"name": printable(one.name), "start": _time(one.start), "shift": one.shift} for one in views.base.logs]
@@ -33,7 +33,8 @@ def drawing(story: Story) -> dict[str, Any]:
 
 
 def _channels(views: Views, units: Units) -> dict[str, Any]:
-    named = {"u": units.u, "velocity": units.of_velocity, "position": units.of_position, "reference": ""}
+    named = {"u": units.u, "velocity": units.of_velocity, "position": units.of_position}
+    named |= {"reference": "", "d_hat": units.force}
     return {
         name: {"title": name, "unit": unit, "low": True, "series": [_series(name, "measured", [views.channels[name]])]}
         for name, unit in named.items()
@@ -42,6 +43,8 @@ def _channels(views: Views, units: Units) -> dict[str, Any]:
 
 
 def _fits(views: Views, units: Units) -> dict[str, Any]:
+    if not views.predicted:
+        return {}
     unit = units.force
     measured = _series("measured", "measured", [views.channels["d_hat"]])
     found = {

@@ -105,11 +105,13 @@ def log_section(story: Story) -> Html:
     parts: list[Html] = [_checked(one) for one in story.checks]
     views = story.views.value
     if views is None:
-        return section("log", title, *parts, missing(story.views.missing or story.comparison.missing))
+        return section("log", title, *parts, missing(story.views.missing))
     sources = [f"{name}: {how}" for name, how in views.provenance.items() if how != "logged"]
     if sources:
         parts.append(tag("p", "Not logged as it is: ", "; ".join(sources), ".", class_="dim"))
-    return section("log", title, *parts, *(panel(name) for name in views.channels if name != "d_hat"))
+    return section(
+        "log", title, *parts, *(panel(name) for name in views.channels if name != "d_hat" or not views.predicted)
+    )
 
 
 def _checked(result: CheckResult) -> Html:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,6 +125,20 @@ def views(
         balance.band_hz,
         balance.missing,
     )
+
+
+def channels_of(logs: Sequence[tuple[Log, Sequence[int]]]) -> Views:
+    """The logs as they are, each with the samples that do not continue the one before; for when no model can be asked."""
+    pieces: list[tuple[str, dict[str, Array]]] = []
+    for log, restarts in logs:
+        edges = [0, *(at for at in restarts if 0 < at < len(log)), len(log)]
+        t = log.channels.get("t", log.sample_time * np.arange(len(log)))
+        columns = {**log.channels, "t": t}
+        pieces += [(log.source, {n: x[a:b] for n, x in columns.items()}) for a, b in pairwise(edges) if b - a > 1]
+    base = laid_out([(name, piece["t"]) for name, piece in pieces])
+    shown = [name for name in (*CHANNELS, "d_hat") if all(name in piece for _, piece in pieces)]
+    curves = {n: envelope(*base.joined([p[n] for _, p in pieces]), MOST_POINTS) for n in shown}
+    return Views(base, curves, (), (), (), (), MOST_POINTS, sum(len(p["t"]) for _, p in pieces))
 
 
 def _from(x: Array, first: int) -> Array:
