@@ -24,6 +24,11 @@ def results(page: str | Path) -> dict:
     return json.loads(found)
 
 
+def drawn(page: str) -> dict:
+    """The charts that the page draws."""
+    return json.loads(re.findall(r'id="data">(.*?)</script>', page)[0])["charts"]
+
+
 def command(*arguments: str, cwd: Path) -> dict:
     """What a command prints as JSON."""
     made = subprocess.run([*DSD, *arguments, "--format", "json"], cwd=cwd, capture_output=True, text=True, timeout=600)
@@ -116,9 +121,11 @@ def test_an_axis_that_stands_still_and_a_config_without_inertia_or_states(rig):
     assert "does not move" in found["missing"]["improve"]
     assert found["check"]["can_answer"] is False
     assert "still.csv cannot answer as it is: " in page
+    assert {"u", "position"} <= set(drawn(page)), "channels are drawn without any model"
     found, page, _ = missing(rig, "log.csv", "-c", "bare.toml", "--quiet")
     assert "inertia" in found["missing"]["compare"]
     assert found["detect"][0]["samples"] == 600
+    assert {"u", "d_hat", "label-delay", "label-inertia"} <= set(drawn(page))
     found, page, said = missing(rig, "log.csv", "-c", "stateless.toml", "--quiet")
     assert found["detect"] == []
     assert "the config has no [states]" in page
@@ -136,6 +143,7 @@ def test_two_logs_and_one_held_out(rig):
     assert found["diagnose"]["holdout"] == ["c.csv"]
     assert "held out: c.csv" in page
     data = json.loads(re.findall(r'id="data">(.*?)</script>', page)[0])
+    assert "force-step" in drawn(page)
     assert [log["name"] for log in data["logs"]] == ["log.csv", "b.csv"]
     assert data["end"] > 1.0
     estimated = next(one for one in data["charts"]["label-delay"]["series"] if one["name"] == "estimated")

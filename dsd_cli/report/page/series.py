@@ -128,11 +128,11 @@ def views(
 
 
 def channels_of(logs: Sequence[tuple[Log, Sequence[int]]]) -> Views:
-    """The logs as they are, each with the samples that do not continue the one before; for when no model can be asked."""
+    """Logs as they are, each with the samples that do not continue the one before; where no model can be asked."""
     pieces: list[tuple[str, dict[str, Array]]] = []
     for log, restarts in logs:
         edges = [0, *(at for at in restarts if 0 < at < len(log)), len(log)]
-        t = log.channels.get("t", log.sample_time * np.arange(len(log)))
+        t = log["t"] if "t" in log else np.asarray(log.sample_time * np.arange(len(log)), dtype=np.float64)
         columns = {**log.channels, "t": t}
         pieces += [(log.source, {n: x[a:b] for n, x in columns.items()}) for a, b in pairwise(edges) if b - a > 1]
     base = laid_out([(name, piece["t"]) for name, piece in pieces])

@@ -54,7 +54,7 @@
       axes: [
         Object.assign({ size: overTime(spec) ? 28 : 42, space: narrow ? 60 : 70, label: overTime(spec) ? undefined : spec.x, labelSize: 16,
           values: (u, ticks) => ticks.map((v, i) => number(v) + (overTime(spec) && i === ticks.length - 1 ? " s" : "")) }, axis),
-        Object.assign({ size: narrow ? 50 : 58, space: 34, values: (u, ticks) => ticks.map(number) }, axis),
+        Object.assign({ size: narrow ? 50 : 58, space: spec.low ? 24 : 34, values: (u, ticks) => ticks.map(number) }, axis),
       ],
       series: [{}].concat(spec.series.map(line)),
       hooks: {
