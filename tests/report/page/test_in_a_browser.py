@@ -49,6 +49,7 @@ def opened(chromium, folder: Path):
         context = chromium.new_context(viewport=viewport, offline=True, **settings)
         contexts.append(context)
         page = context.new_page()
+        page.set_default_timeout(120_000)
         page.on("console", lambda message: said.append(message.text))
         page.on("pageerror", lambda error: said.append(str(error)))
         page.on("dialog", lambda dialog: said.append(dialog.message))
