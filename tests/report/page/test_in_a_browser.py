@@ -41,7 +41,7 @@ def chromium() -> Iterator[object]:
 
 
 @pytest.fixture
-def opened(chromium, folder: Path):
+def opened(executable, chromium, folder: Path):
     """Opens the page; whatever it complains of or asks for fails the test at its end."""
     contexts, said, asked = [], [], []
 
@@ -263,7 +263,7 @@ def test_it_prints_without_cut_panels(opened, tmp_path):
     assert len(re.findall(rb"/Type\s*/Page\b", pdf)) > 3
 
 
-def test_without_script_the_figures_are_there(chromium, folder):
+def test_without_script_the_figures_are_there(executable, chromium, folder):
     context = chromium.new_context(java_script_enabled=False)
     page = context.new_page()
     page.goto((folder / "page.html").as_uri())
