@@ -25,16 +25,24 @@ def until(page, expression: str) -> None:
         page.wait_for_timeout(50)
 
 
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[object]:
-    """A browser without a network; where there is none, the tests say so."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="no browser tests: playwright is not installed")
+@pytest.fixture(scope="session")
+def executable() -> str:
+    """A browser; where there is none, the tests say so, before a page is made for them."""
+    pytest.importorskip("playwright.sync_api", reason="no browser tests: playwright is not installed")
     path = browser()
     if path is None:
         pytest.skip("no browser tests: no Chromium is installed (apt-get install chromium, or set DSD_BROWSER)")
-    with playwright.sync_playwright() as tool:
+    return path
+
+
+@pytest.fixture(scope="module")
+def chromium(executable: str) -> Iterator[object]:
+    """It runs, for the tests of this file."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as tool:
         running = tool.chromium.launch(
-            executable_path=path, args=["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
+            executable_path=executable, args=["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
         )
         yield running
         running.close()
