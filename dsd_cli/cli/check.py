@@ -59,7 +59,7 @@ def check(
     use_effects(effects_from)
     settings = load_config(config, with_window(override, start, end))
     check_plot(plot, [config, *log, *settings.files, *(effects_from or ())])
-    checked = [_checked(path, settings, quiet) for path in log]
+    checked = [checked_log(path, settings, quiet) for path in log]
     results = [one.result for one in checked]
     if form is Format.JSON:
         print_json(to_json(results))
@@ -76,7 +76,7 @@ def check(
         raise CheckFailed("; ".join(f"{one.log}: {one.errors[0].what}" for one in failed))
 
 
-def _checked(path: str, config: Config, quiet: bool) -> Checked:
+def checked_log(path: str, config: Config, quiet: bool) -> Checked:
     """Read and check one log; every channel may be missing but u (and the time).
 
     Raises

@@ -174,9 +174,9 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
     output, quiet = wanted.output, wanted.quiet
     given = load_given(settings, wanted.logs, wanted.holdout)
     ladder = in_units(_run(given, wanted.auto, quiet), settings.signals.units)
-    validated = _validated(given, ladder) if given.holdout else ()
+    held_out = validated(given, ladder) if given.holdout else ()
     moved = transferred(settings, ladder) if wanted.transfer else ()
-    report = LadderReport(ladder, wanted.logs, output, given.dropped, given.warnings, validated, moved)
+    report = LadderReport(ladder, wanted.logs, output, given.dropped, given.warnings, held_out, moved)
     text = with_steps(origin.text, ladder.steps[0].score, ladder.steps[1:], wanted.logs)
     if output is not None:
         put_config(output, text, origin)
@@ -225,7 +225,7 @@ def _run(given: Given, auto: bool, quiet: bool) -> Ladder:
         )
 
 
-def _validated(given: Given, ladder: Ladder) -> tuple[Validation, ...]:
+def validated(given: Given, ladder: Ladder) -> tuple[Validation, ...]:
     from dsd_cli.cli.compare import controller_of
     from dsd_cli.identify.validation import validate
 

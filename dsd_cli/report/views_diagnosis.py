@@ -68,7 +68,7 @@ def residual_views(result: Diagnosis, given: PlantModel, recordings: Sequence[Re
     without = result.model if winner is None or model is None else _without(model, winner.effect, given)
     others = [name for name in result.found if name != result.verdict]
     whole = result.whole_model if others else None
-    rows = _Rows(recordings, [m for m in (without, model, whole) if m is not None])
+    rows = Rows(recordings, [m for m in (without, model, whole) if m is not None])
     residual = rows.balance(without)
     together = None if whole is None else residual - rows.balance(whole)
     if winner is None or model is None:
@@ -82,7 +82,7 @@ def residual_views(result: Diagnosis, given: PlantModel, recordings: Sequence[Re
     return (first, *(rows.partial(whole, name, result.found, recordings) for name in others[:MOST_BESIDE]))
 
 
-class _Rows:
+class Rows:
     """The rows of the recordings that count, for models of any delay up to theirs."""
 
     def __init__(self, recordings: Sequence[Recording], models: Sequence[PlantModel]) -> None:
