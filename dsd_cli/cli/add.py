@@ -54,6 +54,7 @@ def add(
 
     from dsd_cli.cli.identification import check_logs, load_given, print_json, say, warn
     from dsd_cli.cli.improve_loop import check_outputs, put_config, with_steps
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
     from dsd_cli.files.config.edit import read_origin
@@ -65,17 +66,19 @@ def add(
     settings = load_config(config, with_window(override, start, end)).knowing(fix or (), bounds or (), prior or ())
     check_logs([log], apart, settings.signals)
     check_outputs(output, form, [log, *apart, *settings.files, *(effects_from or ())])
-    given = load_given(settings, [log], apart)
 
     from dsd_cli.identify.compare.evaluation import force_view
     from dsd_cli.identify.improve import add_effect
     from dsd_cli.identify.results import in_units
 
-    added = add_effect(
-        given.recordings, given.model, given.observer, effect, given.engine_settings, holdout=given.holdout
-    )
-    added = in_units(added, settings.signals.units)
-    view = force_view(given.recordings, given.model)
+    with Progress(not quiet) as progress:
+        given = load_given(settings, [log], apart, progress)
+        progress(f"fitting with {effect}")
+        added = add_effect(
+            given.recordings, given.model, given.observer, effect, given.engine_settings, holdout=given.holdout
+        )
+        added = in_units(added, settings.signals.units)
+        view = force_view(given.recordings, given.model)
     report = AdditionReport(added, (log,), tuple(apart), output, view.log)
     text = with_steps(origin.text, added.before, [added_step(added)], [log])
     put_config(output, text, origin)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -20,6 +21,7 @@ from dsd_cli.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import Config
     from dsd_cli.identify.checks import CheckResult
 
@@ -48,6 +50,7 @@ def check(
     import sys
 
     from dsd_cli.cli.identification import check_logs, print_json
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
     from dsd_cli.report.checks import print_table, to_json
@@ -55,7 +58,8 @@ def check(
     check_logs(log, ())
     use_effects(effects_from)
     settings = load_config(config, with_window(override, start, end))
-    results = [_checked(path, settings, quiet) for path in log]
+    with Progress(not quiet) as progress:
+        results = [_checked(path, settings, quiet, progress) for path in log]
     if form is Format.JSON:
         print_json(to_json(results))
     else:
@@ -67,7 +71,7 @@ def check(
         raise CheckFailed("; ".join(f"{one.log}: {one.errors[0].what}" for one in failed))
 
 
-def _checked(path: str, config: Config, quiet: bool) -> CheckResult:
+def _checked(path: str, config: Config, quiet: bool, progress: Progress) -> CheckResult:
     """Read and check one log; every channel may be missing but u (and the time).
 
     Raises
@@ -83,9 +87,11 @@ def _checked(path: str, config: Config, quiet: bool) -> CheckResult:
     columns = log_columns(config.signals)
     optional = {name for name in columns if name not in ("t", "u")}
     with naming(path):
-        loaded = load_log(path, columns, optional, **reading(config.signals))
+        loaded = load_log(path, columns, optional, **reading(config.signals), watch=progress.watch)
+    progress.clear()
     check_sizes(loaded.log.source, loaded)
     warn(quiet, [f"{loaded.log.source}: {warning}" for warning in absent(config, columns, loaded)])
+    progress(f"checking {PurePath(path).name}")
     return check_log(
         loaded.log,
         None if config.model.inertia is None else believed_model(config),

@@ -28,6 +28,7 @@ from dsd_cli.cli.options import (
 PREDICTION, SIMULATION = "prediction", "simulation"
 
 if TYPE_CHECKING:
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.recordings import LoadedRecording
     from dsd_cli.files.config import Config, Signals
     from dsd_cli.identify.compare.evaluation import Evaluation
@@ -168,6 +169,7 @@ def _compare(settings: Config, wanted: Wanted) -> None:
     import sys
 
     from dsd_cli.cli.identification import print_json, put_picture, say
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.recordings import believed_model, load_holdout, load_recording
     from dsd_cli.identify.compare.comparison import Comparison
     from dsd_cli.report.comparison import to_json
@@ -176,15 +178,19 @@ def _compare(settings: Config, wanted: Wanted) -> None:
 
     quiet, holdout = wanted.quiet, wanted.holdout
     believed_model(settings)  # without an inertia nothing needs to be read
-    loaded = [load_recording(path, settings) for path in wanted.logs]
-    aside = None if holdout is None else load_holdout(holdout, wanted.logs, settings)
-    for path, one in zip([*wanted.logs, holdout], [*loaded, aside], strict=True):
-        for warning in () if one is None else one.warnings:
-            say(quiet, f"dsd: warning: {path}: {warning}")
-    if wanted.horizon is None:
-        report, evaluation = _predicted(settings, loaded, aside, wanted.max_rmse)
-    else:
-        report, evaluation = _simulated(settings, loaded, aside, wanted.max_rmse, wanted.horizon), None
+    evaluation: Evaluation | None = None
+    with Progress(not quiet) as progress:
+        loaded = [load_recording(path, settings, progress=progress) for path in wanted.logs]
+        aside = None if holdout is None else load_holdout(holdout, wanted.logs, settings, progress)
+        progress.clear()
+        for path, one in zip([*wanted.logs, holdout], [*loaded, aside], strict=True):
+            for warning in () if one is None else one.warnings:
+                say(quiet, f"dsd: warning: {path}: {warning}")
+        if wanted.horizon is None:
+            report, evaluation = _predicted(settings, loaded, aside, wanted.max_rmse, progress)
+        else:
+            progress("simulating")
+            report = _simulated(settings, loaded, aside, wanted.max_rmse, wanted.horizon)
     for line in beyond_known(settings):
         say(quiet, f"dsd: warning: {line}")
     if wanted.form is Format.JSON:
@@ -220,7 +226,11 @@ def beyond_known(settings: Config) -> list[str]:
 
 
 def _predicted(
-    settings: Config, loaded: list[LoadedRecording], aside: LoadedRecording | None, max_rmse: float | None
+    settings: Config,
+    loaded: list[LoadedRecording],
+    aside: LoadedRecording | None,
+    max_rmse: float | None,
+    progress: Progress,
 ) -> tuple[Report, Evaluation]:
     from dsd_cli.cli.plan import observer_settings
     from dsd_cli.cli.recordings import believed_model
@@ -233,6 +243,7 @@ def _predicted(
         observer_settings(settings),
         settings.detector.window,
         None if aside is None else aside.recording,
+        progress,
     )
     comparison = replace(comparison, units=settings.signals.units)
     return Report(comparison, dropped=_dropped(loaded, aside), max_rmse=max_rmse), evaluation

@@ -99,7 +99,7 @@ def detect(
         if len(methods) > 1:
             if output is not None or follow or expect:
                 raise UsageError("several methods are only compared", "leave out -o, --follow and --expect")
-            side_by_side(log, settings, methods, form.value)
+            side_by_side(log, settings, methods, form.value, quiet)
             return
         settings = settings.override([f'detector.method="{methods[0]}"'])
     to = Destination(form.value, output, quiet, inputs=(log, config, *settings.files, *(effects_from or ())))

@@ -30,6 +30,7 @@ from dsd_cli.files.config import Config
 from dsd_cli.files.scaled import scaled
 from dsd_cli.files.tables_in import Batch, TableSource, dropped_with_unreadable, is_stream, open_table, read_head
 from dsd_cli.files.tables_out import check_output
+from dsd_cli.files.watched import about_rows
 from dsd_cli.files.windowed import windowed
 from dsd_cli.report.changes import Changes
 from dsd_cli.report.detection import Detection, print_table, to_json
@@ -154,15 +155,15 @@ class Job:
                 _refuse_nothing(table, session, summarizer)
 
     def _labels(self, table: TableSource, session: Session, truth: _Truth) -> Generator[Rows, None, None]:
-        progress = Progress("rows", enabled=not self.to.quiet and not self.to.labels_on_stdout)
-        try:
+        shown = not self.to.quiet and not self.live and not (self.to.labels_on_stdout and sys.stdout.isatty())
+        with Progress(shown) as progress:
+            done = progress.rows(f"labelling {Path(table.name).name}", about_rows(table.name) if shown else None)
             with self._batches(table) as batches:
                 for batch in batches:
                     yield from self._labels_of(batch, table, session, truth)
-                    progress.add(batch.rows)
-        finally:
-            progress.close()
-        yield from session.finish()
+                    done(batch.rows)
+            progress("finishing")
+            yield from session.finish()
 
     def _batches(self, table: TableSource) -> AbstractContextManager[Iterator[Batch]]:
         """Live lines are labelled as they come; from a file the next rows are decoded meanwhile."""

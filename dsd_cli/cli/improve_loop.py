@@ -12,7 +12,7 @@ from dsd_cli.errors import UsageError, printable
 from dsd_cli.identify.results import NONE, UNKNOWN, Diagnosis, Score, Step
 
 if TYPE_CHECKING:
-    from dsd_cli.cli.identification import ShareDone
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import History
     from dsd_cli.files.config.edit import Origin
 
@@ -101,7 +101,7 @@ def follow(diagnosis: Diagnosis) -> str | None:
 class Asker:
     """Shows each diagnosis on the terminal and asks what to do."""
 
-    def __init__(self, progress: ShareDone) -> None:
+    def __init__(self, progress: Progress) -> None:
         self._progress = progress
 
     def __call__(self, diagnosis: Diagnosis) -> str | None:

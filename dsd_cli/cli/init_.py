@@ -45,8 +45,11 @@ def init(
         raise UsageError("a template is no config for a log", "give a log or --template")
     else:
         from dsd_cli.cli.init_log import propose
+        from dsd_cli.cli.progress import Progress
 
-        text, said = propose(log)
+        with Progress(not quiet) as progress:
+            progress(f"looking at {Path(log).name}")
+            text, said = propose(log)
         origin = f"from {log}"
     if output == "-":
         typer.echo(text, nl=False)

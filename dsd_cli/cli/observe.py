@@ -42,6 +42,7 @@ def observe(
     """
     from dsd_cli.cli.identification import say
     from dsd_cli.cli.plan import log_columns, naming, observer_settings, optional_columns, reading
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import load_config
     from dsd_cli.files.logs import load_log, write_log
     from dsd_cli.files.tables_out import check_output
@@ -52,11 +53,14 @@ def observe(
         check_output(output, (log, config, *settings.files))
     columns = log_columns(settings.signals)
     columns.pop("d_hat", None)
-    with naming(log):
-        loaded = load_log(log, columns, optional_columns(settings), **reading(settings.signals))
-    observed = _observed(loaded, observer)
-    _check_finite(loaded.log.source, observed)
-    write_log(output, observed, (log, config))
+    with naming(log), Progress(not quiet) as progress:
+        how = reading(settings.signals)
+        loaded = load_log(log, columns, optional_columns(settings), **how, watch=progress.watch)
+        progress("observing")
+        observed = _observed(loaded, observer)
+        _check_finite(loaded.log.source, observed)
+        progress("writing")
+        write_log(output, observed, (log, config))
     for warning in loaded.warnings:
         say(quiet, f"dsd: warning: {loaded.log.source}: {warning}")
     counts = "".join(f"; {reason} {count:,}" for reason, count in loaded.dropped.items() if count)

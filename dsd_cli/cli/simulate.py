@@ -56,6 +56,7 @@ def simulate(
     adopted_delay, adopted_inertia.
     """
     from dsd_cli.cli.identification import say
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.logs import write_log
     from dsd_cli.files.tables_out import check_output
@@ -74,9 +75,11 @@ def simulate(
         from dsd_cli.cli.adapt import adaptation
 
         feedback = adaptation(settings, plant)
-    log = run(plant, feedback)
-    _check_finite(settings.name, log)
-    write_log(output, _with_provenance(log, settings))
+    with Progress(not quiet) as progress:
+        log = run(plant, feedback, progress.rows("simulating", round(plant.duration / plant.sample_time)))
+        _check_finite(settings.name, log)
+        progress("writing")
+        write_log(output, _with_provenance(log, settings))
     say(quiet, f"{output}: {len(log):,} samples, {log.sample_time * 1e3:g} ms apart")
     if adapt:
         from dsd_cli.cli.adapt import adopted_line

@@ -13,6 +13,7 @@ from dsd_cli.errors import DataError
 from dsd_cli.files.scaled import FACTORS, factors_text, scaled
 from dsd_cli.files.tables_in import TableSource, dropped_with_unreadable, open_table
 from dsd_cli.files.tables_out import open_writer
+from dsd_cli.files.watched import Watch, watched
 from dsd_cli.files.windowed import Window, windowed
 from dsd_cli.signals.cleaning import Cleaner, Piece
 from dsd_cli.signals.log import CHANNELS, Array, DHatSource, Hold, Log
@@ -53,6 +54,7 @@ def load_log(
     limits: Limits | None = None,
     window: Window | None = None,
     most_rows: int | None = None,
+    watch: Watch | None = None,
 ) -> LoadedLog:
     """Read a whole log, cleaned.
 
@@ -66,6 +68,7 @@ def load_log(
     limits : rows with values beyond them, with the factors in, are dropped.
     window : the rows that are read; None is all.
     most_rows : about so many rows are enough.
+    watch : is told how far the reading is.
 
     Raises
     ------
@@ -73,7 +76,8 @@ def load_log(
     """
     if "t" not in signals and sample_time is None:
         raise DataError(f"{path}: no time column", "set signals.time, or signals.sample_time")
-    table = windowed(open_table(path, signals, optional, u_hold=u_hold), window or Window(), time_scale, sample_time)
+    table = watched(open_table(path, signals, optional, u_hold=u_hold), watch)
+    table = windowed(table, window or Window(), time_scale, sample_time)
     table = scaled(table, factors or {})
     cleaner = Cleaner(sample_time, time_scale, limits=limits)
     channels, restarts = _joined(_cleaned(table, cleaner, most_rows))
