@@ -52,6 +52,9 @@ MethodOption = Annotated[
     typer.Option("--method", metavar="NAME[,NAME...]", help="Method for this run; several are compared side by side."),
 ]
 FollowOption = Annotated[bool, typer.Option("--follow", help="Keep labelling what is appended to LOG, until Ctrl-C.")]
+LiveOption = Annotated[
+    bool, typer.Option("--live", help="With --follow: show state, confidence, changes, d_hat and residual.")
+]
 DetectFormatOption = Annotated[
     DetectFormat | None,
     typer.Option("--format", help="On stdout: summary (table, json) or labels (csv, jsonl). Default: table; csv live."),
@@ -68,6 +71,7 @@ def detect(
     confident_only: ConfidentOption = False,
     method: MethodOption = None,
     follow: FollowOption = False,
+    live: LiveOption = False,
     form: DetectFormatOption = None,
     start: FromOption = None,
     end: ToOption = None,
@@ -89,22 +93,22 @@ def detect(
 
     use_effects(effects_from)
     judgement = Judgement(tuple(expect or ()), after, min_share, confident_only)
-    live = follow or log == "-"
-    form = form or (DetectFormat.CSV if live and output is None else DetectFormat.TABLE)
+    lines = output is None and not live and (follow or log == "-")
+    form = form or (DetectFormat.CSV if lines else DetectFormat.TABLE)
     settings = load_config(config, with_window(override, start, end), effect or ())
     if method is not None:
         from dsd_cli.cli.detect_methods import parse_methods, side_by_side
 
         methods = parse_methods(method)
         if len(methods) > 1:
-            if output is not None or follow or expect:
-                raise UsageError("several methods are only compared", "leave out -o, --follow and --expect")
+            if output is not None or follow or live or expect:
+                raise UsageError("several methods are only compared", "leave out -o, --follow, --live and --expect")
             side_by_side(log, settings, methods, form.value, quiet)
             return
         settings = settings.override([f'detector.method="{methods[0]}"'])
     to = Destination(form.value, output, quiet, inputs=(log, config, *settings.files, *(effects_from or ())))
     to.check()
-    result = Job(log, settings, follow, to).run(judgement)
+    result = Job(log, settings, follow, to, live).run(judgement)
     to.show(result)
     failed = [check for check in result.summary.checks if not check.holds]
     if failed:

@@ -20,9 +20,20 @@ from tests.cli.rig import DSD
 
 
 class Terminal:
-    """A command whose stdin, stdout and stderr are one terminal; `screen` is what a person sees."""
+    """A command whose stdin, stdout and stderr are one terminal; `screen` is what a person sees.
 
-    def __init__(self, *arguments: object, cwd: Path, columns: int = 80, lines: int = 40, **environment: str) -> None:
+    command : in place of `dsd` with the arguments.
+    """
+
+    def __init__(
+        self,
+        *arguments: object,
+        cwd: Path,
+        columns: int = 80,
+        lines: int = 40,
+        command: list[str] | None = None,
+        **environment: str,
+    ) -> None:
         self.screen = pyte.Screen(columns, lines)
         self.raw = b""
         self._stream, self._decode = pyte.Stream(self.screen), codecs.getincrementaldecoder("utf-8")("replace")
@@ -30,7 +41,7 @@ class Terminal:
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
         plain = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES", "NO_COLOR")}
         self.process = subprocess.Popen(
-            [*DSD, *map(str, arguments)],
+            command or [*DSD, *map(str, arguments)],
             stdin=slave,
             stdout=slave,
             stderr=slave,
