@@ -79,11 +79,12 @@ def _checked(path: str, config: Config, quiet: bool, progress: Progress) -> Chec
     DataError : it cannot be read, or no usable row is in it.
     """
     from dsd_cli.cli.identification import warn
-    from dsd_cli.cli.plan import log_columns, naming, observer_settings, reading
+    from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_settings, reading
     from dsd_cli.cli.recordings import absent, believed_model, check_sizes
     from dsd_cli.files.logs import load_log
     from dsd_cli.identify.checks import check_log
 
+    config = as_logged(config, path)
     columns = log_columns(config.signals)
     optional = {name for name in columns if name not in ("t", "u")}
     with naming(path):

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dsd_cli.cli.options import (
-    CONFIG_FILE,
     BoundsOption,
     EffectOption,
     EffectsFromOption,
@@ -21,6 +20,7 @@ from dsd_cli.cli.options import (
     QuietOption,
     SetOption,
     ToOption,
+    config_options,
     with_window,
 )
 
@@ -45,7 +45,13 @@ LogsOrNone = Annotated[
 ]
 ConfigsOption = Annotated[
     list[Path] | None,
-    typer.Option("-c", "--config", metavar="FILE", help="Config of the rig; several: their models side by side."),
+    typer.Option(
+        "-c",
+        "--config",
+        metavar="FILE",
+        callback=config_options,
+        help="Config of the rig; several: their models side by side.",
+    ),
 ]
 HoldoutOption = Annotated[
     str | None, typer.Option("--holdout", metavar="LOG", help="Log to be judged apart; --max-rmse then goes by it.")
@@ -91,7 +97,7 @@ def compare(
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
 
-    configs, logs = config or [CONFIG_FILE], log or []
+    configs, logs = config or [], log or []
     use_effects(effects_from)
     texts = with_window(override, start, end)
     all_settings = [

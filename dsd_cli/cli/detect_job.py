@@ -13,7 +13,17 @@ import numpy as np
 from dsd_cli.cli.detect_checks import Judgement
 from dsd_cli.cli.ending import interrupt_ends_reading
 from dsd_cli.cli.labels_out import LabelsFile, NoLabels, Write, json_lines
-from dsd_cli.cli.plan import TIME_SCALE, TRUTH, detection_plan, limits, log_columns, naming, optional_columns, window
+from dsd_cli.cli.plan import (
+    TIME_SCALE,
+    TRUTH,
+    as_logged,
+    detection_plan,
+    limits,
+    log_columns,
+    naming,
+    optional_columns,
+    window,
+)
 from dsd_cli.cli.progress import Progress
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import active_backend
@@ -92,6 +102,7 @@ class Job:
     """Reads `log` and labels it; live where lines come one by one, with a panel that shows it if that is wanted."""
 
     def __init__(self, log: str, config: Config, follow: bool, to: Destination, panel: bool = False) -> None:
+        config = as_logged(config, log)
         self.log, self.config, self.follow, self.to, self.panel = log, config, follow, to, panel
         self.live = follow or log == "-"
         self._time_scale = TIME_SCALE[config.signals.time_unit]

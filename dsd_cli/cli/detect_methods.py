@@ -6,6 +6,7 @@ import sys
 from typing import get_args
 
 from dsd_cli.cli.labelling import cleaner_for, open_log, run_log
+from dsd_cli.cli.plan import as_logged
 from dsd_cli.cli.progress import Progress
 from dsd_cli.detect.settings import Method
 from dsd_cli.detect.side_by_side import MethodScore, TimedSession, score
@@ -53,7 +54,7 @@ def side_by_side(log: str, config: Config, methods: list[str], form: str, quiet:
 
 def _scored(log: str, config: Config, method: str, progress: Progress) -> MethodScore:
     average = [] if method in ("average", "combination") else ["detector.average=1"]
-    config = config.override([f'detector.method="{method}"', *average])
+    config = as_logged(config, log).override([f'detector.method="{method}"', *average])
     table, plan = open_log(log, config)
     session = TimedSession(plan, cleaner_for(config, plan))
     found = run_log(table, session, progress.watch, f"{method}: labelling")

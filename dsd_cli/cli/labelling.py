@@ -28,7 +28,7 @@ class Labelled(NamedTuple):
 
 
 def open_log(log: str, config: Config) -> tuple[TableSource, Plan]:
-    """The log, and the plan of the config for it."""
+    """The log, and the plan of the config for it (see `as_logged`)."""
     columns = log_columns(config.signals)
     columns.pop("reference", None)
     table = scaled(open_table(log, columns, optional_columns(config) & set(columns)), config.signals.factors())

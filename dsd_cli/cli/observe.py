@@ -41,13 +41,13 @@ def observe(
     Writes the channels that the config names, under the tool's own names. Rows that cannot be used are left out.
     """
     from dsd_cli.cli.identification import say
-    from dsd_cli.cli.plan import log_columns, naming, observer_settings, optional_columns, reading
+    from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_settings, optional_columns, reading
     from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import load_config
     from dsd_cli.files.logs import load_log, write_log
     from dsd_cli.files.tables_out import check_output
 
-    settings = load_config(config, with_window(override, start, end))
+    settings = as_logged(load_config(config, with_window(override, start, end)), log)
     observer = observer_settings(settings)
     if output != "-":
         check_output(output, (log, config, *settings.files))
@@ -87,6 +87,7 @@ def _observed(loaded: LoadedLog, settings: ObserverSettings) -> Log:
 
     import numpy as np
 
+    from dsd_cli.files.logs import OWN_CHANNELS
     from dsd_cli.plant.observer import observe_log
 
     log = loaded.log
@@ -96,4 +97,6 @@ def _observed(loaded: LoadedLog, settings: ObserverSettings) -> Log:
         for a, b in pairwise(edges)
     ]
     d_hat = np.concatenate([part["d_hat"] for part in parts])
-    return replace(log, channels={**log.channels, "d_hat": d_hat}, d_hat_source=parts[0].d_hat_source)
+    metadata = {**log.metadata, OWN_CHANNELS: "t (s), u, d_hat, velocity, position (SI), as [signals] reads them"}
+    source = parts[0].d_hat_source
+    return replace(log, channels={**log.channels, "d_hat": d_hat}, d_hat_source=source, metadata=metadata)

@@ -46,10 +46,11 @@ def load_recording(
     DataError : no u, nothing to have d_hat from, too short, or an axis that stands still.
     UsageError : the config lacks [observer].
     """
-    from dsd_cli.cli.plan import log_columns, naming, observer_settings, reading
+    from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_settings, reading
     from dsd_cli.files.logs import load_log
     from dsd_cli.identify.recordings.recording import prepare
 
+    config = as_logged(config, path)
     observer = observer_settings(config)
     columns = log_columns(config.signals)
     with naming(path):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dsd_cli.cli.options import CONFIG_FILE, EffectOption, EffectsFromOption, QuietOption, SetOption
+from dsd_cli.cli.options import CONFIG_FILE, EffectOption, EffectsFromOption, QuietOption, SetOption, nearest_config
 
 if TYPE_CHECKING:
     from dsd_cli.files.config import Config
@@ -63,7 +63,7 @@ def simulate(
     from dsd_cli.plant.simulation import simulate as run
 
     use_effects(effects_from)
-    settings = _config(config, template)
+    settings = _config(config, template, quiet)
     values = {"seed": seed, "noise": noise, "duration": duration}
     given = [f"simulate.{name}={value!r}" for name, value in values.items() if value is not None]
     settings = settings.override([*(override or ()), *given], effect or ())
@@ -106,14 +106,16 @@ def _check_finite(name: str, log: Log) -> None:
         )
 
 
-def _config(config: Path | None, template: str | None) -> Config:
+def _config(config: Path | None, template: str | None, quiet: bool) -> Config:
     from dsd_cli.errors import UsageError
     from dsd_cli.files.config import load_config
     from dsd_cli.files.template import load_template
 
     if template is not None and config is not None:
         raise UsageError("--config and --template", "give one of them")
-    return load_template(template) if template is not None else load_config(config or CONFIG_FILE)
+    if template is not None:
+        return load_template(template)
+    return load_config(config or nearest_config(CONFIG_FILE, quiet))
 
 
 def _with_provenance(log: Log, settings: Config) -> Log:

@@ -92,8 +92,10 @@ def tune(
 def _evidence(log: str, config: Config, progress: Progress) -> tuple[Evidence, tuple[str, ...]]:
     """The longest recording of the log as the engine of the config takes it, and warnings."""
     from dsd_cli.cli.labelling import cleaner_for, open_log, run_log
+    from dsd_cli.cli.plan import as_logged
     from dsd_cli.detect.tune.evidence import Evidence, Gatherer, refuse
 
+    config = as_logged(config, log)
     table, plan = open_log(log, config)
     refuse(plan)
     session = Gatherer(plan, cleaner_for(config, plan))
