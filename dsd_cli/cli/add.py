@@ -21,6 +21,7 @@ from dsd_cli.cli.options import (
     QuietOption,
     SetOption,
     ToOption,
+    effect_ids,
     with_window,
 )
 
@@ -31,7 +32,9 @@ OutputNeeded = Annotated[
 
 def add(
     log: LogArgument,
-    effect: Annotated[str, typer.Argument(metavar="EFFECT", help="Effect to add, see `dsd effects`.")],
+    effect: Annotated[
+        str, typer.Argument(metavar="EFFECT", autocompletion=effect_ids, help="Effect to add, see `dsd effects`.")
+    ],
     output: OutputNeeded,
     config: ConfigOption = CONFIG_FILE,
     holdout: HoldoutOption = None,

@@ -100,4 +100,4 @@ def _checked(path: str, config: Config, quiet: bool, progress: Progress) -> Chec
         loaded.restarts,
         dropped=loaded.dropped,
         factors=config.signals.factors(),
-    )
+    ).named(config.signals.units)

@@ -200,15 +200,16 @@ def _run(given: Given, auto: bool, quiet: bool, progress: Progress) -> Ladder:
 
     from dsd_cli.cli.improve_loop import Asker, follow
     from dsd_cli.identify.improve import improve as run
-    from dsd_cli.identify.results import Step
+    from dsd_cli.identify.results import Step, in_units
     from dsd_cli.report.ladder import step_line
 
     steps: list[Step] = []
+    units = given.settings.signals.units
 
     def on_step(step: Step) -> None:
         progress.clear()
         if not quiet and sys.stderr.isatty():
-            typer.echo(step_line(step, steps[-1] if steps else None), err=True)
+            typer.echo(step_line(in_units(step, units), steps[-1] if steps else None), err=True)
         steps.append(step)
 
     return run(
@@ -217,7 +218,7 @@ def _run(given: Given, auto: bool, quiet: bool, progress: Progress) -> Ladder:
         given.observer,
         given.engine_settings,
         holdout=given.holdout,
-        choose=follow if auto else Asker(progress),
+        choose=follow if auto else Asker(progress, units),
         on_step=on_step,
         progress=progress,
     )

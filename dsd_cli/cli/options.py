@@ -18,6 +18,20 @@ class Format(StrEnum):
     JSON = "json"
 
 
+def effect_ids(incomplete: str) -> list[str]:
+    """For the completion of a shell."""
+    from dsd_cli.effects import catalogue
+
+    return [name for name in catalogue() if name.startswith(incomplete)]
+
+
+def template_names(incomplete: str) -> list[str]:
+    """For the completion of a shell."""
+    from dsd_cli.files.template import template_names as names
+
+    return [name for name in names() if name.startswith(incomplete)]
+
+
 LogArgument = Annotated[str, typer.Argument(metavar="LOG", help="Log file (CSV, Parquet, MF4, ...); - is stdin.")]
 
 #: Default of `ConfigOption`.

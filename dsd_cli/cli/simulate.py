@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dsd_cli.cli.options import CONFIG_FILE, EffectOption, EffectsFromOption, QuietOption, SetOption, nearest_config
+from dsd_cli.cli.options import (
+    CONFIG_FILE,
+    EffectOption,
+    EffectsFromOption,
+    QuietOption,
+    SetOption,
+    nearest_config,
+    template_names,
+)
 
 if TYPE_CHECKING:
     from dsd_cli.files.config import Config
@@ -24,7 +32,12 @@ OutputNeeded = Annotated[
 ]
 TemplateOption = Annotated[
     str | None,
-    typer.Option("--template", metavar="NAME", help="Run this template (see `dsd init`), not a config file."),
+    typer.Option(
+        "--template",
+        metavar="NAME",
+        autocompletion=template_names,
+        help="Run this template (see `dsd init`), not a config file.",
+    ),
 ]
 SeedOption = Annotated[int | None, typer.Option("--seed", help="Seed of the noise.")]
 NoiseOption = Annotated[
