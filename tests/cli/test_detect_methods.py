@@ -1,6 +1,7 @@
 """`dsd detect --method`: one for this run, or several side by side."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
