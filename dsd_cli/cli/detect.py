@@ -20,6 +20,7 @@ from dsd_cli.cli.options import (
     ToOption,
     with_window,
 )
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.detect.summary import Check
@@ -72,6 +73,7 @@ def detect(
     method: MethodOption = None,
     follow: FollowOption = False,
     live: LiveOption = False,
+    plot: PlotOption = None,
     form: DetectFormatOption = None,
     start: FromOption = None,
     end: ToOption = None,
@@ -87,6 +89,7 @@ def detect(
     """
     from dsd_cli.cli.detect_checks import Judgement
     from dsd_cli.cli.detect_job import Destination, Job
+    from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.errors import UsageError
     from dsd_cli.files.config import load_config
@@ -101,15 +104,24 @@ def detect(
 
         methods = parse_methods(method)
         if len(methods) > 1:
-            if output is not None or follow or live or expect:
-                raise UsageError("several methods are only compared", "leave out -o, --follow, --live and --expect")
+            if output is not None or follow or live or expect or plot is not None:
+                raise UsageError(
+                    "several methods are only compared", "leave out -o, --plot, --follow, --live and --expect"
+                )
             side_by_side(log, settings, methods, form.value, quiet)
             return
         settings = settings.override([f'detector.method="{methods[0]}"'])
     to = Destination(form.value, output, quiet, inputs=(log, config, *settings.files, *(effects_from or ())))
     to.check()
-    result = Job(log, settings, follow, to, live).run(judgement)
+    check_plot(plot, (*to.inputs, *(() if output in (None, "-") else (output,))))
+    job = Job(log, settings, follow, to, panel=live, watched=plot is not None)
+    result = job.run(judgement)
     to.show(result)
+    if plot is not None and job.watched is not None:
+        from dsd_cli.report.plots_detection import draw
+
+        watched = job.watched
+        put_picture(plot, lambda: draw(result, watched.seen(), watched.plan, settings.signals.units), quiet)
     failed = [check for check in result.summary.checks if not check.holds]
     if failed:
         raise _check_failed(failed)

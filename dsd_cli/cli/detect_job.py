@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -46,6 +47,9 @@ from dsd_cli.report.detection import Detection, print_table, to_json
 from dsd_cli.report.terminal import json_text
 from dsd_cli.signals.cleaning import BRIDGE, Cleaner
 from dsd_cli.signals.log import Array
+
+if TYPE_CHECKING:
+    from dsd_cli.detect.watched import WatchedSession
 
 #: Forms whose lines are labels, not the summary.
 LABEL_LINES = ("csv", "jsonl")
@@ -99,11 +103,18 @@ class Destination:
 
 
 class Job:
-    """Reads `log` and labels it; live where lines come one by one, with a panel that shows it if that is wanted."""
+    """Reads `log` and labels it; live where lines come one by one, with a panel that shows it if that is wanted.
 
-    def __init__(self, log: str, config: Config, follow: bool, to: Destination, panel: bool = False) -> None:
+    With `watched` the session remembers what a picture shows: the attribute of that name, once it runs.
+    """
+
+    def __init__(
+        self, log: str, config: Config, follow: bool, to: Destination, *, panel: bool = False, watched: bool = False
+    ) -> None:
         config = as_logged(config, log)
         self.log, self.config, self.follow, self.to, self.panel = log, config, follow, to, panel
+        self._watched = watched
+        self.watched: WatchedSession | None = None
         self.live = follow or log == "-"
         self._time_scale = TIME_SCALE[config.signals.time_unit]
 
@@ -125,13 +136,22 @@ class Job:
             table = self._open(interrupted)
             plan = self._plan(table)
             summarizer = judgement.summarizer(plan)
-            # a straight line through positions or speeds would be differentiated into a false d_hat
-            bridge = BRIDGE if plan.d_hat_source == "logged" else 0
-            signals = self.config.signals
-            session = Session(plan, Cleaner(signals.sample_time, self._time_scale, bridge, limits(signals)))
+            session = self._session(plan)
             with naming(table.name):
                 self._label_all(table, session, summarizer)
         return _detection(table, session, summarizer)
+
+    def _session(self, plan: Plan) -> Session:
+        # a straight line through positions or speeds would be differentiated into a false d_hat
+        bridge = BRIDGE if plan.d_hat_source == "logged" else 0
+        signals = self.config.signals
+        cleaner = Cleaner(signals.sample_time, self._time_scale, bridge, limits(signals))
+        if not self._watched:
+            return Session(plan, cleaner)
+        from dsd_cli.detect.watched import WatchedSession
+
+        self.watched = WatchedSession(plan, cleaner)
+        return self.watched
 
     def _open(self, interrupted: list[bool]) -> TableSource:
         columns = log_columns(self.config.signals)
@@ -164,7 +184,10 @@ class Job:
         writer, view = self.to.writer(session.plan.grid, has_estimates), self._view(table, session)
         with writer as write, labels as parts, view as show:
             for rows in parts:
-                summarizer.add(rows, truth.take(rows.state.size))
+                known = truth.take(rows.state.size)
+                summarizer.add(rows, known)
+                if self.watched is not None:
+                    self.watched.watch(rows, known)
                 write(rows)
                 show(rows)
             if not self.live:

@@ -23,6 +23,7 @@ COMMANDS = {
     "diagnose": ("diagnose", "diagnose", "Say which physical effect the model lacks."),
     "add": ("add", "add", "Add an effect to the model of the config, fitted to a log."),
     "improve": ("improve", "improve", "Diagnose and add, step by step, until nothing is left to add."),
+    "report": ("report", "report", "Write one HTML page that tells what a log says."),
     "fleet": ("fleet", "app", "Run detect, compare or diagnose over many logs; one table."),
     "schema": ("schema", "schema", "Print the JSON schema of a command's result."),
     "effects": ("effects", "effects", "Show the catalogue of physical effects."),

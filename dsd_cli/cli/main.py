@@ -41,8 +41,13 @@ app = typer.Typer(
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"dsd {__version__} (detector kernel: {_kernel()}, effects: {_recursions()})")
+        typer.echo(version_text())
         raise typer.Exit
+
+
+def version_text() -> str:
+    """Version, and which of its kernels are compiled."""
+    return f"dsd {__version__} (detector kernel: {_kernel()}, effects: {_recursions()})"
 
 
 def _kernel() -> str:

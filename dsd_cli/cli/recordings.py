@@ -105,6 +105,23 @@ def known_values(config: Config) -> Known:
     return config.fit.known(_written_model(config), config.name)
 
 
+def beyond_known(settings: Config) -> list[str]:
+    """Values of [model] beyond their bounds, or far from their priors."""
+    from dsd_cli.identify.fit.values import flat
+
+    known, lines = known_values(settings), []
+    for name, value in flat(believed_model(settings)).items():
+        low, high = known.limits(name)
+        if not low <= value <= high:
+            lines.append(f"{name} = {value:.4g} is beyond its bounds, {low:g} to {high:g}")
+        if name in known.priors and abs(value - known.priors[name][0]) > 3.0 * known.priors[name][1]:
+            mean, spread = known.priors[name]
+            lines.append(
+                f"{name} = {value:.4g} is {abs(value - mean) / spread:.1f} sigma from its prior {mean:g} +- {spread:g}"
+            )
+    return lines
+
+
 #: Squares of larger values overflow.
 _LARGEST = 1e100
 

@@ -16,6 +16,7 @@ from dsd_cli.cli.options import (
     nearest_config,
     template_names,
 )
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.files.config import Config
@@ -60,6 +61,7 @@ def simulate(
     noise: NoiseOption = None,
     duration: DurationOption = None,
     adapt: AdaptOption = False,
+    plot: PlotOption = None,
     quiet: QuietOption = False,
 ) -> None:
     """Run the delayed plant of the config (or of a template) in closed loop and write its log.
@@ -69,6 +71,7 @@ def simulate(
     adopted_delay, adopted_inertia.
     """
     from dsd_cli.cli.identification import say
+    from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.logs import write_log
@@ -80,8 +83,10 @@ def simulate(
     values = {"seed": seed, "noise": noise, "duration": duration}
     given = [f"simulate.{name}={value!r}" for name, value in values.items() if value is not None]
     settings = settings.override([*(override or ()), *given], effect or ())
+    inputs = (*(() if config is None else (config,)), *settings.files, *(effects_from or ()))
     if output != "-":
-        check_output(output, (*(() if config is None else (config,)), *settings.files, *(effects_from or ())))
+        check_output(output, inputs)
+    check_plot(plot, (*inputs, output))
     plant = simulation_settings(settings)
     feedback = None
     if adapt:
@@ -98,6 +103,12 @@ def simulate(
         from dsd_cli.cli.adapt import adopted_line
 
         say(quiet, adopted_line(log))
+    if plot is not None:
+        from dsd_cli.report.plots_channels import draw
+
+        put_picture(
+            plot, lambda: draw(output if output != "-" else settings.name, log, (), settings.signals.units), quiet
+        )
 
 
 def _check_finite(name: str, log: Log) -> None:

@@ -100,14 +100,15 @@ def print_table(results: Sequence[CheckResult], file: Any) -> None:
         if i:
             console.print()
         console.print(f"[bold]{escaped(f'{result.log}: {verdict(result)}')}[/bold]")
-        for line in _facts(result):
+        for line in facts(result):
             console.print(escaped(f"  {line}"))
         _print_findings(console, result.findings)
         if result.parameters and not result.errors:
             _print_parameters(console, result.parameters, result.units)
 
 
-def _facts(result: CheckResult) -> list[str]:
+def facts(result: CheckResult) -> list[str]:
+    """What kind of log it is, in lines."""
     apart = 1e3 * result.seconds / max(result.samples, 1)
     lines = [
         f"{result.samples:,} samples, {apart:.4g} ms apart: {result.seconds:.3g} s",

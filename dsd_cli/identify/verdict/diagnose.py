@@ -233,6 +233,7 @@ class _Verdict:
             refitted_correlations=refit.correlations,
             model=problem.scale.model(fit),
             refitted_model=problem.scale.model(self.search.refit),
+            whole_model=problem.scale.model(self.whole) if self.members else None,
             noise=self.beyond.noise,
             found=tuple(t.id for t in self.search.added(self.whole.terms)),
             band_hz=self.search.equations.band.hz,
