@@ -105,9 +105,8 @@ def detect(
         methods = parse_methods(method)
         if len(methods) > 1:
             if output is not None or follow or live or expect or plot is not None:
-                raise UsageError(
-                    "several methods are only compared", "leave out -o, --plot, --follow, --live and --expect"
-                )
+                hint = "leave out -o, --plot, --follow, --live and --expect"
+                raise UsageError("several methods are only compared", hint)
             side_by_side(log, settings, methods, form.value, quiet)
             return
         settings = settings.override([f'detector.method="{methods[0]}"'])
@@ -117,13 +116,11 @@ def detect(
     job = Job(log, settings, follow, to, panel=live, watched=plot is not None)
     result = job.run(judgement)
     to.show(result)
-    if plot is not None and job.watched is not None:
+    if plot is not None and (watched := job.watched) is not None:
         from dsd_cli.report.plots_detection import draw
 
-        watched = job.watched
         put_picture(plot, lambda: draw(result, watched.seen(), watched.plan, settings.signals.units), quiet)
-    failed = [check for check in result.summary.checks if not check.holds]
-    if failed:
+    if failed := [check for check in result.summary.checks if not check.holds]:
         raise _check_failed(failed)
 
 
