@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -21,6 +22,7 @@ from dsd_cli.cli.options import (
 from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import Config
     from dsd_cli.report.plots_check import Checked
 
@@ -51,6 +53,7 @@ def check(
 
     from dsd_cli.cli.identification import check_logs, print_json
     from dsd_cli.cli.pictures import check_plot, put_picture
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
     from dsd_cli.report.checks import print_table, to_json
@@ -59,7 +62,8 @@ def check(
     use_effects(effects_from)
     settings = load_config(config, with_window(override, start, end))
     check_plot(plot, [config, *log, *settings.files, *(effects_from or ())])
-    checked = [checked_log(path, settings, quiet) for path in log]
+    with Progress(not quiet) as progress:
+        checked = [checked_log(path, settings, quiet, progress) for path in log]
     results = [one.result for one in checked]
     if form is Format.JSON:
         print_json(to_json(results))
@@ -76,7 +80,7 @@ def check(
         raise CheckFailed("; ".join(f"{one.log}: {one.errors[0].what}" for one in failed))
 
 
-def checked_log(path: str, config: Config, quiet: bool) -> Checked:
+def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> Checked:
     """Read and check one log; every channel may be missing but u (and the time).
 
     Raises
@@ -84,18 +88,21 @@ def checked_log(path: str, config: Config, quiet: bool) -> Checked:
     DataError : it cannot be read, or no usable row is in it.
     """
     from dsd_cli.cli.identification import warn
-    from dsd_cli.cli.plan import log_columns, naming, observer_settings, reading
+    from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_settings, reading
     from dsd_cli.cli.recordings import absent, believed_model, check_sizes
     from dsd_cli.files.logs import load_log
     from dsd_cli.identify.checks import check_log
     from dsd_cli.report.plots_check import Checked
 
+    config = as_logged(config, path)
     columns = log_columns(config.signals)
     optional = {name for name in columns if name not in ("t", "u")}
     with naming(path):
-        loaded = load_log(path, columns, optional, **reading(config.signals))
+        loaded = load_log(path, columns, optional, **reading(config.signals), watch=progress.watch)
+    progress.clear()
     check_sizes(loaded.log.source, loaded)
     warn(quiet, [f"{loaded.log.source}: {warning}" for warning in absent(config, columns, loaded)])
+    progress(f"checking {PurePath(path).name}")
     result = check_log(
         loaded.log,
         None if config.model.inertia is None else believed_model(config),
@@ -103,5 +110,5 @@ def checked_log(path: str, config: Config, quiet: bool) -> Checked:
         loaded.restarts,
         dropped=loaded.dropped,
         factors=config.signals.factors(),
-    )
+    ).named(config.signals.units)
     return Checked(loaded.log, tuple(loaded.restarts), result)

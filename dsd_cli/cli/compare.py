@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dsd_cli.cli.options import (
-    CONFIG_FILE,
     BoundsOption,
     EffectOption,
     EffectsFromOption,
@@ -21,6 +20,7 @@ from dsd_cli.cli.options import (
     QuietOption,
     SetOption,
     ToOption,
+    config_options,
     with_window,
 )
 from dsd_cli.cli.pictures import PlotOption
@@ -29,6 +29,7 @@ from dsd_cli.cli.pictures import PlotOption
 PREDICTION, SIMULATION = "prediction", "simulation"
 
 if TYPE_CHECKING:
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.recordings import LoadedRecording
     from dsd_cli.files.config import Config, Signals
     from dsd_cli.identify.compare.evaluation import Evaluation
@@ -46,7 +47,13 @@ LogsOrNone = Annotated[
 ]
 ConfigsOption = Annotated[
     list[Path] | None,
-    typer.Option("-c", "--config", metavar="FILE", help="Config of the rig; several: their models side by side."),
+    typer.Option(
+        "-c",
+        "--config",
+        metavar="FILE",
+        callback=config_options,
+        help="Config of the rig; several: their models side by side.",
+    ),
 ]
 HoldoutOption = Annotated[
     str | None, typer.Option("--holdout", metavar="LOG", help="Log to be judged apart; --max-rmse then goes by it.")
@@ -91,7 +98,7 @@ def compare(
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
 
-    configs, logs = config or [CONFIG_FILE], log or []
+    configs, logs = config or [], log or []
     use_effects(effects_from)
     texts = with_window(override, start, end)
     all_settings = [
@@ -171,21 +178,26 @@ def _compare(settings: Config, wanted: Wanted) -> None:
 
     from dsd_cli.cli.identification import print_json, say
     from dsd_cli.cli.pictures import put_picture
-    from dsd_cli.cli.recordings import believed_model, load_holdout, load_recording
+    from dsd_cli.cli.progress import Progress
+    from dsd_cli.cli.recordings import believed_model, beyond_known, load_holdout, load_recording
     from dsd_cli.report.comparison import to_json
     from dsd_cli.report.comparison_table import print_table
 
     quiet, holdout = wanted.quiet, wanted.holdout
     believed_model(settings)  # without an inertia nothing needs to be read
-    loaded = [load_recording(path, settings) for path in wanted.logs]
-    aside = None if holdout is None else load_holdout(holdout, wanted.logs, settings)
-    for path, one in zip([*wanted.logs, holdout], [*loaded, aside], strict=True):
-        for warning in () if one is None else one.warnings:
-            say(quiet, f"dsd: warning: {path}: {warning}")
-    if wanted.horizon is None:
-        report, evaluation = _predicted(settings, loaded, aside, wanted.max_rmse)
-    else:
-        report, evaluation = _simulated(settings, loaded, aside, wanted.max_rmse, wanted.horizon), None
+    evaluation: Evaluation | None = None
+    with Progress(not quiet) as progress:
+        loaded = [load_recording(path, settings, progress=progress) for path in wanted.logs]
+        aside = None if holdout is None else load_holdout(holdout, wanted.logs, settings, progress)
+        progress.clear()
+        for path, one in zip([*wanted.logs, holdout], [*loaded, aside], strict=True):
+            for warning in () if one is None else one.warnings:
+                say(quiet, f"dsd: warning: {path}: {warning}")
+        if wanted.horizon is None:
+            report, evaluation = _predicted(settings, loaded, aside, wanted.max_rmse, progress)
+        else:
+            progress("simulating")
+            report = _simulated(settings, loaded, aside, wanted.max_rmse, wanted.horizon)
     for line in beyond_known(settings):
         say(quiet, f"dsd: warning: {line}")
     if wanted.form is Format.JSON:
@@ -215,26 +227,12 @@ def _drawn(report: Report, evaluation: Evaluation | None, aside: LoadedRecording
     return draw(report.result, evaluation, evaluate([aside.recording], evaluation.model, evaluation.observer))
 
 
-def beyond_known(settings: Config) -> list[str]:
-    """Values of [model] beyond their bounds, or far from their priors."""
-    from dsd_cli.cli.recordings import believed_model, known_values
-    from dsd_cli.identify.fit.values import flat
-
-    known, lines = known_values(settings), []
-    for name, value in flat(believed_model(settings)).items():
-        low, high = known.limits(name)
-        if not low <= value <= high:
-            lines.append(f"{name} = {value:.4g} is beyond its bounds, {low:g} to {high:g}")
-        if name in known.priors and abs(value - known.priors[name][0]) > 3.0 * known.priors[name][1]:
-            mean, spread = known.priors[name]
-            lines.append(
-                f"{name} = {value:.4g} is {abs(value - mean) / spread:.1f} sigma from its prior {mean:g} +- {spread:g}"
-            )
-    return lines
-
-
 def _predicted(
-    settings: Config, loaded: list[LoadedRecording], aside: LoadedRecording | None, max_rmse: float | None
+    settings: Config,
+    loaded: list[LoadedRecording],
+    aside: LoadedRecording | None,
+    max_rmse: float | None,
+    progress: Progress,
 ) -> tuple[Report, Evaluation]:
     from dsd_cli.cli.plan import observer_settings
     from dsd_cli.cli.recordings import believed_model
@@ -247,6 +245,7 @@ def _predicted(
         observer_settings(settings),
         settings.detector.window,
         None if aside is None else aside.recording,
+        progress,
     )
     comparison = replace(comparison, units=settings.signals.units)
     return Report(comparison, dropped=_dropped(loaded, aside), max_rmse=max_rmse), evaluation

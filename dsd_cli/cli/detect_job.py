@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import signal
 import sys
-from collections.abc import Generator, Iterator, Mapping
-from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
+from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,9 +12,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dsd_cli.cli.detect_checks import Judgement
-from dsd_cli.cli.ending import ENDING
+from dsd_cli.cli.ending import interrupt_ends_reading
 from dsd_cli.cli.labels_out import LabelsFile, NoLabels, Write, json_lines
-from dsd_cli.cli.plan import TIME_SCALE, TRUTH, detection_plan, limits, log_columns, naming, optional_columns, window
+from dsd_cli.cli.plan import (
+    TIME_SCALE,
+    TRUTH,
+    as_logged,
+    detection_plan,
+    limits,
+    log_columns,
+    naming,
+    optional_columns,
+    window,
+)
 from dsd_cli.cli.progress import Progress
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import active_backend
@@ -31,6 +40,7 @@ from dsd_cli.files.config import Config
 from dsd_cli.files.scaled import scaled
 from dsd_cli.files.tables_in import Batch, TableSource, dropped_with_unreadable, is_stream, open_table, read_head
 from dsd_cli.files.tables_out import check_output
+from dsd_cli.files.watched import about_rows
 from dsd_cli.files.windowed import windowed
 from dsd_cli.report.changes import Changes
 from dsd_cli.report.detection import Detection, print_table, to_json
@@ -93,16 +103,25 @@ class Destination:
 
 
 class Job:
-    """Reads `log` and labels it; live where lines come one by one.
+    """Reads `log` and labels it; live where lines come one by one, with a panel that shows it if that is wanted.
 
     `ahead`: a thread of its own decodes the next rows meanwhile. With `watched` the session remembers what a picture
     shows: the attribute of that name, once it runs.
     """
 
     def __init__(
-        self, log: str, config: Config, follow: bool, to: Destination, ahead: bool = True, watched: bool = False
+        self,
+        log: str,
+        config: Config,
+        follow: bool,
+        to: Destination,
+        *,
+        panel: bool = False,
+        watched: bool = False,
+        ahead: bool = True,
     ) -> None:
-        self.log, self.config, self.follow, self.to, self.ahead = log, config, follow, to, ahead
+        config = as_logged(config, log)
+        self.log, self.config, self.follow, self.to, self.panel, self.ahead = log, config, follow, to, panel, ahead
         self._watched = watched
         self.watched: WatchedSession | None = None
         self.live = follow or log == "-"
@@ -118,7 +137,11 @@ class Job:
         """
         if self.follow and self.log == "-":
             raise UsageError("--follow needs a file", "stdin is followed anyway")
-        with _interrupt_ends_reading(self.follow) as interrupted:
+        if self.panel and not self.follow:
+            raise UsageError("--live watches a log that grows", "give --follow too")
+        if self.panel and self.to.labels_on_stdout and sys.stdout.isatty():
+            raise UsageError("--live and labels on the same terminal", "write the labels to a file, -o FILE or > FILE")
+        with interrupt_ends_reading(self.follow) as interrupted:
             table = self._open(interrupted)
             plan = self._plan(table)
             summarizer = judgement.summarizer(plan)
@@ -167,26 +190,37 @@ class Job:
         truth = _Truth([name for name in TRUTH if name in table.columns])
         labels = closing(self._labels(table, session, truth))  # a label that cannot be written ends the reading too
         has_estimates = session.plan.settings.method in ESTIMATING
-        with self.to.writer(session.plan.grid, has_estimates) as write, labels as parts:
+        writer, view = self.to.writer(session.plan.grid, has_estimates), self._view(table, session)
+        with writer as write, labels as parts, view as show:
             for rows in parts:
                 known = truth.take(rows.state.size)
                 summarizer.add(rows, known)
                 if self.watched is not None:
                     self.watched.watch(rows, known)
                 write(rows)
+                show(rows)
             if not self.live:
                 _refuse_nothing(table, session, summarizer)
 
     def _labels(self, table: TableSource, session: Session, truth: _Truth) -> Generator[Rows, None, None]:
-        progress = Progress("rows", enabled=not self.to.quiet and not self.to.labels_on_stdout)
-        try:
+        busy = self.panel or (self.to.labels_on_stdout and sys.stdout.isatty())
+        with Progress(not (self.to.quiet or busy)) as progress:
+            total = None if self.live or busy else about_rows(table.name)
+            done = progress.rows(f"labelling {Path(table.name).name}", total)
             with self._batches(table) as batches:
                 for batch in batches:
                     yield from self._labels_of(batch, table, session, truth)
-                    progress.add(batch.rows)
-        finally:
-            progress.close()
-        yield from session.finish()
+                    done(batch.rows)
+            progress("finishing")
+            yield from session.finish()
+
+    def _view(self, table: TableSource, session: Session) -> AbstractContextManager[Callable[[Rows], None]]:
+        """The panel of --live; nothing without it, or where nobody wants to see anything."""
+        if not self.panel or self.to.quiet:
+            return nullcontext(lambda rows: None)
+        from dsd_cli.cli.live import LiveView
+
+        return LiveView(Path(self.log).name, session, table, self.config.signals.units.force)
 
     def _batches(self, table: TableSource) -> AbstractContextManager[Iterator[Batch]]:
         """Live lines are labelled as they come; of a file, the next rows may be decoded meanwhile."""
@@ -221,31 +255,6 @@ def _refuse_nothing(table: TableSource, session: Session, summarizer: Summarizer
         f"label needs the largest candidate delay ({longest:g} s), 5 tau and 16 samples behind it",
         "is signals.time_unit right, and is the log long enough?",
     )
-
-
-@contextmanager
-def _interrupt_ends_reading(wanted: bool) -> Iterator[list[bool]]:
-    """The first Ctrl-C (SIGTERM, SIGHUP) fills the list and nothing else, so that what was read is labelled."""
-    interrupted: list[bool] = []
-    if not wanted:
-        yield interrupted
-        return
-    before = {number: signal.getsignal(number) for number in ENDING}
-
-    def back() -> None:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-    def note(*_: object) -> None:
-        interrupted.append(True)
-        back()
-
-    for number in ENDING:
-        signal.signal(number, note)
-    try:
-        yield interrupted
-    finally:
-        back()
 
 
 def _detection(table: TableSource, session: Session, summarizer: Summarizer) -> Detection:

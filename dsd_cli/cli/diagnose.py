@@ -24,6 +24,7 @@ from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.identify.results import Diagnosis
 
 
@@ -52,6 +53,7 @@ def diagnose(
 
     from dsd_cli.cli.identification import check_logs, load_given, print_json, warn
     from dsd_cli.cli.pictures import check_plot, put_picture
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
     from dsd_cli.report.diagnosis import DiagnosisReport, print_table, to_json
@@ -61,9 +63,9 @@ def diagnose(
     settings = load_config(config, with_window(override, start, end)).knowing(fix or (), bounds or (), prior or ())
     check_logs(log, apart, settings.signals)
     check_plot(plot, [config, *log, *apart, *settings.files, *(effects_from or ())])
-    given = load_given(settings, log, apart)
-
-    found = _found(given, quiet)
+    with Progress(not quiet) as progress:
+        given = load_given(settings, log, apart, progress)
+        found = _found(given, progress)
     report = DiagnosisReport(
         replace(found, warnings=(*given.warnings, *found.warnings)), given.model, tuple(apart), given.dropped
     )
@@ -79,21 +81,19 @@ def diagnose(
         put_picture(plot, lambda: draw(report, residual_views(found, given.model, given.recordings)), quiet)
 
 
-def _found(given: Given, quiet: bool) -> Diagnosis:
+def _found(given: Given, progress: Progress) -> Diagnosis:
     """The answer, in the user's units."""
-    from dsd_cli.cli.identification import ShareDone
     from dsd_cli.identify.results import in_units
     from dsd_cli.identify.verdict.diagnose import diagnose as run
 
-    with ShareDone(not quiet) as progress:
-        found = run(
-            given.recordings,
-            given.model,
-            given.observer,
-            given.engine_settings,
-            holdout=given.holdout,
-            progress=progress,
-            stability=True,
-        )
+    found = run(
+        given.recordings,
+        given.model,
+        given.observer,
+        given.engine_settings,
+        holdout=given.holdout,
+        progress=progress,
+        stability=True,
+    )
     result: Diagnosis = in_units(found, given.settings.signals.units)
     return result

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from dsd_cli.cli.fleet_pools import DaskPool, Pool, ProcessPool, run_all
 from dsd_cli.cli.fleet_tasks import COMMAND, COMMON, DONE, Row, Task
+from dsd_cli.cli.progress import is_terminal, span, three
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.fleet_table import KEY, Journal, load_writers, read_rows
 
@@ -142,7 +143,7 @@ def _quiet(_: str) -> None:
 @contextlib.contextmanager
 def _counting(total: int, quiet: bool) -> Iterator[Callable[[bool], None]]:
     """Progress with rate and time left, on a terminal: call it with whether the log gave a result."""
-    shown = not quiet and sys.stderr.isatty()
+    shown = not quiet and is_terminal(sys.stderr)
     begin = time.monotonic()
     state = {"done": 0, "failed": 0, "next": begin + 1.0}
 
@@ -171,7 +172,5 @@ def progress_line(done: float, total: int, failed: float, seconds: float) -> str
     if failed:
         parts.append(f"{int(failed):,} failed")
     if rate > 0.0:
-        left = (total - done) / rate
-        unit, size = ("s", 1.0) if left < 90.0 else ("min", 60.0) if left < 5400.0 else ("h", 3600.0)
-        parts += [f"{rate:.3g} a second", f"{left / size:.0f} {unit} left"]
+        parts += [f"{three(rate)} a second", f"{span((total - done) / rate)} left"]
     return ", ".join(parts)

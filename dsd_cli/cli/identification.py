@@ -1,9 +1,7 @@
-"""What `dsd diagnose`, `add` and `improve` share: logs and config in, progress and warnings out."""
+"""What `dsd diagnose`, `add` and `improve` share: logs and config in, warnings and pictures out."""
 
 from __future__ import annotations
 
-import sys
-import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,6 +11,7 @@ import typer
 from dsd_cli.errors import printable
 
 if TYPE_CHECKING:
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import Config, Signals
     from dsd_cli.identify.fit.known import Known
     from dsd_cli.identify.recordings.recording import Recording
@@ -67,8 +66,8 @@ def check_logs(logs: Sequence[str], holdout: Sequence[str], signals: Signals | N
         raise UsageError(f"{twice} is given twice", hint)
 
 
-def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str]) -> Given:
-    """Read all logs.
+def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str], progress: Progress | None = None) -> Given:
+    """Read all logs, telling `progress` how far that is.
 
     Raises
     ------
@@ -79,8 +78,8 @@ def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str]) -> G
 
     observer, model = observer_settings(config), believed_model(config)
     known = known_values(config)
-    loaded = {path: load_recording(path, config) for path in logs}
-    aside = {path: load_holdout(path, logs, config) for path in holdout}
+    loaded = {path: load_recording(path, config, progress=progress) for path in logs}
+    aside = {path: load_holdout(path, logs, config, progress) for path in holdout}
     everything = [*loaded.items(), *aside.items()]
     dropped: dict[str, int] = {}
     for _, one in everything:
@@ -117,30 +116,3 @@ def print_json(result: dict[str, Any]) -> None:
     from dsd_cli.report.terminal import json_text
 
     typer.echo(json_text(result, indent=2))
-
-
-class ShareDone:
-    """What is being done, and how much of it: on a terminal, from the first second on."""
-
-    def __init__(self, enabled: bool = True) -> None:
-        self._enabled = enabled and sys.stderr.isatty()
-        self._next = time.monotonic() + 1.0
-        self._shown = False
-
-    def __call__(self, what: str, share: float) -> None:
-        if self._enabled and time.monotonic() >= self._next:
-            print(f"\r\033[K{what} {100.0 * share:.0f} %", end="", file=sys.stderr, flush=True)
-            self._next = time.monotonic() + 0.2
-            self._shown = True
-
-    def clear(self) -> None:
-        """Take the line back."""
-        if self._shown:
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
-            self._shown = False
-
-    def __enter__(self) -> ShareDone:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.clear()

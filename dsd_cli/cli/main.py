@@ -23,13 +23,16 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 #: What a shell reports for a command ended by SIGINT, and by a closed pipe (SIGPIPE).
 INTERRUPTED, CLOSED_PIPE = 130, 141
 
+#: Set by a shell that asks what could follow (`dsd --install-completion`).
+COMPLETE = "_DSD_COMPLETE"
+
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__mro__[
     2
 ]  # every failure of the command line parser derives from it
 
 app = typer.Typer(
     cls=LazyGroup,
-    add_completion=False,
+    add_completion=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -137,6 +140,10 @@ def _ended_behind(error: BaseException | None) -> Ended | None:
 def _invoke(arguments: list[str]) -> int:
     group = get_command(app)
     use_plain_coercion(group)
+    if (wanted := os.environ.get(COMPLETE)) is not None:
+        from typer.completion import shell_complete
+
+        return shell_complete(group, {}, "dsd", COMPLETE, wanted)
     if not arguments:
         with group.make_context("dsd", ["x"], resilient_parsing=True) as context:
             typer.echo(group.get_help(context), err=True)

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from dsd_cli.cli.check import checked_log
-from dsd_cli.cli.compare import beyond_known
 from dsd_cli.cli.detect_checks import Judgement
 from dsd_cli.cli.detect_job import Destination, Job
-from dsd_cli.cli.identification import Given, ShareDone, load_given, warn
+from dsd_cli.cli.identification import Given, load_given, warn
 from dsd_cli.cli.improve import validated
 from dsd_cli.cli.improve_loop import follow, with_steps
 from dsd_cli.cli.labels_out import ESTIMATES
-from dsd_cli.cli.recordings import known_values
+from dsd_cli.cli.progress import Progress
+from dsd_cli.cli.recordings import beyond_known, known_values
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.rows import Rows
 from dsd_cli.errors import DsdError, printable
@@ -60,7 +60,8 @@ def tell(
     """
     if config.model.inertia is not None:
         known_values(config)  # what is asked wrongly is no matter of this log
-    looked = [checked_log(path, config, quiet) for path in logs]
+    with Progress(not quiet) as progress:
+        looked = [checked_log(path, config, quiet, progress) for path in logs]
     teller = _Teller(config, tuple(logs), tuple(holdout), quiet)
     detections = teller.detections()
     given = teller.attempt("the model", lambda: load_given(config, logs, holdout))
@@ -150,7 +151,7 @@ class _Teller:
             first.append(diagnosis)
             return follow(diagnosis)
 
-        with ShareDone(not self.quiet) as progress:
+        with Progress(not self.quiet) as progress:
             on_step = _StepLines(progress, not self.quiet and sys.stderr.isatty())
             found = improve(
                 given.recordings,
@@ -171,7 +172,7 @@ class _Teller:
 class _StepLines:
     """Says each step on a terminal, as improve does."""
 
-    def __init__(self, progress: ShareDone, wanted: bool) -> None:
+    def __init__(self, progress: Progress, wanted: bool) -> None:
         self._progress, self._wanted = progress, wanted
         self._before: Step | None = None
 

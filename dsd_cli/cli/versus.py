@@ -37,12 +37,16 @@ def compare_configs(
     found: Versus | None = None
     if logs:
         from dsd_cli.cli.identification import warn
+        from dsd_cli.cli.progress import Progress
         from dsd_cli.cli.recordings import load_recording
         from dsd_cli.identify.compare.versus import versus
 
-        loaded = [load_recording(path, configs[0]) for path in logs]
-        warn(quiet, (f"{path}: {w}" for path, one in zip(logs, loaded, strict=True) for w in one.warnings))
-        found = versus([one.recording for one in loaded], models)
+        with Progress(not quiet) as progress:
+            loaded = [load_recording(path, configs[0], progress=progress) for path in logs]
+            progress.clear()
+            warn(quiet, (f"{path}: {w}" for path, one in zip(logs, loaded, strict=True) for w in one.warnings))
+            progress("comparing the models")
+            found = versus([one.recording for one in loaded], models)
     differences = {name: _moved(configs[0], config) for name, config in zip(names[1:], configs[1:], strict=True)}
     units = configs[0].signals.units
     if form is Format.JSON:

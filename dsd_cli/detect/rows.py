@@ -31,6 +31,17 @@ class Rows(NamedTuple):
     estimates: tuple[NDArray[Any], ...] = ()
 
 
+def nats_left(log_likelihood: NDArray[Any], rho: float) -> NDArray[Any]:
+    """Eq. 15 backwards: half of the sum of squares in the window, in rho^2."""
+    return np.asarray(-0.5 * np.log(2.0 * np.pi) - np.log(rho) - log_likelihood)
+
+
+def residual_of(rows: Rows, rho: float) -> NDArray[Any]:
+    """rms of what each label leaves of d_hat in its window, unit of rho; NaN where nothing was judged; shape (n,)."""
+    nats = np.where(rows.samples > 0, nats_left(rows.log_likelihood, rho), np.nan)
+    return rho * np.sqrt(2.0 * np.maximum(nats, 0.0) / np.maximum(rows.samples, 1))
+
+
 def unjudged(rows: Rows, count: int, label: int) -> Rows:
     """The first `count` rows as rows of the warm-up."""
     if count <= 0:

@@ -39,7 +39,7 @@ class Session:
     """Feed raw rows, get labels: cleaning, observer, effect forces and engine in a row.
 
     Online methods give the labels of every row as soon as its clock is known; viterbi and smooth give all at
-    `finish`.
+    `finish`. `observed` : stamps (s) and d_hat (unit of u) of the samples that were labelled last.
     """
 
     def __init__(self, plan: Plan, cleaner: Cleaner) -> None:
@@ -61,6 +61,7 @@ class Session:
         self._in_window = 0
         self._stamps: Array | None = np.empty(0) if cleaner.sample_time is None else None
         self._settling = 0
+        self.observed: tuple[Array, Array] = (np.empty(0), np.empty(0))
 
     @property
     def label(self) -> int:
@@ -77,11 +78,7 @@ class Session:
         """One sentence each, about the rows so far."""
         found = list(self.cleaner.warnings)
         if self._spikes is not None and self._doubted:
-            usual, largest = self._spikes.level, self._spikes.largest
-            found.append(
-                f"u stands out (up to {largest:.3g}, it usually reaches about {usual:.3g}), and nothing shows that it "
-                f"was so: {self._doubted} label(s) that rest on it are not confident"
-            )
+            found.append(self._spikes.warning(self._doubted))
         return found
 
     def feed(self, t: Array | None, values: Mapping[str, Array], restart: bool = False) -> Iterator[Rows]:
@@ -217,6 +214,7 @@ class Session:
             if self._observer is None:
                 self._observer = DisturbanceObserver(self.plan.observer, self._sample_time(), self.plan.d_hat_source)
             d_hat = self._observer.run(u, d_hat, piece.stamps)
+        self.observed = piece.t, d_hat
         if self.plan.settings.output == "derivative":
             return self._derivatives(u, d_hat, piece.t)
         forces = self._forces(piece) if any(model.effects for model in self.plan.effects) else None

@@ -45,6 +45,13 @@ class Spikes:
         """What u usually reaches, as a power of two."""
         return self._level.value
 
+    def warning(self, doubted: int) -> str:
+        """What to say of that many confident labels that were none."""
+        return (
+            f"u stands out (up to {self.largest:.3g}, it usually reaches about {self.level:.3g}), and nothing shows "
+            f"that it was so: {doubted} label(s) that rest on it are not confident"
+        )
+
     def restart(self) -> None:
         """What comes next rests on nothing that was before; the level of u stays."""
         self._active = []

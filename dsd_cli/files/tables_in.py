@@ -218,6 +218,28 @@ def read_sidecar(path: str | Path) -> dict[str, str]:
     return {str(key): str(value) for key, value in found.items()} if isinstance(found, dict) else {}
 
 
+def metadata_of(path: str | Path) -> dict[str, str]:
+    """Metadata of a CSV or Parquet file, without reading its rows; empty for a stream, or what cannot be read."""
+    if is_stream(path):
+        return {}
+    try:
+        with open(path, "rb") as file:
+            parquet = file.read(len(PARQUET_MAGIC)) == PARQUET_MAGIC
+    except (OSError, ValueError):
+        return {}
+    if not parquet:
+        return read_sidecar(path)
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    from dsd_cli.files.parquet_in import key_values
+
+    try:
+        return key_values(pq.read_metadata(path).metadata)
+    except (pa.ArrowException, OSError):
+        return {}
+
+
 def dropped_with_unreadable(dropped: Mapping[str, int], unreadable: int) -> dict[str, int]:
     """Counts of the cleaner, with the unreadable lines under their own name.
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from dsd_cli.report.head import SCHEMA_VERSION
 from dsd_cli.signals.log import Array
 
 Row = Mapping[str, Any]
@@ -106,7 +107,7 @@ def summarize(results: str, rows: Sequence[Row]) -> FleetSummary:
 
 def to_json(found: FleetSummary) -> dict[str, Any]:
     """The object of `--format json`."""
-    return {"schema_version": 1, "command": "fleet summary", **asdict(found)}
+    return {"schema_version": SCHEMA_VERSION, "command": "fleet summary", **asdict(found)}
 
 
 def _reasons(bad: Sequence[Row]) -> tuple[Reason, ...]:

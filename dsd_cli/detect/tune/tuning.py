@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,20 +49,26 @@ class Tuning:
     expected: Expected
 
 
-def tune(evidence: Evidence) -> Tuning:
+def tune(evidence: Evidence, progress: Callable[[str, float], None] = lambda _what, _share: None) -> Tuning:
     """Tune the detector whose engine the evidence has.
+
+    Parameters
+    ----------
+    progress : called with what is being done and the share that is done.
 
     Raises
     ------
     DataError : too few samples can be judged.
     """
     now = evidence.engine.settings
+    progress("fitting noise and dwell times", 0.0)
     fitted, path = _path(evidence)
     before = judged(evidence, now, path)
     added = additions(evidence, path)
     if added:
         evidence = _on(evidence, extended(evidence.engine.grid, added))
         fitted, path = _path(evidence)
+    progress("trying tunings", 0.2)
     quiet = quiet_logs(evidence, path, TRIED)
     chosen = choose(
         evidence,
@@ -69,6 +76,7 @@ def tune(evidence: Evidence) -> Tuning:
         _least_rho(fitted, path),
         lambda settings: sum(false_changes(evidence, settings, one) for one in quiet),
     )
+    progress("simulating what to expect", 0.8)
     return Tuning(
         samples=int(path.at.size),
         noise=fitted.rho,

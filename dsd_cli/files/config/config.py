@@ -131,6 +131,10 @@ class Config(Section):
         name = self.name if " with --" in self.name else f"{self.name} with --{'set' if values else 'effect'}"
         return read_config(with_effects(with_values(self.written, values), effects), name, self.folder)
 
+    def with_signals(self, signals: Mapping[str, Any]) -> Config:
+        """With these keys as [signals]."""
+        return read_config({**self.written, "signals": dict(signals)}, self.name, self.folder)
+
     def knowing(self, fix: Iterable[str] = (), bounds: Iterable[str] = (), prior: Iterable[str] = ()) -> Config:
         """With `--fix`, `--bounds` and `--prior` in [fit].
 

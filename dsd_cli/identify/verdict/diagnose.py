@@ -294,7 +294,6 @@ class _Verdict:
             return self.sure
         if effect in self.members:
             return min(self.members[effect].probabilities[effect], SUREST)
-        return max((m.probabilities.get(effect, 0.0) for m in self.members.values()), default=self._as_only(effect))
-
-    def _as_only(self, effect: str) -> float:
-        return probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)
+        if not self.members:
+            return probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)
+        return max(m.probabilities.get(effect, 0.0) for m in self.members.values())
