@@ -1,13 +1,12 @@
 """Fleets, tuning and pipes in places where they were not expected."""
 
-import os
 import shlex
 import subprocess
 from pathlib import Path
 
 import pytest
 
-from tests.cli.rig import CONFIG, DSD, dsd, make_log, refused, write
+from tests.cli.rig import CONFIG, DSD, make_log, refused, write
 
 MODEL = "\n[model]\ninertia = 1.0\ndelay = 0.005\n"
 
@@ -51,34 +50,8 @@ def test_a_config_that_is_read_twice_is_a_file(rig, command):
     assert sorted(path.name for path in rig.iterdir()) == ["dsd.toml", "logs"]
 
 
-def test_a_fleet_waits_for_no_fifo(rig):
-    os.mkfifo(rig / "logs" / "pipe.csv")
-    (rig / "logs" / "loop.csv").symlink_to("loop.csv")
-    done = shell("dsd fleet detect logs/*.csv -o out.parquet", rig)
-    assert done.returncode == 0, done.stderr
-    said = dsd("fleet", "summary", "out.parquet", cwd=rig).stdout
-    assert "is a FIFO or a device" in said
-
-
 def test_a_full_disk_behind_stdout_is_one_line(rig):
     if not Path("/dev/full").exists():
         pytest.skip("no /dev/full")
     for command in ("effects", "check logs/0.csv", "compare logs/0.csv"):
         refused(shell(f"dsd {command} > /dev/full", rig), 1, "No space left")
-
-
-def test_two_fleets_on_one_table(rig):
-    """One is told, and the table is whole; the names of the logs are shown as text."""
-    os.rename(rig / "logs" / "2.csv", rig / "logs" / "2\x1b]52;c;aGk=\x07.csv")
-    both = [
-        subprocess.Popen([*DSD, "fleet", "detect", "logs", "-o", "out.parquet"], cwd=rig, stderr=subprocess.PIPE)
-        for _ in range(2)
-    ]
-    said = [one.communicate(timeout=120)[1].decode() for one in both]
-    assert 0 in [one.returncode for one in both]
-    for one, text in zip(both, said, strict=True):
-        assert one.returncode == 0 or "another run is writing it" in text
-        assert "\x1b" not in text
-    shown = dsd("fleet", "summary", "out.parquet", cwd=rig)
-    assert (shown.returncode, "\x1b" in shown.stdout) == (0, False)
-    assert sorted(path.name for path in rig.iterdir()) == ["dsd.toml", "logs", "out.parquet"]
