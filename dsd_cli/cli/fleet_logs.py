@@ -163,6 +163,7 @@ def tasks(found: Iterable[Entry], asked: Asked) -> list[Task]:
     """
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
+    from dsd_cli.files.config.text import read_again
 
     use_effects(asked.effects_from)
     texts: dict[str, ConfigText] = {}
@@ -173,7 +174,7 @@ def tasks(found: Iterable[Entry], asked: Asked) -> list[Task]:
         if name not in texts:
             settings = load_config(name, asked.values, asked.effects)
             beside[name] = [part for file in settings.files for part in _state(str(file))]
-            folder, text = str(Path(name).parent.absolute()), Path(name).read_bytes().decode("utf-8-sig")
+            folder, text = str(Path(name).parent.absolute()), read_again(name)
             texts[name] = ConfigText(name, folder, text, asked.values, asked.effects)
         path = entry.log if is_url(entry.log) else os.path.abspath(entry.log)
         task = Task(

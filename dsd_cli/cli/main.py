@@ -110,7 +110,7 @@ def run(arguments: list[str]) -> int:
         except BrokenPipeError:
             raise
         except OSError as error:
-            return _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error), 1)
+            return _fail(f"{error.filename or 'input or output'}: {error.strerror or error}", 1)
         except MemoryError as error:
             what = f"not enough memory: {error}" if str(error) else "not enough memory"
             return _fail(f"{what}: take a shorter log, a shorter window or fewer states", 1)

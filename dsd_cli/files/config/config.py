@@ -18,6 +18,7 @@ from dsd_cli.files.config.rules import Place, Section, key, shown, table, tables
 from dsd_cli.files.config.sections import Detector, Model, Observer, States
 from dsd_cli.files.config.signals import Signals
 from dsd_cli.files.config.simulation import Simulate
+from dsd_cli.files.config.text import read_text
 
 S = TypeVar("S", bound=Section)
 
@@ -205,7 +206,7 @@ def load_config(path: str | Path, values: Iterable[str] = (), effects: Iterable[
     """
     path = Path(path)
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = read_text(path)
     except FileNotFoundError as error:
         raise UsageError(f"{path}: no such config file", "`dsd init` writes one, -c FILE names another") from error
     except OSError as error:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from dsd_cli.files.formats.base import InMemory, columns_of
+from dsd_cli.files.formats.base import InMemory, check_size, columns_of
 from dsd_cli.files.formats.matlab_objects import NO_NUMBERS, NOT_SEEN, object_channels
 from dsd_cli.signals.log import Array
 
@@ -20,8 +21,9 @@ class MatFile(InMemory):
     """Variables by their names, fields of structs as `struct/field`, to any depth."""
 
     def __init__(self, path: str) -> None:
-        from scipy.io import loadmat
+        from scipy.io import loadmat, whosmat
 
+        check_size(path, sum(8.0 * math.prod(shape) for _, shape, _ in whosmat(path)))
         with warnings.catch_warnings():  # of objects, of which it takes one for another
             warnings.simplefilter("ignore")
             loaded = loadmat(path, simplify_cells=True)
