@@ -1,4 +1,4 @@
-"""Why a label that the engine calls confident is not: it rests on a spike of u, on rest, or does not explain its window."""
+"""Why a label that the engine calls confident is not: it rests on a spike, on rest, or does not explain its window."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ import numpy as np
 
 from dsd_cli.detect.coloured import spectrum, whitening
 from dsd_cli.detect.engine import Engine, Labels
-from dsd_cli.detect.goodness import BLOCKS, Goodness
+from dsd_cli.detect.goodness import Goodness
 from dsd_cli.detect.kernel import KernelSpec
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.rest import RestShare
 from dsd_cli.detect.rows import Inputs, without_confidence
 from dsd_cli.detect.spikes import Spikes
+from dsd_cli.detect.trust import BLOCKS
 from dsd_cli.plant.filtering import lowpass_irregular, poles_of
 from dsd_cli.signals.log import Array
 
@@ -66,9 +67,7 @@ class Doubts:
             labels = without_confidence(labels, self._rest.unfounded(inputs.resting))
         if self._goodness is not None and model is not None:
             forces = None if self._unknown is None else self._unknown.response(inputs)
-            labels = without_confidence(
-                labels, self._goodness.unfounded(model, labels.state, labels.confident, forces)
-            )
+            labels = without_confidence(labels, self._goodness.unfounded(model, labels.state, labels.confident, forces))
         return labels
 
 
@@ -123,5 +122,3 @@ class UnknownForces:
             self._state = np.zeros((max(len(found.denominator), 2) - 1, FORCES))
         out, self._state = lfilter(found.numerator, found.denominator, columns, axis=0, zi=self._state)
         return np.asarray(out)
-
-

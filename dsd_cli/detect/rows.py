@@ -139,8 +139,8 @@ def joined(inputs: list[Inputs]) -> Inputs:
     u, d_hat, t = (np.concatenate([part[i] for part in inputs]) for i in range(3))
     rests = [part.resting for part in inputs if part.resting is not None]
     motions = [part.motion for part in inputs if part.motion is not None]
-    resting, motion = (np.concatenate(found) if found else None for found in (rests, motions))
-    return Inputs(u, d_hat, t, forces, resting, motion)
+    resting = np.concatenate(rests) if rests else None
+    return Inputs(u, d_hat, t, forces, resting, np.concatenate(motions) if motions else None)
 
 
 def cut(labels: Labels, begin: int, end: int) -> Labels:
