@@ -219,7 +219,7 @@ def test_xl330_at_rest_nothing_is_confident(tmp_path):
     """
     config = xl330_model(0.07, PUBLISHED, 0.6)
     confident_in_motion = 0
-    for name in ("kp200_up_and_down", "kp400_lift_and_drop", "kp400_sin_sin", "kp800_sin_time_square"):
+    for name in ("kp200_up_and_down", "kp400_lift_and_drop", "kp400_sin_sin", "kp200_sin_time_square"):
         path = recording(f"bam_xl330/{name}.csv")
         _, labels = detect(tmp_path, path, config)
         rows = [line.split(",") for line in labels]
