@@ -1,4 +1,4 @@
-"""What is confident on a real servo: 16 recordings, models from nothing to gravity and friction, labels from position."""
+"""What is confident on a real servo: 16 recordings, models from nothing to friction, labels from the position."""
 
 from __future__ import annotations
 
