@@ -100,7 +100,7 @@ def section(pictures: Path) -> str:
         lag_rows(40),
     )  # fmt: skip
     alarms = table(
-        ("window", "u", "threshold", "false alarms per hour", "stated", "seen / stated"), alarm_rows(1_200_000)
+        ("window", "u", "threshold", "false alarms per hour", "stated", "seen / stated"), alarm_rows(600_000)
     )
     return f"{lags}\n\n{alarms}\n\n![A change of the inertia](beyond-changes.png)"
 
