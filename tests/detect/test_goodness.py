@@ -9,6 +9,7 @@ from dsd_cli.detect.doubts import Doubts
 from dsd_cli.detect.engine import Engine, Measurement
 from dsd_cli.detect.goodness import Goodness
 from dsd_cli.detect.grid import Grid
+from dsd_cli.detect.kernel import active_backend
 from dsd_cli.detect.session import Session
 from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.files.template import load_template
@@ -68,23 +69,10 @@ def random_case(seed: int):
     return np.column_stack([alpha * z[:, 0] + noise, z]), x
 
 
-@pytest.mark.parametrize("cut", [1, 63, 200, 900])
-@pytest.mark.parametrize("seed", range(4))
-def test_verdicts_are_those_of_plain_loops_in_any_cut(seed: int, cut: int) -> None:
-    model, x = random_case(seed)
-    n = len(model)
-    state = np.where(np.arange(n) % 160 < 150, 1, 4).astype(np.int32)
-    confident = np.arange(n) >= WINDOW - 1
-    engine = Engine(GRID, DetectorSettings(rho=RHO, window=WINDOW, confidence=NEED), Measurement(T, 1.0, 0.0))
-    checks = Goodness(engine.spec, 3)
-    got = np.concatenate(
-        [
-            checks.unfounded(*(array[begin : begin + cut] for array in (model, state, confident, x)))
-            for begin in range(0, n, cut)
-        ]
-    )
+def plain_unfounded(model, x, state, confident) -> tuple[list[bool], set]:
+    """Which labels do not stand, sample by sample; and which combinations of the rules came up."""
     bad, expected, kinds = [], [], set()
-    for k in range(n):
+    for k in range(len(model)):
         if not confident[k]:
             expected.append(False)
             continue
@@ -95,8 +83,51 @@ def test_verdicts_are_those_of_plain_loops_in_any_cut(seed: int, cut: int) -> No
         trusted = len(bad) >= 16 and sum(weights * bad) <= 0.05 * sum(weights)
         expected.append(not (stands and (trusted or robust)))
         kinds.add((stands, robust, more, trusted))
-    assert got.tolist() == expected
+    return expected, kinds
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_verdicts_are_those_of_plain_loops_in_any_cut(seed: int) -> None:
+    model, x = random_case(seed)
+    n = len(model)
+    state = np.where(np.arange(n) % 160 < 150, 1, 4).astype(np.int32)
+    confident = np.arange(n) >= WINDOW - 1
+    expected, kinds = plain_unfounded(model, x, state, confident)
     assert len(kinds) >= 5, kinds
+    engine = Engine(GRID, DetectorSettings(rho=RHO, window=WINDOW, confidence=NEED), Measurement(T, 1.0, 0.0))
+    for cut in (1, 63, 200, 900):
+        checks = Goodness(engine.spec, 3)
+        parts = [[array[begin : begin + cut] for array in (model, state, confident, x)] for begin in range(0, n, cut)]
+        assert np.concatenate([checks.unfounded(*part) for part in parts]).tolist() == expected, cut
+
+
+@pytest.mark.parametrize("aperture", [1, 2])
+@pytest.mark.parametrize("timed", [False, True])
+@pytest.mark.parametrize("method", ["dsd", "average"])
+def test_both_kernels_hand_out_the_same_y_and_z_in_any_cut(aperture: int, timed: bool, method: str) -> None:
+    rng = np.random.default_rng(3)
+    n = 700
+    u, d_hat = rng.normal(size=(2, n))
+    u[200], d_hat[300:303] = np.nan, np.nan
+    t = np.cumsum(rng.uniform(0.5, 1.5, n)) * T if timed else None
+    settings = DetectorSettings(rho=RHO, window=50, method=method)
+
+    def handed(backend: str, cuts: tuple[int, ...]) -> np.ndarray:
+        engine = Engine(GRID, settings, Measurement(T, 1.0, 0.01, aperture=aperture, timed=timed), backend)
+        model = np.full((n, 1 + len(GRID.delays)), 7.0)
+        for a, b in zip((0, *cuts), (*cuts, n), strict=True):
+            engine.run(u[a:b], d_hat[a:b], t=None if t is None else t[a:b], model=model[a:b])
+        return model
+
+    whole = handed("numpy", ())
+    judged = np.isfinite(whole[:, 0])
+    assert not judged[[200, 300, 301, 302]].any()
+    assert judged.sum() > 600
+    np.testing.assert_array_equal(handed("numpy", (1, 90, 401)), whole)
+    if active_backend() == "compiled":
+        compiled = handed("compiled", (3, 250))
+        np.testing.assert_array_equal(compiled[:, 0], whole[:, 0])
+        np.testing.assert_array_equal(compiled[judged], whole[judged])
 
 
 def labels(template: str, *overrides: str, columns: tuple[str, ...] = ("t", "u", "d_hat")):
