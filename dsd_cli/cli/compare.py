@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,6 +23,7 @@ from dsd_cli.cli.options import (
     ToOption,
     with_window,
 )
+from dsd_cli.cli.pictures import PlotOption
 
 #: Horizons that are words.
 PREDICTION, SIMULATION = "prediction", "simulation"
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from dsd_cli.identify.compare.forward import Forward
     from dsd_cli.plant.controllers import ControllerSettings
     from dsd_cli.report.comparison import Report
+    from dsd_cli.signals.units import Units
 
 
 LogsOrNone = Annotated[
@@ -58,7 +60,6 @@ HorizonOption = Annotated[
         "begun anew from the measured motion every so many seconds (0.5s).",
     ),
 ]
-PlotOption = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Picture to draw (.png).")]
 MaxRmseOption = Annotated[
     float | None, typer.Option("--max-rmse", metavar="X", help="Check: the rmse is at most this; else exit 3.")
 ]
@@ -102,7 +103,7 @@ def compare(
     if len(configs) > 1:
         from dsd_cli.cli.versus import compare_configs
 
-        compare_configs(all_settings, wanted.logs, form, quiet)
+        compare_configs(all_settings, wanted.logs, form, quiet, plot)
     else:
         _compare(all_settings[0], wanted)
 
@@ -123,22 +124,23 @@ class Wanted:
         """Raises UsageError : options that contradict each other."""
         import math
 
-        from dsd_cli.cli.identification import check_logs, check_plot
+        from dsd_cli.cli.identification import check_logs
+        from dsd_cli.cli.pictures import check_plot
         from dsd_cli.errors import UsageError
 
         aside = [] if self.holdout is None else [self.holdout]
         if self.max_rmse is not None and not (math.isfinite(self.max_rmse) and self.max_rmse >= 0.0):
             raise UsageError(f"--max-rmse {self.max_rmse:g}", "must be a finite number from 0")
         if configs > 1:
-            alone = [("--holdout", self.holdout), ("--plot", self.plot), ("--max-rmse", self.max_rmse)]
+            alone = [("--holdout", self.holdout), ("--max-rmse", self.max_rmse)]
             given = [name for name, value in [*alone, ("--horizon", self.horizon)] if value is not None]
             if given:
                 raise UsageError(f"{given[0]} looks at one model", "give one -c")
         elif not self.logs:
             raise UsageError("LOG is missing", "give the log to judge the model by, or two configs (-c a -c b)")
         check_logs(self.logs, aside, signals)
-        if self.plot is not None and self.horizon is not None:
-            raise UsageError("--plot", "draws the prediction; leave out --horizon")
+        if self.plot is not None and not self.logs:
+            raise UsageError("--plot draws models on a log", "give the LOG")
         check_plot(self.plot, [*self.logs, *aside, *inputs])
 
 
@@ -167,12 +169,11 @@ def seconds_of(horizon: str) -> float | None:
 def _compare(settings: Config, wanted: Wanted) -> None:
     import sys
 
-    from dsd_cli.cli.identification import print_json, put_picture, say
+    from dsd_cli.cli.identification import print_json, say
+    from dsd_cli.cli.pictures import put_picture
     from dsd_cli.cli.recordings import believed_model, load_holdout, load_recording
-    from dsd_cli.identify.compare.comparison import Comparison
     from dsd_cli.report.comparison import to_json
     from dsd_cli.report.comparison_table import print_table
-    from dsd_cli.report.plots_comparison import draw
 
     quiet, holdout = wanted.quiet, wanted.holdout
     believed_model(settings)  # without an inertia nothing needs to be read
@@ -191,14 +192,27 @@ def _compare(settings: Config, wanted: Wanted) -> None:
         print_json(to_json(report))
     else:
         print_table(report, sys.stdout)
-    if wanted.plot is not None and isinstance(report.result, Comparison) and evaluation is not None:
-        compared, judged = report.result, evaluation
-        put_picture(wanted.plot, lambda: draw(compared, judged), quiet)
+    if wanted.plot is not None:
+        put_picture(wanted.plot, lambda: _drawn(report, evaluation, aside, settings.signals.units), quiet)
     if not report.holds:
         from dsd_cli.errors import CheckFailed
 
         judged_by = f"rmse {report.judged_rmse:.4g} of {report.judged_log}"
         raise CheckFailed(f"{judged_by} is above --max-rmse {wanted.max_rmse:g}")
+
+
+def _drawn(report: Report, evaluation: Evaluation | None, aside: LoadedRecording | None, units: Units) -> Any:
+    """The figure of a prediction, or of a simulation."""
+    from dsd_cli.identify.compare.comparison import Comparison
+    from dsd_cli.identify.compare.evaluation import evaluate
+    from dsd_cli.report.plots_comparison import draw
+    from dsd_cli.report.plots_simulation import draw as draw_simulation
+
+    if not isinstance(report.result, Comparison) or evaluation is None:
+        return draw_simulation(report, units)
+    if aside is None:
+        return draw(report.result, evaluation)
+    return draw(report.result, evaluation, evaluate([aside.recording], evaluation.model, evaluation.observer))
 
 
 def beyond_known(settings: Config) -> list[str]:

@@ -20,6 +20,7 @@ from dsd_cli.cli.options import (
     ToOption,
     with_window,
 )
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.detect.summary import Check
@@ -68,6 +69,7 @@ def detect(
     confident_only: ConfidentOption = False,
     method: MethodOption = None,
     follow: FollowOption = False,
+    plot: PlotOption = None,
     form: DetectFormatOption = None,
     start: FromOption = None,
     end: ToOption = None,
@@ -83,6 +85,7 @@ def detect(
     """
     from dsd_cli.cli.detect_checks import Judgement
     from dsd_cli.cli.detect_job import Destination, Job
+    from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.errors import UsageError
     from dsd_cli.files.config import load_config
@@ -97,15 +100,22 @@ def detect(
 
         methods = parse_methods(method)
         if len(methods) > 1:
-            if output is not None or follow or expect:
-                raise UsageError("several methods are only compared", "leave out -o, --follow and --expect")
+            if output is not None or follow or expect or plot is not None:
+                raise UsageError("several methods are only compared", "leave out -o, --plot, --follow and --expect")
             side_by_side(log, settings, methods, form.value)
             return
         settings = settings.override([f'detector.method="{methods[0]}"'])
     to = Destination(form.value, output, quiet, inputs=(log, config, *settings.files, *(effects_from or ())))
     to.check()
-    result = Job(log, settings, follow, to).run(judgement)
+    check_plot(plot, (*to.inputs, *(() if output in (None, "-") else (output,))))
+    job = Job(log, settings, follow, to, watched=plot is not None)
+    result = job.run(judgement)
     to.show(result)
+    if plot is not None and job.watched is not None:
+        from dsd_cli.report.plots_detection import draw
+
+        watched = job.watched
+        put_picture(plot, lambda: draw(result, watched.seen(), watched.plan, settings.signals.units), quiet)
     failed = [check for check in result.summary.checks if not check.holds]
     if failed:
         raise _check_failed(failed)

@@ -8,6 +8,7 @@ from collections.abc import Generator, Iterator, Mapping
 from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -36,6 +37,9 @@ from dsd_cli.report.detection import Detection, print_table, to_json
 from dsd_cli.report.terminal import json_text
 from dsd_cli.signals.cleaning import BRIDGE, Cleaner
 from dsd_cli.signals.log import Array
+
+if TYPE_CHECKING:
+    from dsd_cli.detect.watched import WatchedSession
 
 #: Forms whose lines are labels, not the summary.
 LABEL_LINES = ("csv", "jsonl")
@@ -89,10 +93,18 @@ class Destination:
 
 
 class Job:
-    """Reads `log` and labels it; live where lines come one by one."""
+    """Reads `log` and labels it; live where lines come one by one.
 
-    def __init__(self, log: str, config: Config, follow: bool, to: Destination) -> None:
-        self.log, self.config, self.follow, self.to = log, config, follow, to
+    `ahead`: a thread of its own decodes the next rows meanwhile. With `watched` the session remembers what a picture
+    shows: the attribute of that name, once it runs.
+    """
+
+    def __init__(
+        self, log: str, config: Config, follow: bool, to: Destination, ahead: bool = True, watched: bool = False
+    ) -> None:
+        self.log, self.config, self.follow, self.to, self.ahead = log, config, follow, to, ahead
+        self._watched = watched
+        self.watched: WatchedSession | None = None
         self.live = follow or log == "-"
         self._time_scale = TIME_SCALE[config.signals.time_unit]
 
@@ -110,13 +122,22 @@ class Job:
             table = self._open(interrupted)
             plan = self._plan(table)
             summarizer = judgement.summarizer(plan)
-            # a straight line through positions or speeds would be differentiated into a false d_hat
-            bridge = BRIDGE if plan.d_hat_source == "logged" else 0
-            signals = self.config.signals
-            session = Session(plan, Cleaner(signals.sample_time, self._time_scale, bridge, limits(signals)))
+            session = self._session(plan)
             with naming(table.name):
                 self._label_all(table, session, summarizer)
         return _detection(table, session, summarizer)
+
+    def _session(self, plan: Plan) -> Session:
+        # a straight line through positions or speeds would be differentiated into a false d_hat
+        bridge = BRIDGE if plan.d_hat_source == "logged" else 0
+        signals = self.config.signals
+        cleaner = Cleaner(signals.sample_time, self._time_scale, bridge, limits(signals))
+        if not self._watched:
+            return Session(plan, cleaner)
+        from dsd_cli.detect.watched import WatchedSession
+
+        self.watched = WatchedSession(plan, cleaner)
+        return self.watched
 
     def _open(self, interrupted: list[bool]) -> TableSource:
         columns = log_columns(self.config.signals)
@@ -148,7 +169,10 @@ class Job:
         has_estimates = session.plan.settings.method in ESTIMATING
         with self.to.writer(session.plan.grid, has_estimates) as write, labels as parts:
             for rows in parts:
-                summarizer.add(rows, truth.take(rows.state.size))
+                known = truth.take(rows.state.size)
+                summarizer.add(rows, known)
+                if self.watched is not None:
+                    self.watched.watch(rows, known)
                 write(rows)
             if not self.live:
                 _refuse_nothing(table, session, summarizer)
@@ -165,8 +189,8 @@ class Job:
         yield from session.finish()
 
     def _batches(self, table: TableSource) -> AbstractContextManager[Iterator[Batch]]:
-        """Live lines are labelled as they come; from a file the next rows are decoded meanwhile."""
-        return nullcontext(table.batches()) if self.live else read_ahead(table.batches())
+        """Live lines are labelled as they come; of a file, the next rows may be decoded meanwhile."""
+        return read_ahead(table.batches()) if self.ahead and not self.live else nullcontext(table.batches())
 
     def _labels_of(self, batch: Batch, table: TableSource, session: Session, truth: _Truth) -> Iterator[Rows]:
         self._check_columns(table, session.plan, batch)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dsd_cli.cli.identification import HoldoutOption, LogsArgument, PlotOption
+from dsd_cli.cli.identification import HoldoutOption, LogsArgument
 from dsd_cli.cli.options import (
     CONFIG_FILE,
     BoundsOption,
@@ -20,6 +20,7 @@ from dsd_cli.cli.options import (
     ToOption,
     with_window,
 )
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
@@ -49,7 +50,8 @@ def diagnose(
     import sys
     from dataclasses import replace
 
-    from dsd_cli.cli.identification import check_logs, check_plot, load_given, print_json, put_picture, warn
+    from dsd_cli.cli.identification import check_logs, load_given, print_json, warn
+    from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
     from dsd_cli.report.diagnosis import DiagnosisReport, print_table, to_json
@@ -71,12 +73,10 @@ def diagnose(
     else:
         print_table(report, sys.stdout)
     if plot is not None:
-        from dsd_cli.report.plots_diagnosis import draw, residual_view
+        from dsd_cli.report.plots_diagnosis import draw
+        from dsd_cli.report.views_diagnosis import residual_views
 
-        def picture() -> bytes:
-            return draw(report, residual_view(found, given.model, given.recordings))
-
-        put_picture(plot, picture, quiet)
+        put_picture(plot, lambda: draw(report, residual_views(found, given.model, given.recordings)), quiet)
 
 
 def _found(given: Given, quiet: bool) -> Diagnosis:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -27,7 +26,6 @@ HoldoutOption = Annotated[
     list[str] | None,
     typer.Option("--holdout", metavar="LOG", help="Log that no fit sees; held-out errors are of it. Repeatable."),
 ]
-PlotOption = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Picture to draw (.png).")]
 
 
 @dataclass(frozen=True)
@@ -69,28 +67,6 @@ def check_logs(logs: Sequence[str], holdout: Sequence[str], signals: Signals | N
         raise UsageError(f"{twice} is given twice", hint)
 
 
-def check_plot(plot: Path | None, inputs: Iterable[str | Path]) -> None:
-    """Whether the picture can be drawn, before anything is computed.
-
-    Raises
-    ------
-    UsageError : another suffix, one of the inputs, or no matplotlib.
-    DataError : it is a directory, or its folder is not there.
-    """
-    if plot is None:
-        return
-    import importlib.util
-
-    from dsd_cli.errors import UsageError
-    from dsd_cli.files.whole import check_target
-
-    if plot.suffix.lower() != ".png":
-        raise UsageError(f"--plot {plot}: cannot tell what to draw", "end the name in .png")
-    check_target(plot, inputs)
-    if importlib.util.find_spec("matplotlib") is None:
-        raise UsageError("--plot needs matplotlib", "pip install matplotlib")
-
-
 def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str]) -> Given:
     """Read all logs.
 
@@ -122,26 +98,6 @@ def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str]) -> G
             f"{'<stdin>' if path == '-' else path}: {warning}" for path, one in everything for warning in one.warnings
         ),
     )
-
-
-def put_picture(plot: Path, draw: Callable[[], bytes], quiet: bool) -> None:
-    """Draw, after everything else: a picture that fails costs no result. It appears whole or not at all.
-
-    Raises
-    ------
-    DataError : it cannot be drawn, or not be written.
-    """
-    from dsd_cli.errors import DataError, DsdError
-    from dsd_cli.files.whole import write_whole
-
-    try:
-        content = draw()
-    except (DsdError, MemoryError):
-        raise
-    except Exception as error:
-        raise DataError(f"{plot}: cannot be drawn ({type(error).__name__}: {error})", "the rest is done") from error
-    write_whole(plot, content)
-    say(quiet, f"{plot}: drawn")
 
 
 def say(quiet: bool, line: str) -> None:

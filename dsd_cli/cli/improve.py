@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dsd_cli.cli.identification import HoldoutOption, PlotOption
+from dsd_cli.cli.identification import HoldoutOption
 from dsd_cli.cli.options import (
     CONFIG_FILE,
     BoundsOption,
@@ -24,6 +24,7 @@ from dsd_cli.cli.options import (
     ToOption,
     with_window,
 )
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
@@ -76,8 +77,9 @@ def improve(
 
     Each step is kept only if the error on data that no fit saw falls. Without -o nothing is written.
     """
-    from dsd_cli.cli.identification import check_logs, check_plot
+    from dsd_cli.cli.identification import check_logs
     from dsd_cli.cli.improve_loop import check_outputs
+    from dsd_cli.cli.pictures import check_plot
     from dsd_cli.cli.transfer import with_priors
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
@@ -162,8 +164,9 @@ class Request:
 def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
     import sys
 
-    from dsd_cli.cli.identification import load_given, print_json, put_picture, say, warn
+    from dsd_cli.cli.identification import load_given, print_json, say, warn
     from dsd_cli.cli.improve_loop import put_config, with_steps
+    from dsd_cli.cli.pictures import put_picture
     from dsd_cli.cli.transfer import transferred
     from dsd_cli.identify.results import in_units
     from dsd_cli.report.ladder import LadderReport, improve_json, print_ladder

@@ -16,6 +16,7 @@ from dsd_cli.cli.options import (
     ToOption,
     with_window,
 )
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.files.logs import LoadedLog
@@ -34,6 +35,7 @@ def observe(
     start: FromOption = None,
     end: ToOption = None,
     override: SetOption = None,
+    plot: PlotOption = None,
     quiet: QuietOption = False,
 ) -> None:
     """Add the observed disturbance d_hat, computed from velocity (or from position alone), to LOG.
@@ -41,6 +43,7 @@ def observe(
     Writes the channels that the config names, under the tool's own names. Rows that cannot be used are left out.
     """
     from dsd_cli.cli.identification import say
+    from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.plan import log_columns, naming, observer_settings, optional_columns, reading
     from dsd_cli.files.config import load_config
     from dsd_cli.files.logs import load_log, write_log
@@ -50,6 +53,7 @@ def observe(
     observer = observer_settings(settings)
     if output != "-":
         check_output(output, (log, config, *settings.files))
+    check_plot(plot, (log, config, output, *settings.files))
     columns = log_columns(settings.signals)
     columns.pop("d_hat", None)
     with naming(log):
@@ -61,6 +65,11 @@ def observe(
         say(quiet, f"dsd: warning: {loaded.log.source}: {warning}")
     counts = "".join(f"; {reason} {count:,}" for reason, count in loaded.dropped.items() if count)
     say(quiet, f"{output}: {len(observed):,} samples, d_hat computed from {observed.d_hat_source}{counts}")
+    if plot is not None:
+        from dsd_cli.report.plots_channels import draw
+
+        units = settings.signals.units
+        put_picture(plot, lambda: draw(loaded.log.source, observed, loaded.restarts, units), quiet)
 
 
 def _check_finite(name: str, log: Log) -> None:

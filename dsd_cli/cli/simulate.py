@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dsd_cli.cli.options import CONFIG_FILE, EffectOption, EffectsFromOption, QuietOption, SetOption
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.files.config import Config
@@ -47,6 +48,7 @@ def simulate(
     noise: NoiseOption = None,
     duration: DurationOption = None,
     adapt: AdaptOption = False,
+    plot: PlotOption = None,
     quiet: QuietOption = False,
 ) -> None:
     """Run the delayed plant of the config (or of a template) in closed loop and write its log.
@@ -56,6 +58,7 @@ def simulate(
     adopted_delay, adopted_inertia.
     """
     from dsd_cli.cli.identification import say
+    from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.logs import write_log
     from dsd_cli.files.tables_out import check_output
@@ -66,8 +69,10 @@ def simulate(
     values = {"seed": seed, "noise": noise, "duration": duration}
     given = [f"simulate.{name}={value!r}" for name, value in values.items() if value is not None]
     settings = settings.override([*(override or ()), *given], effect or ())
+    inputs = (*(() if config is None else (config,)), *settings.files, *(effects_from or ()))
     if output != "-":
-        check_output(output, (*(() if config is None else (config,)), *settings.files, *(effects_from or ())))
+        check_output(output, inputs)
+    check_plot(plot, (*inputs, output))
     plant = simulation_settings(settings)
     feedback = None
     if adapt:
@@ -82,6 +87,12 @@ def simulate(
         from dsd_cli.cli.adapt import adopted_line
 
         say(quiet, adopted_line(log))
+    if plot is not None:
+        from dsd_cli.report.plots_channels import draw
+
+        put_picture(
+            plot, lambda: draw(output if output != "-" else settings.name, log, (), settings.signals.units), quiet
+        )
 
 
 def _check_finite(name: str, log: Log) -> None:

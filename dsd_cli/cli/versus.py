@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dsd_cli.cli.options import Format
@@ -13,7 +14,9 @@ if TYPE_CHECKING:
     from dsd_cli.identify.compare.versus import Moved, Versus
 
 
-def compare_configs(configs: Sequence[Config], logs: Sequence[str], form: Format, quiet: bool) -> None:
+def compare_configs(
+    configs: Sequence[Config], logs: Sequence[str], form: Format, quiet: bool, plot: Path | None = None
+) -> None:
     """Print both tables; logs are read as the first config says.
 
     Raises
@@ -46,6 +49,12 @@ def compare_configs(configs: Sequence[Config], logs: Sequence[str], form: Format
         print_json(versus_json(names, list(logs), found, differences, units))
     else:
         print_versus(names, found, differences, units, sys.stdout)
+    if plot is not None and found is not None:
+        from dsd_cli.cli.pictures import put_picture
+        from dsd_cli.report.plots_versus import draw
+
+        compared = found
+        put_picture(plot, lambda: draw(compared, units), quiet)
 
 
 def _moved(first: Config, second: Config) -> tuple[Moved, ...]:

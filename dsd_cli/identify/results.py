@@ -124,6 +124,7 @@ class Diagnosis:
     depends_on : channels on which an unknown remainder depends.
     noise : rms of r that no smooth function of anything explains, unit of u.
     found : the whole set of effects that the search found; the verdict is the one of them that is worth most alone.
+    whole_model : with all of them; None where nothing was found.
     correlations : of the estimates. stability : the verdict with half of the data, and with half and twice the band.
     band_hz, floor : end of the band in which forces were balanced, Hz; rms of r that the sensor alone leaves in it.
     """
@@ -153,6 +154,7 @@ class Diagnosis:
     units: Units = field(default_factory=Units)
     refitted_values: Estimates = field(default_factory=dict)
     refitted_correlations: Correlations = ()
+    whole_model: PlantModel | None = None
 
 
 @dataclass(frozen=True)

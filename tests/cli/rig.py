@@ -51,7 +51,7 @@ def dsd(*arguments: object, cwd: Path, **keywords: object) -> subprocess.Complet
         text=not isinstance(stdin, bytes),
         check=False,
         cwd=cwd,
-        timeout=60,
+        timeout=240,  # a hanging command ends; a busy machine may take its time
         env={**os.environ, "NO_COLOR": "1", "COLUMNS": "120", **keywords},
     )
 

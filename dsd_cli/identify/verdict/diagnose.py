@@ -107,8 +107,7 @@ class _Verdict:
         seen: Seen | None,
     ) -> None:
         self.search, self.problem, self.seen = search, search.problem, seen
-        self.options, self.whole = options, whole
-        self.members, self.own, self.beyond = members, own, beyond
+        self.options, self.whole, self.members, self.own, self.beyond = options, whole, members, own, beyond
         self._named_for: dict[str, str] = {}
         self.alone = {o.effect: o for o in (*options, *self._events())}
         self.named, self.sure = self.verdict()
@@ -143,7 +142,8 @@ class _Verdict:
             self._named_for[named] = best
             tied = (best, *self.members[best].rivals)
             shared = sum(belief.get(name, 0.0) for name in tied) / len(tied)
-            return named, min(known * max(belief.get(named, 0.0), shared), self._surest())
+            surest = min(self._surest(), self.members[best].surest)
+            return named, min(known * max(belief.get(named, 0.0), shared), surest)
         known = self._share_of_possible(self.own.score.heldout_rmse, self.own.refitted.heldout_rmse)
         left_over = above_floor(search, search.refit)
         if self.own.wrong and known >= SHARE_OF_CEILING and not left_over:
@@ -210,8 +210,7 @@ class _Verdict:
     def diagnosis(self) -> Diagnosis:
         """The whole answer."""
         problem = self.problem
-        verdict, probability = self.named, self.sure
-        score, refitted = self.own.score, self.own.refitted
+        verdict, probability, score, refitted = self.named, self.sure, self.own.score, self.own.refitted
         ranking = self._ranking(score, refitted)
         named = next((c for c in ranking if c.effect == verdict), None)
         fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
@@ -233,6 +232,7 @@ class _Verdict:
             refitted_correlations=refit.correlations,
             model=problem.scale.model(fit),
             refitted_model=problem.scale.model(self.search.refit),
+            whole_model=problem.scale.model(self.whole) if self.members else None,
             noise=self.beyond.noise,
             found=tuple(t.id for t in self.search.added(self.whole.terms)),
             band_hz=self.search.equations.band.hz,
