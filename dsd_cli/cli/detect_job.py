@@ -29,7 +29,7 @@ from dsd_cli.cli.progress import Progress
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import active_backend
 from dsd_cli.detect.plan import Plan
-from dsd_cli.detect.profile.changes import false_alarms_per_hour
+from dsd_cli.detect.profile.alarms import false_alarms_per_hour
 from dsd_cli.detect.rows import Rows
 from dsd_cli.detect.session import Session
 from dsd_cli.detect.settings import ESTIMATING, OFFLINE
@@ -281,7 +281,9 @@ def _changes(session: Session) -> Changes | None:
     settings, sample_time = session.plan.settings, session.cleaner.sample_time
     if settings.method != "profile" or settings.change <= 0.0 or sample_time is None:
         return None
-    expected = false_alarms_per_hour(settings.change, settings.window, sample_time)
+    free = sum(len(set(values.tolist())) > 1 for values in session.plan.grid.axes.values())
+    tau = session.plan.observer.time_constant
+    expected = false_alarms_per_hour(settings.change, settings.window, sample_time, tau, free)
     return Changes(tuple(session.changes), settings.change, expected, tuple(session.plan.grid.combinations))
 
 

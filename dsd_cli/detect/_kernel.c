@@ -490,7 +490,15 @@ typedef struct {
     double *matrix, *ll, *probability;
     int32_t *state;
     uint8_t *confident;
+    double *model;          /* y, and z per group, of every sample; y is NaN where nothing was judged */
 } Arrays;
+
+/* what was predicted of the sample that `advance` just took */
+INLINE void put_model(const Core *q, const Arrays *x, Py_ssize_t i) {
+    double *row = x->model + i * (q->groups + 1);
+    row[0] = q->warm && isfinite(x->u[i]) ? q->w + q->sign * x->d[i] : NAN;
+    memcpy(row + 1, q->z, sizeof(double) * q->groups);
+}
 
 INLINE void put(const Arrays *x, Py_ssize_t i, const Result *one) {
     x->state[i] = one->state;
@@ -569,7 +577,7 @@ INLINE void decide_tile(Core *q, v4 best, const Py_ssize_t nh, Py_ssize_t at, co
 
 /* LANES samples from `at` on, none of them missing */
 INLINE int advance_tile(Core *q, Py_ssize_t at, const Arrays *x, const Py_ssize_t nh, const int wide) {
-    v4 w, best;
+    v4 w, y, best;
     Py_ssize_t g;
     int i;
     if (!q->timed && !x->force && q->aperture == 1 && q->combos == 1) {
@@ -584,7 +592,13 @@ INLINE int advance_tile(Core *q, Py_ssize_t at, const Arrays *x, const Py_ssize_
             w[i] = q->w;
         }
     }
-    best = window_tile(q, w + splat(q->sign) * (v4){x->d[at], x->d[at + 1], x->d[at + 2], x->d[at + 3]}, nh, wide);
+    y = w + splat(q->sign) * (v4){x->d[at], x->d[at + 1], x->d[at + 2], x->d[at + 3]};
+    for (i = 0; x->model && i < LANES; i++) {
+        double *row = x->model + (at + i) * (q->groups + 1);
+        row[0] = y[i];
+        for (g = 0; g < q->groups; g++) row[1 + g] = q->z4[g * LANES + i];
+    }
+    best = window_tile(q, y, nh, wide);
     if (q->transition == UNIFORM) decide_tile(q, best, nh, at, x, wide);
     else decide_each(q, best, nh, at, x);
     return 0;
@@ -613,6 +627,7 @@ INLINE int run_rows(Core *q, Py_ssize_t n, const Arrays *x, const Py_ssize_t nh,
                     x->matrix ? x->matrix + i * q->states : NULL, &out))
             return -1;
         put(x, i, &out);
+        if (x->model) put_model(q, x, i);
         i++;
     }
     return 0;
@@ -820,15 +835,16 @@ static PyObject *kernel_step(PyObject *object, PyObject *const *args, Py_ssize_t
     return answer(&out);
 }
 
-/* run(u, d, t, force, budget, sign, matrix, state, ll, probability, confident): buffers or None, all C-contiguous */
+/* run(u, d, t, force, budget, sign, matrix, state, ll, probability, confident, model): buffers or None, all C-contiguous */
 static PyObject *kernel_run(PyObject *object, PyObject *const *args, Py_ssize_t n) {
-    enum { U, D, T, FORCE, BUDGET, SGN, MATRIX_OUT, STATE, LL, PROBABILITY, CONFIDENT, ALL };
+    enum { U, D, T, FORCE, BUDGET, SGN, MATRIX_OUT, STATE, LL, PROBABILITY, CONFIDENT, MODEL,
+           ALL };
     Core *q = &((Kernel *)object)->core;
     Py_buffer view[ALL];
     Py_ssize_t i, rows = 0, opened = 0;
     int bad = 0;
     if (n != ALL) {
-        PyErr_SetString(PyExc_TypeError, "kernel.run takes 11 arguments");
+        PyErr_SetString(PyExc_TypeError, "kernel.run takes 12 arguments");
         return NULL;
     }
     for (; opened < ALL; opened++) {
@@ -842,9 +858,9 @@ static PyObject *kernel_run(PyObject *object, PyObject *const *args, Py_ssize_t 
     {
         const Py_ssize_t want[ALL] = {8 * rows, 8 * rows, q->timed ? 8 * rows : 0, 8 * rows * q->combos,
                                       8 * rows * q->combos, 8 * rows, 8 * rows * q->states, 4 * rows, 8 * rows,
-                                      8 * rows, rows};
+                                      8 * rows, rows, 8 * rows * (q->groups + 1)};
         for (i = 0; i < ALL; i++)
-            if (view[i].buf ? view[i].len != want[i] : (i == U || i == D || i >= STATE || (i == T && q->timed))) {
+            if (view[i].buf ? view[i].len != want[i] : (i == U || i == D || (i >= STATE && i < MODEL) || (i == T && q->timed))) {
                 PyErr_Format(PyExc_ValueError, "kernel.run: argument %zd has the wrong length", i);
                 goto done;
             }
@@ -853,7 +869,7 @@ static PyObject *kernel_run(PyObject *object, PyObject *const *args, Py_ssize_t 
     {
         const Arrays x = {view[T].buf, view[U].buf, view[D].buf, view[FORCE].buf, view[BUDGET].buf, view[SGN].buf,
                           view[MATRIX_OUT].buf, view[LL].buf, view[PROBABILITY].buf, view[STATE].buf,
-                          view[CONFIDENT].buf};
+                          view[CONFIDENT].buf, view[MODEL].buf};
         bad = run_block(q, rows, &x);
     }
     Py_END_ALLOW_THREADS

@@ -124,6 +124,8 @@ class Inputs(NamedTuple):
     """What the engine takes, each array of shape (n,).
 
     resting : where the axis rests without a reason that the model knows, yet has a vote; None: nowhere.
+    motion : mean speed and its sign in the interval that ends at each sample, shape (n, 2), where the model has effects
+        that need the motion.
     """
 
     u: Array
@@ -131,6 +133,7 @@ class Inputs(NamedTuple):
     t: Array
     forces: Forces | None
     resting: NDArray[np.bool_] | None = None
+    motion: Array | None = None
 
 
 def labels_arrays(labels: Labels) -> tuple[NDArray[Any], ...]:
@@ -146,7 +149,9 @@ def joined(inputs: list[Inputs]) -> Inputs:
         forces = Forces(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     u, d_hat, t = (np.concatenate([part[i] for part in inputs]) for i in range(3))
     rests = [part.resting for part in inputs if part.resting is not None]
-    return Inputs(u, d_hat, t, forces, np.concatenate(rests) if rests else None)
+    motions = [part.motion for part in inputs if part.motion is not None]
+    resting = np.concatenate(rests) if rests else None
+    return Inputs(u, d_hat, t, forces, resting, np.concatenate(motions) if motions else None)
 
 
 def cut(labels: Labels, begin: int, end: int) -> Labels:

@@ -90,3 +90,13 @@ def test_a_log_whose_truth_never_changes(tmp_path):
     config = samples / "servo-friction.toml"
     ran = done("detect", samples / "servo-friction.csv", "-c", config, "--method", "dsd,viterbi", cwd=tmp_path)
     assert "viterbi" in ran.stdout
+
+
+def test_a_log_whose_true_state_never_changes_has_no_changes_to_follow(tmp_path):
+    done("init", "--template", "damping", cwd=tmp_path)
+    done("simulate", "-o", "log.csv", cwd=tmp_path)
+    table = json.loads(done("detect", "log.csv", "--method", SOME, "--format", "json", cwd=tmp_path).stdout)
+    for one in table["methods"]:
+        assert (one["changes"], one["followed"], one["detection_delay"]) == (0, 0, None)
+        assert one["share_correct"] > 0.9
+    assert "viterbi" in done("detect", "log.csv", "--method", SOME, cwd=tmp_path).stdout
