@@ -28,7 +28,8 @@ from dsd_cli.errors import DataError, UsageError, printable
 from dsd_cli.files.background import read_ahead
 from dsd_cli.files.config import Config
 from dsd_cli.files.scaled import scaled
-from dsd_cli.files.tables_in import Batch, TableSource, dropped_with_unreadable, is_stream, open_table, read_head
+from dsd_cli.files.table_source import Batch, TableSource, read_head
+from dsd_cli.files.tables_in import dropped_with_unreadable, is_stream, open_table
 from dsd_cli.files.tables_out import check_output
 from dsd_cli.files.windowed import windowed
 from dsd_cli.report.changes import Changes

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.detect.kernel import FULL, WARMUP
 from dsd_cli.detect.profile.cells import Estimates, held
 from dsd_cli.detect.recursions import Averaged, Decisions
 from dsd_cli.detect.settings import DetectorSettings
+from dsd_cli.detect.spec import FULL, WARMUP
 from dsd_cli.signals.log import Array
 
 #: Share of the weights that two neighbouring candidates must have together: the values between others mean nothing.

@@ -11,7 +11,8 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.scaled import FACTORS, factors_text, scaled
-from dsd_cli.files.tables_in import TableSource, dropped_with_unreadable, open_table
+from dsd_cli.files.table_source import TableSource
+from dsd_cli.files.tables_in import dropped_with_unreadable, open_table
 from dsd_cli.files.tables_out import open_writer
 from dsd_cli.files.windowed import Window, windowed
 from dsd_cli.signals.cleaning import Cleaner, Piece

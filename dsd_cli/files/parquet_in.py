@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.files.tables_in import Batch, choose_columns, missing
+from dsd_cli.files.table_source import Batch, choose_columns, missing
 from dsd_cli.signals.log import Array
 
 BATCH_ROWS = 1 << 17
