@@ -9,6 +9,7 @@ import numpy as np
 
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.settings import DetectorSettings
+from dsd_cli.plant.filtering import SETTLED, delay_taps
 from dsd_cli.signals.log import Array
 
 #: No label is formed from fewer samples than this, whatever the delays.
@@ -51,8 +52,8 @@ class KernelSpec:
 
     @property
     def warmup_time(self) -> float:
-        """max L + 5 tau, s: 0.7 % of a wrong start of Q is left then."""
-        return max(self.grid.delays) + (5.0 * self.time_constant if self.settings.observer_filter else 0.0)
+        """max L and the time in which Q settles, s."""
+        return max(self.grid.delays) + (SETTLED * self.time_constant if self.settings.observer_filter else 0.0)
 
     @property
     def pole(self) -> float:
@@ -63,14 +64,7 @@ class KernelSpec:
 
     def taps(self) -> list[tuple[int, float]]:
         """Per delay: whole samples and the fraction of one."""
-        out = []
-        for delay in self.grid.delays:
-            ratio = delay / self.sample_time
-            nearest = np.floor(ratio + 0.5)
-            # 0.3 / 0.001 is 299.99999999999994: a whole number of samples is meant
-            exact = nearest if abs(ratio - nearest) < 1e-9 * (1.0 + nearest) else ratio
-            out.append((int(np.floor(exact)), float(exact - np.floor(exact))))
-        return out
+        return [delay_taps(delay, self.sample_time) for delay in self.grid.delays]
 
     @property
     def log_likelihood_constant(self) -> float:

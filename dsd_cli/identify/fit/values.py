@@ -16,6 +16,7 @@ from dsd_cli.identify.fit.known import Known
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.grades import grade
 from dsd_cli.identify.results import DELAY, INERTIA, Correlations, Estimate
+from dsd_cli.plant.filtering import delay_taps
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
@@ -65,9 +66,8 @@ def _model(scale: Scale, terms: Terms, widths: tuple[int, ...], tap: int, theta:
 
 def coefficients_of(model: PlantModel, terms: Terms, tap_time: float) -> tuple[int, Array]:
     """(tap, coefficients) of a model with these terms, in the order of `Bank.design`: the inverse of `Scale.model`."""
-    steps = model.delay / tap_time
-    tap = int(steps + 1e-9)
-    found = [model.motor_inertia, steps - tap]
+    tap, share = delay_taps(model.delay, tap_time)
+    found = [model.motor_inertia, share]
     for term in terms:
         if term.effect.role is Role.INPUT:
             continue

@@ -17,6 +17,7 @@ from dsd_cli.identify.recordings.reconstruction import drift
 from dsd_cli.identify.recordings.regular import regularised
 from dsd_cli.identify.recordings.sensor import Sensor, net_force, with_acceleration
 from dsd_cli.identify.recordings.smoothing import AGREE, Smoothed, noise_of, smooth
+from dsd_cli.plant.filtering import SETTLED
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import Frame
@@ -284,5 +285,5 @@ def _sides(piece: Log, observer: ObserverSettings) -> tuple[Array, Array, Array]
     observed = observe_log(bare, observer)
     frame = Frame(observed)
     drive = frame.seen(frame.mean_u(piece["u"], 0.0), observer)
-    first = min(int(5.0 * observer.time_constant / piece.sample_time) + 3, len(piece) // 2)
+    first = min(int(SETTLED * observer.time_constant / piece.sample_time) + 3, len(piece) // 2)
     return piece["d_hat"][first:], (observed["d_hat"] + drive)[first:], drive[first:]
