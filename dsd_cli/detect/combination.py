@@ -37,7 +37,6 @@ class Combined(Averaged):
         self._floor, self._confidence = floor, settings.confidence
         self._values = [_Axis(column) for column in values]
         self._last = np.full(4, np.nan)
-        self._scores = np.empty((0, states))
 
     def feed(self, log_likelihoods: Array, status: NDArray[Any]) -> Decisions:
         """Decide and combine for every row."""

@@ -57,4 +57,7 @@ EFFECT = Effect(
     split=_split,
     join=_join,
     memory=True,
+    told_apart={
+        "flexible_coupling": "move with small and large amplitudes: only play depends on the amplitude",
+    },
 )

@@ -126,18 +126,6 @@ def _joined(pieces: Sequence[Piece]) -> tuple[dict[str, Array], tuple[int, ...]]
     return channels, tuple(restarts)
 
 
-def read_log(
-    path: str | Path,
-    signals: Mapping[str, str],
-    optional: Collection[str] = (),
-    *,
-    sample_time: float | None = None,
-    time_scale: float = 1.0,
-) -> Log:
-    """`load_log`, where what was done to the rows is of no interest."""
-    return load_log(path, signals, optional, sample_time=sample_time, time_scale=time_scale).log
-
-
 def write_log(path: str | Path, log: Log, inputs: Collection[str | Path] = ()) -> None:
     """Write a log with its metadata; `.csv`, `.parquet`, or "-" for CSV on stdout. See `open_writer` for errors."""
     names = sorted(log.channels, key=_order)

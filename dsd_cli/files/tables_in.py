@@ -22,7 +22,6 @@ def open_table(
     columns: Mapping[str, str],
     optional: Collection[str] = (),
     *,
-    follow: bool = False,
     u_hold: Hold = "held",
 ) -> TableSource:
     """Open a log.
@@ -32,7 +31,6 @@ def open_table(
     path : a CSV or Parquet file, or one of another tool (`formats`), told apart by content; "-" for stdin.
     columns : canonical name -> name of the column in the file.
     optional : canonical names that may be missing.
-    follow : keep reading what is appended to the CSV file; ends only when the caller stops.
     u_hold : how u lives between its samples, which matters where it is joined with channels of another rate.
 
     Raises
@@ -57,8 +55,6 @@ def open_table(
             return ParquetTable(str(path), columns, optional, content=head + stream.read())
         return LineStream(stream, columns, optional, head=head, name=str(path))
     head = b"" if is_bag(path) else read_head(path, HEAD_BYTES)
-    if follow:
-        return LineStream(Path(path), columns, optional)
     if head.startswith(PARQUET_MAGIC):
         return ParquetTable(str(path), columns, optional)
     other = format_of(path, head)

@@ -93,7 +93,7 @@ def add_effect(
 
 def _with_effect(search: Search, effect_id: str) -> Fit:
     name = search.problem.recordings[0].name
-    if effect_id == "external_force":
+    if get_effect(effect_id).listed:
         found = with_pulses(search, search.refit)
         if found is None:
             raise DataError(f"{name}: no pulse stands out of the residual", "nothing was added")

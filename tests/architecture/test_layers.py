@@ -95,6 +95,21 @@ def test_a_circle_is_found_however_it_is_imported(back: str) -> None:
     assert set(_circle({**chain, "pkg.c": back})) == {"pkg.a", "pkg.b", "pkg.c"}
 
 
+#: Files that name an effect all the same, and why.
+NAMING = {
+    "detect/damping/derivative.py": "eq. 6 is about the viscous coefficient: candidates of it are the states",
+}
+
+
+@pytest.mark.parametrize("path", [p for p in FILES if _layer(p) != "effects"], ids=_id)
+def test_effects_are_known_by_their_interface_alone(path: Path) -> None:
+    """A search that asks for an effect by name finds ours and never that of a user."""
+    own = {p.stem for p in (PACKAGE / "effects").glob("*.py")} - {"__init__", "base", "catalogue", "memory", "user"}
+    texts = {n.value for n in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(n, ast.Constant)}
+    named = {text for text in texts if isinstance(text, str) and text.partition(".")[0] in own}
+    assert bool(named) == (str(path.relative_to(PACKAGE)) in NAMING), named
+
+
 @pytest.mark.parametrize("path", [p for p in FILES if _layer(p) in COMPUTING], ids=_id)
 def test_computing_packages_know_no_files_and_no_terminals(path: Path) -> None:
     assert not {name.split(".")[0] for name in _imports(ast.parse(path.read_text("utf-8")))} & HEAVY

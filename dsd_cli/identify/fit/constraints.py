@@ -79,7 +79,7 @@ class Rules:
         return found
 
     def _held_values(self, term: Term) -> dict[str, float] | None:
-        if term.effect.role is Role.INPUT or any(p.listed for p in term.effect.parameters):
+        if term.effect.role is Role.INPUT or term.effect.listed:
             return None
         names = {p.name: f"{term.id}.{p.name}" for p in term.effect.parameters}
         free = [p for p, n in names.items() if n not in self.known.fixed]

@@ -140,7 +140,7 @@ def freeform_fits(bank: Bank, blocks: Blocks, fit: Fit, inertia: float) -> Freef
     target, base, at = inertia * acceleration, [drive, later], FIXED
     for term, width in zip(fit.terms, fit.widths, strict=True):
         own = columns[at - FIXED : at - FIXED + width]
-        if "edges" in term.shape:  # an event that a fold did not see has no coefficient of its own there
+        if term.effect.listed:  # an event that a fold did not see has no coefficient of its own there
             target = target + fit.forward[1 + at : 1 + at + width] @ np.stack(own)
         else:
             base += own

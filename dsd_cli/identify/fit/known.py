@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -58,7 +58,7 @@ class Known:
         numbers = {INERTIA: model.inertia, DELAY: model.delay}
         events = {}
         for name, values in model.effects.items():
-            if any(p.listed for p in get_effect(name).parameters):
+            if get_effect(name).listed:
                 events[name] = values
             else:
                 numbers |= {f"{name}.{p}": float(v) for p, v in values.items()}
@@ -107,8 +107,3 @@ def _some_values(effect: Effect) -> dict[str, Any]:
         p.name: () if p.listed else min(max(0.5, p.lower), p.upper if math.isfinite(p.upper) else math.inf)
         for p in effect.parameters
     }
-
-
-def named_of(effect_id: str, names: Iterable[str]) -> list[str]:
-    """The parameters of that effect among names."""
-    return [name.partition(".")[2] for name in names if name.startswith(f"{effect_id}.")]

@@ -197,8 +197,7 @@ def _functions_of_motion(candidates: Sequence[str]) -> Terms:
     return tuple(
         Term.of(name, {})
         for name, e in effects
-        if e.role in (Role.APPLIED, Role.FRICTION)
-        and not (e.searched or e.memory or "u" in e.needs or any(p.listed for p in e.parameters))
+        if e.role in (Role.APPLIED, Role.FRICTION) and not (e.searched or e.memory or "u" in e.needs or e.listed)
     )
 
 

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.search.sets import Search
@@ -27,24 +28,31 @@ ROUNDS = 3
 FORGOTTEN = 0.25
 #: Rows by which the edges of the best window are moved before the next one is looked for.
 MOST_REACH = 200
-_ID = "external_force"
+
+
+def event_effect(search: Search) -> str | None:
+    """The effect that is a list of events in time, if the search may add one."""
+    return next((name for name in search.allowed if get_effect(name).listed), None)
 
 
 def with_pulses(search: Search, fit: Fit) -> Fit | None:
-    """A fit and the pulses that its residual shows, their edges to a row; None if it shows none."""
+    """A fit and the pulses that its residual shows, their edges to a row; None if it shows none, or may have none."""
+    effect = event_effect(search)
+    if effect is None:
+        return None
     for _ in range(ROUNDS):
         edges = _pulses(search, fit)
         if not edges:
             return None
-        term = Term.of(_ID, {"edges": edges})
-        terms = (*(t for t in fit.terms if t.id != _ID), term)
+        term = Term.of(effect, {"edges": edges})
+        terms = (*(t for t in fit.terms if t.id != effect), term)
         fit = search.fit(terms, fit.tap)
     return _strong_only(search, fit)
 
 
 def _strong_only(search: Search, fit: Fit) -> Fit:
     """Without the pulses that turned out weak when all were fitted together; neighbours of one level made one."""
-    term = next(t for t in fit.terms if t.id == _ID)
+    term = next(t for t in fit.terms if t.effect.listed)
     levels = fit.coefficients(term)
     merged: list[tuple[float, float, float]] = []
     for (a, b), level in zip(term.shape["edges"], levels.tolist(), strict=True):
@@ -57,7 +65,7 @@ def _strong_only(search: Search, fit: Fit) -> Fit:
     kept = tuple((a, b) for a, b, _ in merged)
     if len(kept) == len(levels):
         return fit
-    return search.fit(tuple(Term.of(_ID, {"edges": kept}) if t is term else t for t in fit.terms), fit.tap)
+    return search.fit(tuple(Term.of(term.id, {"edges": kept}) if t is term else t for t in fit.terms), fit.tap)
 
 
 def _pulses(search: Search, fit: Fit) -> tuple[tuple[float, float], ...]:
@@ -100,7 +108,7 @@ def _apart(windows: list[tuple[float, float]]) -> tuple[tuple[float, float], ...
 def _without_pulses(fit: Fit) -> Fit:
     forward = fit.forward.copy()
     for term in fit.terms:
-        if term.id == _ID:
+        if term.effect.listed:
             at = fit.columns_of(term)
             forward[1 + at.start : 1 + at.stop] = 0.0
     return replace(fit, forward=forward)
@@ -144,11 +152,12 @@ def _best_window(x: Array, lengths: Array) -> tuple[int, int, float]:
 
 def sharpened(search: Search, fit: Fit) -> Fit:
     """Every edge moved, by half samples at last, while that lowers the squares."""
-    position = next(i for i, t in enumerate(fit.terms) if t.id == _ID)
-    edges = [list(pair) for pair in fit.terms[position].shape["edges"]]
+    position = next(i for i, t in enumerate(fit.terms) if t.effect.listed)
+    event = fit.terms[position]
+    edges = [list(pair) for pair in event.shape["edges"]]
 
     def terms() -> tuple[Term, ...]:
-        moved = Term.of(_ID, {"edges": tuple((a, b) for a, b in edges)})
+        moved = Term.of(event.id, {"edges": tuple((a, b) for a, b in edges)})
         return (*fit.terms[:position], moved, *fit.terms[position + 1 :])
 
     best = search.solver.squares(terms(), fit.tap, keep=False)

@@ -165,7 +165,7 @@ class Search:
         here = {t.id for t in current.terms}
         found = []
         for effect_id in self.allowed:
-            if effect_id in here or _listed(effect_id):
+            if effect_id in here or get_effect(effect_id).listed:  # `pulses` looks for those
                 continue
             known = self.solver.known
             shapes = (known.pinned(effect_id, shape) for shape in starts(effect_id, self.ranges, lines))
@@ -249,7 +249,7 @@ class Search:
         """With the shapes of all effects searched around where they are."""
         terms, tap = fit.terms, fit.tap
         for i, term in enumerate(terms):
-            if term.items and not _listed(term.id):
+            if term.items and not term.effect.listed:
                 terms, tap = refined(self, terms, i, tap)
         if terms == fit.terms:
             return fit
@@ -274,14 +274,9 @@ class Search:
         return fit
 
 
-def _listed(effect_id: str) -> bool:
-    """Whether the effect is a list of events, which `pulses` looks for."""
-    return any(p.listed for p in get_effect(effect_id).parameters)
-
-
 def _events(fit: Fit) -> set[Term]:
     """Single events, which have a price of their own: one block may be all that sees one."""
-    return {t for t in fit.terms if "edges" in t.shape}
+    return {t for t in fit.terms if t.effect.listed}
 
 
 def _agreed(gains: np.ndarray) -> bool:

@@ -13,6 +13,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
 from dsd_cli.identify.search.long_logs import searched
+from dsd_cli.identify.search.pulses import event_effect
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.beyond import Beyond, beyond_of, pushed
@@ -69,7 +70,7 @@ def diagnose(
     report("preparing", 0.0)
     search, whole = searched(recordings, model, settings or Settings(), holdout, report)
     beyond = beyond_of(search, whole)
-    if "external_force" in search.allowed:
+    if event_effect(search) is not None:
         whole, beyond = pushed(search, whole, beyond)
     report("how sure", 0.8)
     found = [t.id for t in search.added(whole.terms)]
@@ -112,7 +113,7 @@ class _Verdict:
     def _events(self) -> list[Option]:
         """Pulses alone, where they belong to the answer: they are no candidate of the search."""
         search = self.search
-        pulses = [t for t in search.added(self.whole.terms) if "edges" in t.shape]
+        pulses = [t for t in search.added(self.whole.terms) if t.effect.listed]
         fits = [(t.id, search.fit((*search.base, t), self.whole.tap)) for t in pulses]
         return [Option(name, fit, search.evidence(fit)) for name, fit in fits]
 

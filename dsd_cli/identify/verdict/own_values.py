@@ -16,7 +16,6 @@ from dsd_cli.identify.search.sets import LEAST_GAIN, Search
 from dsd_cli.identify.search.shapes import refined
 from dsd_cli.plant.model import PlantModel
 
-LAG = "actuator_lag"
 #: A single wrong value reaches at least this share of what freeing all values reaches.
 SHARE_ALONE = 0.5
 #: Golden section steps.
@@ -48,22 +47,27 @@ def own_values(search: Search) -> Own:
         return Own(given, refitted, candidates, "", 0.0)
     best = candidates[0] if candidates else None
     reached = given.rmse**2 - best.rmse_after**2 if best is not None else 0.0
-    if best is not None and best.effect == DELAY and _lag_explains_it(search):
-        candidates = (replace(best, indistinguishable_from=(LAG,)), *candidates[1:])
+    late = _late_effects(search) if best is not None and best.effect == DELAY else ()
+    if best is not None and late:
+        candidates = (replace(best, indistinguishable_from=late), *candidates[1:])
     wrong = best.effect if best is not None and reached > SHARE_ALONE * fall else sure[0].split(".")[0]
     sure_of_it = min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), 0.99)
     candidates = tuple(replace(c, probability=sure_of_it if c.effect == wrong else 0.0) for c in candidates)
     return Own(given, refitted, candidates, wrong, sure_of_it)
 
 
-def _lag_explains_it(search: Search) -> bool:
-    """Whether a lag of the actuator explains the recordings as well as another delay does."""
-    if LAG not in search.allowed:
-        return False
+def _late_effects(search: Search) -> tuple[str, ...]:
+    """Effects that make the command late and so explain the recordings as well as another delay does."""
+    return tuple(n for n in search.allowed if get_effect(n).lateness is not None and _explains_the_delay(search, n))
+
+
+def _explains_the_delay(search: Search, effect: str) -> bool:
     believed = round(search.problem.model.delay / search.solver.bank.tap_time)
-    terms = [Term.of(LAG, shape) for shape in get_effect(LAG).starts(search.ranges)]
+    terms = [Term.of(effect, shape) for shape in get_effect(effect).starts(search.ranges)]
     taps = [min(max(believed + d, 0), search.most_tap) for d in (-1, 0, 1)]
     tried = [(search.solver.squares((*search.base, t), n, keep=False), t, n) for t in terms for n in taps]
+    if not tried:
+        return False
     least, term, tap = min(tried, key=lambda found: found[0])
     found, _ = refined(search, (*search.base, term), len(search.base), tap)
     least = min(least, *(search.solver.squares(found, n, keep=False) for n in taps))
