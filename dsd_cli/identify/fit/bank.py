@@ -174,12 +174,16 @@ class Bank:
         if self._plain is not None:
             made = [self.equations.whitened(x) for x in self._plain.columns(term, tap, keep, held)]
         else:
-            smooth = term.effect.role is not Role.FRICTION
-            raw = raw_columns(self.equations, term, tap * self.tap_time)
-            made = [self.equations.acting(x, smooth, held) for x in raw]
+            made = columns_of(self.equations, term, tap * self.tap_time, held)
         if keep:
             self._known[key] = made
         return made
+
+
+def columns_of(equations: Equations, term: Term, delay: float, held: bool) -> list[Array]:
+    """An effect on the plant as rows in the unit of u, a column per coefficient; `held`: see `Stretch.acting`."""
+    smooth = term.effect.role is not Role.FRICTION
+    return [equations.acting(x, smooth, held) for x in raw_columns(equations, term, delay)]
 
 
 def not_negative(term: Term, columns: int) -> bool:

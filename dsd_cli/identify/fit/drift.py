@@ -12,8 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsd_cli.effects import Role
-from dsd_cli.identify.fit.bank import FIXED, Bank, holds, raw_columns
+from dsd_cli.identify.fit.bank import FIXED, Bank, columns_of, holds
 from dsd_cli.identify.fit.equations import Stretch, direction
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit
@@ -81,8 +80,7 @@ def _change(plain: Bank, fit: Fit, index: int, speed: Array, noise: Array) -> Ar
     at = 1 + FIXED
     for term, width in zip(fit.terms, fit.widths, strict=True):
         if width:
-            smooth = term.effect.role is not Role.FRICTION
-            now = [other.acting(c, smooth, held) for c in raw_columns(other, term, delay)]
+            now = columns_of(other, term, delay, held)
             before = plain.columns(term, fit.tap, True, held)
             for weight, a, b in zip(fit.forward[at : at + width], now, before, strict=True):
                 total += weight * (a - b)

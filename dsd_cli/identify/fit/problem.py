@@ -97,11 +97,14 @@ class Problem:
 
     def practical(self, before: Fit, after: Fit) -> bool:
         """Whether the held-out error falls by an amount that is of use."""
-        was, now, force = self.errors.rmse(before), self.errors.rmse(after), self.errors.force
-        fall = was**2 - now**2
-        least = max(self.least_of_use(fit) for fit in (before, after))
-        seen = fall > (1.0 - (1.0 - POLICY.least_fall) ** 2) * was**2 and fall > least**2
-        return seen or fall > (POLICY.much_force * force) ** 2
+        was, now = self.errors.rmse(before), self.errors.rmse(after)
+        much = was**2 - now**2 > (POLICY.much_force * self.errors.force) ** 2
+        return much or self.falls(was, now, before, after)
+
+    def falls(self, was: float, now: float, *fits: Fit) -> bool:
+        """Whether a held-out error falls by a share of itself that is of use, and by a force that is, beside `fits`."""
+        fall, least = was**2 - now**2, max(self.least_of_use(fit) for fit in fits)
+        return fall > (1.0 - (1.0 - POLICY.least_fall) ** 2) * was**2 and fall > least**2
 
     def least_of_use(self, fit: Fit) -> float:
         """rms of the least force whose explanation is of use beside a fit, unit of u."""

@@ -1,4 +1,8 @@
-"""Smoothing without phase that removes no more than the noise of the channel explains (discrepancy principle)."""
+"""Smoothing without phase that removes no more than the noise of the channel explains (discrepancy principle).
+
+The local cubics are own code: `scipy.signal.savgol_filter` knows no irregular stamps, and its import takes 1 s of CPU,
+forty times what they cost on 20 s at 1 kHz.
+"""
 
 from __future__ import annotations
 

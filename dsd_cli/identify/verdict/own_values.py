@@ -10,7 +10,6 @@ from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.identify.fit.values import flat
-from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
 from dsd_cli.identify.search.sets import LEAST_GAIN, Search
 from dsd_cli.identify.search.shapes import refined
@@ -41,9 +40,8 @@ def own_values(search: Search) -> Own:
     free = [name for name in (INERTIA, DELAY) if not values[name].held]
     candidates = tuple(sorted((_alone(search, name, given, values[name]) for name in free), key=lambda c: c.rmse_after))
     fall = given.heldout_rmse**2 - refitted.heldout_rmse**2
-    least = max(2.0 * POLICY.least_fall * given.heldout_rmse**2, problem.least_of_use(refit) ** 2)
     sure = max(_deviations(search, values), key=lambda pair: pair[1], default=("", 0.0))
-    if fall < least or sure[1] < 4.0:
+    if not problem.falls(given.heldout_rmse, refitted.heldout_rmse, refit) or sure[1] < 4.0:
         return Own(given, refitted, candidates, "", 0.0)
     best = candidates[0] if candidates else None
     reached = given.rmse**2 - best.rmse_after**2 if best is not None else 0.0
