@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from dsd_cli.errors import DataError
@@ -12,10 +12,11 @@ LENGTHS = st.lists(st.integers(1, 400), min_size=1, max_size=4)
 
 
 def _laid(lengths, gap, shortest=0):
+    """Too short to be laid is another example: hypothesis counts those, and fails if they are too many."""
     try:
         return lay_blocks(lengths, gap, "log.csv", shortest)
     except DataError:
-        return None
+        reject()
 
 
 def _stretch_of_rows(lengths):
@@ -26,8 +27,6 @@ def _stretch_of_rows(lengths):
 @given(LENGTHS, st.integers(1, 30))
 def test_every_row_is_in_exactly_one_segment_and_its_block(lengths, gap):
     blocks = _laid(lengths, gap)
-    if blocks is None:
-        return
     seen = np.zeros(sum(lengths), dtype=int)
     block_of = np.full(sum(lengths), -1)
     assert len(blocks.starts) == 3 * blocks.count
@@ -48,8 +47,6 @@ def test_every_row_is_in_exactly_one_segment_and_its_block(lengths, gap):
 @given(LENGTHS, st.integers(1, 30))
 def test_exactly_the_rows_within_the_gap_of_what_is_held_out_are_left_out(lengths, gap):
     blocks = _laid(lengths, gap)
-    if blocks is None:
-        return
     stretches, block_of = np.array(_stretch_of_rows(lengths)), blocks.block_of_rows()
     places = np.arange(blocks.rows)
     for fold in range(blocks.folds):
@@ -68,8 +65,6 @@ def test_exactly_the_rows_within_the_gap_of_what_is_held_out_are_left_out(length
 @given(LENGTHS, st.integers(1, 30))
 def test_folds_take_turns_and_every_block_is_held_out_once(lengths, gap):
     blocks = _laid(lengths, gap)
-    if blocks is None:
-        return
     assert 2 <= blocks.folds <= FOLDS
     assert blocks.fold.tolist() == [b % min(FOLDS, blocks.count) for b in range(blocks.count)]
     sizes = np.bincount(blocks.block_of_rows())
@@ -104,8 +99,6 @@ def test_too_short_is_an_error_that_names_the_rows(lengths, gap):
 @given(LENGTHS, st.integers(1, 30))
 def test_rows_of_blocks_and_of_fits_are_counted(lengths, gap):
     blocks = _laid(lengths, gap)
-    if blocks is None:
-        return
     block_of = blocks.block_of_rows()
     assert blocks.block_rows().tolist() == [int(np.sum(block_of == b)) for b in range(blocks.count)]
     for fold, count in enumerate(blocks.fitted_rows()):

@@ -133,8 +133,14 @@ class FreeformFits:
         return basis(self.pieces, on, [min(HATS_IN_PAIR, max(math.isqrt(most), 2))] * len(on))
 
 
-def freeform_fits(bank: Bank, blocks: Blocks, fit: Fit, inertia: float) -> FreeformFits:
-    """Free-form functions beside a fit; `bank` in the unit of u, `inertia` that of the forward form."""
+def freeform_fits(bank: Bank, equations: Equations, blocks: Blocks, fit: Fit, inertia: float) -> FreeformFits:
+    """Free-form functions beside a fit.
+
+    Parameters
+    ----------
+    bank : in the unit of u. equations : the same rows with the whitening in which they are judged. inertia : that of
+        the forward form.
+    """
     rows = bank.design(fit.terms, fit.tap, keep=False).rows
     drive, acceleration, later, *columns = rows
     target, base, at = inertia * acceleration, [drive, later], FIXED
@@ -147,7 +153,7 @@ def freeform_fits(bank: Bank, blocks: Blocks, fit: Fit, inertia: float) -> Freef
         at += width
     late = delayed(bank.equations, (), fit.tap * bank.tap_time)
     pieces = [_piece(s, u) for s, u in zip(bank.equations.stretches, late, strict=True)]
-    return FreeformFits(bank.equations, blocks, fit, [target, *base], pieces)
+    return FreeformFits(equations, blocks, fit, [target, *base], pieces)
 
 
 def _piece(stretch: Stretch, u: Array) -> _Piece:

@@ -256,7 +256,7 @@ def _with_noise(problem: Problem, fit: Fit) -> Problem:
     plain, blocks, sensor = problem.errors.bank, problem.blocks, _sensor(problem.recordings)
     band = plain.equations.band
     inertia = problem.solver.inertia
-    residual = rich_residual(freeform_fits(plain, blocks, fit, inertia))
+    residual = rich_residual(freeform_fits(plain, plain.equations, blocks, fit, inertia))
     levels = fitted_noise(plain.equations.by_stretch(residual), band, sensor)
     taps = whitening(levels, band, sensor)
     equations = plain.equations.with_whitening(taps)

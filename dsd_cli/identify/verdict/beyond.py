@@ -46,8 +46,7 @@ def beyond_of(search: Search, fit: Fit) -> Beyond:
 
 def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) -> Beyond:
     errors, equations = search.problem.errors, search.equations
-    fits = freeform_fits(errors.bank, search.problem.blocks, fit, search.solver.inertia)
-    fits = replace(fits, equations=equations)  # whitened, so that gains are nats
+    fits = freeform_fits(errors.bank, equations, search.problem.blocks, fit, search.solver.inertia)
     plain = errors.rmse(fit)
     share = structured_share(equations.by_stretch(errors.residual(fit, held_out=False)), equations.band)
     noise = plain * math.sqrt(1.0 - share)
