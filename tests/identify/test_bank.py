@@ -29,9 +29,9 @@ def test_the_drive_is_the_command_so_many_samples_earlier(equations):
 
 
 def test_what_lies_between_two_steps_of_delay_is_a_mix_of_both():
-    """A sine at the end of the band, a delay of two and a half steps: the mean of both rows, to a hundredth of it."""
-    for hz in (5.0, 25.0):
-        recording = recorded(duration=4.0)
+    """A sine at the end of the band, a delay of two and a half steps: the mean of both rows, to a thousandth of it."""
+    for hz in (2.0, 25.0):
+        recording = recorded(duration=6.0)
         bank = Bank(equations_of([recording], STARTUP, band_of(hz, T)))
         (stretch,) = bank.equations.stretches
         sine = np.sin(2.0 * np.pi * hz * stretch.log["t"])
@@ -40,7 +40,7 @@ def test_what_lies_between_two_steps_of_delay_is_a_mix_of_both():
         bank = Bank(replace(bank.equations, stretches=(stretch,)))
         exact = bank.equations.acting(drive(bank.equations, (), 2.5 * bank.tap_time), smooth=False, held=False)
         mixed = 0.5 * (bank.drive((), 2) + bank.drive((), 3))
-        assert np.abs(mixed - exact).max() < 0.01 * np.abs(exact).max()
+        assert np.abs(mixed - exact).max() < 1e-3 * np.abs(exact).max()
         late = bank.drive((), 12)
         assert np.abs(late - exact).max() > 0.05 * np.abs(exact).max(), "else delays do not matter here"
 
@@ -83,7 +83,7 @@ def test_columns_follow_their_laws_interval_by_interval():
         clear = (np.abs(v) > 0.05).all(axis=1)  # where it turns an interval has both signs
         clear[:40] = clear[-40:] = False
         assert clear.sum() > 1500
-        np.testing.assert_allclose(found[clear], wanted[clear], atol=1e-3 * np.abs(wanted).max(), err_msg=name)
+        np.testing.assert_allclose(found[clear], wanted[clear], atol=1e-4 * np.abs(wanted).max(), err_msg=name)
 
 
 def test_every_column_is_made_once_and_the_delay_counts_only_where_u_is_looked_at(equations, monkeypatch):
