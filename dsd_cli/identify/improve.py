@@ -154,14 +154,14 @@ def improve(
             continue
         moves = (
             last.refitted_model.inertia > POLICY.least_inertia * model.inertia
-        )  # else the refit explains u, no motion
-        if moves and climb.lowered_by(last.refitted, LEAST_REFIT):  # what the effect itself did is the rest
+        )  # otherwise the refit explains u without any motion
+        if moves and climb.lowered_by(last.refitted, LEAST_REFIT):  # the rest of the fall is the effect's own
             climb.up(REFIT, last.refitted, last.refitted_values, last.refitted_model)
         model = climb.up(chosen, taken.score, taken.all_values, taken.model)
 
 
 class _Climb:
-    """The rungs so far."""
+    """The steps so far."""
 
     def __init__(
         self,
@@ -187,7 +187,7 @@ class _Climb:
         return score.heldout_rmse < (1.0 - share) * self.steps[-1].score.heldout_rmse
 
     def ladder(self, last: Diagnosis, stopped: str) -> Ladder:
-        """The whole of it, with what is needless taken back and every value with its error."""
+        """The whole ladder: needless effects removed again, every value with its standard error."""
         names = tuple(r.name for r in self.holdout)
         if last.verdict == NONE:
             model = self.steps[-1].model
@@ -207,7 +207,7 @@ class _Climb:
 
 
 def _without(settings: Settings | None, refused: Sequence[str]) -> Settings:
-    """Effects that did not lower the held-out error are not asked again."""
+    """The settings without effects that did not lower the held-out error."""
     settings = settings or Settings()
     wanted = settings.effects if settings.effects is not None else tuple(catalogue())
     return replace(settings, effects=tuple(name for name in wanted if name not in refused))

@@ -70,7 +70,7 @@ class Where:
 
 
 def where(evaluation: Evaluation) -> Where:
-    """The error of the rows that count, divided in five ways."""
+    """The error of the rows that count, by regime, time, speed, position and frequency."""
     errors = evaluation.errors
     return Where(
         regimes=_regimes(evaluation, errors),

@@ -1,4 +1,4 @@
-"""Whether recordings can be asked at all, and which effects they can be asked for."""
+"""Whether recordings can be fitted at all, and which effects can be tested on them."""
 
 from __future__ import annotations
 

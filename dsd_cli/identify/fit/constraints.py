@@ -1,4 +1,4 @@
-"""What is known of values as linear rules on the coefficients of a fit, in the homogeneous form of the balance.
+"""Priors and held values as linear constraints on the coefficients of a fit, in the homogeneous form of the balance.
 
 A residual is w . rows with w = w_0 (1, -theta), so that A theta = b reads b w_0 + A w = 0 in the inverse form and in
 the forward one alike. A prior value +- s is one more equation (sigma/s)(b - A theta), sigma the noise of a row.

@@ -1,4 +1,4 @@
-"""How the coefficients and shapes of a fit scatter: a sandwich over the blocks, under what is known of the values."""
+"""Covariance of the coefficients and shapes of a fit: a sandwich over the blocks, under priors and held values."""
 
 from __future__ import annotations
 

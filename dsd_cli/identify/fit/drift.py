@@ -1,4 +1,4 @@
-"""How far a reconstructed motion has drifted: seen by forces that depend on where the axis is and how fast it goes.
+"""Drift of a reconstructed motion, estimated from forces that depend on position and speed.
 
 Where only u and d_hat are logged, white noise on d_hat makes a random walk of the integrated speed. Gravity, springs
 and cogging come back at the same place, so a set of effects tells where the axis truly was. The drift of the speed is
@@ -28,7 +28,7 @@ LEVEL = 1e-4
 
 
 def without_drift(problem: Problem, fit: Fit) -> tuple[Recording, ...]:
-    """The recordings with their reconstructed motion where this fit says that it was."""
+    """The recordings with the drift of their reconstructed motion, as this fit estimates it, removed."""
     drifts = {id(s.log): _drift(problem, fit, i) for i, s in enumerate(problem.equations.stretches)}
     moved = []
     for recording in problem.recordings:

@@ -1,8 +1,8 @@
 """What the best free-form function of the channels could reach: how much of the residual is law, and how much noise.
 
 Hats over each channel, and over pairs of them, are fitted together with the model's effects, in the same equations.
-They name no physics; they say how much there is to be found, and on what it depends. The acceleration stands on the
-left: beside a function of u, u would explain itself.
+They name no physics; they give an upper bound on what can be explained, and by which channel. The acceleration is
+the regressand: beside a function of u, u would explain itself.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from dsd_cli.identify.fit.gram import Grams, grams, solve, total_gram
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.signals.log import Array
 
-#: Groups of channels whose functions are tried, the simple ones first. The acceleration is none of them: measured, it
-#: holds what is to be explained.
+#: Groups of channels whose functions are tried, the simple ones first. The acceleration is excluded: as measured, it
+#: contains the unknown force.
 SINGLES = (("velocity",), ("position",), ("u",), ("time",))
 PAIRS = (
     ("velocity", "position"),
@@ -175,14 +175,14 @@ def _varies(piece: _Piece, name: str) -> bool:
 
 
 def rich_residual(fits: FreeformFits) -> Array:
-    """What remains beside functions of every single channel at once; rows in the unit of u."""
+    """Residual of a fit with functions of every single channel at once; rows in the unit of u."""
     columns = list(fits.base[1:])
     for on in fits.groups():
         if len(on) == 1:
             columns += fits.columns(on)[0]
     rows = [fits.base[0], *columns]
     theta = solve(total_gram(rows)[None], SIZE)[0]
-    used = min(len(columns) / max(len(rows[0]), 1), MOST_USED)  # a fit leaves less noise than there is
+    used = min(len(columns) / max(len(rows[0]), 1), MOST_USED)  # degrees of freedom: a fit leaves less than the noise
     return np.asarray((rows[0] - theta @ np.stack(columns)) / math.sqrt(1.0 - used))
 
 

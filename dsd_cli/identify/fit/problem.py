@@ -1,4 +1,4 @@
-"""A question made ready: the balance of forces, held-out blocks, the noise, and what may be added."""
+"""The estimation problem: force balance, held-out blocks, noise model, candidate effects."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class Problem:
 
     @property
     def beside(self) -> Terms:
-        """What the delay is found beside: the base, and whatever else may act as a function of the motion."""
+        """Effects fitted while the delay is searched: the base, and candidates that are functions of the motion."""
         return (*self.base, *_functions_of_motion(self.candidates))
 
     @property
@@ -115,20 +115,20 @@ class Problem:
         return self.errors.of_fit(fit, self.scale)
 
     def values(self, fit: Fit) -> Fitted:
-        """Values of a fit with standard errors; what is left beyond noise counts as correlated over many rows."""
+        """Values of a fit with standard errors; the residual above the noise counts as correlated over many rows."""
         beyond = max(fit.squares / self.blocks.rows - self.noise.variance, 0.0)
         floor = self.noise.variance * self.noise.inflation + beyond * POLICY.correlated_rows
         return fitted_values(fit, self.solver, self.scale, floor)
 
     def measured_again(self, fit: Fit) -> Problem:
-        """The same question with the noise as it is beside this fit: what was missing before is no noise."""
+        """The same problem with the noise estimated from the residual of this fit: missing effects are no noise."""
         return _with_noise(self, fit)
 
 
 def pose(
     recordings: Sequence[Recording], model: PlantModel, settings: Settings, holdout: Sequence[Recording] = ()
 ) -> Problem:
-    """The question which of the candidates the model lacks.
+    """The problem which of the candidates the model lacks.
 
     Raises
     ------
@@ -165,9 +165,9 @@ def pose(
 
 
 def asked_of_all(problem: Problem, recordings: Sequence[Recording], holdout: Sequence[Recording], fit: Fit) -> Problem:
-    """The question that was asked of excerpts, asked of all rows of the recordings.
+    """The problem that was posed on excerpts, posed on all rows of the recordings.
 
-    fit : of the excerpts. The noise has the colour that it has there; it is louder if the fit leaves more in all rows.
+    fit : of the excerpts. The noise keeps its spectrum there; its variance grows if the fit leaves more in all rows.
     """
     few = problem.equations
     equations = equations_of(recordings, few.startup, few.band)
@@ -177,8 +177,8 @@ def asked_of_all(problem: Problem, recordings: Sequence[Recording], holdout: Seq
     known = problem.solver.known
     solver = Solver(white, blocks, problem.solver.inertia, known)
     left = solver.squares(fit.terms, fit.tap) / blocks.rows
-    louder = max(left / max(fit.squares / problem.blocks.rows, 1e-300), 1.0)
-    noise = replace(problem.noise, variance=louder * problem.noise.variance)
+    ratio = max(left / max(fit.squares / problem.blocks.rows, 1e-300), 1.0)
+    noise = replace(problem.noise, variance=ratio * problem.noise.variance)
     solver = Solver(white, blocks, problem.solver.inertia, known, noise.variance * noise.inflation)
     errors = Errors(plain, blocks, _aside(holdout, equations))
     return replace(problem, recordings=tuple(recordings), solver=solver, errors=errors, noise=noise)
@@ -268,7 +268,7 @@ def _with_noise(problem: Problem, fit: Fit) -> Problem:
 
 
 def _sensor(recordings: Sequence[Recording]) -> SensorNoise:
-    """The noise of the loudest sensor."""
+    """The noise of the noisiest sensor."""
     return max((r.sensor.noise for r in recordings), key=lambda noise: noise.scale)
 
 

@@ -22,16 +22,16 @@ from dsd_cli.signals.log import Array
 
 #: How near a bound counts as on it (share of the value).
 ON_BOUND = 1e-6
-#: An error that is this many times the value is none: the log does not tell the value.
+#: Standard error over the value above which the value is not identified.
 NOT_TOLD = 1e3
-#: Correlation with the inertia from which on, and relative error above which, a value is known as a ratio only.
+#: Correlation with the inertia, and relative error, above which only the ratio to the inertia is identified.
 TIED, LEAST_ERROR = 0.97, 0.02
-#: Correlation from which on two values are told hardly apart.
+#: Correlation above which two values are reported as nearly not separable.
 CORRELATED = 0.9
-#: A log that has less than this share in a value says nothing against its prior.
+#: Share of the log in a value below which it is no evidence against its prior.
 LEAST_SHARE = 1e-3
 
-#: What stands for an inertia that the fit leaves none of: a config can hold it.
+#: Least inertia that is reported, so that a config can hold it.
 LEAST_INERTIA = 1e-99
 
 
@@ -106,8 +106,8 @@ class Fitted:
 
     Attributes
     ----------
-    tied : those of which the log tells only the ratio to the inertia.
-    correlations : (value, value, correlation) of pairs that the log hardly tells apart, the strongest first.
+    tied : those of which only the ratio to the inertia is identified.
+    correlations : (value, value, correlation) of nearly inseparable pairs, the strongest first.
     """
 
     estimates: dict[str, Estimate]
@@ -177,7 +177,7 @@ def _estimate(
         return Estimate(value, 0.0, unit, held=True, told="held")
     size = 1.0 if unit == "rad" else abs(value)
     told = grade(size, error, sample_time if name == DELAY else math.nan)
-    judged = not at_bound or (name == DELAY and value == 0.0)  # nothing is earlier: no bound that anybody set
+    judged = not at_bound or (name == DELAY and value == 0.0)  # no delay is less than 0: not a bound of the user
     return Estimate(value, _told(value, error), unit, at_bound, told=told if judged else "not")
 
 
@@ -211,14 +211,14 @@ def _whole_events(fit: Fit, known: Known, size: int) -> list[Array]:
 
 
 def _told(value: float, error: float) -> float:
-    """The error; NaN where the log does not tell the value at all."""
+    """The standard error; NaN where the value is not identified."""
     return error if value == 0.0 or error < NOT_TOLD * abs(value) else math.nan
 
 
 def _steps(covariance: Array, linear: int, theta: Array | None) -> Array:
-    """A small part of each standard error; of the logarithm of a shape that the log does not tell, a small step.
+    """Steps of the numerical derivatives: a part of each standard error, bounded for shapes that are not identified.
 
-    With `theta` a small part of the coefficients at most: what a log does not tell may be held.
+    With `theta` a small part of the coefficients at most: a value that is not identified may be held.
     """
     steps = np.maximum(0.05 * np.sqrt(np.maximum(np.diag(covariance), 0.0)), 1e-9)
     steps[linear:] = np.minimum(steps[linear:], 0.05)
@@ -247,6 +247,6 @@ def _units(terms: Terms) -> dict[str, tuple[str, float, float]]:
 
 
 def _on_bound(value: float, lower: float, upper: float) -> bool:
-    """Whether a value stands on a bound (a delay of 0 is none: nothing is earlier)."""
+    """Whether a value is at a bound (a delay of 0 is none: it cannot be less)."""
     span = max(abs(value), 1e-12)
     return any(math.isfinite(b) and abs(value - b) <= ON_BOUND * span for b in (lower, upper))

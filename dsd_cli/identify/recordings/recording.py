@@ -25,13 +25,13 @@ from dsd_cli.signals.log import Array, Log, with_channels
 
 #: Speeds within this many standard deviations of the speed's noise may be rest.
 REST_DEVIATIONS = 3.0
-#: A plant that sticks creeps: up to this share of its rms speed it is at rest.
+#: Presliding creep: up to this share of the rms speed the axis is at rest.
 CREEP = 1e-3
 #: The measured acceleration is clear if its noise, as a force, is below this share of the rms of u.
 CLEAR = 0.12
-#: The slope of the position stands in for a logged speed if its noise is below this share of the speed's.
+#: The slope of the position replaces a logged speed if its noise is below this share of the speed's.
 QUIETER = 0.5
-#: Standard errors by which signs must be clear before they are believed, where so many rows count as one.
+#: Standard errors from which a sign counts as significant; integrated autocorrelation time taken for them, rows.
 CLEAR_SIGNS, CORRELATED = 8.0, 50.0
 #: A reconstructed position whose drift is expected to exceed this share of its range is none; less is found beside the
 #: effects (`fit.drift`).

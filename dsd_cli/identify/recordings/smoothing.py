@@ -17,8 +17,8 @@ from dsd_cli.signals.log import Array
 
 #: Half widths that are tried, samples; 0 leaves the channel as it is.
 HALF_WIDTHS = (0, 2, 3, 4, 6, 8, 11, 15, 20, 28)
-#: What a smoothing takes out may grow by this factor over narrower ones before it takes out signal; the noise may be
-#: estimated too low by the other, for it is not always white.
+#: Growth of what is removed over that of narrower windows from which signal is being removed; and the factor by which
+#: the noise may be underestimated, for it is not always white.
 ALLOWED, MISJUDGED = 1.1, 1.4
 #: Steps of the stamps that differ by less than this share are a regular clock, rounded when printed.
 _REGULAR = 0.02
@@ -130,7 +130,7 @@ def encoder_step(x: Array) -> float:
 
 
 def _moving(x: Array) -> Array:
-    """Rows where the channel changes: an encoder at rest says nothing about its noise."""
+    """Rows where the channel changes: an encoder at rest shows no quantisation noise."""
     moving = np.ones(len(x), dtype=bool)
     moving[1:] = np.diff(x) != 0.0
     return moving if moving.sum() > 10 else np.ones(len(x), dtype=bool)

@@ -1,7 +1,7 @@
 """Rectangular pulses in time: where something pushed the axis, as far as the residual shows it.
 
-A pulse is an event, not a law: it cannot be predicted on a block that was held out. It is looked for only where no law
-explains the recording, it pays for every edge, and it is an answer only if nothing unknown remains.
+A pulse is an event, not a law: it cannot be predicted on a held-out block. It is searched only where no law explains
+the recording, every edge is penalised, and it is accepted only if nothing unknown remains.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ WEAKEST = 0.1
 #: Neighbours whose levels differ by less than this share are one pulse.
 SAME_LEVEL = 0.2
 ROUNDS = 3
-#: Share of the travel after which effects with memory have forgotten the state that they began in.
+#: Share of the travel after which the initial state of effects with memory has no influence.
 FORGOTTEN = 0.25
 #: Rows by which the edges of the best window are moved before the next one is looked for.
 MOST_REACH = 200

@@ -1,7 +1,7 @@
 """Which set of effects explains the recordings: steps forward, back and sideways until nothing gets better.
 
-One effect at a time would name stand-ins (drag for friction plus damping). So the search goes on to the whole set,
-drops what became needless, swaps members for outsiders, and only then is asked which member is worth most on its own.
+One effect at a time would name substitutes (drag for friction plus damping). So the search goes on to the whole set,
+removes what became needless, exchanges members for other candidates, and ranks the members only then.
 """
 
 from __future__ import annotations
@@ -175,7 +175,7 @@ class Search:
         return found
 
     def challenger(self, rest: Fit, member: str, own: float) -> Option | None:
-        """The outsider with most evidence in the place of a member that gains `own`; None if none comes near it."""
+        """The best replacement of a member that gains `own`, by evidence; None if no candidate comes near it."""
         found = [f for f in self._at_best_starts(rest) if f[2].id != member and f[0] > WORTH_CHALLENGING * own]
         options = []
         for _, tap, term in sorted(found, key=lambda f: -f[0])[:MOST_CHALLENGERS]:
@@ -280,8 +280,8 @@ def _events(fit: Fit) -> set[Term]:
 
 
 def _agreed(gains: np.ndarray) -> bool:
-    """Whether the blocks agree that it is a gain: not one block alone, and few blocks lose. Gains may be as unequal
-    as they like: a cubic spring shows where the axis goes far."""
+    """Whether the gain is spread over the blocks: not one block alone, and few blocks lose. Gains may be unequal: a
+    cubic spring shows where the axis goes far."""
     lost = -float(gains[gains < 0.0].sum())
     won = float(gains[gains > 0.0].sum())
     return won - float(gains.max()) - lost > LEAST_GAIN and lost < MOST_LOST * won

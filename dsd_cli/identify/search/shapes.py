@@ -50,7 +50,7 @@ def refined(search: Searched, terms: Terms, i: int, tap: int, rounds: int = ROUN
 
 
 def _half_width(search: Searched, term: Term, name: str) -> float:
-    """A line of n periods is told to about 1/n of itself."""
+    """The frequency of a line of n periods is known to about 1/n of itself."""
     if term.effect.periods is None:
         return BRACKET
     return min(BRACKET, 0.7 / max(term.effect.periods(term.shape, search.ranges), 1e-300))
@@ -76,7 +76,7 @@ def _along(
 
 
 def _limits(search: Searched, effect_id: str, name: str) -> tuple[float, float]:
-    """A little beyond the starting shapes: further out the log cannot tell the shape, and the effect is another one."""
+    """A little beyond the starting shapes: further out the shape is not identifiable."""
     effect = get_effect(effect_id)
     starts = effect.starts(search.ranges)
     low, high = search.solver.known.limits(f"{effect_id}.{name}")

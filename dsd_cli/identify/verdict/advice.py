@@ -1,4 +1,4 @@
-"""What to do next: the experiment that would tell two effects apart, and what a verdict does not say."""
+"""What to do next: the experiment that distinguishes two effects, and the limits of a verdict."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def advice_for(
 
 
 def _experiment(one: str, other: str) -> str:
-    """What tells the two apart, by the file of either."""
+    """The experiment that distinguishes the two, from the file of either."""
     effects = catalogue()
     found = (effects[a].told_apart.get(b) for a, b in ((one, other), (other, one)) if a in effects)
     return next((experiment for experiment in found if experiment), _GENERAL)

@@ -23,7 +23,7 @@ LOUD_FALL = 0.1
 
 @dataclass(frozen=True)
 class Beyond:
-    """What lies beyond a fit: the best free-form function, and whether there is something unknown."""
+    """What a fit leaves: the best free-form function of it, and whether something unknown is among it."""
 
     on: tuple[str, ...]
     heldout_rmse: float
@@ -64,7 +64,7 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
 
 
 def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
-    """With pulses in time, if they explain everything that no law explains; else as it was; if loud, unknown.
+    """With pulses in time if nothing unknown remains beside them; otherwise unchanged; strong pulses mean unknown.
 
     One push in a long log hardly shows in a spectrum or in a function of time, so they are looked for in any case.
     """
@@ -75,7 +75,7 @@ def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
     if not (loud or beyond.unknown):
         return whole, beyond
     settled = search.settled(sharpened(search, pulses))
-    again = with_pulses(search, settled)  # without the laws that stood in for pulses the edges are clear
+    again = with_pulses(search, settled)  # without the laws that imitated pulses the edges are clear
     if again is not None:
         again = sharpened(search, again)
         settled = search.settled(again) if search.evidence(again) > search.evidence(settled) else settled

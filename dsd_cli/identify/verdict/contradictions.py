@@ -1,5 +1,4 @@
-"""What must be said of values that the user knows: one on its bound, one that the log pulls away from its prior or from
-what it is held at."""
+"""Warnings about values that the user knows: at a bound, or contradicted by the log (prior or held value)."""
 
 from __future__ import annotations
 
@@ -37,7 +36,7 @@ def contradictions(search: Search, fit: Fit, estimates: Estimates) -> tuple[str,
 
 
 def _of_held(problem: Problem, fit: Fit, estimates: Estimates) -> list[str]:
-    """Held values that this log would put elsewhere if it might."""
+    """Held values from which the estimate of this log alone differs significantly."""
     held = [name for name, e in estimates.items() if e.held]
     if not held:
         return []
@@ -60,6 +59,6 @@ def _of_held(problem: Problem, fit: Fit, estimates: Estimates) -> list[str]:
 
 
 def _freed(problem: Problem) -> Problem:
-    """The same question of somebody who knows nothing."""
+    """The same problem without any prior, bound or held value."""
     solver = problem.solver
     return replace(problem, solver=Solver(solver.bank, solver.blocks, solver.inertia))

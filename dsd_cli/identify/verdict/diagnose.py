@@ -87,7 +87,7 @@ def diagnose(
 
 
 class _Verdict:
-    """Puts the answer together."""
+    """Derives the verdict from the search and assembles the result."""
 
     def __init__(
         self,
@@ -147,7 +147,7 @@ class _Verdict:
         return NONE, self._nothing()
 
     def _first(self) -> str:
-        """The member that is worth most by itself; a commoner one that reaches nearly the same error comes before."""
+        """The member with most evidence by itself; a commoner one with nearly the same error is preferred."""
         best = max(self.members, key=self._worth)
         if best not in self.alone:
             return best
@@ -156,25 +156,25 @@ class _Verdict:
         return min((best, *near), key=lambda name: get_effect(name).rarity)
 
     def _weightless(self, fit: Fit) -> bool:
-        """Whether a fit leaves hardly any inertia: it explains u by itself, and no motion."""
+        """Whether a fit leaves hardly any inertia: its effects explain u without any motion."""
         return self.problem.scale.model(fit).inertia < POLICY.least_inertia * self.search.solver.inertia
 
     def _short(self) -> bool:
-        """Whether the recordings hold few independent equations."""
+        """Whether the recordings have few independent equations."""
         return self.problem.blocks.rows < POLICY.few_rows
 
     def _surest(self) -> float:
-        """No verdict out of few equations is surer."""
+        """Upper bound on the probability of any verdict."""
         return NOT_ALL_TESTED if self._short() else SUREST
 
     def _above_floor(self, fit: Fit) -> bool:
-        """Whether more is left than the sensor alone leaves, and enough to matter: then something is missing."""
+        """Whether the residual is above the floor of the sensor by enough to matter: then something is missing."""
         left, force = self.problem.errors.rmse(fit), self.problem.errors.force
         excess = left**2 - (POLICY.floor_factor * self.problem.floor) ** 2
         return excess > (POLICY.floor_excess * force) ** 2
 
     def _share_of_possible(self, before: float, after: float) -> float:
-        """How much of the power that could be explained a step explains; 1 where nothing unknown remains."""
+        """Explained share of the power that could be explained; 1 where nothing unknown remains."""
         if self.beyond.unknown:
             least = min(self.beyond.heldout_rmse, self.beyond.noise)
         elif self._above_floor(self.whole):
@@ -197,8 +197,8 @@ class _Verdict:
         return option.evidence if option is not None else -math.inf
 
     def _nothing(self) -> float:
-        """Belief that nothing is missing. Effects that would change next to nothing are no alternatives, and those that
-        would have not convinced block by block: at most an even chance."""
+        """Probability that nothing is missing. Effects of no practical size are no alternatives, and those that are of
+        one were not confirmed block by block: they get half of the probability at most."""
         search = self.search
         useful = [o for o in self.options if search.practical(search.refit, o.fit)]
         narrow = self.search.equations.band.hz < POLICY.narrow_band_hz or self._short()
@@ -276,7 +276,7 @@ class _Verdict:
         )
 
     def _rivals(self, effect: str) -> tuple[str, ...]:
-        """What cannot be told from it on these recordings."""
+        """Effects that these recordings cannot distinguish from it."""
         member = self._named_for.get(effect, effect)
         found = self.members[member].rivals if member in self.members else ()
         stands_in = (member,) if member != effect else ()

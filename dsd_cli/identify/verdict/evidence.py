@@ -1,8 +1,8 @@
-"""How sure: probabilities by resampling the held-out blocks, and what the recordings cannot tell apart.
+"""Probabilities by resampling the held-out blocks, and effects that the recordings cannot distinguish.
 
-Each draw weighs the blocks anew (Bayesian bootstrap) and lets the alternatives share one unit of belief by their
-held-out likelihood less their price; the mean over the draws is the probability. So one lucky block does not decide,
-and correlation within blocks does not count as evidence (pseudo-BMA+; Yao et al. 2018).
+Each draw gives the blocks new random weights (Bayesian bootstrap) and each alternative a posterior weight by its
+held-out log-likelihood less its penalty; the mean over the draws is the probability. So no single block decides, and
+correlation within blocks does not count as evidence (pseudo-BMA+; Yao et al. 2018).
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ TEMPER = 0.5
 
 @dataclass(frozen=True)
 class Membership:
-    """An effect of the found set against everything that could stand in its place.
+    """An effect of the found set against every effect that could replace it.
 
-    probabilities : effect (or `NOTHING`) -> share of belief. rivals : effects that explain the recordings as well;
+    probabilities : effect (or `NOTHING`) -> probability. rivals : effects that explain the recordings as well;
     alike : those of them whose likelihood is less, but by no more than the model misfits anyway.
     """
 
@@ -46,12 +46,12 @@ class Membership:
 
 
 def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Membership:
-    """Take one effect out of the found set, and let every other effect apply for its place.
+    """Take one effect out of the found set and try every other effect instead of it.
 
     Parameters
     ----------
-    misfit : something unknown remains, or rows are far from independent: then a lead in likelihood may be the
-        unknown's, and whatever explains nearly as much stands beside the winner.
+    misfit : something unknown remains, or rows are far from independent: then a lead in likelihood may come from
+        what is unknown, and an effect that explains nearly as much is a tie.
     """
     plain = search.problem.errors
     member = next(t for t in whole.terms if t.id == effect_id)
@@ -85,7 +85,7 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
 
 
 def probabilities(search: Search, rest: Fit, options: list[Option]) -> dict[str, float]:
-    """Share of belief of each option, and of none of them (`NOTHING`)."""
+    """Probability of each option, and of none of them (`NOTHING`)."""
     gains = np.stack([np.zeros(len(rest.losses)), *(search.gains(rest, o.fit) for o in options)])
     prices = np.array([0.0, *(search.price(o.fit.terms) - search.price(rest.terms) for o in options)])
     shares = _shares(gains, prices)

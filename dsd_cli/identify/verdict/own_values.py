@@ -83,7 +83,7 @@ def _deviations(search: Search, values: dict[str, Estimate]) -> list[tuple[str, 
 
 
 def _alone(search: Search, name: str, given: Score, estimate: Estimate) -> Candidate:
-    """The model with only that value changed, to where the error is least."""
+    """The model with only that value changed, at the least error."""
     model, errors = search.problem.model, search.problem.errors
     if name == INERTIA:
         centre = math.log(model.inertia)

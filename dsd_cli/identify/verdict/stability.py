@@ -1,6 +1,6 @@
-"""The same question with half of the data, and with half and twice the band: where the verdict changes it is not sure.
+"""Sensitivity of the verdict: the search again on half of the data, and on half and twice the band.
 
-Only the search is run again, not all of the verdict: what is asked is which effects are found.
+Only the search is repeated, not the whole verdict: what is compared is which effects are found.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def with_stability(
 def _variant(
     found: Diagnosis, what: str, recordings: Sequence[Recording], model: PlantModel, settings: Settings
 ) -> Variant | None:
-    """None where the rest is too short to be asked."""
+    """None where the part is too short for a fit."""
     try:
         search = Search(pose(excerpts(recordings), model, settings))
     except DsdError:
