@@ -2,6 +2,7 @@
  *
  *   one_pole   y_k = keep_k y_{k-1} + add_k
  *   load       the load of two masses that are coupled by spring and damper, with or without a gap
+ *   driven     the same two masses under a force on the motor: what the load is given
  *
  * memory.py holds the readable twins: the same operations in the same order (built without fused multiply-add).
  * CPython limited API and buffers of doubles only: no NumPy headers.
@@ -141,9 +142,47 @@ static PyObject *load_rows(PyObject *module, PyObject *args) {
     return Py_BuildValue("(dddd)", load.position, load.velocity, load.motor_velocity, load.interval);
 }
 
+/* out = mean acceleration of the load per interval; push = acceleration of a free motor, constant in each interval.
+ * apart and closing of the two: closing' = push - pull / own, own = the motor's share of the inertia */
+static PyObject *driven_rows(PyObject *module, PyObject *args) {
+    PyObject *objects[2];
+    Columns c;
+    Coupling k;
+    double interval, own, apart = 0.0, closing = 0.0;
+    Py_ssize_t i, j, steps;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "O(dddd)ddnO", &objects[0], &k.square, &k.drag, &k.half_gap, &k.rate, &own, &interval,
+                          &steps, &objects[1])) return NULL;
+    if (open_columns(&c, objects, 2)) return NULL;
+    {
+        const double *push = c.view[0].buf;
+        double *out = c.view[1].buf;
+        const double h = interval / (double)steps;
+        Py_BEGIN_ALLOW_THREADS
+        for (i = 0; i < c.rows; i++) {
+            double sum = 0.0;
+            for (j = 0; j < steps; j++) {
+                const double q = apart, v = closing;
+                const double p1 = pull(&k, q, v), a1 = push[i] - p1 / own;
+                const double v2 = v + 0.5 * h * a1, p2 = pull(&k, q + 0.5 * h * v, v2), a2 = push[i] - p2 / own;
+                const double v3 = v + 0.5 * h * a2, p3 = pull(&k, q + 0.5 * h * v2, v3), a3 = push[i] - p3 / own;
+                const double v4 = v + h * a3, p4 = pull(&k, q + h * v3, v4), a4 = push[i] - p4 / own;
+                apart = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4);
+                closing = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
+                sum += (p1 + 2.0 * p2 + 2.0 * p3 + p4) / 6.0;
+            }
+            out[i] = sum / (double)steps;
+        }
+        Py_END_ALLOW_THREADS
+    }
+    close_columns(&c);
+    Py_RETURN_NONE;
+}
+
 static PyMethodDef methods[] = {
     {"one_pole", one_pole, METH_VARARGS, "one_pole(keep, add, before, out) -> the last value"},
     {"load", load_rows, METH_VARARGS, "load(position, velocity, interval, coupling, state, out) -> state"},
+    {"driven", driven_rows, METH_VARARGS, "driven(push, coupling, own, interval, steps, out)"},
     {NULL, NULL, 0, NULL},
 };
 

@@ -170,3 +170,45 @@ def _run(coupling: Coupling, motor: Motor, q: float, v: float) -> tuple[float, f
         q = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
         v = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
     return q, v
+
+
+def driven_load(
+    push: Array, interval: float, coupling: Coupling, share: float, step: float, compiled: Any = COMPILED
+) -> Array:
+    """Mean acceleration of the load per interval where a force drives the motor: two masses without a sensor, from rest.
+
+        c' = F / (s_m J) - a_l / s_m,    a_l = pull(motor less load, c),    s_m = 1 - share
+
+    Parameters
+    ----------
+    push : F / (s_m J), what the motor would do alone, constant in each interval, shape (n,), of equal intervals in s.
+    share : the load's, of the inertia J of both. step : longest Runge-Kutta step, radians of the free vibration.
+    """
+    own = 1.0 - share
+    steps = min(max(math.ceil(coupling.rate / math.sqrt(own) * interval / step), 1), MOST_STEPS)
+    push = np.ascontiguousarray(push, dtype=np.float64)
+    out = np.empty_like(push)
+    if compiled is not None:
+        compiled.driven(push, tuple(coupling), own, interval, steps, out)
+        return out
+    h, apart, closing, pull = interval / steps, 0.0, 0.0, coupling.pull
+    for k, f in enumerate(push.tolist()):
+        total = 0.0
+        for _ in range(steps):
+            q, v = apart, closing
+            p1 = pull(q, v)
+            a1 = f - p1 / own
+            v2 = v + 0.5 * h * a1
+            p2 = pull(q + 0.5 * h * v, v2)
+            a2 = f - p2 / own
+            v3 = v + 0.5 * h * a2
+            p3 = pull(q + 0.5 * h * v2, v3)
+            a3 = f - p3 / own
+            v4 = v + h * a3
+            p4 = pull(q + h * v3, v4)
+            a4 = f - p4 / own
+            apart = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
+            closing = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+            total += (p1 + 2.0 * p2 + 2.0 * p3 + p4) / 6.0
+        out[k] = total / steps
+    return out

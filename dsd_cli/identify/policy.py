@@ -54,6 +54,17 @@ class Policy:
     drift_rounds: int = 3  # in which its drift is found beside a set of effects, and the set anew
     drift_gain: float = 0.9  # of the held-out error, which a round must reach
 
+    # -- a resonance above the band --
+    response_lowest_share: float = 0.5  # of the band's end, from which on the response is looked at
+    response_highest_share: float = 0.15  # of the sample rate, up to which it is
+    response_nats: float = 30.0  # that a resonance must gain over a rigid axis and over a lag; noise alone reaches 8
+    response_lost: float = 0.3  # of what blocks gain, that others may lose
+    response_share: float = 0.03  # least share of the inertia that swings; and that does not
+    response_damping: float = 0.4  # of the free vibration; above, nothing swings
+    response_in_band: float = 0.8  # of the band's end; a resonance below is told by the balance itself
+
+    play_deviations: float = 5.0  # standard errors of a gap, which it must have
+
     # -- vetoes --
     least_inertia: float = 0.01  # of the inertia first fitted; a set that leaves less explains u by itself
     few_rows: int = 150  # independent equations below which no verdict is surer than 80 %

@@ -1,0 +1,143 @@
+"""What the response of the acceleration to the force shows above the band of the balance: a load that swings, or play.
+
+The balance of forces ends where the sensor's noise takes over. A load on a spring or with play shows beyond that as
+well, for its resonance is narrow, and the log is long.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsd_cli.effects import Role
+from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.search.modes import Modes
+from dsd_cli.identify.search.play import Play
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.signals import Signals, delay_of, gains, signals_of, variance_of
+from dsd_cli.signals.log import Array
+
+#: The effects that a response shows.
+COUPLING, PLAY = "flexible_coupling", "backlash"
+#: Rounds in which the delay is moved, samples that it moves at most, and less than which it stays.
+_ROUNDS, _MOST_MOVED, _NEAR = 5, 3.0, 0.3
+
+
+@dataclass(frozen=True)
+class Seen:
+    """An effect that the response shows for certain.
+
+    Attributes
+    ----------
+    values : {parameter: (value, standard error)}. rivals : what explains the response as well.
+    nats : gained over a rigid axis and over one behind a lag.
+    fall : share of the whitened output error that it takes off. highest_hz : up to which frequency was looked.
+    resonance_hz : of motor against load.
+    """
+
+    effect: str
+    values: dict[str, tuple[float, float]]
+    rivals: tuple[str, ...]
+    nats: float
+    fall: float
+    highest_hz: float
+    resonance_hz: float
+
+
+def response_of(search: Search, whole: Fit, asked: Sequence[str], doubtful: bool) -> Seen | None:
+    """The load that explains the response, beside a set of effects; None where there is none for certain.
+
+    Effects of the set that are late, or loads themselves, may stand in for it and are left out.
+
+    Parameters
+    ----------
+    asked : effects that may be the answer. doubtful : the set leaves something unexplained, so that play is looked for
+        even where no load swings.
+    """
+    found = _swinging(search, whole)
+    if found is None:
+        return None
+    signals, modes, at = found
+    highest = POLICY.response_highest_share / signals.step
+    rival = min(modes.rigid(), key=_squares)
+    swinging = modes.left(at)
+    over_rigid = gains(rival, swinging)
+    play = None
+    if PLAY in asked and (doubtful or float(over_rigid.sum()) > POLICY.response_nats):
+        play = _play(search, signals, min(rival, swinging, key=_squares))
+    if play is not None and play[1]:
+        values, _, rest = play
+        fall, nats = _fall(rival, rest), float(gains(rival, rest).sum())
+        own = math.sqrt(values["stiffness"][0] / (values["load_share"][0] * signals.inertia)) / (2.0 * math.pi)
+        return Seen(PLAY, values, (), nats, fall, highest, own / math.sqrt(1.0 - values["load_share"][0]))
+    values, damping = modes.values(at, variance_of(swinging))
+    if COUPLING not in asked or not (_agreed(over_rigid) and _a_load(values) and damping < POLICY.response_damping):
+        return None
+    rivals = (PLAY,) if play is not None and not _agreed(gains(play[2], swinging)) else ()
+    fall = _fall(rival, swinging)
+    return Seen(COUPLING, values, rivals, float(over_rigid.sum()), fall, highest, values["frequency"][0])
+
+
+def _swinging(search: Search, whole: Fit) -> tuple[Signals, Modes, Array] | None:
+    """The signals, and the mode that explains them best, with the delay brought to where it belongs beside the mode."""
+    part = search.excerpt or search
+    terms = tuple(t for t in whole.terms if t in search.base or not _stands_in(t))
+    fit = part.fit(terms, whole.tap if terms == whole.terms else search.refit.tap)
+    delay, step = delay_of(part, fit), search.equations.sample_time
+    lowest, highest = POLICY.response_lowest_share * search.equations.band.hz, POLICY.response_highest_share / step
+    signals = signals_of(part, fit, delay)
+    if signals is None or not lowest < highest:
+        return None
+    modes = Modes(signals)
+    at = modes.best(lowest, highest)
+    for _ in range(_ROUNDS):
+        early = min(max(modes.early(at), -_MOST_MOVED), _MOST_MOVED)
+        if abs(early) < _NEAR:
+            break
+        delay = max(delay - early * step, 0.0)
+        moved = signals_of(part, fit, delay)
+        assert moved is not None  # the same rows as before
+        signals, modes = moved, Modes(moved)
+        at = modes.refined(at)
+    return signals, modes, at
+
+
+def _stands_in(term: Term) -> bool:
+    return term.effect.role is Role.STRUCTURE or term.effect.lateness is not None
+
+
+def _play(search: Search, signals: Signals, rival: Array) -> tuple[dict[str, tuple[float, float]], bool, Array] | None:
+    """(values of the play that explains most, whether it is there for certain, what it leaves)."""
+    if not search.ranges.travel > 0.0:
+        return None
+    play = Play(signals, search.ranges.travel)
+    at = play.best()
+    rest = play.left(at)
+    values = play.values(at, variance_of(rest))
+    (gap, spread), resolved = values["gap"], search.ranges.resolution / POLICY.resolved_deviations
+    told = gap > POLICY.play_deviations * max(spread, 0.0) and gap > resolved
+    return values, told and _a_load(values) and _agreed(gains(rival, rest)), rest
+
+
+def _a_load(values: dict[str, tuple[float, float]]) -> bool:
+    share = values["load_share"][0]
+    return POLICY.response_share < share < 1.0 - POLICY.response_share
+
+
+def _agreed(by_block: Array) -> bool:
+    """Whether the gain is certain: enough without the best block, and little lost in the others."""
+    lost, won = (float(np.maximum(sign * by_block, 0.0).sum()) for sign in (-1.0, 1.0))
+    return float(by_block.sum() - by_block.max()) > POLICY.response_nats and lost < POLICY.response_lost * won
+
+
+def _squares(x: Array) -> float:
+    return float(x @ x)
+
+
+def _fall(before: Array, after: Array) -> float:
+    return 1.0 - math.sqrt(_squares(after) / max(_squares(before), 1e-300))

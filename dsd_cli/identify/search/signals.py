@@ -1,0 +1,130 @@
+"""Force and acceleration at the full rate, whitened causally, for questions above the band of the balance.
+
+There the question is asked as an output error: u and the known forces are exact, the noise is in the acceleration
+alone. The noise is whitened causally: u depends on the noise of earlier samples through the controller, and a filter
+without phase would mix both.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsd_cli.effects import Role
+from dsd_cli.effects.memory import one_pole
+from dsd_cli.identify.fit.bank import INERTIA, SHARE, drive, holds, inputs_of, raw_columns
+from dsd_cli.identify.fit.equations import Stretch
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.signals.log import Array
+
+#: s that a response needs to forget what was before a stretch, and the share of a stretch that it may take at most.
+_FORGOTTEN, _MOST_FORGOTTEN = 0.3, 0.2
+#: Lags over which a residual's correlation is summed; rows below which nothing is asked.
+_LAGS, _FEWEST = 200, 1000
+#: Blocks that have to agree.
+BLOCKS = 40
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Net force and acceleration of some stretches at the full rate; lists hold one array of shape (n,) per stretch.
+
+    Attributes
+    ----------
+    force, shift : F = u(t - L) + forces per interval, and its change over a sample of delay; unit of u.
+    target : whitened J a, kept rows of all stretches. inertia : that J.
+    kept : rows that count. white : the causal filter. step : s.
+    """
+
+    stretches: tuple[Stretch, ...]
+    force: list[Array]
+    shift: list[Array]
+    target: Array
+    inertia: float
+    kept: list[NDArray[np.bool_]]
+    white: Callable[[Array], Array]
+    step: float
+
+    def rows(self, parts: Sequence[Array]) -> Array:
+        """Per interval -> as the acceleration averages it, whitened, kept rows of all stretches."""
+        pairs = zip(self.stretches, parts, self.kept, strict=True)
+        return np.concatenate([self.white(s.averaged(x, False))[k] for s, x, k in pairs])
+
+
+def delay_of(search: Search, fit: Fit) -> float:
+    """The delay of a fit, s."""
+    return (fit.tap + min(max(float(fit.total[SHARE]), 0.0), 1.0)) * search.solver.bank.tap_time
+
+
+def signals_of(search: Search, fit: Fit, delay: float) -> Signals | None:
+    """The signals beside the effects of a fit, u that late (s); None where too few rows are left."""
+    equations = search.problem.errors.bank.equations
+    step, noise = equations.sample_time, equations.recordings[0].sensor.noise
+    held, inputs = holds(fit.terms), inputs_of(fit.terms)
+    u, before, after = (drive(equations, inputs, d) for d in (delay, max(delay - step, 0.0), delay + step))
+    columns = {t: raw_columns(equations, t, delay) for t in fit.terms if t.effect.role is not Role.INPUT}
+    force, shift, kept = [], [], []
+    for i, s in enumerate(equations.stretches):
+        net = u[i]
+        for t, by_coefficient in columns.items():
+            net = net - sum(c * x[i] for c, x in zip(fit.coefficients(t), by_coefficient, strict=True))
+        free = s.free if held else np.ones(len(net))
+        force.append(np.nan_to_num(net) * free)
+        shift.append(np.nan_to_num(0.5 * (before[i] - after[i])) * free)
+        rows = np.arange(len(net))
+        kept.append((rows >= equations.startup + min(_FORGOTTEN / step, _MOST_FORGOTTEN * len(rows))) & (free > 0.0))
+    if sum(int(k.sum()) for k in kept) < _FEWEST:
+        return None
+    white = _whitener(noise.kind, noise.pole, math.exp(-2.0 * math.pi * equations.band.hz * step))
+    inertia, accelerations = float(fit.total[INERTIA]), [s.acceleration for s in equations.stretches]
+    target = np.concatenate([inertia * white(a)[k] for a, k in zip(accelerations, kept, strict=True)])
+    return Signals(equations.stretches, force, shift, target, inertia, kept, white, step)
+
+
+def _whitener(kind: str, pole: float, keep: float) -> Callable[[Array], Array]:
+    """Undoes the differences that made the noise of a sensor blue, down to the band of the balance.
+
+    kind, pole : of the sensor's noise. keep : pole that ends the integration.
+    """
+    poles = {"position": (keep, keep), "velocity": (keep,), "d_hat": (pole,)}[kind]
+
+    def white(x: Array) -> Array:
+        for p in poles:
+            x = one_pole(np.full(len(x), p), x, 0.0)
+        return x
+
+    return white
+
+
+def left(columns: Array, target: Array) -> Array:
+    """What a least-squares fit of columns, shape (n, p), leaves, shape (n,)."""
+    return np.asarray(target - columns @ coefficients(columns, target))
+
+
+def coefficients(columns: Array, target: Array) -> Array:
+    """Least squares, shape (p,)."""
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    scaled = columns / size
+    return np.asarray(np.linalg.lstsq(scaled.T @ scaled, scaled.T @ target, rcond=1e-12)[0] / size)
+
+
+def variance_of(rest: Array) -> float:
+    """Of a row, times the integrated autocorrelation time."""
+    lags = min(_LAGS, len(rest) // 4)
+    products = np.array([np.dot(rest[: len(rest) - k], rest[k:]) for k in range(lags)])
+    time = max(1.0, 1.0 + 2.0 * float(np.sum(products[1:])) / max(float(products[0]), 1e-300))
+    return float(np.mean(rest**2)) * time
+
+
+def gains(worse: Array, better: Array) -> Array:
+    """Nats per block that one residual gains over another, shape (BLOCKS,); blocks hold equal parts of what tells them
+    apart, so that one quick move counts as much as a long record of slow ones."""
+    told = np.cumsum((worse - better) ** 2)
+    edges = np.searchsorted(told, np.linspace(0.0, told[-1], BLOCKS + 1)[1:-1])
+    nats = (worse**2 - better**2) / (2.0 * variance_of(better))
+    return np.array([part.sum() for part in np.split(nats, edges)])
