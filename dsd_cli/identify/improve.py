@@ -35,12 +35,8 @@ from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 __all__ = ["add_effect", "improve"]
 
-#: Rungs of the ladder; nobody believes a model with more parts than that from one rig.
-MOST_STEPS = 10
 AS_GIVEN, REFIT = "as given", "refit"
 _KINDS: dict[str, StepKind] = {AS_GIVEN: "given", REFIT: "refit", INERTIA: "refit", DELAY: "refit"}
-#: A refit of the model's own values that takes this share off the held-out error is a rung of its own.
-LEAST_REFIT = POLICY.least_fall
 
 
 def add_effect(
@@ -155,7 +151,7 @@ def improve(
         moves = (
             last.refitted_model.inertia > POLICY.least_inertia * model.inertia
         )  # otherwise the refit explains u without any motion
-        if moves and climb.lowered_by(last.refitted, LEAST_REFIT):  # the rest of the fall is the effect's own
+        if moves and climb.lowered_by(last.refitted, POLICY.least_fall):  # the rest of the fall is the effect's own
             climb.up(REFIT, last.refitted, last.refitted_values, last.refitted_model)
         model = climb.up(chosen, taken.score, taken.all_values, taken.model)
 
@@ -215,8 +211,8 @@ def _without(settings: Settings | None, refused: Sequence[str]) -> Settings:
 
 def _stop(steps: Sequence[Step], last: Diagnosis) -> str:
     """Why no further step is possible, or ""."""
-    if len(steps) > MOST_STEPS:
-        return f"{MOST_STEPS} steps are taken"
+    if len(steps) > POLICY.most_steps:
+        return f"{POLICY.most_steps} steps are taken"
     if last.verdict in (INERTIA, DELAY) and steps[-1].effect == last.verdict:
         return f"{last.verdict} was fitted already"
     return ""

@@ -6,7 +6,8 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.fit.blocks import FOLDS, LONGEST_GAP_SHARE, lay_blocks
+from dsd_cli.identify.fit.blocks import lay_blocks
+from dsd_cli.identify.policy import POLICY
 
 LENGTHS = st.lists(st.integers(1, 400), min_size=1, max_size=4)
 
@@ -65,11 +66,11 @@ def test_exactly_the_rows_within_the_gap_of_what_is_held_out_are_left_out(length
 @given(LENGTHS, st.integers(1, 30))
 def test_folds_take_turns_and_every_block_is_held_out_once(lengths, gap):
     blocks = _laid(lengths, gap)
-    assert 2 <= blocks.folds <= FOLDS
-    assert blocks.fold.tolist() == [b % min(FOLDS, blocks.count) for b in range(blocks.count)]
+    assert 2 <= blocks.folds <= POLICY.folds
+    assert blocks.fold.tolist() == [b % min(POLICY.folds, blocks.count) for b in range(blocks.count)]
     sizes = np.bincount(blocks.block_of_rows())
     own = [i for i in range(blocks.count) if blocks.before[i] or blocks.after[i]]
-    assert all(sizes[i] >= LONGEST_GAP_SHARE * gap for i in own), "a block that is mostly gap"
+    assert all(sizes[i] >= POLICY.block_gaps * gap for i in own), "a block that is mostly gap"
 
 
 def test_rows_of_another_stretch_are_no_neighbours():
@@ -91,7 +92,7 @@ def test_too_short_is_an_error_that_names_the_rows(lengths, gap):
         lay_blocks(lengths, gap, "log.csv")
     assert "log.csv" in str(error.value)
     assert f"{sum(lengths)} independent equations" in str(error.value)
-    assert str(2 * LONGEST_GAP_SHARE * gap) in str(error.value)
+    assert str(2 * POLICY.block_gaps * gap) in str(error.value)
     assert "\n" not in str(error.value)
 
 

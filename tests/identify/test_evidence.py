@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search, _agreed
-from dsd_cli.identify.verdict.evidence import NOTHING, TEMPER, _shares, membership, probabilities
+from dsd_cli.identify.verdict.evidence import NOTHING, _shares, membership, probabilities
 from dsd_cli.plant.references import Multisine
 from tests.identify.search_rig import BELIEVED, posed
 
@@ -46,7 +47,7 @@ def test_shares_are_those_of_a_bayesian_bootstrap_in_plain_loops():
         weights = rng.exponential(size=12)
         weights *= 12.0 / weights.sum()
         nats = [
-            TEMPER * (sum(w * g for w, g in zip(weights, row, strict=True)) - p)
+            POLICY.tempering * (sum(w * g for w, g in zip(weights, row, strict=True)) - p)
             for row, p in zip(gains, prices, strict=True)
         ]
         odds = [math.exp(n - max(nats)) for n in nats]

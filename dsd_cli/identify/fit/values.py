@@ -15,6 +15,7 @@ from dsd_cli.identify.fit.covariance import information
 from dsd_cli.identify.fit.known import Known
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.grades import grade
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Correlations, Estimate
 from dsd_cli.plant.filtering import delay_taps
 from dsd_cli.plant.model import PlantModel
@@ -22,14 +23,6 @@ from dsd_cli.signals.log import Array
 
 #: How near a bound counts as on it (share of the value).
 ON_BOUND = 1e-6
-#: Standard error over the value above which the value is not identified.
-NOT_TOLD = 1e3
-#: Correlation with the inertia, and relative error, above which only the ratio to the inertia is identified.
-TIED, LEAST_ERROR = 0.97, 0.02
-#: Correlation above which two values are reported as nearly not separable.
-CORRELATED = 0.9
-#: Share of the log in a value below which it is no evidence against its prior.
-LEAST_SHARE = 1e-3
 
 #: Least inertia that is reported, so that a config can hold it.
 LEAST_INERTIA = 1e-99
@@ -164,9 +157,9 @@ def fitted_values(fit: Fit, solver: Solver, scale: Scale, floor: float) -> Fitte
     }
     with np.errstate(over="ignore", invalid="ignore"):
         together = spread / np.maximum(np.outer(errors, errors), 1e-300)
-    doubtful = errors > LEAST_ERROR * np.abs(list(values.values()))
+    doubtful = errors > POLICY.tied_error * np.abs(list(values.values()))
     told = zip(values, np.abs(together[0]), doubtful, strict=True)
-    tied = tuple(name for name, r, d in told if r > TIED and d and name not in (INERTIA, DELAY))
+    tied = tuple(name for name, r, d in told if r > POLICY.tied_correlation and d and name not in (INERTIA, DELAY))
     return Fitted(estimates, tied, _correlated(list(values), together, estimates))
 
 
@@ -188,7 +181,7 @@ def _pull(value: float, prior: tuple[float, float], alone: float, share: float) 
     ----------
     alone : standard error of the value without that prior. share : of the prior in the value.
     """
-    if share > 1.0 - LEAST_SHARE:
+    if share > 1.0 - POLICY.prior_share:
         return 0.0
     without = (value - share * prior[0]) / (1.0 - share)
     return (without - prior[0]) / math.hypot(prior[1], alone)
@@ -199,7 +192,8 @@ def _correlated(names: Sequence[str], together: Array, estimates: Mapping[str, E
         (names[i], names[j], float(together[i, j]))
         for i in range(len(names))
         for j in range(i + 1, len(names))
-        if not (estimates[names[i]].held or estimates[names[j]].held) and abs(together[i, j]) > CORRELATED
+        if not (estimates[names[i]].held or estimates[names[j]].held)
+        and abs(together[i, j]) > POLICY.reported_correlation
     )
     return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))
 
@@ -212,7 +206,7 @@ def _whole_events(fit: Fit, known: Known, size: int) -> list[Array]:
 
 def _told(value: float, error: float) -> float:
     """The standard error; NaN where the value is not identified."""
-    return error if value == 0.0 or error < NOT_TOLD * abs(value) else math.nan
+    return error if value == 0.0 or error < POLICY.not_identified * abs(value) else math.nan
 
 
 def _steps(covariance: Array, linear: int, theta: Array | None) -> Array:

@@ -14,18 +14,11 @@ import numpy as np
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array, Log
 
-#: Most pulses, samples of the shortest, and how far its mean stands above the noise of a mean.
-MOST_PULSES, SHORTEST, LEAST_DEVIATIONS = 6, 3, 8.0
-#: A pulse that is weaker than this share of the strongest is part of its edges.
-WEAKEST = 0.1
-#: Neighbours whose levels differ by less than this share are one pulse.
-SAME_LEVEL = 0.2
 ROUNDS = 3
-#: Share of the travel after which the initial state of effects with memory has no influence.
-FORGOTTEN = 0.25
 #: Rows by which the edges of the best window are moved before the next one is looked for.
 MOST_REACH = 200
 
@@ -56,9 +49,9 @@ def _strong_only(search: Search, fit: Fit) -> Fit:
     levels = fit.coefficients(term)
     merged: list[tuple[float, float, float]] = []
     for (a, b), level in zip(term.shape["edges"], levels.tolist(), strict=True):
-        if abs(level) < WEAKEST * np.abs(levels).max():
+        if abs(level) < POLICY.weakest_pulse * np.abs(levels).max():
             continue
-        if merged and merged[-1][1] == a and abs(merged[-1][2] - level) < SAME_LEVEL * abs(level):
+        if merged and merged[-1][1] == a and abs(merged[-1][2] - level) < POLICY.same_level * abs(level):
             merged[-1] = (merged[-1][0], b, level)
         else:
             merged.append((a, b, level))
@@ -80,8 +73,8 @@ def _pulses(search: Search, fit: Fit) -> tuple[tuple[float, float], ...]:
         for a, b, level in _strongest(np.where(stamps < first, 0.0, x)):
             found.append((float(stamps[a] - 0.5 * row_time), float(stamps[b] + 0.5 * row_time), abs(level)))
     top = max((level for *_, level in found), default=0.0)
-    kept = sorted(found, key=lambda p: -p[2])[:MOST_PULSES]
-    return _apart(sorted((a, b) for a, b, level in kept if level > WEAKEST * top))
+    kept = sorted(found, key=lambda p: -p[2])[: POLICY.most_pulses]
+    return _apart(sorted((a, b) for a, b, level in kept if level > POLICY.weakest_pulse * top))
 
 
 def _first_moves(search: Search, fit: Fit) -> list[float]:
@@ -89,7 +82,7 @@ def _first_moves(search: Search, fit: Fit) -> list[float]:
     stretches = search.equations.stretches
     if not any(t.effect.memory for t in fit.terms):
         return [float(s.log["t"][0]) for s in stretches]
-    way = FORGOTTEN * search.ranges.travel
+    way = POLICY.forgotten_travel * search.ranges.travel
     return [float(s.log["t"][np.argmax(_way(s.log) >= min(way, float(_way(s.log)[-1])))]) for s in stretches]
 
 
@@ -118,11 +111,13 @@ def _strongest(x: Array) -> list[tuple[int, int, float]]:
     """(first row, row behind the last, level) by matching pursuit over start and length."""
     left = x - np.median(x)
     noise = 1.4826 * float(np.median(np.abs(np.diff(left)))) / np.sqrt(2.0)
-    lengths = np.unique(np.geomspace(SHORTEST, max(len(x) // 3, SHORTEST + 1), 24).astype(int))
+    lengths = np.unique(
+        np.geomspace(POLICY.shortest_pulse, max(len(x) // 3, POLICY.shortest_pulse + 1), 24).astype(int)
+    )
     found = []
-    for _ in range(MOST_PULSES):
+    for _ in range(POLICY.most_pulses):
         a, b, strength = _best_window(left, lengths)
-        if strength < LEAST_DEVIATIONS * noise or b - a < SHORTEST:
+        if strength < POLICY.pulse_deviations * noise or b - a < POLICY.shortest_pulse:
             break
         level = float(np.mean(left[a:b]))
         left = left.copy()

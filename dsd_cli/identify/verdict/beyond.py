@@ -13,13 +13,6 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
 
-#: Something unknown is there if a free-form function takes this share off the held-out error, for certain.
-UNKNOWN_FALL, UNKNOWN_NATS = 0.04, 12.0
-#: ... or if so much of the residual's power does not look like measurement noise.
-STRUCTURED_SHARE = 0.35
-#: Pulses in time that take this share off the held-out error mean that something is there, whatever it is.
-LOUD_FALL = 0.1
-
 
 @dataclass(frozen=True)
 class Beyond:
@@ -56,9 +49,9 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
     best = loss_of(groups)
     fall = fits.fit_with(best.on, whitened=False).gain / max(int(equations.kept.sum()), 1)
     reached = math.sqrt(max(plain**2 - fall, 0.0))
-    certain = best.gain / search.noise.nats > UNKNOWN_NATS and reached < (1.0 - UNKNOWN_FALL) * plain
+    certain = best.gain / search.noise.nats > POLICY.unknown_nats and reached < (1.0 - POLICY.unknown_fall) * plain
     large = math.sqrt(max(plain**2 - reached**2, 0.0)) > POLICY.least_unknown * errors.force
-    structured = share > STRUCTURED_SHARE and math.sqrt(share) * plain > POLICY.least_unknown * errors.force
+    structured = share > POLICY.structured_share and math.sqrt(share) * plain > POLICY.least_unknown * errors.force
     on = best.on if reached < plain else ()
     return Beyond(on, min(reached, plain), (certain and large) or structured, noise)
 
@@ -71,7 +64,7 @@ def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
     pulses = with_pulses(search, whole)
     if pulses is None or not search.practical(whole, pulses):
         return whole, beyond
-    loud = search.problem.errors.rmse(pulses) < (1.0 - LOUD_FALL) * search.problem.errors.rmse(whole)
+    loud = search.problem.errors.rmse(pulses) < (1.0 - POLICY.pulses_fall) * search.problem.errors.rmse(whole)
     if not (loud or beyond.unknown):
         return whole, beyond
     settled = search.settled(sharpened(search, pulses))

@@ -8,11 +8,9 @@ from dataclasses import replace
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.values import flat
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import Estimates
 from dsd_cli.identify.search.sets import Search
-
-#: Standard deviations from which on a log contradicts what is known.
-LEAST_SIGMA = 3.0
 
 
 def contradictions(search: Search, fit: Fit, estimates: Estimates) -> tuple[str, ...]:
@@ -26,7 +24,7 @@ def contradictions(search: Search, fit: Fit, estimates: Estimates) -> tuple[str,
         side = next((s for s, b in (("lower", low), ("upper", high)) if math.isclose(estimate.value, b)), "")
         if estimate.at_bound and side:
             found.append(f"{name} stands on its {side} bound, {estimate.value:.4g}: the log asks for more")
-        if abs(estimate.pull) > LEAST_SIGMA:
+        if abs(estimate.pull) > POLICY.contradicting_deviations:
             value, spread = known.priors[name]
             found.append(
                 f"{name} = {estimate.value:.4g} pulls against its prior {value:.4g} +- {spread:.2g} by"
@@ -50,7 +48,7 @@ def _of_held(problem: Problem, fit: Fit, estimates: Estimates) -> list[str]:
         if alone is None or not alone.std_error > 0.0:
             continue
         sigma = abs(alone.value - given[name]) / alone.std_error
-        if sigma > LEAST_SIGMA:
+        if sigma > POLICY.contradicting_deviations:
             found.append(
                 f"{name} is held at {given[name]:.4g}; this log alone says {alone.value:.4g} +- {alone.std_error:.2g}"
                 f" ({sigma:.1f} sigma off)"

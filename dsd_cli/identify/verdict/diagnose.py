@@ -25,19 +25,6 @@ from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 __all__ = ["Settings", "diagnose"]
 
-#: Effects that take less than this share of the power that a free-form function takes are not the answer.
-SHARE_OF_CEILING = 0.75
-
-#: An effect is named only if it takes this share off the held-out error by itself.
-LEAST_ALONE = 0.005
-#: Errors of two members alone that differ by less than this share are nearly the same.
-NEARLY_THE_SAME = 0.05
-#: Above this inflation the rows are so dependent that the model misfits somewhere.
-MOST_INFLATION = 3.0
-#: No verdict is surer than this: the catalogue is not the world.
-SUREST = 0.99
-#: "Nothing is missing" is not surer than this where some effects could not be tested.
-NOT_ALL_TESTED = 0.8
 
 Progress = Callable[[str, float], None]
 
@@ -75,7 +62,7 @@ def diagnose(
     report("how sure", 0.8)
     found = [t.id for t in search.added(whole.terms)]
     reconstructed = any("reconstructed" in r.provenance.get("velocity", "") for r in search.problem.recordings)
-    misfit = beyond.unknown or reconstructed or search.noise.inflation > MOST_INFLATION
+    misfit = beyond.unknown or reconstructed or search.noise.inflation > POLICY.most_inflation
     members = {name: membership(search, whole, name, misfit) for name in found}
     own = own_values(search)
     diagnosis = _Verdict(search, search.options(search.refit), whole, members, own, beyond).diagnosis()
@@ -127,8 +114,8 @@ class _Verdict:
             known = self._share_of_possible(
                 self.problem.errors.rmse(search.refit), self.problem.errors.rmse(self.whole)
             )
-            if known < SHARE_OF_CEILING:
-                return UNKNOWN, min(1.0 - max(known, 0.0), SUREST)
+            if known < POLICY.share_of_possible:
+                return UNKNOWN, min(1.0 - max(known, 0.0), POLICY.surest)
             group = (best, *self.members[best].alike)
             belief = self.members[best].probabilities
             named = min(group, key=lambda name: get_effect(name).rarity)
@@ -138,8 +125,8 @@ class _Verdict:
             return named, min(known * max(belief.get(named, 0.0), shared), self._surest())
         known = self._share_of_possible(self.own.score.heldout_rmse, self.own.refitted.heldout_rmse)
         above_floor = self._above_floor(self.search.refit)
-        if self.own.wrong and known >= SHARE_OF_CEILING and not above_floor:
-            return self.own.wrong, min(known * self.own.probability, SUREST)
+        if self.own.wrong and known >= POLICY.share_of_possible and not above_floor:
+            return self.own.wrong, min(known * self.own.probability, POLICY.surest)
         if beyond.unknown:
             return UNKNOWN, 0.9
         if above_floor:
@@ -151,7 +138,7 @@ class _Verdict:
         best = max(self.members, key=self._worth)
         if best not in self.alone:
             return best
-        limit = (1.0 + NEARLY_THE_SAME) * self.problem.errors.rmse(self.alone[best].fit)
+        limit = (1.0 + POLICY.nearly_the_same) * self.problem.errors.rmse(self.alone[best].fit)
         near = [m for m in self.members if m in self.alone and self.problem.errors.rmse(self.alone[m].fit) <= limit]
         return min((best, *near), key=lambda name: get_effect(name).rarity)
 
@@ -165,7 +152,7 @@ class _Verdict:
 
     def _surest(self) -> float:
         """Upper bound on the probability of any verdict."""
-        return NOT_ALL_TESTED if self._short() else SUREST
+        return POLICY.surest_in_part if self._short() else POLICY.surest
 
     def _above_floor(self, fit: Fit) -> bool:
         """Whether the residual is above the floor of the sensor by enough to matter: then something is missing."""
@@ -186,7 +173,7 @@ class _Verdict:
     def _lowers(self, name: str) -> bool:
         """Whether the effect alone lowers the held-out error that is shown."""
         option, rmse = self.alone.get(name), self.problem.errors.rmse
-        return option is not None and rmse(option.fit) < (1.0 - LEAST_ALONE) * rmse(self.search.refit)
+        return option is not None and rmse(option.fit) < (1.0 - POLICY.least_alone) * rmse(self.search.refit)
 
     def _worth(self, name: str) -> tuple[bool, float]:
         """Effects that lower the held-out error by themselves come first."""
@@ -202,7 +189,7 @@ class _Verdict:
         search = self.search
         useful = [o for o in self.options if search.practical(search.refit, o.fit)]
         narrow = self.search.equations.band.hz < POLICY.narrow_band_hz or self._short()
-        surest = NOT_ALL_TESTED if self.problem.untestable or narrow else SUREST
+        surest = POLICY.surest_in_part if self.problem.untestable or narrow else POLICY.surest
         return min(0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING], surest)
 
     def diagnosis(self) -> Diagnosis:
@@ -286,7 +273,7 @@ class _Verdict:
         if effect == self.named:
             return self.sure
         if effect in self.members:
-            return min(self.members[effect].probabilities[effect], SUREST)
+            return min(self.members[effect].probabilities[effect], POLICY.surest)
         return max((m.probabilities.get(effect, 0.0) for m in self.members.values()), default=self._as_only(effect))
 
     def _as_only(self, effect: str) -> float:

@@ -14,21 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.signals.log import Array
 
 DRAWS, SEED = 400, 20261121
 #: Name of the alternative without any further effect.
 NOTHING = ""
-#: A rival explains this share of the power that the winner explains, and the lead of the winner is doubtful (by so many
-#: standard errors over the blocks); or it explains as much where the model misfits.
-NEARLY, LEAST_T, AS_MUCH = 0.7, 2.5, 0.9
-#: A rival with fewer parameters to search stands beside the winner if it explains this share of what the winner does.
-CHEAPER_AS_MUCH = 0.95
-#: But never one that leaves so many times the winner's error.
-MOST_LEFT = 2.0
-#: Blocks are unequal witnesses: likelihoods are tempered by this factor before they are compared.
-TEMPER = 0.5
 
 
 @dataclass(frozen=True)
@@ -64,19 +56,21 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
         return (plain.rmse(rest) ** 2 - plain.rmse(option.fit) ** 2) / max(worth, 1e-300)
 
     def rivals(option: Option) -> bool:
-        if share(option) < NEARLY or option.evidence <= search.evidence(rest):
+        if share(option) < POLICY.rival_share or option.evidence <= search.evidence(rest):
             return False
         lead = search.gains(option.fit, whole)
         spread = float(np.std(lead, ddof=1)) * math.sqrt(len(lead))
-        return float(lead.sum()) < LEAST_T * spread or not search.matters(option.fit, whole)
+        return float(lead.sum()) < POLICY.rival_deviations * spread or not search.matters(option.fit, whole)
 
     def alike_to(option: Option) -> bool:
         if option.evidence <= search.evidence(rest):
             return False
-        if plain.rmse(option.fit) > MOST_LEFT * plain.rmse(whole):
+        if plain.rmse(option.fit) > POLICY.rival_error * plain.rmse(whole):
             return False
         cheaper = search.price(option.fit.terms) < search.price(whole.terms)
-        return share(option) > (AS_MUCH if misfit else CHEAPER_AS_MUCH if cheaper else math.inf)
+        return share(option) > (
+            POLICY.rival_share_in_misfit if misfit else POLICY.cheaper_rival_share if cheaper else math.inf
+        )
 
     alike = [o.effect for o in options if alike_to(o)]
     found = dict.fromkeys([*alike, *(o.effect for o in options if rivals(o))])
@@ -96,7 +90,7 @@ def _shares(gains: Array, prices: Array) -> Array:
     """gains: nats per block, shape (m, B)."""
     blocks = gains.shape[1]
     weights = np.random.default_rng(SEED).dirichlet(np.ones(blocks), DRAWS) * blocks
-    totals = TEMPER * (weights @ gains.T - prices)
+    totals = POLICY.tempering * (weights @ gains.T - prices)
     totals -= totals.max(axis=1, keepdims=True)
     belief = np.exp(totals)
     return np.asarray((belief / belief.sum(axis=1, keepdims=True)).mean(axis=0))

@@ -10,13 +10,12 @@ from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.identify.fit.values import flat
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
-from dsd_cli.identify.search.sets import LEAST_GAIN, Search
+from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.shapes import refined
 from dsd_cli.plant.model import PlantModel
 
-#: A single wrong value reaches at least this share of what freeing all values reaches.
-SHARE_ALONE = 0.5
 #: Golden section steps.
 STEPS = 30
 
@@ -41,14 +40,14 @@ def own_values(search: Search) -> Own:
     candidates = tuple(sorted((_alone(search, name, given, values[name]) for name in free), key=lambda c: c.rmse_after))
     fall = given.heldout_rmse**2 - refitted.heldout_rmse**2
     sure = max(_deviations(search, values), key=lambda pair: pair[1], default=("", 0.0))
-    if not problem.falls(given.heldout_rmse, refitted.heldout_rmse, refit) or sure[1] < 4.0:
+    if not problem.falls(given.heldout_rmse, refitted.heldout_rmse, refit) or sure[1] < POLICY.value_deviations:
         return Own(given, refitted, candidates, "", 0.0)
     best = candidates[0] if candidates else None
     reached = given.rmse**2 - best.rmse_after**2 if best is not None else 0.0
     late = _late_effects(search) if best is not None and best.effect == DELAY else ()
     if best is not None and late:
         candidates = (replace(best, indistinguishable_from=late), *candidates[1:])
-    wrong = best.effect if best is not None and reached > SHARE_ALONE * fall else sure[0].split(".")[0]
+    wrong = best.effect if best is not None and reached > POLICY.one_value_share * fall else sure[0].split(".")[0]
     sure_of_it = min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), 0.99)
     candidates = tuple(replace(c, probability=sure_of_it if c.effect == wrong else 0.0) for c in candidates)
     return Own(given, refitted, candidates, wrong, sure_of_it)
@@ -69,7 +68,7 @@ def _explains_the_delay(search: Search, effect: str) -> bool:
     least, term, tap = min(tried, key=lambda found: found[0])
     found, _ = refined(search, (*search.base, term), len(search.base), tap)
     least = min(least, *(search.solver.squares(found, n, keep=False) for n in taps))
-    return (least - search.refit.squares) / search.noise.nats < LEAST_GAIN
+    return (least - search.refit.squares) / search.noise.nats < POLICY.least_gain
 
 
 def _deviations(search: Search, values: dict[str, Estimate]) -> list[tuple[str, float]]:

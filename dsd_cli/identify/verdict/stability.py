@@ -18,11 +18,6 @@ from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Log
 
-#: No verdict that changes is surer than this.
-SUREST_UNSTABLE = 0.9
-#: Factors on the band that are tried.
-NARROWER, WIDER = 0.5, 2.0
-
 
 def with_stability(
     found: Diagnosis, recordings: Sequence[Recording], model: PlantModel, settings: Settings
@@ -36,15 +31,15 @@ def with_stability(
     asked = [
         ("the first half of the data", _half(recordings, 0), settings),
         ("the second half", _half(recordings, 1), settings),
-        ("half the band", recordings, replace(settings, band=NARROWER)),
-        ("twice the band", recordings, replace(settings, band=WIDER)),
+        ("half the band", recordings, replace(settings, band=POLICY.narrower_band)),
+        ("twice the band", recordings, replace(settings, band=POLICY.wider_band)),
     ]
-    if found.band_hz * WIDER > POLICY.highest_share / recordings[0].sample_time:
+    if found.band_hz * POLICY.wider_band > POLICY.highest_share / recordings[0].sample_time:
         asked.pop()
     variants = tuple(v for what, some, how in asked if (v := _variant(found, what, some, model, how)) is not None)
     if all(one.same for one in variants):
         return replace(found, stability=variants)
-    return replace(found, stability=variants, probability=min(found.probability, SUREST_UNSTABLE))
+    return replace(found, stability=variants, probability=min(found.probability, POLICY.surest_unstable))
 
 
 def _variant(
