@@ -14,9 +14,13 @@ CONTACT_DAMPING = 0.3
 
 def _columns(channels: Channels, shape: Shape, state: Load | None) -> tuple[tuple[Any, ...], Load]:
     """Mean acceleration of the load in each interval; none while it is within the gap."""
-    coupling = Coupling.of(shape["frequency"], CONTACT_DAMPING, shape["gap"])
-    column, state = load_acceleration(channels.position, channels.velocity, channels.interval, coupling, state)
+    spring = _coupling(shape)
+    column, state = load_acceleration(channels.position, channels.velocity, channels.interval, spring, state)
     return (column,), state
+
+
+def _coupling(shape: Shape) -> Coupling:
+    return Coupling.of(shape["frequency"], CONTACT_DAMPING, shape["gap"])
 
 
 def _starts(ranges: Ranges) -> list[Shape]:
@@ -57,6 +61,7 @@ EFFECT = Effect(
     split=_split,
     join=_join,
     memory=True,
+    coupling=_coupling,
     told_apart={
         "flexible_coupling": "move with small and large amplitudes: only play depends on the amplitude",
     },

@@ -126,6 +126,7 @@ class Effect:
     lateness : shape -> s by which the effect makes a command late, so that a search moves the delay along with it.
     periods : (shape, ranges) -> periods of it in the log: it is told to about that share of itself.
     broad : shape parameters that matter less than the others.
+    coupling : shape -> spring, damper and play (`memory.Coupling`) between the motor and a load of its own.
     rarity : of effects that explain a log alike, the one that is met more often (0) is named before a rarer one.
     varies : linear parameters that differ from log to log of one machine: an offset that drifts, friction that warms
         up.
@@ -149,6 +150,7 @@ class Effect:
     lateness: Callable[[Shape], float] | None = None
     periods: Callable[[Shape, Ranges], float] | None = None
     broad: tuple[str, ...] = ()
+    coupling: Callable[[Shape], Any] | None = None
     rarity: int = 6
     varies: tuple[str, ...] = ()
     told_apart: Mapping[str, str] = field(default_factory=dict)

@@ -13,9 +13,13 @@ RINGING = 0.05
 
 def _columns(channels: Channels, shape: Shape, state: Load | None) -> tuple[tuple[Any, ...], Load]:
     """Mean acceleration of the load in each interval: a_l = wa^2 (qm - ql) + 2 zeta wa (vm - vl)."""
-    coupling = Coupling.of(shape["frequency"], shape["damping"])
-    column, state = load_acceleration(channels.position, channels.velocity, channels.interval, coupling, state)
+    spring = _coupling(shape)
+    column, state = load_acceleration(channels.position, channels.velocity, channels.interval, spring, state)
     return (column,), state
+
+
+def _coupling(shape: Shape) -> Coupling:
+    return Coupling.of(shape["frequency"], shape["damping"])
 
 
 def _starts(ranges: Ranges) -> list[Shape]:
@@ -62,4 +66,5 @@ EFFECT = Effect(
     split=_split,
     join=_join,
     memory=True,
+    coupling=_coupling,
 )

@@ -175,7 +175,7 @@ def _run(coupling: Coupling, motor: Motor, q: float, v: float) -> tuple[float, f
 def driven_load(
     push: Array, interval: float, coupling: Coupling, share: float, step: float, compiled: Any = COMPILED
 ) -> Array:
-    """Mean acceleration of the load per interval where a force drives the motor: two masses without a sensor, from rest.
+    """Mean acceleration of the load per interval where a force drives the motor: two masses, no sensor, from rest.
 
         c' = F / (s_m J) - a_l / s_m,    a_l = pull(motor less load, c),    s_m = 1 - share
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from dsd_cli.identify.fit.bank import Terms
+from dsd_cli.identify.fit.driven import with_driven_load
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import terms_of
@@ -42,6 +43,8 @@ def ended(
     given : the model as it was; its own effects are never taken out.
     """
     added = tuple(name for name in reached.effects if name not in given.effects)
+    reached = settings.known.applied(reached)
+    recordings, holdout = with_driven_load(recordings, reached), with_driven_load(holdout, reached)
     problem = pose(recordings, given, replace(settings, effects=added), holdout)
     search = Search(problem)
     terms = terms_of(problem.solver.known.applied(reached))
@@ -59,9 +62,11 @@ def ended(
 def _needless(search: Search, fit: Fit, newest: str) -> tuple[str, Fit] | None:
     """(an added effect without which the model is as good, the fit without it); the one that is missed least.
 
-    The newest was taken just now, and nothing came after it that could stand in for it.
+    The newest was taken just now, and nothing came after it that could stand in for it. What only the response above
+    the band tells is not judged by what the band tells.
     """
-    older = [t.id for t in search.added(fit.terms) if t.id != newest]
+    seen = {name.partition(".")[0] for name in search.solver.known.seen}
+    older = [t.id for t in search.added(fit.terms) if t.id != newest and t.id not in seen]
     less = [(name, search.fit(_without(fit.terms, name), fit.tap)) for name in older]
     needless = [(name, one) for name, one in less if not search.matters(one, fit)]
     return max(needless, key=lambda pair: search.evidence(pair[1]), default=None)

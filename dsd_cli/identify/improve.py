@@ -8,6 +8,7 @@ from dataclasses import replace
 from dsd_cli.effects import catalogue, get_effect
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.ending import Ended, ended
+from dsd_cli.identify.fit.driven import with_driven_load
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
@@ -18,6 +19,7 @@ from dsd_cli.identify.results import (
     NONE,
     UNKNOWN,
     Addition,
+    Candidate,
     Diagnosis,
     Estimates,
     Ladder,
@@ -30,6 +32,7 @@ from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.diagnose import Progress, Settings, diagnose
 from dsd_cli.identify.verdict.own_values import own_values
+from dsd_cli.identify.verdict.shown import told_by_response
 from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
@@ -60,14 +63,22 @@ def add_effect(
     if effect_id in model.effects:
         raise UsageError(f"{effect_id} is in the model already", "`dsd add LOG inertia` fits the values that are there")
     wanted = () if own else (effect_id,)
-    problem = pose(recordings, model, replace(settings or Settings(), effects=wanted), holdout)
+    asked = replace(settings or Settings(), effects=wanted)
+    problem = pose(recordings, model, asked, holdout)
     if effect_id in problem.untestable:
         raise DataError(f"{effect_id} is not testable on {recordings[0].name}", problem.untestable[effect_id])
     search = Search(problem)
     before = own_values(search)
+    told = told_by_response(search, effect_id, asked)
+    if told is not None:
+        there = told.known.added_to(model, effect_id)
+        driven, aside = with_driven_load(recordings, there), with_driven_load(holdout, there)
+        problem = pose(driven, model, told, aside)
+        search = Search(problem)
     fit = search.refit if own else _with_effect(search, effect_id)
     after = problem.score(fit)
-    if not after.heldout_rmse < (before.score if own else before.refitted).heldout_rmse:
+    most = 1.0 + POLICY.response_rise if told is not None else 1.0
+    if not after.heldout_rmse < most * (before.score if own else before.refitted).heldout_rmse:
         raise DataError(
             f"{effect_id} does not lower the held-out error of {recordings[0].name} "
             f"({before.refitted.heldout_rmse:.4g} without it, {after.heldout_rmse:.4g} with it)",
@@ -111,7 +122,8 @@ def improve(
     on_step: Callable[[Step], None] = lambda _: None,
     progress: Progress | None = None,
 ) -> Ladder:
-    """Diagnose, add what `choose` says, measure again; every step lowers the held-out error.
+    """Diagnose, add what `choose` says, measure again; every step lowers the held-out error, but for one that only the
+    response above the band tells: that one must not raise it by more than `POLICY.response_rise`.
 
     Parameters
     ----------
@@ -145,7 +157,7 @@ def improve(
         taken = next((c for c in last.ranking if c.effect == chosen), None)
         if taken is None or taken.model is None or taken.score is None:
             raise UsageError(f"{chosen} is no candidate here", "take one of the ranking")
-        if not climb.lowered_by(taken.score):
+        if not climb.lowered_by(taken.score, -POLICY.response_rise if taken.seen else 0.0):
             refused.append(chosen)
             continue
         moves = (
@@ -154,6 +166,7 @@ def improve(
         if moves and climb.lowered_by(last.refitted, POLICY.least_fall):  # the rest of the fall is the effect's own
             climb.up(REFIT, last.refitted, last.refitted_values, last.refitted_model)
         model = climb.up(chosen, taken.score, taken.all_values, taken.model)
+        climb.see(taken)
 
 
 class _Climb:
@@ -177,6 +190,12 @@ class _Climb:
         self.steps.append(Step(len(self.steps), effect, score, values, model, kind))
         self._on_step(self.steps[-1])
         return model
+
+    def see(self, taken: Candidate) -> None:
+        """What the response told of an effect that was taken stays so."""
+        if taken.seen:
+            known = self.settings.known.seeing(taken.effect, taken.seen)
+            self.settings = replace(self.settings, known=known)
 
     def lowered_by(self, score: Score, share: float = 0.0) -> bool:
         """Whether the held-out error falls, by that share."""

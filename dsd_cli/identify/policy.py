@@ -80,7 +80,7 @@ class Policy:
     most_travel: float = 1.5  # times the least travel of any speed offset: an axis that works comes back
 
     # -- a resonance above the band --
-    response_lowest_share: float = 0.5  # of the band's end, from which on the response is looked at
+    response_lowest_share: float = 0.25  # of the band's end, from which on the response is looked at
     response_highest_share: float = 0.15  # of the sample rate, up to which it is
     response_nats: float = 30.0  # that a resonance must gain over a rigid axis and over a lag; noise alone reaches 8
     response_lost: float = 0.3  # of what blocks gain, that others may lose
@@ -88,6 +88,7 @@ class Policy:
     response_damping: float = 0.4  # of the free vibration; above, nothing swings
     response_in_band: float = 0.8  # of the band's end; a resonance below is told by the balance itself
 
+    response_rise: float = 0.02  # of the held-out error in the band, that such a load may cost there
     play_deviations: float = 5.0  # standard errors of a gap, which it must have
 
     # -- vetoes --

@@ -72,6 +72,7 @@ class Candidate:
     untestable : why it could not be tested on this log; then the numbers are NaN and `model` is None.
     note : what to know about the fit: a value on its bound, a fit that did not converge.
     model, score, all_values : of the model with the effect in it and everything fitted.
+    seen : {parameter: (value, standard error)} that the response above the band told; the balance may not show it.
     """
 
     effect: str
@@ -86,6 +87,7 @@ class Candidate:
     model: PlantModel | None = None
     score: Score | None = None
     all_values: Estimates = field(default_factory=dict)
+    seen: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.fit.bank import Bank
-from dsd_cli.identify.fit.blocks import lay_blocks
-from dsd_cli.identify.fit.equations import equations_of
-from dsd_cli.identify.fit.errors import Errors
 from dsd_cli.identify.fit.problem import Problem, Settings, pose
-from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import Frame, predict_d_hat
@@ -225,18 +220,10 @@ def force_view(recordings: Sequence[Recording], model: PlantModel, holdout: Reco
     if holdout is None:
         return ForceView(whole)
     try:
-        return ForceView(whole, _force(_asked_of(problem, holdout), model))
+        aside = replace(problem, recordings=(holdout,), errors=problem.errors_for(model, [holdout]))
+        return ForceView(whole, _force(aside, model))
     except DataError as failure:
         return ForceView(whole, None, str(failure))
-
-
-def _asked_of(problem: Problem, other: Recording) -> Problem:
-    """The errors of the same question on another recording, in the same band."""
-    equations = equations_of([other], problem.equations.startup, problem.equations.band)
-    if not equations.stretches:
-        raise DataError(f"{other.name}: too short to be judged", "hold out a longer log")
-    blocks = lay_blocks(equations.lengths, POLICY.gap_rows, other.name)
-    return replace(problem, recordings=(other,), errors=Errors(Bank(equations), blocks))
 
 
 def _force(problem: Problem, model: PlantModel) -> Force:

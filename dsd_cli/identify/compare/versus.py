@@ -51,11 +51,11 @@ class Versus:
 def versus(recordings: Sequence[Recording], models: Mapping[str, PlantModel]) -> Versus:
     """Raises DataError, UsageError as `pose`."""
     problem = pose(recordings, next(iter(models.values())), Settings(effects=()))
-    errors, blocks = problem.errors, problem.blocks
-    block = blocks.block_of_rows()[errors.equations.kept]
+    block = problem.blocks.block_of_rows()[problem.equations.kept]
     found: list[Contender] = []
     first = np.zeros(0)
     for name, model in models.items():
+        errors = problem.errors_for(model, recordings)
         residual, score = errors.rows_of_model(model), errors.of_model(model)
         squares = np.array([float(np.mean(residual[block == b] ** 2)) for b in np.unique(block)])
         fit, share = (x if math.isfinite(x) else None for x in (score.fit_percent, score.relative_error_percent))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -25,12 +25,14 @@ class Known:
     bounds : smallest and largest value.
     priors : value and standard deviation: one more equation.
     events : effects all of whose values are held as the model has them, lists of events too.
+    seen : of those that are fixed, the ones that the response told, with their standard errors (`search.response`).
     """
 
     fixed: Mapping[str, float] = field(default_factory=dict)
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     events: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    seen: Mapping[str, float] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
         return bool(self.fixed or self.bounds or self.priors or self.events)
@@ -52,6 +54,17 @@ class Known:
             if effect in model.effects:
                 effects.setdefault(effect, {})[parameter] = value
         return model.changed(self.fixed.get(DELAY), self.fixed.get(INERTIA), effects)
+
+    def seeing(self, effect_id: str, values: Mapping[str, tuple[float, float]]) -> Known:
+        """With the values (and standard errors) of an effect that the response told."""
+        fixed = {f"{effect_id}.{name}": value for name, (value, _) in values.items()}
+        errors = {f"{effect_id}.{name}": error for name, (_, error) in values.items()}
+        return replace(self, fixed={**self.fixed, **fixed}, seen={**self.seen, **errors})
+
+    def added_to(self, model: PlantModel, effect_id: str) -> PlantModel:
+        """The model with an effect in it all of whose values are fixed."""
+        values = {name: self.fixed[f"{effect_id}.{name}"] for name in named_of(effect_id, self.fixed)}
+        return model.changed(None, None, {effect_id: values})
 
     def holding(self, model: PlantModel) -> Known:
         """With every value of that model fixed as well."""
@@ -107,3 +120,8 @@ def _some_values(effect: Effect) -> dict[str, Any]:
         p.name: () if p.listed else min(max(0.5, p.lower), p.upper if math.isfinite(p.upper) else math.inf)
         for p in effect.parameters
     }
+
+
+def named_of(effect_id: str, names: Iterable[str]) -> list[str]:
+    """The parameters of that effect among names."""
+    return [name.partition(".")[2] for name in names if name.startswith(f"{effect_id}.")]

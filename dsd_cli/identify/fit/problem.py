@@ -14,6 +14,7 @@ from dsd_cli.errors import DataError
 from dsd_cli.identify.fit.asked import Settings, candidates_of, check_recordings, check_used
 from dsd_cli.identify.fit.bank import INERTIA, Bank, Term, Terms, holds, ranges
 from dsd_cli.identify.fit.blocks import Blocks, lay_blocks
+from dsd_cli.identify.fit.driven import with_driven_load
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.errors import Errors
 from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
@@ -120,6 +121,16 @@ class Problem:
         floor = self.noise.variance * self.noise.inflation + beyond * POLICY.correlated_rows
         return fitted_values(fit, self.solver, self.scale, floor)
 
+    def errors_for(self, model: PlantModel, recordings: Sequence[Recording]) -> Errors:
+        """Errors in the same band on (other) recordings, a load driven by this model where it has one.
+
+        Raises DataError where they are too short.
+        """
+        equations = equations_of(with_driven_load(recordings, model), self.equations.startup, self.equations.band)
+        if not equations.stretches:
+            raise DataError(f"{recordings[0].name}: too short to be judged", "hold out a longer log")
+        return Errors(Bank(equations), lay_blocks(equations.lengths, POLICY.gap_rows, recordings[0].name))
+
     def measured_again(self, fit: Fit) -> Problem:
         """The same problem with the noise estimated from the residual of this fit: missing effects are no noise."""
         return _with_noise(self, fit)
@@ -138,6 +149,7 @@ def pose(
     check_recordings((*recordings, *holdout), model)
     known = settings.known
     model = known.applied(model)
+    recordings, holdout = with_driven_load(recordings, model), with_driven_load(holdout, model)
     candidates, untestable = candidates_of(recordings, holdout, model, settings)
     base, step = terms_of(model), recordings[0].sample_time
     longest = POLICY.longest_delay_share * max(len(p) for r in recordings for p in r.pieces) * step
@@ -170,6 +182,7 @@ def asked_of_all(problem: Problem, recordings: Sequence[Recording], holdout: Seq
     fit : of the excerpts. The noise keeps its spectrum there; its variance grows if the fit leaves more in all rows.
     """
     few = problem.equations
+    recordings, holdout = (with_driven_load(some, problem.model) for some in (recordings, holdout))
     equations = equations_of(recordings, few.startup, few.band)
     plain = Bank(equations, variance=passed_variance(np.ones(1), few.band, _sensor(recordings)))
     blocks = lay_blocks(equations.lengths, POLICY.gap_rows, recordings[0].name)

@@ -166,7 +166,8 @@ def fitted_values(fit: Fit, solver: Solver, scale: Scale, floor: float) -> Fitte
 def _estimate(
     name: str, value: float, error: float, unit: str, at_bound: bool, known: Known, sample_time: float
 ) -> Estimate:
-    if name in known.fixed:
+    error = known.seen.get(name, error)
+    if name in known.fixed and name not in known.seen:
         return Estimate(value, 0.0, unit, held=True, told="held")
     size = 1.0 if unit == "rad" else abs(value)
     told = grade(size, error, sample_time if name == DELAY else math.nan)

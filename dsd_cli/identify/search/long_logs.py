@@ -15,8 +15,10 @@ import numpy as np
 from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.drift import without_drift
+from dsd_cli.identify.fit.driven import with_driven_load
 from dsd_cli.identify.fit.problem import Problem, asked_of_all, pose
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.values import terms_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts, with_part
 from dsd_cli.identify.recordings.recording import Recording
@@ -79,6 +81,30 @@ def searched(
             break
         search, whole = other, better
     return search, whole
+
+
+def searched_with(
+    recordings: Sequence[Recording],
+    found: PlantModel,
+    model: PlantModel,
+    settings: Settings,
+    holdout: Sequence[Recording],
+) -> tuple[Search, Fit]:
+    """(search that is ready to judge, the set that a model has which was found elsewhere), nothing searched for.
+
+    found : the model with more effects in it.
+    """
+    found = settings.known.applied(found)
+    recordings, holdout = with_driven_load(recordings, found), with_driven_load(holdout, found)
+    parts = excerpts(recordings)
+    search = Search(pose(parts, model, settings, holdout))
+    terms, tap = terms_of(found), search.refit.tap
+    search = Search(search.problem.measured_again(search.fit(terms, tap)))
+    whole = search.fit(terms, tap)
+    if sum(r.samples for r in parts) == sum(r.samples for r in recordings):
+        return search, whole
+    judge = Judge(asked_of_all(search.problem, recordings, holdout, whole), search)
+    return judge, judge.fit(terms, whole.tap)
 
 
 def _searched(

@@ -37,14 +37,15 @@ class Modes:
         """What a rigid axis leaves, and one behind a lag, for several lags."""
         times = np.geomspace(self.signals.step, _LONGEST_LAG, _LAGS).tolist()
         plain, shift = self._fixed
-        lagged = [self._passed(_lag(time)) for time in times]
+        lagged = [self._passed(_lag(float(time))) for time in times]
         return [left(np.stack([x, shift], axis=1), self.signals.target) for x in (plain, *lagged)]
 
     def best(self, lowest: float, highest: float) -> Array:
         """The mode between these frequencies (Hz) that leaves least; it may end beside them."""
         frequencies = np.exp(np.arange(math.log(lowest), math.log(highest), math.log(_RATIO)))
-        tried = [np.log((f, z)) for f in frequencies.tolist() for z in _DAMPINGS]
-        return self.refined(min(tried, key=lambda at: float(np.sum(self.left(at) ** 2))))
+        tried = [np.array([math.log(f), math.log(z)]) for f in frequencies.tolist() for z in _DAMPINGS]
+        starts = sorted(tried, key=lambda at: float(np.sum(self.left(at) ** 2)))
+        return self.refined(starts[0])
 
     def left(self, at: Array) -> Array:
         """What the best rigid body and mode leave, shape (n,)."""
@@ -78,10 +79,10 @@ class Modes:
     def _passed(self, response: Callable[[Array], Array]) -> Array:
         """The force after a causal response of frequency (Hz), from rest, as rows."""
         pairs = zip(self._spectra, self._hz, self.signals.force, strict=True)
-        return self.signals.rows([np.fft.irfft(x * response(f))[: len(force)] for x, f, force in pairs])
+        return self.signals.rows([np.asarray(np.fft.irfft(x * response(f))[: len(force)]) for x, f, force in pairs])
 
     def _columns(self, at: Array) -> Array:
-        frequency, damping = np.exp(at)
+        frequency, damping = math.exp(at[0]), math.exp(at[1])
 
         def mode(f: Array) -> Array:
             return np.asarray(-(f**2) / (frequency**2 - f**2 + 2j * damping * frequency * f))

@@ -86,7 +86,8 @@ def response_of(search: Search, whole: Fit, asked: Sequence[str], doubtful: bool
 def _swinging(search: Search, whole: Fit) -> tuple[Signals, Modes, Array] | None:
     """The signals, and the mode that explains them best, with the delay brought to where it belongs beside the mode."""
     part = search.excerpt or search
-    terms = tuple(t for t in whole.terms if t in search.base or not _stands_in(t))
+    shown = (COUPLING, PLAY)
+    terms = tuple(t for t in whole.terms if t.id not in shown and (t in search.base or not _stands_in(t)))
     fit = part.fit(terms, whole.tap if terms == whole.terms else search.refit.tap)
     delay, step = delay_of(part, fit), search.equations.sample_time
     lowest, highest = POLICY.response_lowest_share * search.equations.band.hz, POLICY.response_highest_share / step

@@ -56,6 +56,13 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
     return Beyond(on, min(reached, plain), (certain and large) or structured, noise)
 
 
+def above_floor(search: Search, fit: Fit) -> bool:
+    """Whether more is left than the sensor alone leaves, and enough to matter: then something is missing."""
+    problem = search.problem
+    excess = problem.errors.rmse(fit) ** 2 - (POLICY.floor_factor * problem.floor) ** 2
+    return excess > (POLICY.floor_excess * problem.errors.force) ** 2
+
+
 def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
     """With pulses in time if nothing unknown remains beside them; otherwise unchanged; strong pulses mean unknown.
 

@@ -14,12 +14,14 @@ from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
 from dsd_cli.identify.search.long_logs import searched
 from dsd_cli.identify.search.pulses import event_effect
+from dsd_cli.identify.search.response import Seen
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
-from dsd_cli.identify.verdict.beyond import Beyond, beyond_of, pushed
+from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beyond_of, pushed
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
 from dsd_cli.identify.verdict.own_values import Own, own_values
+from dsd_cli.identify.verdict.shown import note_on, with_response
 from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
@@ -55,20 +57,26 @@ def diagnose(
     """
     report = progress or (lambda _what, _share: None)
     report("preparing", 0.0)
-    search, whole = searched(recordings, model, settings or Settings(), holdout, report)
+    asked = settings or Settings()
+    search, whole = searched(recordings, model, asked, holdout, report)
     beyond = beyond_of(search, whole)
-    if event_effect(search) is not None:
+    doubtful = beyond.unknown or above_floor(search, whole)
+    shown = with_response(search, whole, recordings, model, asked, holdout, doubtful, report)
+    if shown.search is not search:
+        search, whole = shown.search, shown.whole
+        beyond = beyond_of(search, whole)
+    if shown.seen is None and event_effect(search) is not None:
         whole, beyond = pushed(search, whole, beyond)
     report("how sure", 0.8)
     found = [t.id for t in search.added(whole.terms)]
     reconstructed = any("reconstructed" in r.provenance.get("velocity", "") for r in search.problem.recordings)
     misfit = beyond.unknown or reconstructed or search.noise.inflation > POLICY.most_inflation
-    members = {name: membership(search, whole, name, misfit) for name in found}
-    own = own_values(search)
-    diagnosis = _Verdict(search, search.options(search.refit), whole, members, own, beyond).diagnosis()
+    members = {name: membership(search, whole, name, misfit) for name in found if shown.seen is None}
+    options, own = search.options(search.refit), own_values(search)
+    diagnosis = _Verdict(search, options, whole, members, own, beyond, shown.seen).diagnosis()
     if stability:
         report("how sure, on parts", 0.85)
-        diagnosis = with_stability(diagnosis, recordings, model, settings or Settings())
+        diagnosis = with_stability(diagnosis, recordings, model, shown.settings)
     report("done", 1.0)
     return diagnosis
 
@@ -84,14 +92,13 @@ class _Verdict:
         members: dict[str, Membership],
         own: Own,
         beyond: Beyond,
+        seen: Seen | None,
     ) -> None:
-        self.search, self.problem = search, search.problem
+        self.search, self.problem, self.seen = search, search.problem, seen
         self.options, self.whole = options, whole
         self.members, self.own, self.beyond = members, own, beyond
         self._named_for: dict[str, str] = {}
         self.alone = {o.effect: o for o in (*options, *self._events())}
-
-        self.named, self.sure = "", 0.0
         self.named, self.sure = self.verdict()
         if self.named in self.alone:  # what is to be added takes the shapes of the model's own effects along
             fit = search.converged(self.alone[self.named].fit)
@@ -107,6 +114,8 @@ class _Verdict:
     def verdict(self) -> tuple[str, float]:
         """(verdict, probability)."""
         search, beyond = self.search, self.beyond
+        if self.seen is not None:
+            return self.seen.effect, POLICY.surest / (1.0 + len(self.seen.rivals))
         if self.members:
             best = self._first()
             if not self._lowers(best) or self._weightless(self.whole):
@@ -124,12 +133,12 @@ class _Verdict:
             shared = sum(belief.get(name, 0.0) for name in tied) / len(tied)
             return named, min(known * max(belief.get(named, 0.0), shared), self._surest())
         known = self._share_of_possible(self.own.score.heldout_rmse, self.own.refitted.heldout_rmse)
-        above_floor = self._above_floor(self.search.refit)
-        if self.own.wrong and known >= POLICY.share_of_possible and not above_floor:
+        left_over = above_floor(search, search.refit)
+        if self.own.wrong and known >= POLICY.share_of_possible and not left_over:
             return self.own.wrong, min(known * self.own.probability, POLICY.surest)
         if beyond.unknown:
             return UNKNOWN, 0.9
-        if above_floor:
+        if left_over:
             return UNKNOWN, 0.6
         return NONE, self._nothing()
 
@@ -154,17 +163,11 @@ class _Verdict:
         """Upper bound on the probability of any verdict."""
         return POLICY.surest_in_part if self._short() else POLICY.surest
 
-    def _above_floor(self, fit: Fit) -> bool:
-        """Whether the residual is above the floor of the sensor by enough to matter: then something is missing."""
-        left, force = self.problem.errors.rmse(fit), self.problem.errors.force
-        excess = left**2 - (POLICY.floor_factor * self.problem.floor) ** 2
-        return excess > (POLICY.floor_excess * force) ** 2
-
     def _share_of_possible(self, before: float, after: float) -> float:
         """Explained share of the power that could be explained; 1 where nothing unknown remains."""
         if self.beyond.unknown:
             least = min(self.beyond.heldout_rmse, self.beyond.noise)
-        elif self._above_floor(self.whole):
+        elif above_floor(self.search, self.whole):
             least = POLICY.floor_factor * self.problem.floor
         else:
             return 1.0
@@ -248,8 +251,11 @@ class _Verdict:
             rivals = (*rivals, INERTIA)
         notes = [f"{name} stands on its bound" for name, e in values.items() if e.at_bound]
         notes += [f"the log does not tell {name}" for name, e in values.items() if math.isnan(e.std_error)]
+        seen = self.seen if self.seen is not None and self.seen.effect == option.effect else None
+        notes += [note_on(seen, self.search.equations.band.hz)] if seen is not None else []
         return Candidate(
             effect=option.effect,
+            seen=seen.values if seen is not None else {},
             rmse_after=score.rmse,
             heldout_rmse_before=refitted.heldout_rmse,
             heldout_rmse_after=score.heldout_rmse,
@@ -264,6 +270,8 @@ class _Verdict:
 
     def _rivals(self, effect: str) -> tuple[str, ...]:
         """Effects that these recordings cannot distinguish from it."""
+        if self.seen is not None:
+            return self.seen.rivals if effect == self.seen.effect else ()
         member = self._named_for.get(effect, effect)
         found = self.members[member].rivals if member in self.members else ()
         stands_in = (member,) if member != effect else ()

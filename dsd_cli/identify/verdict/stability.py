@@ -24,9 +24,12 @@ def with_stability(
 ) -> Diagnosis:
     """The diagnosis with its variants; a verdict that changes in one of them is at most 90 % sure.
 
-    "unknown" and wrong values of the model are left as they are: a search alone does not tell them.
+    "unknown" and wrong values of the model are left as they are: a search alone does not tell them; nor does a search
+    in the band tell what the response above it shows.
     """
     if found.verdict in (UNKNOWN, INERTIA, DELAY) or found.verdict in model.effects:
+        return found
+    if any(c.seen for c in found.ranking if c.effect == found.verdict):
         return found
     asked = [
         ("the first half of the data", _half(recordings, 0), settings),

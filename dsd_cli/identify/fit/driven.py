@@ -1,0 +1,87 @@
+"""A load on the motor driven by what the model says, not by what a noisy sensor measured.
+
+The acceleration of a load follows from the motor's motion. A coarse sensor's noise moves a simulated load that no motor
+ever moved: it would pick up play at every count. So a model that has a load already may also drive it by its own force,
+
+    F = u(t - L) + forces,    both masses by `effects.memory.driven_load`,
+
+and the log takes whichever of the two leaves less of the balance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dsd_cli.effects import Role
+from dsd_cli.effects.memory import driven_load
+from dsd_cli.identify.fit.bank import Bank, Term, Terms, drive, holds, inputs_of, raw_columns
+from dsd_cli.identify.fit.equations import Equations, equations_of
+from dsd_cli.identify.fit.values import coefficients_of, terms_of
+from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.log import Array, with_channels
+
+#: Longest Runge-Kutta step, radians of the free vibration.
+_STEP = 0.05
+
+
+def with_driven_load(recordings: Sequence[Recording], model: PlantModel) -> tuple[Recording, ...]:
+    """The recordings with "driven", the acceleration of the motor of a model that has a load, if that leaves less."""
+    terms = terms_of(model)
+    loads = [t for t in terms if t.effect.coupling is not None]
+    if len(loads) != 1 or not recordings:
+        return tuple(recordings)
+    startup = math.ceil(model.delay / recordings[0].sample_time) + 3
+    measured = equations_of([_bare(r) for r in recordings], startup)
+    moved = {id(s.log): x for s, x in zip(measured.stretches, _motor(measured, model, terms, loads[0]), strict=True)}
+    driven = tuple(
+        replace(r, pieces=tuple(with_channels(p, driven=moved[id(p)]) if id(p) in moved else p for p in r.pieces))
+        for r in measured.recordings
+    )
+    own = equations_of(driven, startup, measured.band)
+    return driven if _left(own, model, terms) < _left(measured, model, terms) else measured.recordings
+
+
+def _bare(recording: Recording) -> Recording:
+    """Without what an earlier model drove."""
+    if not any("driven" in p for p in recording.pieces):
+        return recording
+    pieces = (
+        replace(p, channels={name: x for name, x in p.channels.items() if name != "driven"}) for p in recording.pieces
+    )
+    return replace(recording, pieces=tuple(pieces))
+
+
+def _motor(equations: Equations, model: PlantModel, terms: Terms, load: Term) -> list[Array]:
+    """Acceleration of the motor under the model's forces, as the sensor averages it, by stretch."""
+    coupling = load.effect.coupling
+    assert coupling is not None
+    (share,), _ = load.effect.to_columns(model.effects[load.id], model.inertia)
+    forces = drive(equations, inputs_of(terms), model.delay)
+    for term in terms:
+        if term.effect.role in (Role.INPUT, Role.STRUCTURE):
+            continue
+        given, _ = term.effect.to_columns(model.effects[term.id], model.inertia)
+        for c, by_stretch in zip(given, raw_columns(equations, term, model.delay), strict=True):
+            forces = [force - c * x for force, x in zip(forces, by_stretch, strict=True)]
+    found = []
+    for s, force in zip(equations.stretches, forces, strict=True):
+        free = s.free if holds(terms) else 1.0
+        push = np.nan_to_num(force) * free / ((1.0 - share) * model.inertia)
+        pulled = driven_load(push, equations.sample_time, coupling(load.shape), share, _STEP)
+        found.append(s.averaged(push - share / (1.0 - share) * pulled, False))
+    return found
+
+
+def _left(equations: Equations, model: PlantModel, terms: Terms) -> float:
+    """Sum of squares of what the model leaves of the balance."""
+    bank = Bank(equations)
+    tap, theta = coefficients_of(model, terms, bank.tap_time)
+    design = bank.design(terms, tap)
+    rest = design.rows[0] - sum(c * x for c, x in zip(theta, design.rows[1:], strict=True))
+    found = float(np.sum(rest[equations.kept] ** 2))
+    return found if math.isfinite(found) else math.inf
