@@ -90,10 +90,13 @@ class Destination:
 
 
 class Job:
-    """Reads `log` and labels it; live where lines come one by one."""
+    """Reads `log` and labels it; live where lines come one by one.
 
-    def __init__(self, log: str, config: Config, follow: bool, to: Destination) -> None:
-        self.log, self.config, self.follow, self.to = log, config, follow, to
+    `ahead`: a thread of its own decodes the next rows meanwhile.
+    """
+
+    def __init__(self, log: str, config: Config, follow: bool, to: Destination, ahead: bool = True) -> None:
+        self.log, self.config, self.follow, self.to, self.ahead = log, config, follow, to, ahead
         self.live = follow or log == "-"
         self._time_scale = TIME_SCALE[config.signals.time_unit]
 
@@ -166,8 +169,8 @@ class Job:
         yield from session.finish()
 
     def _batches(self, table: TableSource) -> AbstractContextManager[Iterator[Batch]]:
-        """Live lines are labelled as they come; from a file the next rows are decoded meanwhile."""
-        return nullcontext(table.batches()) if self.live else read_ahead(table.batches())
+        """Live lines are labelled as they come; of a file, the next rows may be decoded meanwhile."""
+        return read_ahead(table.batches()) if self.ahead and not self.live else nullcontext(table.batches())
 
     def _labels_of(self, batch: Batch, table: TableSource, session: Session, truth: _Truth) -> Iterator[Rows]:
         self._check_columns(table, session.plan, batch)

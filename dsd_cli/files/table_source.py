@@ -13,6 +13,8 @@ import numpy as np
 from dsd_cli.errors import DataError
 from dsd_cli.signals.log import Array
 
+#: What the file with the metadata of a CSV file is called, after that one's name.
+SIDECAR = ".meta.json"
 #: Bytes; ours hold a config.
 LARGEST_SIDECAR = 1 << 24
 
@@ -116,7 +118,7 @@ def _hint(canonical: str, name: str, column_names: list[str]) -> str:
 
 def sidecar(path: str | Path) -> Path:
     """Where the metadata of a CSV file is kept."""
-    return Path(f"{path}.meta.json")
+    return Path(f"{path}{SIDECAR}")
 
 
 def read_sidecar(path: str | Path) -> dict[str, str]:

@@ -78,6 +78,8 @@ class Policy:
     drift_gain: float = 0.9  # of the held-out error, which a round must reach
     most_drift: float = 0.7  # of the range of the position, by which it may drift and still be used
     most_travel: float = 1.5  # times the least travel of any speed offset: an axis that works comes back
+    drift_surest: float = 0.85  # no effect is surer on such a motion: 29 of 33 names on the outside rig were right
+    afloat_surest: float = 0.5  # and none that depends on the position alone, for its zero is not known
 
     # -- a resonance above the band --
     response_lowest_share: float = 0.25  # of the band's end, from which on the response is looked at
@@ -89,6 +91,7 @@ class Policy:
     response_in_band: float = 0.8  # of the band's end; a resonance below is told by the balance itself
 
     response_rise: float = 0.02  # of the held-out error in the band, that such a load may cost there
+    driven_gain: float = 0.7  # of the error with a load that the sensor drives, that one driven by the model may leave
     play_deviations: float = 5.0  # standard errors of a gap, which it must have
 
     # -- vetoes --

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.files.formats.base import Group, numbers
-from dsd_cli.files.formats.matlab_objects import NOT_SEEN, object_channels
+from dsd_cli.files.formats.matlab_objects import NO_NUMBERS, NOT_SEEN, object_channels
 from dsd_cli.signals.log import Array
 
 #: Attributes that name the unit of a dataset.
@@ -36,6 +36,8 @@ class Hdf5File:
             for (group, rows), places in parts.items()
             if rows
         ]
+        if self._objects and not self.groups and not self.notes:
+            self.notes.append(NO_NUMBERS)
 
     def _note(self, parts: dict[tuple[str, int], dict[str, _Place]], path: str, item: Any) -> None:
         import h5py

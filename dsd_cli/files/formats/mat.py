@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.files.formats.base import InMemory, columns_of
-from dsd_cli.files.formats.matlab_objects import NOT_SEEN, object_channels
+from dsd_cli.files.formats.matlab_objects import NO_NUMBERS, NOT_SEEN, object_channels
 from dsd_cli.signals.log import Array
 
 #: Where a file keeps what is in its objects.
@@ -28,8 +28,8 @@ class MatFile(InMemory):
         objects = object_channels(path) if _WORKSPACE in loaded else None
         plain = {name: value for name, value in loaded.items() if not name.startswith("__") and name != "None"}
         super().__init__(_channels("", plain) if objects is None else objects)
-        if _WORKSPACE in loaded and objects is None:
-            self.notes.append(NOT_SEEN)
+        if _WORKSPACE in loaded and (objects is None or not self.groups):
+            self.notes.append(NOT_SEEN if objects is None else NO_NUMBERS)
 
 
 def _channels(prefix: str, value: Any) -> dict[str, Array]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,11 @@ class MdfFile:
 
     def __init__(self, path: str) -> None:
         from asammdf import MDF
+        from asammdf.blocks import mdf_v3, mdf_v4
 
+        # what could not be opened cannot be closed either, and says so with a traceback when it is collected
+        for kind in (mdf_v3.MDF3, mdf_v4.MDF4):
+            kind.__del__ = _close_quietly  # type: ignore[method-assign]
         self._mdf = MDF(path)
         self.metadata = {RECORDED: self._mdf.header.start_time.isoformat()}
         self.notes: list[str] = []
@@ -52,6 +57,11 @@ class MdfFile:
             signal = self._mdf.get(group=at, index=places[name], record_offset=start, record_count=count)
             out[name] = _valid(signal, count)
         return out
+
+
+def _close_quietly(file: Any) -> None:
+    with suppress(Exception):
+        file.close()
 
 
 def _valid(signal: Any, count: int) -> Array:

@@ -95,8 +95,7 @@ class _Verdict:
         seen: Seen | None,
     ) -> None:
         self.search, self.problem, self.seen = search, search.problem, seen
-        self.options, self.whole = options, whole
-        self.members, self.own, self.beyond = members, own, beyond
+        self.options, self.whole, self.members, self.own, self.beyond = options, whole, members, own, beyond
         self._named_for: dict[str, str] = {}
         self.alone = {o.effect: o for o in (*options, *self._events())}
         self.named, self.sure = self.verdict()
@@ -131,7 +130,8 @@ class _Verdict:
             self._named_for[named] = best
             tied = (best, *self.members[best].rivals)
             shared = sum(belief.get(name, 0.0) for name in tied) / len(tied)
-            return named, min(known * max(belief.get(named, 0.0), shared), self._surest())
+            surest = min(self._surest(), self.members[best].surest)
+            return named, min(known * max(belief.get(named, 0.0), shared), surest)
         known = self._share_of_possible(self.own.score.heldout_rmse, self.own.refitted.heldout_rmse)
         left_over = above_floor(search, search.refit)
         if self.own.wrong and known >= POLICY.share_of_possible and not left_over:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Option, Search
@@ -27,14 +28,16 @@ NOTHING = ""
 class Membership:
     """An effect of the found set against every effect that could replace it.
 
-    probabilities : effect (or `NOTHING`) -> probability. rivals : effects that explain the recordings as well;
-    alike : those of them whose likelihood is less, but by no more than the model misfits anyway.
+    probabilities : effect (or `NOTHING`) -> share of belief. rivals : effects that explain the recordings as well;
+    alike : those of them whose likelihood is less, but by no more than the model misfits anyway. surest : no verdict on
+    it may be surer.
     """
 
     effect: str
     probabilities: Mapping[str, float]
     rivals: tuple[str, ...]
     alike: tuple[str, ...] = ()
+    surest: float = 1.0
 
 
 def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Membership:
@@ -75,7 +78,18 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     alike = [o.effect for o in options if alike_to(o)]
     found = dict.fromkeys([*alike, *(o.effect for o in options if rivals(o))])
     shares = probabilities(search, rest, [own, *options])
-    return Membership(effect_id, shares, tuple(found), tuple(alike))
+    if not any("reconstructed" in r.provenance.get("position", "") for r in search.problem.recordings):
+        return Membership(effect_id, shares, tuple(found), tuple(alike))
+    if not _of_position(effect_id):
+        return Membership(effect_id, shares, tuple(found), tuple(alike), POLICY.drift_surest)
+    afloat = [o.effect for o in options if _of_position(o.effect)]
+    return Membership(effect_id, shares, tuple(dict.fromkeys([*found, *afloat])), tuple(alike), POLICY.afloat_surest)
+
+
+def _of_position(effect_id: str) -> bool:
+    """Whether the effect is a force that depends on the position alone: without its zero, one passes for another."""
+    effect = get_effect(effect_id)
+    return effect.role is Role.APPLIED and tuple(effect.needs) == ("position",)
 
 
 def probabilities(search: Search, rest: Fit, options: list[Option]) -> dict[str, float]:
