@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from dsd_cli.cli.detect_checks import Judgement
 from dsd_cli.cli.ending import interrupt_ends_reading
@@ -26,6 +24,7 @@ from dsd_cli.cli.plan import (
     window,
 )
 from dsd_cli.cli.progress import Progress
+from dsd_cli.cli.truth import Truth
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import active_backend
 from dsd_cli.detect.plan import Plan
@@ -38,7 +37,8 @@ from dsd_cli.errors import DataError, UsageError, printable
 from dsd_cli.files.background import read_ahead
 from dsd_cli.files.config import Config
 from dsd_cli.files.scaled import scaled
-from dsd_cli.files.tables_in import Batch, TableSource, dropped_with_unreadable, is_stream, open_table, read_head
+from dsd_cli.files.table_source import Batch, TableSource, read_head
+from dsd_cli.files.tables_in import dropped_with_unreadable, is_stream, open_table
 from dsd_cli.files.tables_out import check_output
 from dsd_cli.files.watched import about_rows
 from dsd_cli.files.windowed import windowed
@@ -46,7 +46,6 @@ from dsd_cli.report.changes import Changes
 from dsd_cli.report.detection import Detection, print_table, to_json
 from dsd_cli.report.terminal import json_text
 from dsd_cli.signals.cleaning import BRIDGE, Cleaner
-from dsd_cli.signals.log import Array
 
 if TYPE_CHECKING:
     from dsd_cli.detect.watched import WatchedSession
@@ -187,7 +186,7 @@ class Job:
         return plan
 
     def _label_all(self, table: TableSource, session: Session, summarizer: Summarizer) -> None:
-        truth = _Truth([name for name in TRUTH if name in table.columns])
+        truth = Truth([name for name in TRUTH if name in table.columns])
         labels = closing(self._labels(table, session, truth))  # a label that cannot be written ends the reading too
         has_estimates = session.plan.settings.method in ESTIMATING
         writer, view = self.to.writer(session.plan.grid, has_estimates), self._view(table, session)
@@ -202,7 +201,7 @@ class Job:
             if not self.live:
                 _refuse_nothing(table, session, summarizer)
 
-    def _labels(self, table: TableSource, session: Session, truth: _Truth) -> Generator[Rows, None, None]:
+    def _labels(self, table: TableSource, session: Session, truth: Truth) -> Generator[Rows, None, None]:
         busy = self.panel or (self.to.labels_on_stdout and sys.stdout.isatty())
         with Progress(not (self.to.quiet or busy)) as progress:
             total = None if self.live or busy else about_rows(table.name)
@@ -226,7 +225,7 @@ class Job:
         """Live lines are labelled as they come; of a file, the next rows may be decoded meanwhile."""
         return read_ahead(table.batches()) if self.ahead and not self.live else nullcontext(table.batches())
 
-    def _labels_of(self, batch: Batch, table: TableSource, session: Session, truth: _Truth) -> Iterator[Rows]:
+    def _labels_of(self, batch: Batch, table: TableSource, session: Session, truth: Truth) -> Iterator[Rows]:
         self._check_columns(table, session.plan, batch)
         truth.put(batch)
         yield from session.feed(batch.columns.get("t"), batch.columns, batch.restart)
@@ -285,21 +284,3 @@ def _changes(session: Session) -> Changes | None:
     tau = session.plan.observer.time_constant
     expected = false_alarms_per_hour(settings.change, settings.window, sample_time, tau, free)
     return Changes(tuple(session.changes), settings.change, expected, tuple(session.plan.grid.combinations))
-
-
-class _Truth:
-    """Truth columns, handed out by row as the labels of these rows come."""
-
-    def __init__(self, names: list[str]) -> None:
-        self._columns: dict[str, Array] = {name: np.empty(0) for name in names}
-
-    def put(self, batch: Batch) -> None:
-        for name, waiting in self._columns.items():
-            new = batch.columns.get(name)
-            new = np.full(batch.rows, np.nan) if new is None else new
-            self._columns[name] = np.concatenate([waiting, new]) if waiting.size else new
-
-    def take(self, rows: int) -> Mapping[str, Array]:
-        taken = {name: column[:rows] for name, column in self._columns.items()}
-        self._columns = {name: column[rows:] for name, column in self._columns.items()}
-        return taken

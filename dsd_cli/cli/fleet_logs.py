@@ -15,7 +15,7 @@ from dsd_cli.cli.fleet_tasks import ConfigText, Task, is_url
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.fleet_table import PART
 from dsd_cli.files.formats.known import is_bag
-from dsd_cli.files.tables_in import SIDECAR
+from dsd_cli.files.table_source import SIDECAR
 
 _TABLES = (".csv", ".parquet", ".pq")
 

@@ -139,7 +139,7 @@ def _recorded(path: str) -> str:
     """When a file of another tool says that it was recorded."""
     from dsd_cli.files.formats.base import RECORDED
     from dsd_cli.files.formats.known import HEAD_BYTES, format_of, is_bag, open_container
-    from dsd_cli.files.tables_in import read_head
+    from dsd_cli.files.table_source import read_head
 
     found = format_of(path, b"" if is_bag(path) else read_head(path, HEAD_BYTES))
     return "" if found is None else open_container(path, found).metadata.get(RECORDED, "")

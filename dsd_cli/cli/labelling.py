@@ -13,7 +13,8 @@ from dsd_cli.detect.session import Session
 from dsd_cli.errors import DataError
 from dsd_cli.files.config import Config
 from dsd_cli.files.scaled import scaled
-from dsd_cli.files.tables_in import TableSource, open_table
+from dsd_cli.files.table_source import TableSource
+from dsd_cli.files.tables_in import open_table
 from dsd_cli.files.watched import Watch, watched
 from dsd_cli.signals.cleaning import BRIDGE, Cleaner
 from dsd_cli.signals.log import Array

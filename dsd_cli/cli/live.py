@@ -15,7 +15,8 @@ from dsd_cli.cli.progress import PATIENCE, is_terminal
 from dsd_cli.detect.rows import Rows, residual_of
 from dsd_cli.detect.session import Session
 from dsd_cli.errors import printable
-from dsd_cli.files.tables_in import TableSource, dropped_with_unreadable
+from dsd_cli.files.table_source import TableSource
+from dsd_cli.files.tables_in import dropped_with_unreadable
 from dsd_cli.report.live import Moment, Moved, Trace, change_line, panel, plain_line
 from dsd_cli.signals.log import Array
 

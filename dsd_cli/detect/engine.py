@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.detect.grid import Grid
-from dsd_cli.detect.kernel import Backend, KernelSpec, make_kernel
+from dsd_cli.detect.kernel import Backend, make_kernel
 from dsd_cli.detect.settings import OFFLINE, DetectorSettings
+from dsd_cli.detect.spec import KernelSpec
 from dsd_cli.errors import UsageError
 from dsd_cli.signals.log import Array
 

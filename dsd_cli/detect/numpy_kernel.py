@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.detect.choice import choose
-from dsd_cli.detect.kernel import FULL, PARTIAL, WARMUP, KernelSpec
 from dsd_cli.detect.numpy_prediction import make_prediction
+from dsd_cli.detect.spec import FULL, PARTIAL, WARMUP, KernelSpec
 from dsd_cli.signals.log import Array
 
 #: Rows decided at once: a change of label makes the rest of its block be looked at again.

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.detect.kernel import KernelSpec, nats_of_fit
+from dsd_cli.detect.spec import KernelSpec, nats_of_fit
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.outliers import Level
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.detect.grid import Grid
-from dsd_cli.detect.kernel import nats_of_fit
 from dsd_cli.detect.profile.summary import Estimate, EstimateCount
 from dsd_cli.detect.rows import Rows, nats_left
+from dsd_cli.detect.spec import nats_of_fit
 from dsd_cli.signals.log import Array
 
 #: Segments kept for the report: a label that changes more often than this is chattering.

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.files.tables_in import missing
+from dsd_cli.files.table_source import missing
 from dsd_cli.signals.log import Array
 
 Scalar = str | float | int | bool | None

@@ -10,7 +10,7 @@ from dsd_cli.errors import DataError
 from dsd_cli.files import csv_dialect as dialects
 from dsd_cli.files.arrow_arrays import as_float64
 from dsd_cli.files.parquet_in import arrow_source, threaded
-from dsd_cli.files.tables_in import Batch, choose_columns, read_head, read_sidecar
+from dsd_cli.files.table_source import Batch, choose_columns, read_head, read_sidecar
 
 HEAD_BYTES = 1 << 16
 BLOCK_BYTES = 1 << 21

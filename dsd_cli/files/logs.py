@@ -11,7 +11,8 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.scaled import FACTORS, factors_text, scaled
-from dsd_cli.files.tables_in import TableSource, dropped_with_unreadable, open_table
+from dsd_cli.files.table_source import TableSource
+from dsd_cli.files.tables_in import dropped_with_unreadable, open_table
 from dsd_cli.files.tables_out import open_writer
 from dsd_cli.files.watched import Watch, watched
 from dsd_cli.files.windowed import Window, windowed
@@ -129,18 +130,6 @@ def _joined(pieces: Sequence[Piece]) -> tuple[dict[str, Array], tuple[int, ...]]
     for name in sorted(pieces[0].values, key=_order):
         channels[name] = np.concatenate([piece.values[name] for piece in pieces])
     return channels, tuple(restarts)
-
-
-def read_log(
-    path: str | Path,
-    signals: Mapping[str, str],
-    optional: Collection[str] = (),
-    *,
-    sample_time: float | None = None,
-    time_scale: float = 1.0,
-) -> Log:
-    """`load_log`, where what was done to the rows is of no interest."""
-    return load_log(path, signals, optional, sample_time=sample_time, time_scale=time_scale).log
 
 
 def write_log(path: str | Path, log: Log, inputs: Collection[str | Path] = ()) -> None:

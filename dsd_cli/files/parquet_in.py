@@ -7,7 +7,7 @@ from typing import Any
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.arrow_arrays import as_float64, is_number_type
-from dsd_cli.files.tables_in import Batch, choose_columns
+from dsd_cli.files.table_source import Batch, choose_columns
 
 BATCH_ROWS = 1 << 17
 _OWN_KEYS = {"ARROW:schema", "pandas"}

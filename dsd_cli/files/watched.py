@@ -6,7 +6,8 @@ import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from dsd_cli.files.tables_in import PARQUET_MAGIC, Batch, TableSource, is_stream
+from dsd_cli.files.table_source import Batch, TableSource
+from dsd_cli.files.tables_in import PARQUET_MAGIC, is_stream
 from dsd_cli.files.wrapped import WrappedTable
 
 #: (what is being done, rows in all if that is known) -> to be called with the number of rows just read.

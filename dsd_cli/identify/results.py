@@ -24,7 +24,7 @@ class Estimate:
 
     Attributes
     ----------
-    at_bound : the value stands on its bound, so neither it nor its error is to be believed.
+    at_bound : the value stands on its bound, so neither it nor its error is reliable.
     held : the user fixed it; its standard error is 0.
     pull : standard deviations by which the log alone is off the prior; NaN without one.
     told : "identified", "weak" or "not" by the relative error, "held"; "" where nobody asked.
@@ -41,7 +41,7 @@ class Estimate:
 
 #: "inertia", "delay" or "<effect>.<parameter>" -> estimate.
 Estimates = Mapping[str, Estimate]
-#: (value, value, correlation) of pairs that a log hardly tells apart, the strongest first.
+#: (value, value, correlation) of pairs that a log hardly separates, the strongest first.
 Correlations = tuple[tuple[str, str, float], ...]
 
 
@@ -100,7 +100,7 @@ class Ceiling:
 
 @dataclass(frozen=True)
 class Variant:
-    """The verdict of the same question asked otherwise: `what` says how, `same` whether it is the same."""
+    """The verdict on a part of the data or another band: `what` says how, `same` whether it is the same."""
 
     what: str
     verdict: str

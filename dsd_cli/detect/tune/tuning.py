@@ -14,6 +14,7 @@ from dsd_cli.detect.tune.choose import Choice, Path, choose, judged, smoothed
 from dsd_cli.detect.tune.evidence import Evidence
 from dsd_cli.detect.tune.expect import Expected, expect, false_changes, quiet_logs, state_disturbances
 from dsd_cli.detect.tune.grid import Addition, additions, extended
+from dsd_cli.plant.filtering import SETTLED
 
 #: Simulated logs without a change that the best tunings are tried on.
 TRIED = 6
@@ -97,7 +98,7 @@ def _path(evidence: Evidence) -> tuple[Fitted, Path]:
     fitted = fit(squares)
     errors = evidence.inputs.d_hat[:, None] - state_disturbances(evidence)
     measurement = evidence.engine.measurement
-    settling = int(np.ceil(5.0 * measurement.time_constant / measurement.sample_time)) + 2
+    settling = int(np.ceil(SETTLED * measurement.time_constant / measurement.sample_time)) + 2
     return fitted, smoothed(fitted, at, errors[at], settling)
 
 

@@ -18,7 +18,7 @@ from dsd_cli.files.config.history import History
 from dsd_cli.files.config.placing import newline, with_raws, without
 from dsd_cli.files.config.text import read_again
 from dsd_cli.files.config.toml_text import Path, Statement, inline, inline_leaves, leaves, literal, statements
-from dsd_cli.files.tables_in import sidecar
+from dsd_cli.files.table_source import sidecar
 from dsd_cli.files.whole import STREAM, check_target, is_same, only_one, write_whole
 
 if TYPE_CHECKING:

@@ -83,4 +83,5 @@ def _has_x(node: ast.expr) -> bool:
 def _is_small(node: ast.expr) -> bool:
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
         node = node.operand
-    return isinstance(node, ast.Constant) and type(node.value) in (int, float) and abs(node.value) <= HIGHEST
+    value = node.value if isinstance(node, ast.Constant) else None
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= HIGHEST

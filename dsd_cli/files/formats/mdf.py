@@ -24,7 +24,7 @@ class MdfFile:
         for kind in (mdf_v3.MDF3, mdf_v4.MDF4):
             kind.__del__ = _close_quietly  # type: ignore[method-assign]
         # what the file says of buses and their databases is not followed: that would run its conversions unseen
-        self._path, self._mdf = path, MDF(path, process_bus_logging=False)
+        self._path, self._mdf = path, MDF(path, process_bus_logging=False)  # type: ignore[call-arg]
         self.metadata = {RECORDED: self._mdf.header.start_time.isoformat()}
         self.notes: list[str] = []
         self.groups: Sequence[Group] = self._groups()

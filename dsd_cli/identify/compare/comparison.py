@@ -39,7 +39,7 @@ class Comparison:
     ----------
     accuracy : over all logs; `by_log` for each. force : the balance of forces over all logs.
     holdout : accuracy on the log set aside, None without one.
-    skipped : samples at the start of stretches that rest on u before the log (`lead` s), and are not judged.
+    skipped : samples at the start of stretches that depend on unlogged u (`lead` s); excluded.
     conclusion : channel on which the error depends most ("direction", "velocity x position"), or one of `BIAS`
         (a constant), `MEMORY` (its own past), `COMMAND` (u, but not as a function of it: dynamics), `NOISE`, `EXACT`
         (rounding); `SHORT` where the log cannot tell.

@@ -99,7 +99,7 @@ def _rows(equations: Equations) -> tuple[Rows, ...]:
 
 
 def _chance(differences: np.ndarray) -> float:
-    """Of a mean so far from 0 under random signs (two-sided); robust against a few loud blocks by ranks."""
+    """Of a mean so far from 0 under random signs (two-sided); by signed ranks, robust against a few outlying blocks."""
     size = np.abs(differences)
     if not size.max(initial=0.0) > 0.0:
         return 1.0

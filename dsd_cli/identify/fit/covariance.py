@@ -1,4 +1,4 @@
-"""How the coefficients and shapes of a fit scatter: a sandwich over the blocks, under what is known of the values."""
+"""Covariance of the coefficients and shapes of a fit: a sandwich over the blocks, under priors and held values."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ import numpy as np
 
 from dsd_cli.identify.fit.gram import grams, without_noise
 from dsd_cli.identify.fit.solve import Fit, Solver
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
 
 #: Relative step of numerical derivatives.
 STEP = 1e-4
-#: Blocks per unknown below which the scatter between blocks is no estimate of a covariance.
-BLOCKS_PER_UNKNOWN = 3
 #: Singular values below this share are rules that say nothing more.
 _RANK = 1e-9
 
@@ -55,7 +54,7 @@ class Information:
         scattered = weight**2 * pulled
         usual = inverse @ (floor * data + scattered) @ inverse
         count, unknowns = len(self.scores), free.shape[1]
-        if count >= BLOCKS_PER_UNKNOWN * unknowns > 0:
+        if count >= POLICY.blocks_per_unknown * unknowns > 0:
             scores = (self.scores / size) @ free
             meat = scores.T @ scores * count / (count - unknowns)
             sandwich = inverse @ (meat + scattered) @ inverse
