@@ -10,12 +10,12 @@ import numpy as np
 
 from dsd_cli.detect.coloured import SensorNoise
 from dsd_cli.detect.engine import Labels
-from dsd_cli.detect.kernel import make_kernel
+from dsd_cli.detect.kernel import Kernel, make_kernel
 from dsd_cli.detect.numpy_prediction import make_prediction
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.rows import Inputs, Rows
 from dsd_cli.detect.session import Session
-from dsd_cli.detect.spec import WARMUP, Kernel, KernelSpec
+from dsd_cli.detect.spec import WARMUP, KernelSpec
 from dsd_cli.detect.tracks import Means, Onward, Track
 from dsd_cli.signals.cleaning import Cleaner, Piece
 from dsd_cli.signals.log import Array
