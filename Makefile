@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup demo test check bench bench-hidden beyond clean
+.PHONY: setup demo test check figures bench bench-hidden beyond clean
 
 setup: $(STAMP)
 
@@ -40,6 +40,10 @@ bench-hidden: setup
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[bench]"
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench hidden --seeds 4
 	$(BIN)/python -m bench hidden --page
+
+# docs/figures: what README and docs show, but for the pictures of the studies below; NAMES="compare paper-fig6" draws only these
+figures: setup
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.figures $(NAMES)
 
 # the tables and pictures of docs/beyond.md; ITEMS="profile coverage" makes only these
 beyond: setup

@@ -19,7 +19,7 @@ from dsd_cli.cli.detect_checks import Judgement
 from dsd_cli.cli.detect_job import Destination, Job
 from dsd_cli.detect.rows import Rows
 from dsd_cli.files.config import parse_config
-from dsd_cli.files.tables_in import Batch, TableSource
+from dsd_cli.files.table_source import Batch, TableSource
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import predict_d_hat
 from dsd_cli.signals.log import Array, Log

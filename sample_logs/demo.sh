@@ -1,19 +1,70 @@
 #!/bin/sh
-# What `make demo` runs: the paper's delayed plant, simulated, labelled and checked. Needs `dsd` on the PATH; writes into out/.
+# What `make demo` runs: a hidden effect found, and the paper's delayed plant labelled. Needs `dsd` on the PATH; writes into out/.
 set -eu
 cd "$(dirname "$0")/.."
 mkdir -p out
+
+say() {
+    printf '\n%s\n' "$1"
+}
 
 run() {
     printf '\n$ %s\n' "$*"
     "$@"
 }
 
-echo "1. Simulate: the paper's delayed plant follows a sine; at 1.5 s its delay jumps from 0.3 s to 0.4 s."
+# the first lines of what a command says; all of it is in the file
+begin() {
+    lines=$1 file=$2
+    shift 2
+    printf '\n$ %s\n' "$*"
+    "$@" >"$file"
+    head -n "$lines" "$file"
+    echo "... (all of it: $file)"
+}
+
+can() {
+    dsd "$1" --help 2>/dev/null | grep -q -e "$2"
+}
+
+say "A. WHAT IS MISSING? An axis with friction, and a model (sample_logs/servo-bare.toml) that knows of none."
+run dsd simulate -c sample_logs/servo-friction.toml --duration 6 --seed 7 -o out/hidden.csv
+
+say "1. Can this log answer? Signs, units, clock, excitation, sensor."
+run dsd check out/hidden.csv -c sample_logs/servo-bare.toml
+
+say "2. Compare: how well does the model predict the log, and where does it fail?"
+begin 12 out/compare.txt dsd compare out/hidden.csv -c sample_logs/servo-bare.toml --plot out/compare.png
+tail -n 1 out/compare.txt
+
+say "3. Diagnose: which effect of the catalogue explains data that no fit has seen?"
+begin 14 out/diagnose.txt dsd diagnose out/hidden.csv -c sample_logs/servo-bare.toml --plot out/diagnose.png
+
+say "4. Improve: add it, fit, measure again, until nothing is missing."
+run dsd improve out/hidden.csv -c sample_logs/servo-bare.toml --auto -o out/better.toml --plot out/improve.png
+
+cat <<'TEXT'
+
+How to read it:
+  - The log was made with 0.15 N m of Coulomb and 0.01 N m s/rad of viscous friction. The model did not know; out/better.toml has both, with
+    comments and history, and the inertia and delay of the simulated axis (0.01 kg m2, 2 ms).
+  - "held-out" is data that no fit saw; an effect counts only if it explains that. What is left at the end is the sensor's noise.
+TEXT
+
+if can report html; then
+    say "5. The whole story on one page, for a browser."
+    run dsd report out/hidden.csv -c sample_logs/servo-bare.toml -o out/report.html
+fi
+
+say "B. WHICH STATE NOW? The paper's delayed plant follows a sine; at 1.5 s its delay jumps from 0.3 s to 0.4 s."
 run dsd simulate -c sample_logs/demo.toml -o out/log.csv
 
-printf '\n2. Detect: which of 3 delays x 3 inertias explains u and d_hat, sample by sample?\n'
-run dsd detect out/log.csv -c sample_logs/demo.toml -o out/labels.csv
+say "6. Detect: which of 3 delays x 3 inertias explains u and d_hat, sample by sample?"
+if can detect '[-]-plot'; then
+    run dsd detect out/log.csv -c sample_logs/demo.toml -o out/labels.csv --plot out/detect.png
+else
+    run dsd detect out/log.csv -c sample_logs/demo.toml -o out/labels.csv
+fi
 
 cat <<'TEXT'
 
@@ -23,9 +74,9 @@ How to read it:
     before and after: the delay label follows within some 30 ms, the inertia label passes through 2 until the window is clean.
   - What the labels leave unexplained is below rho: these candidates explain the log. Every label is in out/labels.csv.
 
-3. Check, as in a pipeline: the exit code is 0 if 95 % of the labels are as expected, else 3.
+7. Check, as in a pipeline: the exit code is 0 if 95 % of the labels are as expected, else 3.
 TEXT
-check() {
+expect() {
     printf '\n$ dsd detect out/log.csv -c sample_logs/demo.toml --after 1.6 --expect %s\n' "$1"
     status=0
     dsd detect out/log.csv -c sample_logs/demo.toml --after 1.6 --expect "$1" --quiet >out/check.txt 2>&1 || status=$?
@@ -34,7 +85,8 @@ check() {
     test "$status" = "$2"
 }
 
-check delay=0.4 0
-check delay=0.3 3
+expect delay=0.4 0
+expect delay=0.3 3
 
-printf '\nNext: `dsd init` writes a commented config for a log of your own; README.md has the rest.\n'
+say "To look at, in out/: $(cd out && ls -- *.png *.html 2>/dev/null | tr '\n' ' ')"
+printf '\nNext, with a log of your own: dsd init LOG; dsd check LOG; dsd diagnose LOG. README.md has the rest.\n'

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -21,8 +21,14 @@ from dsd_cli.cli.options import (
     QuietOption,
     SetOption,
     ToOption,
+    effect_ids,
     with_window,
 )
+
+if TYPE_CHECKING:
+    from dsd_cli.cli.identification import Given
+    from dsd_cli.identify.compare.evaluation import Force
+    from dsd_cli.identify.results import Addition
 
 OutputNeeded = Annotated[
     str, typer.Option("-o", "--output", metavar="FILE", help="Config to write, may be that of -c; - is stdout.")
@@ -31,7 +37,9 @@ OutputNeeded = Annotated[
 
 def add(
     log: LogArgument,
-    effect: Annotated[str, typer.Argument(metavar="EFFECT", help="Effect to add, see `dsd effects`.")],
+    effect: Annotated[
+        str, typer.Argument(metavar="EFFECT", autocompletion=effect_ids, help="Effect to add, see `dsd effects`.")
+    ],
     output: OutputNeeded,
     config: ConfigOption = CONFIG_FILE,
     holdout: HoldoutOption = None,
@@ -54,6 +62,7 @@ def add(
 
     from dsd_cli.cli.identification import check_logs, load_given, print_json, say, warn
     from dsd_cli.cli.improve_loop import check_outputs, put_config, with_steps
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
     from dsd_cli.files.config.edit import read_origin
@@ -65,18 +74,11 @@ def add(
     settings = load_config(config, with_window(override, start, end)).knowing(fix or (), bounds or (), prior or ())
     check_logs([log], apart, settings.signals)
     check_outputs(output, form, [log, *apart, *settings.files, *(effects_from or ())])
-    given = load_given(settings, [log], apart)
-
-    from dsd_cli.identify.compare.evaluation import force_view
-    from dsd_cli.identify.improve import add_effect
-    from dsd_cli.identify.results import in_units
-
-    added = add_effect(
-        given.recordings, given.model, given.observer, effect, given.engine_settings, holdout=given.holdout
-    )
-    added = in_units(added, settings.signals.units)
-    view = force_view(given.recordings, given.model)
-    report = AdditionReport(added, (log,), tuple(apart), output, view.log)
+    with Progress(not quiet) as progress:
+        given = load_given(settings, [log], apart, progress)
+        progress(f"fitting with {effect}")
+        added, force = _added(given, effect)
+    report = AdditionReport(added, (log,), tuple(apart), output, force)
     text = with_steps(origin.text, added.before, [added_step(added)], [log])
     put_config(output, text, origin)
     warn(quiet, (*given.warnings, *added.warnings))
@@ -86,3 +88,15 @@ def add(
         print_addition(report, sys.stderr if output == "-" else sys.stdout)
     if output != "-":
         say(quiet, f"wrote {output}")
+
+
+def _added(given: Given, effect: str) -> tuple[Addition, Force | None]:
+    """The addition in the user's units, and the balance of forces of the model without it."""
+    from dsd_cli.identify.compare.evaluation import force_view
+    from dsd_cli.identify.improve import add_effect
+    from dsd_cli.identify.results import in_units
+
+    added = add_effect(
+        given.recordings, given.model, given.observer, effect, given.engine_settings, holdout=given.holdout
+    )
+    return in_units(added, given.settings.signals.units), force_view(given.recordings, given.model).log

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -18,10 +19,12 @@ from dsd_cli.cli.options import (
     ToOption,
     with_window,
 )
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import Config
-    from dsd_cli.identify.checks import CheckResult
+    from dsd_cli.report.plots_check import Checked
 
 LogsArgument = Annotated[
     list[str], typer.Argument(metavar="LOG...", help="Log files (CSV, Parquet, MF4, ...); - is stdin.")
@@ -33,6 +36,7 @@ def check(
     log: LogsArgument,
     config: ConfigOption = CONFIG_FILE,
     strict: StrictOption = False,
+    plot: PlotOption = None,
     form: FormatOption = Format.TABLE,
     start: FromOption = None,
     end: ToOption = None,
@@ -48,6 +52,8 @@ def check(
     import sys
 
     from dsd_cli.cli.identification import check_logs, print_json
+    from dsd_cli.cli.pictures import check_plot, put_picture
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
     from dsd_cli.report.checks import print_table, to_json
@@ -55,11 +61,18 @@ def check(
     check_logs(log, ())
     use_effects(effects_from)
     settings = load_config(config, with_window(override, start, end))
-    results = [_checked(path, settings, quiet) for path in log]
+    check_plot(plot, [config, *log, *settings.files, *(effects_from or ())])
+    with Progress(not quiet) as progress:
+        checked = [checked_log(path, settings, quiet, progress) for path in log]
+    results = [one.result for one in checked]
     if form is Format.JSON:
         print_json(to_json(results))
     else:
         print_table(results, sys.stdout)
+    if plot is not None:
+        from dsd_cli.report.plots_check import draw
+
+        put_picture(plot, lambda: draw(checked, settings.signals.units), quiet)
     failed = [result for result in results if result.errors]
     if strict and failed:
         from dsd_cli.errors import CheckFailed
@@ -67,7 +80,7 @@ def check(
         raise CheckFailed("; ".join(f"{one.log}: {one.errors[0].what}" for one in failed))
 
 
-def _checked(path: str, config: Config, quiet: bool) -> CheckResult:
+def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> Checked:
     """Read and check one log; every channel may be missing but u (and the time).
 
     Raises
@@ -75,22 +88,27 @@ def _checked(path: str, config: Config, quiet: bool) -> CheckResult:
     DataError : it cannot be read, or no usable row is in it.
     """
     from dsd_cli.cli.identification import warn
-    from dsd_cli.cli.plan import log_columns, naming, observer_settings, reading
+    from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_settings, reading
     from dsd_cli.cli.recordings import absent, believed_model, check_sizes
     from dsd_cli.files.logs import load_log
     from dsd_cli.identify.checks import check_log
+    from dsd_cli.report.plots_check import Checked
 
+    config = as_logged(config, path)
     columns = log_columns(config.signals)
     optional = {name for name in columns if name not in ("t", "u")}
     with naming(path):
-        loaded = load_log(path, columns, optional, **reading(config.signals))
+        loaded = load_log(path, columns, optional, **reading(config.signals), watch=progress.watch)
+    progress.clear()
     check_sizes(loaded.log.source, loaded)
     warn(quiet, [f"{loaded.log.source}: {warning}" for warning in absent(config, columns, loaded)])
-    return check_log(
+    progress(f"checking {PurePath(path).name}")
+    result = check_log(
         loaded.log,
         None if config.model.inertia is None else believed_model(config),
         None if config.observer is None else observer_settings(config),
         loaded.restarts,
         dropped=loaded.dropped,
         factors=config.signals.factors(),
-    )
+    ).named(config.signals.units)
+    return Checked(loaded.log, tuple(loaded.restarts), result)

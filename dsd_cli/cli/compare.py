@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from dsd_cli.cli.options import (
-    CONFIG_FILE,
     BoundsOption,
     EffectOption,
     EffectsFromOption,
@@ -21,19 +20,23 @@ from dsd_cli.cli.options import (
     QuietOption,
     SetOption,
     ToOption,
+    config_options,
     with_window,
 )
+from dsd_cli.cli.pictures import PlotOption
 
 #: Horizons that are words.
 PREDICTION, SIMULATION = "prediction", "simulation"
 
 if TYPE_CHECKING:
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.recordings import LoadedRecording
     from dsd_cli.files.config import Config, Signals
     from dsd_cli.identify.compare.evaluation import Evaluation
     from dsd_cli.identify.compare.forward import Forward
     from dsd_cli.plant.controllers import ControllerSettings
     from dsd_cli.report.comparison import Report
+    from dsd_cli.signals.units import Units
 
 
 LogsOrNone = Annotated[
@@ -44,7 +47,13 @@ LogsOrNone = Annotated[
 ]
 ConfigsOption = Annotated[
     list[Path] | None,
-    typer.Option("-c", "--config", metavar="FILE", help="Config of the rig; several: their models side by side."),
+    typer.Option(
+        "-c",
+        "--config",
+        metavar="FILE",
+        callback=config_options,
+        help="Config of the rig; several: their models side by side.",
+    ),
 ]
 HoldoutOption = Annotated[
     str | None, typer.Option("--holdout", metavar="LOG", help="Log to be judged apart; --max-rmse then goes by it.")
@@ -58,7 +67,6 @@ HorizonOption = Annotated[
         "begun anew from the measured motion every so many seconds (0.5s).",
     ),
 ]
-PlotOption = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Picture to draw (.png).")]
 MaxRmseOption = Annotated[
     float | None, typer.Option("--max-rmse", metavar="X", help="Check: the rmse is at most this; else exit 3.")
 ]
@@ -90,7 +98,7 @@ def compare(
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
 
-    configs, logs = config or [CONFIG_FILE], log or []
+    configs, logs = config or [], log or []
     use_effects(effects_from)
     texts = with_window(override, start, end)
     all_settings = [
@@ -102,7 +110,7 @@ def compare(
     if len(configs) > 1:
         from dsd_cli.cli.versus import compare_configs
 
-        compare_configs(all_settings, wanted.logs, form, quiet)
+        compare_configs(all_settings, wanted.logs, form, quiet, plot)
     else:
         _compare(all_settings[0], wanted)
 
@@ -123,22 +131,23 @@ class Wanted:
         """Raises UsageError : options that contradict each other."""
         import math
 
-        from dsd_cli.cli.identification import check_logs, check_plot
+        from dsd_cli.cli.identification import check_logs
+        from dsd_cli.cli.pictures import check_plot
         from dsd_cli.errors import UsageError
 
         aside = [] if self.holdout is None else [self.holdout]
         if self.max_rmse is not None and not (math.isfinite(self.max_rmse) and self.max_rmse >= 0.0):
             raise UsageError(f"--max-rmse {self.max_rmse:g}", "must be a finite number from 0")
         if configs > 1:
-            alone = [("--holdout", self.holdout), ("--plot", self.plot), ("--max-rmse", self.max_rmse)]
+            alone = [("--holdout", self.holdout), ("--max-rmse", self.max_rmse)]
             given = [name for name, value in [*alone, ("--horizon", self.horizon)] if value is not None]
             if given:
                 raise UsageError(f"{given[0]} looks at one model", "give one -c")
         elif not self.logs:
             raise UsageError("LOG is missing", "give the log to judge the model by, or two configs (-c a -c b)")
         check_logs(self.logs, aside, signals)
-        if self.plot is not None and self.horizon is not None:
-            raise UsageError("--plot", "draws the prediction; leave out --horizon")
+        if self.plot is not None and not self.logs:
+            raise UsageError("--plot draws models on a log", "give the LOG")
         check_plot(self.plot, [*self.logs, *aside, *inputs])
 
 
@@ -167,33 +176,36 @@ def seconds_of(horizon: str) -> float | None:
 def _compare(settings: Config, wanted: Wanted) -> None:
     import sys
 
-    from dsd_cli.cli.identification import print_json, put_picture, say
-    from dsd_cli.cli.recordings import believed_model, load_holdout, load_recording
-    from dsd_cli.identify.compare.comparison import Comparison
+    from dsd_cli.cli.identification import print_json, say
+    from dsd_cli.cli.pictures import put_picture
+    from dsd_cli.cli.progress import Progress
+    from dsd_cli.cli.recordings import believed_model, beyond_known, load_holdout, load_recording
     from dsd_cli.report.comparison import to_json
     from dsd_cli.report.comparison_table import print_table
-    from dsd_cli.report.plots_comparison import draw
 
     quiet, holdout = wanted.quiet, wanted.holdout
     believed_model(settings)  # without an inertia nothing needs to be read
-    loaded = [load_recording(path, settings) for path in wanted.logs]
-    aside = None if holdout is None else load_holdout(holdout, wanted.logs, settings)
-    for path, one in zip([*wanted.logs, holdout], [*loaded, aside], strict=True):
-        for warning in () if one is None else one.warnings:
-            say(quiet, f"dsd: warning: {path}: {warning}")
-    if wanted.horizon is None:
-        report, evaluation = _predicted(settings, loaded, aside, wanted.max_rmse)
-    else:
-        report, evaluation = _simulated(settings, loaded, aside, wanted.max_rmse, wanted.horizon), None
+    evaluation: Evaluation | None = None
+    with Progress(not quiet) as progress:
+        loaded = [load_recording(path, settings, progress=progress) for path in wanted.logs]
+        aside = None if holdout is None else load_holdout(holdout, wanted.logs, settings, progress)
+        progress.clear()
+        for path, one in zip([*wanted.logs, holdout], [*loaded, aside], strict=True):
+            for warning in () if one is None else one.warnings:
+                say(quiet, f"dsd: warning: {path}: {warning}")
+        if wanted.horizon is None:
+            report, evaluation = _predicted(settings, loaded, aside, wanted.max_rmse, progress)
+        else:
+            progress("simulating")
+            report = _simulated(settings, loaded, aside, wanted.max_rmse, wanted.horizon)
     for line in beyond_known(settings):
         say(quiet, f"dsd: warning: {line}")
     if wanted.form is Format.JSON:
         print_json(to_json(report))
     else:
         print_table(report, sys.stdout)
-    if wanted.plot is not None and isinstance(report.result, Comparison) and evaluation is not None:
-        compared, judged = report.result, evaluation
-        put_picture(wanted.plot, lambda: draw(compared, judged), quiet)
+    if wanted.plot is not None:
+        put_picture(wanted.plot, lambda: _drawn(report, evaluation, aside, settings.signals.units), quiet)
     if not report.holds:
         from dsd_cli.errors import CheckFailed
 
@@ -201,26 +213,26 @@ def _compare(settings: Config, wanted: Wanted) -> None:
         raise CheckFailed(f"{judged_by} is above --max-rmse {wanted.max_rmse:g}")
 
 
-def beyond_known(settings: Config) -> list[str]:
-    """Values of [model] beyond their bounds, or far from their priors."""
-    from dsd_cli.cli.recordings import believed_model, known_values
-    from dsd_cli.identify.fit.values import flat
+def _drawn(report: Report, evaluation: Evaluation | None, aside: LoadedRecording | None, units: Units) -> Any:
+    """The figure of a prediction, or of a simulation."""
+    from dsd_cli.identify.compare.comparison import Comparison
+    from dsd_cli.identify.compare.evaluation import evaluate
+    from dsd_cli.report.plots_comparison import draw
+    from dsd_cli.report.plots_simulation import draw as draw_simulation
 
-    known, lines = known_values(settings), []
-    for name, value in flat(believed_model(settings)).items():
-        low, high = known.limits(name)
-        if not low <= value <= high:
-            lines.append(f"{name} = {value:.4g} is beyond its bounds, {low:g} to {high:g}")
-        if name in known.priors and abs(value - known.priors[name][0]) > 3.0 * known.priors[name][1]:
-            mean, spread = known.priors[name]
-            lines.append(
-                f"{name} = {value:.4g} is {abs(value - mean) / spread:.1f} sigma from its prior {mean:g} +- {spread:g}"
-            )
-    return lines
+    if not isinstance(report.result, Comparison) or evaluation is None:
+        return draw_simulation(report, units)
+    if aside is None:
+        return draw(report.result, evaluation)
+    return draw(report.result, evaluation, evaluate([aside.recording], evaluation.model, evaluation.observer))
 
 
 def _predicted(
-    settings: Config, loaded: list[LoadedRecording], aside: LoadedRecording | None, max_rmse: float | None
+    settings: Config,
+    loaded: list[LoadedRecording],
+    aside: LoadedRecording | None,
+    max_rmse: float | None,
+    progress: Progress,
 ) -> tuple[Report, Evaluation]:
     from dsd_cli.cli.plan import observer_settings
     from dsd_cli.cli.recordings import believed_model
@@ -233,6 +245,7 @@ def _predicted(
         observer_settings(settings),
         settings.detector.window,
         None if aside is None else aside.recording,
+        progress,
     )
     comparison = replace(comparison, units=settings.signals.units)
     return Report(comparison, dropped=_dropped(loaded, aside), max_rmse=max_rmse), evaluation

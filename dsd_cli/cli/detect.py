@@ -20,6 +20,7 @@ from dsd_cli.cli.options import (
     ToOption,
     with_window,
 )
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.detect.summary import Check
@@ -52,6 +53,9 @@ MethodOption = Annotated[
     typer.Option("--method", metavar="NAME[,NAME...]", help="Method for this run; several are compared side by side."),
 ]
 FollowOption = Annotated[bool, typer.Option("--follow", help="Keep labelling what is appended to LOG, until Ctrl-C.")]
+LiveOption = Annotated[
+    bool, typer.Option("--live", help="With --follow: show state, confidence, changes, d_hat and residual.")
+]
 DetectFormatOption = Annotated[
     DetectFormat | None,
     typer.Option("--format", help="On stdout: summary (table, json) or labels (csv, jsonl). Default: table; csv live."),
@@ -68,6 +72,8 @@ def detect(
     confident_only: ConfidentOption = False,
     method: MethodOption = None,
     follow: FollowOption = False,
+    live: LiveOption = False,
+    plot: PlotOption = None,
     form: DetectFormatOption = None,
     start: FromOption = None,
     end: ToOption = None,
@@ -83,31 +89,38 @@ def detect(
     """
     from dsd_cli.cli.detect_checks import Judgement
     from dsd_cli.cli.detect_job import Destination, Job
+    from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.errors import UsageError
     from dsd_cli.files.config import load_config
 
     use_effects(effects_from)
     judgement = Judgement(tuple(expect or ()), after, min_share, confident_only)
-    live = follow or log == "-"
-    form = form or (DetectFormat.CSV if live and output is None else DetectFormat.TABLE)
+    lines = output is None and not live and (follow or log == "-")
+    form = form or (DetectFormat.CSV if lines else DetectFormat.TABLE)
     settings = load_config(config, with_window(override, start, end), effect or ())
     if method is not None:
         from dsd_cli.cli.detect_methods import parse_methods, side_by_side
 
         methods = parse_methods(method)
         if len(methods) > 1:
-            if output is not None or follow or expect:
-                raise UsageError("several methods are only compared", "leave out -o, --follow and --expect")
-            side_by_side(log, settings, methods, form.value)
+            if output is not None or follow or live or expect or plot is not None:
+                hint = "leave out -o, --plot, --follow, --live and --expect"
+                raise UsageError("several methods are only compared", hint)
+            side_by_side(log, settings, methods, form.value, quiet)
             return
         settings = settings.override([f'detector.method="{methods[0]}"'])
     to = Destination(form.value, output, quiet, inputs=(log, config, *settings.files, *(effects_from or ())))
     to.check()
-    result = Job(log, settings, follow, to).run(judgement)
+    check_plot(plot, (*to.inputs, *(() if output in (None, "-") else (output,))))
+    job = Job(log, settings, follow, to, panel=live, watched=plot is not None)
+    result = job.run(judgement)
     to.show(result)
-    failed = [check for check in result.summary.checks if not check.holds]
-    if failed:
+    if plot is not None and (watched := job.watched) is not None:
+        from dsd_cli.report.plots_detection import draw
+
+        put_picture(plot, lambda: draw(result, watched.seen(), watched.plan, settings.signals.units), quiet)
+    if failed := [check for check in result.summary.checks if not check.holds]:
         raise _check_failed(failed)
 
 

@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
-import signal
 import sys
-from collections.abc import Generator, Iterator, Mapping
-from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
+from collections.abc import Callable, Generator, Iterator
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from dsd_cli.cli.detect_checks import Judgement
-from dsd_cli.cli.ending import ENDING
+from dsd_cli.cli.ending import interrupt_ends_reading
 from dsd_cli.cli.labels_out import LabelsFile, NoLabels, Write, json_lines
-from dsd_cli.cli.plan import TIME_SCALE, TRUTH, detection_plan, limits, log_columns, naming, optional_columns, window
+from dsd_cli.cli.plan import (
+    TIME_SCALE,
+    TRUTH,
+    as_logged,
+    detection_plan,
+    limits,
+    log_columns,
+    naming,
+    optional_columns,
+    window,
+)
 from dsd_cli.cli.progress import Progress
+from dsd_cli.cli.truth import Truth
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import active_backend
 from dsd_cli.detect.plan import Plan
-from dsd_cli.detect.profile.changes import false_alarms_per_hour
+from dsd_cli.detect.profile.alarms import false_alarms_per_hour
 from dsd_cli.detect.rows import Rows
 from dsd_cli.detect.session import Session
 from dsd_cli.detect.settings import ESTIMATING, OFFLINE
@@ -28,14 +37,18 @@ from dsd_cli.errors import DataError, UsageError, printable
 from dsd_cli.files.background import read_ahead
 from dsd_cli.files.config import Config
 from dsd_cli.files.scaled import scaled
-from dsd_cli.files.tables_in import Batch, TableSource, dropped_with_unreadable, is_stream, open_table, read_head
+from dsd_cli.files.table_source import Batch, TableSource, read_head
+from dsd_cli.files.tables_in import dropped_with_unreadable, is_stream, open_table
 from dsd_cli.files.tables_out import check_output
+from dsd_cli.files.watched import about_rows
 from dsd_cli.files.windowed import windowed
 from dsd_cli.report.changes import Changes
 from dsd_cli.report.detection import Detection, print_table, to_json
 from dsd_cli.report.terminal import json_text
 from dsd_cli.signals.cleaning import BRIDGE, Cleaner
-from dsd_cli.signals.log import Array
+
+if TYPE_CHECKING:
+    from dsd_cli.detect.watched import WatchedSession
 
 #: Forms whose lines are labels, not the summary.
 LABEL_LINES = ("csv", "jsonl")
@@ -89,10 +102,27 @@ class Destination:
 
 
 class Job:
-    """Reads `log` and labels it; live where lines come one by one."""
+    """Reads `log` and labels it; live where lines come one by one, with a panel that shows it if that is wanted.
 
-    def __init__(self, log: str, config: Config, follow: bool, to: Destination) -> None:
-        self.log, self.config, self.follow, self.to = log, config, follow, to
+    `ahead`: a thread of its own decodes the next rows meanwhile. With `watched` the session remembers what a picture
+    shows: the attribute of that name, once it runs.
+    """
+
+    def __init__(
+        self,
+        log: str,
+        config: Config,
+        follow: bool,
+        to: Destination,
+        *,
+        panel: bool = False,
+        watched: bool = False,
+        ahead: bool = True,
+    ) -> None:
+        config = as_logged(config, log)
+        self.log, self.config, self.follow, self.to, self.panel, self.ahead = log, config, follow, to, panel, ahead
+        self._watched = watched
+        self.watched: WatchedSession | None = None
         self.live = follow or log == "-"
         self._time_scale = TIME_SCALE[config.signals.time_unit]
 
@@ -106,17 +136,30 @@ class Job:
         """
         if self.follow and self.log == "-":
             raise UsageError("--follow needs a file", "stdin is followed anyway")
-        with _interrupt_ends_reading(self.follow) as interrupted:
+        if self.panel and not self.follow:
+            raise UsageError("--live watches a log that grows", "give --follow too")
+        if self.panel and self.to.labels_on_stdout and sys.stdout.isatty():
+            raise UsageError("--live and labels on the same terminal", "write the labels to a file, -o FILE or > FILE")
+        with interrupt_ends_reading(self.follow) as interrupted:
             table = self._open(interrupted)
             plan = self._plan(table)
             summarizer = judgement.summarizer(plan)
-            # a straight line through positions or speeds would be differentiated into a false d_hat
-            bridge = BRIDGE if plan.d_hat_source == "logged" else 0
-            signals = self.config.signals
-            session = Session(plan, Cleaner(signals.sample_time, self._time_scale, bridge, limits(signals)))
+            session = self._session(plan)
             with naming(table.name):
                 self._label_all(table, session, summarizer)
         return _detection(table, session, summarizer)
+
+    def _session(self, plan: Plan) -> Session:
+        # a straight line through positions or speeds would be differentiated into a false d_hat
+        bridge = BRIDGE if plan.d_hat_source == "logged" else 0
+        signals = self.config.signals
+        cleaner = Cleaner(signals.sample_time, self._time_scale, bridge, limits(signals))
+        if not self._watched:
+            return Session(plan, cleaner)
+        from dsd_cli.detect.watched import WatchedSession
+
+        self.watched = WatchedSession(plan, cleaner)
+        return self.watched
 
     def _open(self, interrupted: list[bool]) -> TableSource:
         columns = log_columns(self.config.signals)
@@ -143,32 +186,46 @@ class Job:
         return plan
 
     def _label_all(self, table: TableSource, session: Session, summarizer: Summarizer) -> None:
-        truth = _Truth([name for name in TRUTH if name in table.columns])
+        truth = Truth([name for name in TRUTH if name in table.columns])
         labels = closing(self._labels(table, session, truth))  # a label that cannot be written ends the reading too
         has_estimates = session.plan.settings.method in ESTIMATING
-        with self.to.writer(session.plan.grid, has_estimates) as write, labels as parts:
+        writer, view = self.to.writer(session.plan.grid, has_estimates), self._view(table, session)
+        with writer as write, labels as parts, view as show:
             for rows in parts:
-                summarizer.add(rows, truth.take(rows.state.size))
+                known = truth.take(rows.state.size)
+                summarizer.add(rows, known)
+                if self.watched is not None:
+                    self.watched.watch(rows, known)
                 write(rows)
+                show(rows)
             if not self.live:
                 _refuse_nothing(table, session, summarizer)
 
-    def _labels(self, table: TableSource, session: Session, truth: _Truth) -> Generator[Rows, None, None]:
-        progress = Progress("rows", enabled=not self.to.quiet and not self.to.labels_on_stdout)
-        try:
+    def _labels(self, table: TableSource, session: Session, truth: Truth) -> Generator[Rows, None, None]:
+        busy = self.panel or (self.to.labels_on_stdout and sys.stdout.isatty())
+        with Progress(not (self.to.quiet or busy)) as progress:
+            total = None if self.live or busy else about_rows(table.name)
+            done = progress.rows(f"labelling {Path(table.name).name}", total)
             with self._batches(table) as batches:
                 for batch in batches:
                     yield from self._labels_of(batch, table, session, truth)
-                    progress.add(batch.rows)
-        finally:
-            progress.close()
-        yield from session.finish()
+                    done(batch.rows)
+            progress("finishing")
+            yield from session.finish()
+
+    def _view(self, table: TableSource, session: Session) -> AbstractContextManager[Callable[[Rows], None]]:
+        """The panel of --live; nothing without it, or where nobody wants to see anything."""
+        if not self.panel or self.to.quiet:
+            return nullcontext(lambda rows: None)
+        from dsd_cli.cli.live import LiveView
+
+        return LiveView(Path(self.log).name, session, table, self.config.signals.units.force)
 
     def _batches(self, table: TableSource) -> AbstractContextManager[Iterator[Batch]]:
-        """Live lines are labelled as they come; from a file the next rows are decoded meanwhile."""
-        return nullcontext(table.batches()) if self.live else read_ahead(table.batches())
+        """Live lines are labelled as they come; of a file, the next rows may be decoded meanwhile."""
+        return read_ahead(table.batches()) if self.ahead and not self.live else nullcontext(table.batches())
 
-    def _labels_of(self, batch: Batch, table: TableSource, session: Session, truth: _Truth) -> Iterator[Rows]:
+    def _labels_of(self, batch: Batch, table: TableSource, session: Session, truth: Truth) -> Iterator[Rows]:
         self._check_columns(table, session.plan, batch)
         truth.put(batch)
         yield from session.feed(batch.columns.get("t"), batch.columns, batch.restart)
@@ -199,31 +256,6 @@ def _refuse_nothing(table: TableSource, session: Session, summarizer: Summarizer
     )
 
 
-@contextmanager
-def _interrupt_ends_reading(wanted: bool) -> Iterator[list[bool]]:
-    """The first Ctrl-C (SIGTERM, SIGHUP) fills the list and nothing else, so that what was read is labelled."""
-    interrupted: list[bool] = []
-    if not wanted:
-        yield interrupted
-        return
-    before = {number: signal.getsignal(number) for number in ENDING}
-
-    def back() -> None:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-    def note(*_: object) -> None:
-        interrupted.append(True)
-        back()
-
-    for number in ENDING:
-        signal.signal(number, note)
-    try:
-        yield interrupted
-    finally:
-        back()
-
-
 def _detection(table: TableSource, session: Session, summarizer: Summarizer) -> Detection:
     plan, cleaner = session.plan, session.cleaner
     dropped = dropped_with_unreadable(cleaner.dropped, table.unreadable)
@@ -248,23 +280,7 @@ def _changes(session: Session) -> Changes | None:
     settings, sample_time = session.plan.settings, session.cleaner.sample_time
     if settings.method != "profile" or settings.change <= 0.0 or sample_time is None:
         return None
-    expected = false_alarms_per_hour(settings.change, settings.window, sample_time)
+    free = sum(len(set(values.tolist())) > 1 for values in session.plan.grid.axes.values())
+    tau = session.plan.observer.time_constant
+    expected = false_alarms_per_hour(settings.change, settings.window, sample_time, tau, free)
     return Changes(tuple(session.changes), settings.change, expected, tuple(session.plan.grid.combinations))
-
-
-class _Truth:
-    """Truth columns, handed out by row as the labels of these rows come."""
-
-    def __init__(self, names: list[str]) -> None:
-        self._columns: dict[str, Array] = {name: np.empty(0) for name in names}
-
-    def put(self, batch: Batch) -> None:
-        for name, waiting in self._columns.items():
-            new = batch.columns.get(name)
-            new = np.full(batch.rows, np.nan) if new is None else new
-            self._columns[name] = np.concatenate([waiting, new]) if waiting.size else new
-
-    def take(self, rows: int) -> Mapping[str, Array]:
-        taken = {name: column[:rows] for name, column in self._columns.items()}
-        self._columns = {name: column[rows:] for name, column in self._columns.items()}
-        return taken

@@ -6,6 +6,8 @@ import sys
 from typing import get_args
 
 from dsd_cli.cli.labelling import cleaner_for, open_log, run_log
+from dsd_cli.cli.plan import as_logged
+from dsd_cli.cli.progress import Progress
 from dsd_cli.detect.settings import Method
 from dsd_cli.detect.side_by_side import MethodScore, TimedSession, score
 from dsd_cli.errors import DataError, UsageError
@@ -28,7 +30,7 @@ def parse_methods(text: str) -> list[str]:
     return names
 
 
-def side_by_side(log: str, config: Config, methods: list[str], form: str) -> None:
+def side_by_side(log: str, config: Config, methods: list[str], form: str, quiet: bool) -> None:
     """Run every method on the log and print the comparison.
 
     Raises
@@ -42,19 +44,21 @@ def side_by_side(log: str, config: Config, methods: list[str], form: str) -> Non
         raise UsageError(f"--format {form} with several methods", "only table and json compare them")
     if log == "-":
         raise UsageError("several methods need a log that can be read again", "give a file")
-    scores = [_scored(log, config, method) for method in methods]
+    with Progress(not quiet) as progress:
+        scores = [_scored(log, config, method, progress) for method in methods]
     if form == "json":
         print(json_text(to_json(log, scores), indent=1))
     else:
         print_table(log, scores, sys.stdout)
 
 
-def _scored(log: str, config: Config, method: str) -> MethodScore:
+def _scored(log: str, config: Config, method: str, progress: Progress) -> MethodScore:
     average = [] if method in ("average", "combination") else ["detector.average=1"]
-    config = config.override([f'detector.method="{method}"', *average])
+    config = as_logged(config, log).override([f'detector.method="{method}"', *average])
     table, plan = open_log(log, config)
     session = TimedSession(plan, cleaner_for(config, plan))
-    found = run_log(table, session)
+    found = run_log(table, session, progress.watch, f"{method}: labelling")
+    progress(f"{method}: judging")
     result = score(method, found.rows, found.truth, plan.grid, session)
     if not result.judged:
         raise DataError(f"{table.name}: no sample could be judged", "`dsd detect` with one method says why")

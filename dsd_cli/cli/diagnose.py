@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dsd_cli.cli.identification import HoldoutOption, LogsArgument, PlotOption
+from dsd_cli.cli.identification import HoldoutOption, LogsArgument
 from dsd_cli.cli.options import (
     CONFIG_FILE,
     BoundsOption,
@@ -20,9 +20,11 @@ from dsd_cli.cli.options import (
     ToOption,
     with_window,
 )
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.identify.results import Diagnosis
 
 
@@ -49,7 +51,9 @@ def diagnose(
     import sys
     from dataclasses import replace
 
-    from dsd_cli.cli.identification import check_logs, check_plot, load_given, print_json, put_picture, warn
+    from dsd_cli.cli.identification import check_logs, load_given, print_json, warn
+    from dsd_cli.cli.pictures import check_plot, put_picture
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
     from dsd_cli.report.diagnosis import DiagnosisReport, print_table, to_json
@@ -59,9 +63,9 @@ def diagnose(
     settings = load_config(config, with_window(override, start, end)).knowing(fix or (), bounds or (), prior or ())
     check_logs(log, apart, settings.signals)
     check_plot(plot, [config, *log, *apart, *settings.files, *(effects_from or ())])
-    given = load_given(settings, log, apart)
-
-    found = _found(given, quiet)
+    with Progress(not quiet) as progress:
+        given = load_given(settings, log, apart, progress)
+        found = _found(given, progress)
     report = DiagnosisReport(
         replace(found, warnings=(*given.warnings, *found.warnings)), given.model, tuple(apart), given.dropped
     )
@@ -71,29 +75,25 @@ def diagnose(
     else:
         print_table(report, sys.stdout)
     if plot is not None:
-        from dsd_cli.report.plots_diagnosis import draw, residual_view
+        from dsd_cli.report.plots_diagnosis import draw
+        from dsd_cli.report.views_diagnosis import residual_views
 
-        def picture() -> bytes:
-            return draw(report, residual_view(found, given.model, given.recordings))
-
-        put_picture(plot, picture, quiet)
+        put_picture(plot, lambda: draw(report, residual_views(found, given.model, given.recordings)), quiet)
 
 
-def _found(given: Given, quiet: bool) -> Diagnosis:
+def _found(given: Given, progress: Progress) -> Diagnosis:
     """The answer, in the user's units."""
-    from dsd_cli.cli.identification import ShareDone
     from dsd_cli.identify.results import in_units
     from dsd_cli.identify.verdict.diagnose import diagnose as run
 
-    with ShareDone(not quiet) as progress:
-        found = run(
-            given.recordings,
-            given.model,
-            given.observer,
-            given.engine_settings,
-            holdout=given.holdout,
-            progress=progress,
-            stability=True,
-        )
+    found = run(
+        given.recordings,
+        given.model,
+        given.observer,
+        given.engine_settings,
+        holdout=given.holdout,
+        progress=progress,
+        stability=True,
+    )
     result: Diagnosis = in_units(found, given.settings.signals.units)
     return result

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dsd_cli.cli.options import EffectsFromOption
+from dsd_cli.cli.options import EffectsFromOption, effect_ids
 from dsd_cli.errors import printable
 from dsd_cli.signals.units import LEGEND, in_words
 
@@ -25,7 +25,9 @@ class CatalogueFormat(StrEnum):
 
 
 def effects(
-    effect: Annotated[str | None, typer.Argument(metavar="ID", help="Show only this effect, in full.")] = None,
+    effect: Annotated[
+        str | None, typer.Argument(metavar="ID", autocompletion=effect_ids, help="Show only this effect, in full.")
+    ] = None,
     form: Annotated[CatalogueFormat, typer.Option("--format", help="Form of the catalogue.")] = CatalogueFormat.TABLE,
     effects_from: EffectsFromOption = None,
 ) -> None:
@@ -40,7 +42,7 @@ def effects(
     elif form is CatalogueFormat.MARKDOWN:
         typer.echo(markdown(chosen), nl=False)
     elif effect:
-        typer.echo("\n".join(map(printable, _in_full(chosen[0]))))
+        _print_in_full(chosen[0])
     else:
         _print_table(chosen)
 
@@ -62,23 +64,54 @@ def _channels(effect: Effect) -> str:
     return ", ".join(effect.needs) or "none"
 
 
+#: Role -> heading of its effects in the table.
+_HEADINGS = {
+    "applied": "forces on the axis",
+    "friction": "friction: holds at rest, and opposes motion",
+    "input": "what the command goes through before it acts",
+    "structure": "a load that hangs on the motor",
+}
+
+
 def _print_table(chosen: list[Effect]) -> None:
-    from rich import box
-    from rich.console import Console
+    import sys
+
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD)
-    table.add_column("effect", no_wrap=True)
-    for heading in ("law", "parameters [unit]", "needs", "pattern in the residual"):
-        table.add_column(heading)
-    for effect in chosen:
-        parameters = "\n".join(f"{p.name} [{in_words(p.unit)}]" for p in effect.parameters)
-        cells = (effect.id, effect.law, parameters, _channels(effect), effect.pattern)
-        table.add_row(*(Text("\n".join(map(printable, cell.split("\n")))) for cell in cells))
-    console = Console()
-    console.print(table)
-    console.print(Text(f"{LEGEND}\n`dsd effects ID` shows one in full."))
+    from dsd_cli.report.terminal import console
+
+    out = console(sys.stdout)
+    for role, heading in _HEADINGS.items():
+        table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+        table.add_column(no_wrap=True, min_width=22)
+        table.add_column()
+        for effect in chosen:
+            if effect.role.value == role:
+                table.add_row(f"  {printable(effect.id)}", Text(printable(effect.law)))
+        if table.row_count:
+            out.print(Text(heading, style="bold"))
+            out.print(table)
+    out.print(Text("J a = u(t - L) + forces; v velocity, q position, sgn its direction; m motor, l load."))
+    out.print(Text("`dsd effects ID`: parameters with units, channels needed, and the pattern that betrays it."))
+
+
+#: How the lines begin whose text stands in a column of its own.
+_LABELS = ("  law ", "  parameter ", "  needs ", "  pattern ")
+
+
+def _print_in_full(effect: Effect) -> None:
+    """Lines that hang below their heading where the terminal is narrow."""
+    import sys
+    from textwrap import fill
+
+    from dsd_cli.report.terminal import console
+
+    out = console(sys.stdout)
+    for line in map(printable, _in_full(effect)):
+        indent = " " * (12 if line.startswith(_LABELS) else 2)
+        wrapped = fill(line, out.width, subsequent_indent=indent) if sys.stdout.isatty() else line
+        out.print(wrapped, markup=False)
 
 
 def _in_full(effect: Effect) -> list[str]:
@@ -94,11 +127,11 @@ def _in_full(effect: Effect) -> list[str]:
 
 
 def _print_json(chosen: list[Effect]) -> None:
+    from dsd_cli.report.head import head
     from dsd_cli.report.terminal import json_text
 
     result = {
-        "schema_version": 1,
-        "command": "effects",
+        **head("effects", ()),
         "log": None,
         "effects": [_as_json(effect) for effect in chosen],
     }

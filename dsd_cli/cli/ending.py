@@ -6,6 +6,8 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NoReturn
 
 #: Signals that end a command in good order.
@@ -49,3 +51,28 @@ def leave(code: int) -> NoReturn:
                 continue
         os._exit(code)
     sys.exit(code)
+
+
+@contextmanager
+def interrupt_ends_reading(wanted: bool) -> Iterator[list[bool]]:
+    """The first Ctrl-C (SIGTERM, SIGHUP) fills the list and nothing else, so that what was read is labelled."""
+    interrupted: list[bool] = []
+    if not wanted:
+        yield interrupted
+        return
+    before = {number: signal.getsignal(number) for number in ENDING}
+
+    def back() -> None:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+    def note(*_: object) -> None:
+        interrupted.append(True)
+        back()
+
+    for number in ENDING:
+        signal.signal(number, note)
+    try:
+        yield interrupted
+    finally:
+        back()

@@ -120,11 +120,13 @@ def summary(
     import sys
 
     from dsd_cli.cli.identification import print_json
-    from dsd_cli.files.fleet_table import read_rows
+    from dsd_cli.files.fleet_table import read_rows, rows_file
     from dsd_cli.report.fleet import summarize, to_json
     from dsd_cli.report.fleet_table import print_table
 
-    found = summarize(str(results), read_rows(results))
+    found, where = summarize(str(results), read_rows(results)), rows_file(results)
+    if where != results:
+        typer.echo(f"{results} is not written yet; these are the rows so far, in {where}", err=True)
     if form is Format.JSON:
         print_json(to_json(found))
     else:
@@ -142,13 +144,17 @@ def _run(
     given: tuple[list[str] | None, list[str] | None, list[Path] | None],
     quiet: bool,
 ) -> None:
-    from dsd_cli.cli.fleet_logs import Asked, entries, refuse_output_among, tasks
+    from dsd_cli.cli.fleet_logs import Asked, entries, once, refuse_output_among, tasks
     from dsd_cli.cli.fleet_run import run_fleet
     from dsd_cli.files.fleet_table import check_table
 
     override, effect, effects_from = given
     workers = _workers(*where)
-    found = refuse_output_among(entries(logs or (), listing), output)
+    named = entries(logs or (), listing)
+    found = once(named)
+    if (again := len(named) - len(found)) and not quiet:
+        typer.echo(f"{again:,} of {len(named):,} names are of logs that are named already: taken once", err=True)
+    found = refuse_output_among(found, output)
     asked = Asked(command, config, tuple(override or ()), tuple(effect or ()), tuple(effects_from or ()))
     work = tasks(found, asked)
     inputs: Sequence[str | Path] = [*{task.config.name for task in work}, *asked.effects_from]

@@ -13,6 +13,9 @@ from typing import Any
 from dsd_cli import __version__
 from dsd_cli.cli.fleet_tasks import ConfigText, Task, is_url
 from dsd_cli.errors import DataError, UsageError
+from dsd_cli.files.fleet_table import PART
+from dsd_cli.files.formats.known import is_bag
+from dsd_cli.files.table_source import SIDECAR
 
 _TABLES = (".csv", ".parquet", ".pq")
 
@@ -28,7 +31,7 @@ class Entry:
 
 
 def entries(logs: Sequence[str], listing: Path | None) -> list[Entry]:
-    """Every log once, globs expanded, in the order of their names.
+    """Every log that is named, globs expanded.
 
     Raises
     ------
@@ -39,13 +42,26 @@ def entries(logs: Sequence[str], listing: Path | None) -> list[Entry]:
         found += _listed(listing)
     if not found:
         raise UsageError("no log is given", "name logs, or a list of them with --list FILE")
-    return sorted({(entry.log, entry.config): entry for entry in found}.values(), key=lambda one: (one.log, one.config))
+    return found
+
+
+def once(found: Iterable[Entry]) -> list[Entry]:
+    """Every log with every config of its own once, as it was named first; in the order of their names."""
+    kept: dict[tuple[str, str], Entry] = {}
+    for entry in found:
+        kept.setdefault((_place(entry.log), _place(entry.config)), entry)
+    return sorted(kept.values(), key=lambda one: (one.log, one.config))
+
+
+def _place(name: str) -> str:
+    """The same for all spellings of a path."""
+    return name if is_url(name) or not name else os.path.abspath(name)
 
 
 def _expanded(pattern: str) -> list[str]:
-    if not any(sign in pattern for sign in "*?["):
-        return [pattern]
-    if os.path.exists(pattern):  # a file whose name has such a sign
+    if os.path.isdir(pattern) and not is_bag(pattern):
+        raise UsageError(f"{pattern}: is a folder", f"name its logs: '{os.path.join(pattern, '**', '*')}'")
+    if not any(sign in pattern for sign in "*?[") or os.path.exists(pattern):  # a name may have such a sign
         return [pattern]
     if is_url(pattern):
         import fsspec
@@ -53,10 +69,25 @@ def _expanded(pattern: str) -> list[str]:
         system, place = fsspec.url_to_fs(pattern)
         found = [system.unstrip_protocol(name) for name in system.glob(place)]
     else:
-        found = glob.glob(pattern, recursive=True)
+        found = _logs_among(glob.glob(pattern, recursive=True))
     if not found:
         raise UsageError(f"{pattern}: no such log")
     return sorted(found)
+
+
+def _logs_among(names: Sequence[str]) -> list[str]:
+    """What a pattern has found, without folders, files of a bag that is there itself, and our metadata beside a CSV."""
+    bags = {name.rstrip(os.sep) for name in names if is_bag(name)}
+    return [
+        name
+        for name in names
+        if name.rstrip(os.sep) in bags
+        or not (
+            os.path.isdir(name)
+            or os.path.dirname(name) in bags
+            or (name.endswith(SIDECAR) and os.path.exists(name.removesuffix(SIDECAR)))
+        )
+    ]
 
 
 def _listed(listing: Path) -> Iterator[Entry]:
@@ -82,8 +113,10 @@ def _beside(listing: Path, name: str) -> str:
 def _lines(listing: Path) -> list[dict[str, Any]]:
     try:
         text = listing.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise UsageError(f"{listing}: no such file") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{listing}: cannot be read ({error})") from None
+        raise UsageError(f"{listing}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
     return [{"log": line.strip()} for line in text.splitlines() if line.strip() and not line.startswith("#")]
 
 
@@ -99,6 +132,8 @@ def _table(listing: Path) -> list[dict[str, Any]]:
             import pyarrow.parquet as pq
 
             table = pq.read_table(listing)
+    except FileNotFoundError:
+        raise UsageError(f"{listing}: no such file") from None
     except (pa.ArrowException, OSError) as error:
         raise UsageError(f"{listing}: cannot be read as a table ({str(error).splitlines()[0]})") from None
     if "log" not in table.column_names:
@@ -128,6 +163,7 @@ def tasks(found: Iterable[Entry], asked: Asked) -> list[Task]:
     """
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
+    from dsd_cli.files.config.text import read_again
 
     use_effects(asked.effects_from)
     texts: dict[str, ConfigText] = {}
@@ -138,7 +174,7 @@ def tasks(found: Iterable[Entry], asked: Asked) -> list[Task]:
         if name not in texts:
             settings = load_config(name, asked.values, asked.effects)
             beside[name] = [part for file in settings.files for part in _state(str(file))]
-            folder, text = str(Path(name).parent.absolute()), Path(name).read_bytes().decode("utf-8-sig")
+            folder, text = str(Path(name).parent.absolute()), read_again(name)
             texts[name] = ConfigText(name, folder, text, asked.values, asked.effects)
         path = entry.log if is_url(entry.log) else os.path.abspath(entry.log)
         task = Task(
@@ -173,14 +209,14 @@ def _state(path: str) -> list[str]:
 
 
 def refuse_output_among(found: Iterable[Entry], output: str) -> list[Entry]:
-    """The logs without the table of results, which a pattern may have found.
+    """The logs without the table of results and its journal, which a pattern may have found.
 
     Raises
     ------
     DataError : nothing else is there.
     """
-    target = os.path.realpath(output)
-    kept = [entry for entry in found if os.path.realpath(entry.log) != target]
+    own = (os.path.realpath(output), os.path.realpath(output + PART))
+    kept = [entry for entry in found if os.path.realpath(entry.log) not in own]
     if not kept:
         raise DataError(f"{output}: is the only log", "write the results to another file")
     return kept

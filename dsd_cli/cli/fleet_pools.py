@@ -117,7 +117,8 @@ def start_worker() -> None:
     import warnings
     from multiprocessing import connection, parent_process
 
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):  # the first is Arrow's as well
+        os.environ[name] = "1"
     for name in ("SIGINT", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -130,9 +131,6 @@ def start_worker() -> None:
 
     if parent is not None:
         threading.Thread(target=watch, args=(parent.sentinel,), daemon=True).start()
-    import pyarrow as pa
-
-    pa.set_cpu_count(1)
 
 
 class DaskPool:

@@ -5,14 +5,17 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from dsd_cli.cli.fleet_pools import DaskPool, Pool, ProcessPool, run_all
-from dsd_cli.cli.fleet_tasks import COMMON, DONE, Row, Task
-from dsd_cli.errors import DataError
-from dsd_cli.files.fleet_table import KEY, Journal, read_rows
+from dsd_cli.cli.fleet_tasks import COMMAND, COMMON, DONE, Row, Task
+from dsd_cli.cli.progress import is_terminal, span, three
+from dsd_cli.errors import DataError, UsageError
+from dsd_cli.files.fleet_table import KEY, Journal, load_writers, read_rows
+
+_ELSEWHERE = "write to another file with -o, or say --anew to lose it"
 
 
 @dataclass(frozen=True)
@@ -42,12 +45,12 @@ def run_fleet(tasks: list[Task], output: Path, workers: Workers, anew: bool, qui
     Raises
     ------
     DataError : no log gave a result, or the table cannot be written.
+    UsageError : the table is another command's or another run's, or none of ours.
     """
     say = _quiet if quiet else _on_stderr
     journal = Journal(output)
     try:
-        wanted = {task.key for task in tasks}
-        kept = _take_up(journal, output, wanted, anew)
+        kept = _take_up(journal, output, tasks, anew, say)
         left = [task for task in tasks if task.key not in journal]
         if kept:
             say(f"{kept:,} of {len(tasks):,} logs are done already")
@@ -70,24 +73,51 @@ def _rows(workers: Workers, left: list[Task], say: Callable[[str], None]) -> Ite
         return
     pool = workers.pool()
     try:
-        yield from run_all(pool, left, workers.retries, say)
+        rows = run_all(pool, left, workers.retries, say)
+        yield next(rows)
+        load_writers()  # while the workers work, not when they are done
+        yield from rows
     finally:
         pool.close()
 
 
-def _take_up(journal: Journal, output: Path, wanted: Collection[str], anew: bool) -> int:
-    """Rows of an earlier run, finished or not, that are still of these logs with these configs; failures are not."""
+def _take_up(journal: Journal, output: Path, tasks: list[Task], anew: bool, say: Callable[[str], None]) -> int:
+    """Rows of an earlier run, finished or not, that are still of these logs with these configs; failures are not.
+
+    Raises
+    ------
+    UsageError : the table is another command's, or none of ours.
+    """
+    wanted = {task.key for task in tasks}
     if anew:
         journal.forget(wanted)
         return 0
-    if output.is_file():
-        with contextlib.suppress(DataError):  # another file of that name, which is going to be replaced
-            for row in read_rows(output):
-                if row[KEY] in wanted and row[KEY] not in journal and row["status"] == DONE:
-                    journal.add({name: value for name, value in row.items() if value is not None})
+    _refuse_other(journal.first(), journal.path, tasks)
+    earlier = _earlier(output) if output.is_file() else []
+    if earlier:
+        _refuse_other(earlier[0], output, tasks)
+        logs = {task.log for task in tasks}
+        if gone := sum(row["log"] not in logs for row in earlier):
+            say(f"{gone:,} of the {len(earlier):,} rows of {output} are of logs that are not named now: they go")
+    for row in earlier:
+        if row[KEY] in wanted and row[KEY] not in journal and row["status"] == DONE:
+            journal.add({name: value for name, value in row.items() if value is not None})
     known = [key for key in wanted if key in journal]
     journal.forget([row[KEY] for row in journal.rows(known) if row["status"] != DONE])
     return sum(key in journal for key in known)
+
+
+def _earlier(output: Path) -> list[Row]:
+    try:
+        return read_rows(output)
+    except DataError as error:
+        raise UsageError(error.message, f"it is not written over: {_ELSEWHERE}") from None
+
+
+def _refuse_other(row: Row, where: Path, tasks: list[Task]) -> None:
+    command = row.get(COMMAND)
+    if command not in (None, tasks[0].command):
+        raise UsageError(f"{where}: has rows of dsd fleet {command}", _ELSEWHERE)
 
 
 @contextlib.contextmanager
@@ -113,7 +143,7 @@ def _quiet(_: str) -> None:
 @contextlib.contextmanager
 def _counting(total: int, quiet: bool) -> Iterator[Callable[[bool], None]]:
     """Progress with rate and time left, on a terminal: call it with whether the log gave a result."""
-    shown = not quiet and sys.stderr.isatty()
+    shown = not quiet and is_terminal(sys.stderr)
     begin = time.monotonic()
     state = {"done": 0, "failed": 0, "next": begin + 1.0}
 
@@ -142,7 +172,5 @@ def progress_line(done: float, total: int, failed: float, seconds: float) -> str
     if failed:
         parts.append(f"{int(failed):,} failed")
     if rate > 0.0:
-        left = (total - done) / rate
-        unit, size = ("s", 1.0) if left < 90.0 else ("min", 60.0) if left < 5400.0 else ("h", 3600.0)
-        parts += [f"{rate:.3g} a second", f"{left / size:.0f} {unit} left"]
+        parts += [f"{three(rate)} a second", f"{span((total - done) / rate)} left"]
     return ", ".join(parts)

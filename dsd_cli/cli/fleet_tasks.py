@@ -22,8 +22,10 @@ if TYPE_CHECKING:
 #: A row of the table of results: column -> value.
 Row = dict[str, str | float | int | bool | None]
 DONE, FAILED = "done", "failed"
+#: The column that says which command made the row.
+COMMAND = "command"
 #: Columns that every row has, in this order; the rest is the command's.
-COMMON = ("log", "machine", "date", "config", "status", "reason", "verdict")
+COMMON = ("log", "machine", "date", "config", COMMAND, "status", "reason", "verdict")
 
 _DATE = re.compile(r"(?<!\d)(20\d\d)[-_.]?(\d\d)[-_.]?(\d\d)(?:[T_ -]?(\d\d)[-:_.h]?(\d\d)(?:[-:_.m]?(\d\d))?)?(?!\d)")
 
@@ -58,10 +60,10 @@ class Task:
 
 def run_task(task: Task) -> Row:
     """The row of that log; whatever is wrong with it is said in the row."""
-    row: Row = {"log": task.log, "machine": task.machine, "date": task.date, "config": task.config.name}
+    row = _head(task)
     try:
         with _on_disk(task.path) as path:
-            row["date"] = task.date or date_in(task.log) or _recorded(path)
+            row["date"] = row["date"] or _recorded(path)
             found = _COMMANDS[task.command](path, _settings(task.config, task.effects_from))
         return row | {"status": DONE, "reason": "", **found, "key": task.key}
     except DsdError as error:
@@ -75,15 +77,18 @@ def run_task(task: Task) -> Row:
 
 def failed(task: Task, reason: str) -> Row:
     """The row of a log that gave no result."""
+    said = printable(reason.replace(task.path, task.log))
+    return _head(task) | {"status": FAILED, "reason": said, "verdict": None, "key": task.key}
+
+
+def _head(task: Task) -> Row:
+    date = task.date or date_in(task.log)
     return {
         "log": task.log,
         "machine": task.machine,
-        "date": task.date or date_in(task.log),
+        "date": date,
         "config": task.config.name,
-        "status": FAILED,
-        "reason": printable(reason.replace(task.path, task.log)),
-        "verdict": None,
-        "key": task.key,
+        COMMAND: task.command,
     }
 
 
@@ -108,6 +113,8 @@ def is_url(log: str) -> bool:
 def _on_disk(path: str) -> Iterator[str]:
     """The file itself, or a copy of what the URL names for as long as it is read."""
     if not is_url(path):
+        if os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path)):
+            raise DataError(f"{path}: is a FIFO or a device, which a fleet does not wait for")
         yield path
         return
     import fsspec
@@ -132,7 +139,7 @@ def _recorded(path: str) -> str:
     """When a file of another tool says that it was recorded."""
     from dsd_cli.files.formats.base import RECORDED
     from dsd_cli.files.formats.known import HEAD_BYTES, format_of, is_bag, open_container
-    from dsd_cli.files.tables_in import read_head
+    from dsd_cli.files.table_source import read_head
 
     found = format_of(path, b"" if is_bag(path) else read_head(path, HEAD_BYTES))
     return "" if found is None else open_container(path, found).metadata.get(RECORDED, "")
@@ -158,7 +165,7 @@ def _detect(path: str, settings: Config) -> Row:
     from dsd_cli.cli.detect_checks import Judgement
     from dsd_cli.cli.detect_job import Destination, Job
 
-    result = Job(path, settings, False, Destination("json", None, True, ())).run(Judgement())
+    result = Job(path, settings, False, Destination("json", None, True, ()), ahead=False).run(Judgement())
     summary = result.summary
     usual = max(summary.states, key=lambda state: (state.confident_share, state.share))
     verdict = ", ".join(f"{axis} {value:g}" for axis, value in usual.values.items())

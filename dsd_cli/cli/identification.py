@@ -1,12 +1,9 @@
-"""What `dsd diagnose`, `add` and `improve` share: logs and config in, progress and warnings out."""
+"""What `dsd diagnose`, `add` and `improve` share: logs and config in, warnings and pictures out."""
 
 from __future__ import annotations
 
-import sys
-import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -14,6 +11,7 @@ import typer
 from dsd_cli.errors import printable
 
 if TYPE_CHECKING:
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import Config, Signals
     from dsd_cli.identify.fit.known import Known
     from dsd_cli.identify.recordings.recording import Recording
@@ -27,7 +25,6 @@ HoldoutOption = Annotated[
     list[str] | None,
     typer.Option("--holdout", metavar="LOG", help="Log that no fit sees; held-out errors are of it. Repeatable."),
 ]
-PlotOption = Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="Picture to draw (.png).")]
 
 
 @dataclass(frozen=True)
@@ -69,30 +66,8 @@ def check_logs(logs: Sequence[str], holdout: Sequence[str], signals: Signals | N
         raise UsageError(f"{twice} is given twice", hint)
 
 
-def check_plot(plot: Path | None, inputs: Iterable[str | Path]) -> None:
-    """Whether the picture can be drawn, before anything is computed.
-
-    Raises
-    ------
-    UsageError : another suffix, one of the inputs, or no matplotlib.
-    DataError : it is a directory, or its folder is not there.
-    """
-    if plot is None:
-        return
-    import importlib.util
-
-    from dsd_cli.errors import UsageError
-    from dsd_cli.files.whole import check_target
-
-    if plot.suffix.lower() != ".png":
-        raise UsageError(f"--plot {plot}: cannot tell what to draw", "end the name in .png")
-    check_target(plot, inputs)
-    if importlib.util.find_spec("matplotlib") is None:
-        raise UsageError("--plot needs matplotlib", "pip install matplotlib")
-
-
-def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str]) -> Given:
-    """Read all logs.
+def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str], progress: Progress | None = None) -> Given:
+    """Read all logs, telling `progress` how far that is.
 
     Raises
     ------
@@ -103,8 +78,8 @@ def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str]) -> G
 
     observer, model = observer_settings(config), believed_model(config)
     known = known_values(config)
-    loaded = {path: load_recording(path, config) for path in logs}
-    aside = {path: load_holdout(path, logs, config) for path in holdout}
+    loaded = {path: load_recording(path, config, progress=progress) for path in logs}
+    aside = {path: load_holdout(path, logs, config, progress) for path in holdout}
     everything = [*loaded.items(), *aside.items()]
     dropped: dict[str, int] = {}
     for _, one in everything:
@@ -124,26 +99,6 @@ def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str]) -> G
     )
 
 
-def put_picture(plot: Path, draw: Callable[[], bytes], quiet: bool) -> None:
-    """Draw, after everything else: a picture that fails costs no result. It appears whole or not at all.
-
-    Raises
-    ------
-    DataError : it cannot be drawn, or not be written.
-    """
-    from dsd_cli.errors import DataError, DsdError
-    from dsd_cli.files.whole import write_whole
-
-    try:
-        content = draw()
-    except (DsdError, MemoryError):
-        raise
-    except Exception as error:
-        raise DataError(f"{plot}: cannot be drawn ({type(error).__name__}: {error})", "the rest is done") from error
-    write_whole(plot, content)
-    say(quiet, f"{plot}: drawn")
-
-
 def say(quiet: bool, line: str) -> None:
     """A message, one line."""
     if not quiet:
@@ -161,30 +116,3 @@ def print_json(result: dict[str, Any]) -> None:
     from dsd_cli.report.terminal import json_text
 
     typer.echo(json_text(result, indent=2))
-
-
-class ShareDone:
-    """What is being done, and how much of it: on a terminal, from the first second on."""
-
-    def __init__(self, enabled: bool = True) -> None:
-        self._enabled = enabled and sys.stderr.isatty()
-        self._next = time.monotonic() + 1.0
-        self._shown = False
-
-    def __call__(self, what: str, share: float) -> None:
-        if self._enabled and time.monotonic() >= self._next:
-            print(f"\r\033[K{what} {100.0 * share:.0f} %", end="", file=sys.stderr, flush=True)
-            self._next = time.monotonic() + 0.2
-            self._shown = True
-
-    def clear(self) -> None:
-        """Take the line back."""
-        if self._shown:
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
-            self._shown = False
-
-    def __enter__(self) -> ShareDone:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.clear()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dsd_cli.cli.identification import HoldoutOption, PlotOption
+from dsd_cli.cli.identification import HoldoutOption
 from dsd_cli.cli.options import (
     CONFIG_FILE,
     BoundsOption,
@@ -24,9 +24,11 @@ from dsd_cli.cli.options import (
     ToOption,
     with_window,
 )
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import Config
     from dsd_cli.files.config.edit import Origin
     from dsd_cli.identify.results import Ladder
@@ -76,8 +78,9 @@ def improve(
 
     Each step is kept only if the error on data that no fit saw falls. Without -o nothing is written.
     """
-    from dsd_cli.cli.identification import check_logs, check_plot
+    from dsd_cli.cli.identification import check_logs
     from dsd_cli.cli.improve_loop import check_outputs
+    from dsd_cli.cli.pictures import check_plot
     from dsd_cli.cli.transfer import with_priors
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
@@ -162,18 +165,21 @@ class Request:
 def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
     import sys
 
-    from dsd_cli.cli.identification import load_given, print_json, put_picture, say, warn
+    from dsd_cli.cli.identification import load_given, print_json, say, warn
     from dsd_cli.cli.improve_loop import put_config, with_steps
+    from dsd_cli.cli.pictures import put_picture
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.transfer import transferred
     from dsd_cli.identify.results import in_units
     from dsd_cli.report.ladder import LadderReport, improve_json, print_ladder
 
     output, quiet = wanted.output, wanted.quiet
-    given = load_given(settings, wanted.logs, wanted.holdout)
-    ladder = in_units(_run(given, wanted.auto, quiet), settings.signals.units)
-    validated = _validated(given, ladder) if given.holdout else ()
+    with Progress(not quiet) as progress:
+        given = load_given(settings, wanted.logs, wanted.holdout, progress)
+        ladder = in_units(_run(given, wanted.auto, quiet, progress), settings.signals.units)
+        held_out = validated(given, ladder) if given.holdout else ()
     moved = transferred(settings, ladder) if wanted.transfer else ()
-    report = LadderReport(ladder, wanted.logs, output, given.dropped, given.warnings, validated, moved)
+    report = LadderReport(ladder, wanted.logs, output, given.dropped, given.warnings, held_out, moved)
     text = with_steps(origin.text, ladder.steps[0].score, ladder.steps[1:], wanted.logs)
     if output is not None:
         put_config(output, text, origin)
@@ -192,37 +198,36 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
         put_picture(wanted.plot, lambda: draw(report), quiet)
 
 
-def _run(given: Given, auto: bool, quiet: bool) -> Ladder:
+def _run(given: Given, auto: bool, quiet: bool, progress: Progress) -> Ladder:
     import sys
 
-    from dsd_cli.cli.identification import ShareDone
     from dsd_cli.cli.improve_loop import Asker, follow
     from dsd_cli.identify.improve import improve as run
-    from dsd_cli.identify.results import Step
+    from dsd_cli.identify.results import Step, in_units
     from dsd_cli.report.ladder import step_line
 
     steps: list[Step] = []
-    with ShareDone(not quiet) as progress:
+    units = given.settings.signals.units
 
-        def on_step(step: Step) -> None:
-            progress.clear()
-            if not quiet and sys.stderr.isatty():
-                typer.echo(step_line(step, steps[-1] if steps else None), err=True)
-            steps.append(step)
+    def on_step(step: Step) -> None:
+        progress.clear()
+        if not quiet and sys.stderr.isatty():
+            typer.echo(step_line(in_units(step, units), steps[-1] if steps else None), err=True)
+        steps.append(step)
 
-        return run(
-            given.recordings,
-            given.model,
-            given.observer,
-            given.engine_settings,
-            holdout=given.holdout,
-            choose=follow if auto else Asker(progress),
-            on_step=on_step,
-            progress=progress,
-        )
+    return run(
+        given.recordings,
+        given.model,
+        given.observer,
+        given.engine_settings,
+        holdout=given.holdout,
+        choose=follow if auto else Asker(progress, units),
+        on_step=on_step,
+        progress=progress,
+    )
 
 
-def _validated(given: Given, ladder: Ladder) -> tuple[Validation, ...]:
+def validated(given: Given, ladder: Ladder) -> tuple[Validation, ...]:
     from dsd_cli.cli.compare import controller_of
     from dsd_cli.identify.validation import validate
 

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 from dsd_cli.cli.options import Format
 from dsd_cli.errors import UsageError, printable
-from dsd_cli.identify.results import NONE, UNKNOWN, Diagnosis, Score, Step
+from dsd_cli.identify.results import NONE, UNKNOWN, Diagnosis, Score, Step, in_units
 
 if TYPE_CHECKING:
-    from dsd_cli.cli.identification import ShareDone
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import History
     from dsd_cli.files.config.edit import Origin
+    from dsd_cli.signals.units import Units
 
 
 def check_outputs(output: str | None, form: Format, inputs: Sequence[str | Path]) -> None:
@@ -101,14 +102,14 @@ def follow(diagnosis: Diagnosis) -> str | None:
 class Asker:
     """Shows each diagnosis on the terminal and asks what to do."""
 
-    def __init__(self, progress: ShareDone) -> None:
-        self._progress = progress
+    def __init__(self, progress: Progress, units: Units) -> None:
+        self._progress, self._units = progress, units
 
     def __call__(self, diagnosis: Diagnosis) -> str | None:
         from dsd_cli.report.diagnosis import DiagnosisReport, print_table
 
         self._progress.clear()
-        print_table(DiagnosisReport(diagnosis), sys.stderr, brief=True)
+        print_table(DiagnosisReport(in_units(diagnosis, self._units)), sys.stderr, brief=True)
         found = follow(diagnosis)
         while True:
             question = f"add {found}? [y]es / [n]o stop / name of another effect: "

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from dsd_cli.cli.options import QuietOption
+from dsd_cli.cli.options import QuietOption, template_names
 from dsd_cli.errors import printable
 
 
@@ -20,6 +20,7 @@ def init(
         typer.Option(
             "--template",
             metavar="NAME",
+            autocompletion=template_names,
             help="lab (your own recording), paper-step, paper-sine, paper-delay-change, damping or servo.",
         ),
     ] = None,
@@ -45,8 +46,11 @@ def init(
         raise UsageError("a template is no config for a log", "give a log or --template")
     else:
         from dsd_cli.cli.init_log import propose
+        from dsd_cli.cli.progress import Progress
 
-        text, said = propose(log)
+        with Progress(not quiet) as progress:
+            progress(f"looking at {Path(log).name}")
+            text, said = propose(log)
         origin = f"from {log}"
     if output == "-":
         typer.echo(text, nl=False)
@@ -58,9 +62,10 @@ def init(
         typer.echo(printable(f"  {line}"), err=True)
     if output != "-":
         simulated = log is None and template != "lab"
-        ask = "detect LOG" if log is None else f"check {log}"
-        after = f"dsd simulate -c {output} -o log.csv" if simulated else f"dsd {ask} -c {output}"
-        typer.echo(printable(f"wrote {output} ({origin}); next: {after}"), err=True)
+        named = "" if output == "dsd.toml" else f" -c {output}"
+        after = f"simulate{named} -o log.csv" if simulated else f"check {log or 'LOG'}{named}"
+        typer.echo(printable(f"wrote {output} ({origin}); next: dsd {after}"), err=True)
+        typer.echo("then: dsd compare, diagnose, improve (what is missing?) or dsd detect (which state now?)", err=True)
 
 
 def _write(path: Path, text: str, force: bool, inputs: tuple[str, ...]) -> None:

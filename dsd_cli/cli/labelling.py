@@ -13,7 +13,9 @@ from dsd_cli.detect.session import Session
 from dsd_cli.errors import DataError
 from dsd_cli.files.config import Config
 from dsd_cli.files.scaled import scaled
-from dsd_cli.files.tables_in import TableSource, open_table
+from dsd_cli.files.table_source import TableSource
+from dsd_cli.files.tables_in import open_table
+from dsd_cli.files.watched import Watch, watched
 from dsd_cli.signals.cleaning import BRIDGE, Cleaner
 from dsd_cli.signals.log import Array
 
@@ -27,7 +29,7 @@ class Labelled(NamedTuple):
 
 
 def open_log(log: str, config: Config) -> tuple[TableSource, Plan]:
-    """The log, and the plan of the config for it."""
+    """The log, and the plan of the config for it (see `as_logged`)."""
     columns = log_columns(config.signals)
     columns.pop("reference", None)
     table = scaled(open_table(log, columns, optional_columns(config) & set(columns)), config.signals.factors())
@@ -41,8 +43,8 @@ def cleaner_for(config: Config, plan: Plan) -> Cleaner:
     return Cleaner(signals.sample_time, TIME_SCALE[signals.time_unit], bridge, limits(signals))
 
 
-def run_log(table: TableSource, session: Session) -> Labelled:
-    """Feed everything.
+def run_log(table: TableSource, session: Session, watch: Watch | None = None, what: str = "labelling") -> Labelled:
+    """Feed everything, telling `watch` how far that is.
 
     Raises
     ------
@@ -51,7 +53,7 @@ def run_log(table: TableSource, session: Session) -> Labelled:
     rows: list[Rows] = []
     truth: dict[str, list[Array]] = {name: [] for name in TRUTH if name in table.columns}
     with naming(table.name):
-        for batch in table.batches():
+        for batch in watched(table, watch, what).batches():
             rows += session.feed(batch.columns.get("t"), batch.columns, batch.restart)
             for name, parts in truth.items():
                 parts.append(batch.columns[name])

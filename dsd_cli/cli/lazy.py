@@ -17,13 +17,15 @@ COMMANDS = {
     "simulate": ("simulate", "simulate", "Simulate a plant with delay and effects; write its log."),
     "observe": ("observe", "observe", "Add the observed disturbance d_hat to a log."),
     "detect": ("detect", "detect", "Label every sample with the most likely delay and inertia."),
-    "tune": ("tune", "tune", "Choose rho, window, transition and grid of the detector from a log."),
-    "check": ("check", "check", "Say whether a log can answer: signs, scales, clock, excitation, sensor."),
+    "tune": ("tune", "tune", "Choose rho, window, transition and grid of the detector."),
+    "check": ("check", "check", "Say whether a log can answer: signs, units, clock, excitation."),
     "compare": ("compare", "compare", "Say how well the model predicts a log, and where it fails."),
     "diagnose": ("diagnose", "diagnose", "Say which physical effect the model lacks."),
     "add": ("add", "add", "Add an effect to the model of the config, fitted to a log."),
     "improve": ("improve", "improve", "Diagnose and add, step by step, until nothing is left to add."),
-    "fleet": ("fleet", "app", "Run detect, compare or diagnose over many logs; one table at the end."),
+    "report": ("report", "report", "Write one HTML page that tells what a log says."),
+    "fleet": ("fleet", "app", "Run detect, compare or diagnose over many logs; one table."),
+    "schema": ("schema", "schema", "Print the JSON schema of a command's result."),
     "effects": ("effects", "effects", "Show the catalogue of physical effects."),
 }
 

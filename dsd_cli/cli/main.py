@@ -23,13 +23,16 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 #: What a shell reports for a command ended by SIGINT, and by a closed pipe (SIGPIPE).
 INTERRUPTED, CLOSED_PIPE = 130, 141
 
+#: Set by a shell that asks what could follow (`dsd --install-completion`).
+COMPLETE = "_DSD_COMPLETE"
+
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__mro__[
     2
 ]  # every failure of the command line parser derives from it
 
 app = typer.Typer(
     cls=LazyGroup,
-    add_completion=False,
+    add_completion=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -38,8 +41,13 @@ app = typer.Typer(
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"dsd {__version__} (detector kernel: {_kernel()}, effects: {_recursions()})")
+        typer.echo(version_text())
         raise typer.Exit
+
+
+def version_text() -> str:
+    """Version, and which of its kernels are compiled."""
+    return f"dsd {__version__} (detector kernel: {_kernel()}, effects: {_recursions()})"
 
 
 def _kernel() -> str:
@@ -102,7 +110,7 @@ def run(arguments: list[str]) -> int:
         except BrokenPipeError:
             raise
         except OSError as error:
-            return _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error), 1)
+            return _fail(f"{error.filename or 'input or output'}: {error.strerror or error}", 1)
         except MemoryError as error:
             what = f"not enough memory: {error}" if str(error) else "not enough memory"
             return _fail(f"{what}: take a shorter log, a shorter window or fewer states", 1)
@@ -132,6 +140,10 @@ def _ended_behind(error: BaseException | None) -> Ended | None:
 def _invoke(arguments: list[str]) -> int:
     group = get_command(app)
     use_plain_coercion(group)
+    if (wanted := os.environ.get(COMPLETE)) is not None:
+        from typer.completion import shell_complete
+
+        return shell_complete(group, {}, "dsd", COMPLETE, wanted)
     if not arguments:
         with group.make_context("dsd", ["x"], resilient_parsing=True) as context:
             typer.echo(group.get_help(context), err=True)

@@ -16,6 +16,7 @@ from dsd_cli.cli.options import (
     ToOption,
     with_window,
 )
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.files.logs import LoadedLog
@@ -34,6 +35,7 @@ def observe(
     start: FromOption = None,
     end: ToOption = None,
     override: SetOption = None,
+    plot: PlotOption = None,
     quiet: QuietOption = False,
 ) -> None:
     """Add the observed disturbance d_hat, computed from velocity (or from position alone), to LOG.
@@ -41,26 +43,37 @@ def observe(
     Writes the channels that the config names, under the tool's own names. Rows that cannot be used are left out.
     """
     from dsd_cli.cli.identification import say
-    from dsd_cli.cli.plan import log_columns, naming, observer_settings, optional_columns, reading
+    from dsd_cli.cli.pictures import check_plot, put_picture
+    from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_settings, optional_columns, reading
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import load_config
     from dsd_cli.files.logs import load_log, write_log
     from dsd_cli.files.tables_out import check_output
 
-    settings = load_config(config, with_window(override, start, end))
+    settings = as_logged(load_config(config, with_window(override, start, end)), log)
     observer = observer_settings(settings)
     if output != "-":
         check_output(output, (log, config, *settings.files))
+    check_plot(plot, (log, config, output, *settings.files))
     columns = log_columns(settings.signals)
     columns.pop("d_hat", None)
-    with naming(log):
-        loaded = load_log(log, columns, optional_columns(settings), **reading(settings.signals))
-    observed = _observed(loaded, observer)
-    _check_finite(loaded.log.source, observed)
-    write_log(output, observed, (log, config))
+    with naming(log), Progress(not quiet) as progress:
+        how = reading(settings.signals)
+        loaded = load_log(log, columns, optional_columns(settings), **how, watch=progress.watch)
+        progress("observing")
+        observed = _observed(loaded, observer)
+        _check_finite(loaded.log.source, observed)
+        progress("writing")
+        write_log(output, observed, (log, config))
     for warning in loaded.warnings:
         say(quiet, f"dsd: warning: {loaded.log.source}: {warning}")
     counts = "".join(f"; {reason} {count:,}" for reason, count in loaded.dropped.items() if count)
     say(quiet, f"{output}: {len(observed):,} samples, d_hat computed from {observed.d_hat_source}{counts}")
+    if plot is not None:
+        from dsd_cli.report.plots_channels import draw
+
+        units = settings.signals.units
+        put_picture(plot, lambda: draw(loaded.log.source, observed, loaded.restarts, units), quiet)
 
 
 def _check_finite(name: str, log: Log) -> None:
@@ -83,6 +96,7 @@ def _observed(loaded: LoadedLog, settings: ObserverSettings) -> Log:
 
     import numpy as np
 
+    from dsd_cli.files.logs import OWN_CHANNELS
     from dsd_cli.plant.observer import observe_log
 
     log = loaded.log
@@ -92,4 +106,6 @@ def _observed(loaded: LoadedLog, settings: ObserverSettings) -> Log:
         for a, b in pairwise(edges)
     ]
     d_hat = np.concatenate([part["d_hat"] for part in parts])
-    return replace(log, channels={**log.channels, "d_hat": d_hat}, d_hat_source=parts[0].d_hat_source)
+    metadata = {**log.metadata, OWN_CHANNELS: "t (s), u, d_hat, velocity, position (SI), as [signals] reads them"}
+    source = parts[0].d_hat_source
+    return replace(log, channels={**log.channels, "d_hat": d_hat}, d_hat_source=source, metadata=metadata)

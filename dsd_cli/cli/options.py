@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from dsd_cli.errors import printable
+
 
 class Format(StrEnum):
     """How a result is written to stdout."""
@@ -16,9 +18,61 @@ class Format(StrEnum):
     JSON = "json"
 
 
+def effect_ids(incomplete: str) -> list[str]:
+    """For the completion of a shell."""
+    from dsd_cli.effects import catalogue
+
+    return [name for name in catalogue() if name.startswith(incomplete)]
+
+
+def template_names(incomplete: str) -> list[str]:
+    """For the completion of a shell."""
+    from dsd_cli.files.template import template_names as names
+
+    return [name for name in names() if name.startswith(incomplete)]
+
+
 LogArgument = Annotated[str, typer.Argument(metavar="LOG", help="Log file (CSV, Parquet, MF4, ...); - is stdin.")]
 
-ConfigOption = Annotated[Path, typer.Option("-c", "--config", metavar="FILE", help="Config file of the rig.")]
+#: Default of `ConfigOption`.
+CONFIG_FILE = Path("dsd.toml")
+
+
+def nearest_config(path: Path, quiet: bool) -> Path:
+    """`dsd.toml` of the working folder, or of the nearest folder above that has one, which is then said on stderr."""
+    import os
+    import sys
+
+    if path != CONFIG_FILE or path.exists():
+        return path
+    for folder in Path.cwd().parents:
+        if (folder / path).is_file():
+            found = Path(os.path.relpath(folder / path))
+            if not quiet:
+                print(printable(f"dsd: config: {found}"), file=sys.stderr)
+            return found
+    return path
+
+
+def _config_option(context: typer.Context, path: Path) -> Path:
+    return path if context.resilient_parsing else nearest_config(path, bool(context.params.get("quiet")))
+
+
+def config_options(context: typer.Context, paths: list[Path] | None) -> list[Path]:
+    """Those given, or the one that `ConfigOption` would take."""
+    return list(paths or ()) or [_config_option(context, CONFIG_FILE)]
+
+
+ConfigOption = Annotated[
+    Path,
+    typer.Option(
+        "-c",
+        "--config",
+        metavar="FILE",
+        callback=_config_option,
+        help="Config file of the rig; the default is looked for in the folders above, too.",
+    ),
+]
 
 OutputOption = Annotated[
     str | None, typer.Option("-o", "--output", metavar="FILE", help="File to write (.csv or .parquet); - is stdout.")
@@ -26,7 +80,8 @@ OutputOption = Annotated[
 
 FormatOption = Annotated[Format, typer.Option("--format", help="Form of the result on stdout.")]
 
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No messages and no progress.")]
+# eager: what is said while the other options are read is silenced, too
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", is_eager=True, help="No messages and no progress.")]
 
 SetOption = Annotated[
     list[str] | None,
@@ -82,9 +137,6 @@ EffectsFromOption = Annotated[
         help="Python file that defines an effect of your own (EFFECT = Effect(...)); it is run. Repeatable.",
     ),
 ]
-
-#: Default of `ConfigOption`.
-CONFIG_FILE = Path("dsd.toml")
 
 
 def with_window(override: list[str] | None, start: float | None, end: float | None) -> list[str]:

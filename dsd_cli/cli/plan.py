@@ -30,6 +30,16 @@ DISTURBANCE = ("d_hat", "velocity", "position")
 TRUTH = ("true_delay", "true_inertia")
 
 
+def as_logged(config: Config, log: str) -> Config:
+    """The config for that log: one that `dsd observe` wrote has the tool's names and units, whatever [signals] says."""
+    from dsd_cli.files.logs import OWN_CHANNELS
+    from dsd_cli.files.tables_in import metadata_of
+
+    if OWN_CHANNELS not in metadata_of(log):
+        return config
+    return config.with_signals(config.signals.applied(config.written.get("signals", {})))
+
+
 def log_columns(signals: Signals) -> dict[str, str]:
     """Canonical channel -> column, for all that a config names."""
     columns = dict(signals.columns())

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import Config
     from dsd_cli.files.logs import LoadedLog
     from dsd_cli.files.windowed import Window
@@ -27,7 +29,9 @@ class LoadedRecording:
     warnings: tuple[str, ...]
 
 
-def load_recording(path: str, config: Config, window: Window | None = None) -> LoadedRecording:
+def load_recording(
+    path: str, config: Config, window: Window | None = None, progress: Progress | None = None
+) -> LoadedRecording:
     """Read a log (- is stdin), with d_hat and the motion that can be had.
 
     Every channel that the config names may be missing but u (and the time).
@@ -35,26 +39,30 @@ def load_recording(path: str, config: Config, window: Window | None = None) -> L
     Parameters
     ----------
     window : the rows that are read; None: as [signals] says.
+    progress : is told how far the reading is.
 
     Raises
     ------
     DataError : no u, nothing to have d_hat from, too short, or an axis that stands still.
     UsageError : the config lacks [observer].
     """
-    from dsd_cli.cli.plan import log_columns, naming, observer_settings, reading
+    from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_settings, reading
     from dsd_cli.files.logs import load_log
     from dsd_cli.identify.recordings.recording import prepare
 
+    config = as_logged(config, path)
     observer = observer_settings(config)
     columns = log_columns(config.signals)
     with naming(path):
         optional = {name for name in columns if name not in ("t", "u")}
         how = reading(config.signals) if window is None else {**reading(config.signals), "window": window}
-        loaded = load_log(path, columns, optional, **how)
+        loaded = load_log(path, columns, optional, **how, watch=None if progress is None else progress.watch)
     if window:
         loaded = replace(loaded, log=replace(loaded.log, source=f"{loaded.log.source} ({window})"))
     _check_channels(loaded.log.source, loaded)
     check_sizes(loaded.log.source, loaded)
+    if progress is not None:
+        progress(f"looking at {PurePath(path).name}")
     recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)
     dropped = {reason: count for reason, count in loaded.dropped.items() if count}
     warnings = (*loaded.warnings, *absent(config, columns, loaded), *_wrong(loaded, config))
@@ -95,6 +103,23 @@ def known_values(config: Config) -> Known:
     UsageError : see `Fit.known`.
     """
     return config.fit.known(_written_model(config), config.name)
+
+
+def beyond_known(settings: Config) -> list[str]:
+    """Values of [model] beyond their bounds, or far from their priors."""
+    from dsd_cli.identify.fit.values import flat
+
+    known, lines = known_values(settings), []
+    for name, value in flat(believed_model(settings)).items():
+        low, high = known.limits(name)
+        if not low <= value <= high:
+            lines.append(f"{name} = {value:.4g} is beyond its bounds, {low:g} to {high:g}")
+        if name in known.priors and abs(value - known.priors[name][0]) > 3.0 * known.priors[name][1]:
+            mean, spread = known.priors[name]
+            lines.append(
+                f"{name} = {value:.4g} is {abs(value - mean) / spread:.1f} sigma from its prior {mean:g} +- {spread:g}"
+            )
+    return lines
 
 
 #: Squares of larger values overflow.
@@ -139,9 +164,9 @@ def absent(config: Config, columns: Mapping[str, str], loaded: LoadedLog) -> lis
     ]
 
 
-def load_holdout(path: str, logs: Sequence[str], config: Config) -> LoadedRecording:
+def load_holdout(path: str, logs: Sequence[str], config: Config, progress: Progress | None = None) -> LoadedRecording:
     """A log that no fit sees: all of it, or what lies outside of --from and --to of a log that is fitted."""
     from dsd_cli.cli.plan import window
     from dsd_cli.files.windowed import Window
 
-    return load_recording(path, config, window(config.signals).rest if path in logs else Window())
+    return load_recording(path, config, window(config.signals).rest if path in logs else Window(), progress)

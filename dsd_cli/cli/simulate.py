@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dsd_cli.cli.options import CONFIG_FILE, EffectOption, EffectsFromOption, QuietOption, SetOption
+from dsd_cli.cli.options import (
+    CONFIG_FILE,
+    EffectOption,
+    EffectsFromOption,
+    QuietOption,
+    SetOption,
+    nearest_config,
+    template_names,
+)
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.files.config import Config
@@ -24,7 +33,12 @@ OutputNeeded = Annotated[
 ]
 TemplateOption = Annotated[
     str | None,
-    typer.Option("--template", metavar="NAME", help="Run this template (see `dsd init`), not a config file."),
+    typer.Option(
+        "--template",
+        metavar="NAME",
+        autocompletion=template_names,
+        help="Run this template (see `dsd init`), not a config file.",
+    ),
 ]
 SeedOption = Annotated[int | None, typer.Option("--seed", help="Seed of the noise.")]
 NoiseOption = Annotated[
@@ -47,6 +61,7 @@ def simulate(
     noise: NoiseOption = None,
     duration: DurationOption = None,
     adapt: AdaptOption = False,
+    plot: PlotOption = None,
     quiet: QuietOption = False,
 ) -> None:
     """Run the delayed plant of the config (or of a template) in closed loop and write its log.
@@ -56,32 +71,44 @@ def simulate(
     adopted_delay, adopted_inertia.
     """
     from dsd_cli.cli.identification import say
+    from dsd_cli.cli.pictures import check_plot, put_picture
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.logs import write_log
     from dsd_cli.files.tables_out import check_output
     from dsd_cli.plant.simulation import simulate as run
 
     use_effects(effects_from)
-    settings = _config(config, template)
+    settings = _config(config, template, quiet)
     values = {"seed": seed, "noise": noise, "duration": duration}
     given = [f"simulate.{name}={value!r}" for name, value in values.items() if value is not None]
     settings = settings.override([*(override or ()), *given], effect or ())
+    inputs = (*(() if config is None else (config,)), *settings.files, *(effects_from or ()))
     if output != "-":
-        check_output(output, (*(() if config is None else (config,)), *settings.files, *(effects_from or ())))
+        check_output(output, inputs)
+    check_plot(plot, (*inputs, output))
     plant = simulation_settings(settings)
     feedback = None
     if adapt:
         from dsd_cli.cli.adapt import adaptation
 
         feedback = adaptation(settings, plant)
-    log = run(plant, feedback)
-    _check_finite(settings.name, log)
-    write_log(output, _with_provenance(log, settings))
+    with Progress(not quiet) as progress:
+        log = run(plant, feedback, progress.rows("simulating", round(plant.duration / plant.sample_time)))
+        _check_finite(settings.name, log)
+        progress("writing")
+        write_log(output, _with_provenance(log, settings))
     say(quiet, f"{output}: {len(log):,} samples, {log.sample_time * 1e3:g} ms apart")
     if adapt:
         from dsd_cli.cli.adapt import adopted_line
 
         say(quiet, adopted_line(log))
+    if plot is not None:
+        from dsd_cli.report.plots_channels import draw
+
+        put_picture(
+            plot, lambda: draw(output if output != "-" else settings.name, log, (), settings.signals.units), quiet
+        )
 
 
 def _check_finite(name: str, log: Log) -> None:
@@ -103,14 +130,16 @@ def _check_finite(name: str, log: Log) -> None:
         )
 
 
-def _config(config: Path | None, template: str | None) -> Config:
+def _config(config: Path | None, template: str | None, quiet: bool) -> Config:
     from dsd_cli.errors import UsageError
     from dsd_cli.files.config import load_config
     from dsd_cli.files.template import load_template
 
     if template is not None and config is not None:
         raise UsageError("--config and --template", "give one of them")
-    return load_template(template) if template is not None else load_config(config or CONFIG_FILE)
+    if template is not None:
+        return load_template(template)
+    return load_config(config or nearest_config(CONFIG_FILE, quiet))
 
 
 def _with_provenance(log: Log, settings: Config) -> Log:

@@ -22,6 +22,7 @@ from dsd_cli.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.detect.tune.evidence import Evidence
     from dsd_cli.detect.tune.tuning import Tuning
     from dsd_cli.files.config import Config
@@ -55,6 +56,7 @@ def tune(
     import sys
 
     from dsd_cli.cli.identification import print_json, say, warn
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.detect.tune.tuning import tune as choose
     from dsd_cli.errors import UsageError
@@ -69,8 +71,9 @@ def tune(
         raise UsageError("-o - and --format json both want stdout", "write the config to a file")
     if output is not None:
         check_config_output(output, (log, *settings.files, *(effects_from or ())))
-    evidence, warnings = _evidence(log, settings)
-    tuning = choose(evidence)
+    with Progress(not quiet) as progress:
+        evidence, warnings = _evidence(log, settings, progress)
+        tuning = choose(evidence, progress)
     report = TuningReport(tuning, log, output)
     text = _written(origin.text, settings, tuning) if output is not None else ""
     warn(quiet, warnings)
@@ -86,15 +89,17 @@ def tune(
         say(quiet, f"wrote {output}")
 
 
-def _evidence(log: str, config: Config) -> tuple[Evidence, tuple[str, ...]]:
+def _evidence(log: str, config: Config, progress: Progress) -> tuple[Evidence, tuple[str, ...]]:
     """The longest recording of the log as the engine of the config takes it, and warnings."""
     from dsd_cli.cli.labelling import cleaner_for, open_log, run_log
+    from dsd_cli.cli.plan import as_logged
     from dsd_cli.detect.tune.evidence import Evidence, Gatherer, refuse
 
+    config = as_logged(config, log)
     table, plan = open_log(log, config)
     refuse(plan)
     session = Gatherer(plan, cleaner_for(config, plan))
-    warnings = run_log(table, session).warnings
+    warnings = run_log(table, session, progress.watch, "reading").warnings
     assert session.engine is not None, "run_log refuses a log without samples"
     return Evidence(session.longest(), session.engine), warnings
 

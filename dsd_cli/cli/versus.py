@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dsd_cli.cli.options import Format
@@ -13,7 +14,9 @@ if TYPE_CHECKING:
     from dsd_cli.identify.compare.versus import Moved, Versus
 
 
-def compare_configs(configs: Sequence[Config], logs: Sequence[str], form: Format, quiet: bool) -> None:
+def compare_configs(
+    configs: Sequence[Config], logs: Sequence[str], form: Format, quiet: bool, plot: Path | None = None
+) -> None:
     """Print both tables; logs are read as the first config says.
 
     Raises
@@ -34,18 +37,28 @@ def compare_configs(configs: Sequence[Config], logs: Sequence[str], form: Format
     found: Versus | None = None
     if logs:
         from dsd_cli.cli.identification import warn
+        from dsd_cli.cli.progress import Progress
         from dsd_cli.cli.recordings import load_recording
         from dsd_cli.identify.compare.versus import versus
 
-        loaded = [load_recording(path, configs[0]) for path in logs]
-        warn(quiet, (f"{path}: {w}" for path, one in zip(logs, loaded, strict=True) for w in one.warnings))
-        found = versus([one.recording for one in loaded], models)
+        with Progress(not quiet) as progress:
+            loaded = [load_recording(path, configs[0], progress=progress) for path in logs]
+            progress.clear()
+            warn(quiet, (f"{path}: {w}" for path, one in zip(logs, loaded, strict=True) for w in one.warnings))
+            progress("comparing the models")
+            found = versus([one.recording for one in loaded], models)
     differences = {name: _moved(configs[0], config) for name, config in zip(names[1:], configs[1:], strict=True)}
     units = configs[0].signals.units
     if form is Format.JSON:
         print_json(versus_json(names, list(logs), found, differences, units))
     else:
         print_versus(names, found, differences, units, sys.stdout)
+    if plot is not None and found is not None:
+        from dsd_cli.cli.pictures import put_picture
+        from dsd_cli.report.plots_versus import draw
+
+        compared = found
+        put_picture(plot, lambda: draw(compared, units), quiet)
 
 
 def _moved(first: Config, second: Config) -> tuple[Moved, ...]:

@@ -335,20 +335,27 @@ INLINE v4 window_tile(Core *q, v4 y, const Py_ssize_t nh, const int wide) {
 
 /* ---- stage 3: decision, eq. 18-19 ---------------------------------------------------------------------------- */
 
-/* exp for -700 < x <= 0, relative error below 2e-7: enough for a probability; below that it is any bits */
-INLINE v4 quick_exp(v4 x) {
-    const v4 magic = splat(6755399441055744.0);
-    const v4 shifted = x * splat(1.4426950408889634) + magic;
-    const v4 n = shifted - magic;
-    const v4 r = (x - n * splat(6.93147180369123816490e-01)) - n * splat(1.90821492927058770002e-10);
-    v4 p = splat(1.0 / 720.0);
-    p = p * r + splat(1.0 / 120.0);
-    p = p * r + splat(1.0 / 24.0);
-    p = p * r + splat(1.0 / 6.0);
-    p = p * r + splat(0.5);
-    p = p * r + splat(1.0);
-    p = p * r + splat(1.0);
+/* States this many nats from the best add less than 3e-9 each to the sum of all. */
+#define FAR 20.0
+#define BITS_PER_NAT 1.4426950408889634
+
+/* 2^x for -1000 < x <= 0, relative error below 1.1e-7, 2^0 = 1: enough for a probability; below that it is any bits.
+ * 2^f = 1 + c1 f + ... + c5 f^5 for |f| <= 1/2 has the smallest largest relative error. */
+INLINE v4 quick_exp2(v4 x) {
+    const v4 shifted = x + splat(6755399441055744.0);      /* 1.5 * 2^52: the last bits are round(x) */
+    const v4 f = x - (shifted - splat(6755399441055744.0));
+    v4 p = splat(0.0013254602433094601);
+    p = p * f + splat(0.00967199918070571);
+    p = p * f + splat(0.055507793245535925);
+    p = p * f + splat(0.24022231907060837);
+    p = p * f + splat(0.6931469302343756);
+    p = p * f + splat(1.0);
     return (v4)((i4)p + ((i4)shifted << 52));
+}
+
+/* exp of what a state lies behind the best in nats (`unit` is in bits); 0 beyond `far` */
+INLINE v4 share(v4 best, v4 cost, v4 far, v4 unit) {
+    return pick(cost <= far, quick_exp2((best - cost) * unit), splat(0.0));
 }
 
 /* The cost -log p of eq. 18 up to a constant, so that the smallest wins: with a uniform A the distance itself, in
@@ -371,30 +378,34 @@ INLINE double costs(Core *q, double nearest, const double **cost, double *unit) 
     return best;
 }
 
+/* where state s of one sample stands: in an array of its own (samples = 1), or among LANES samples */
+INLINE Py_ssize_t place(Py_ssize_t s, const int samples) { return s / LANES * LANES * samples + s % LANES; }
+
 /* Eq. 19. The last label stays unless another leads by more than `hold`. Of all states within `hold` (or a tie) of the
  * best, the one that changes fewest axes is taken, then the best of these: u constant tells inertias apart, not delays, so
- * the delay stays. On a tie again the last label stays. */
-INLINE void choose(Core *q, const double *cost, double unit, double best) {
+ * the delay stays. On a tie again the last label stays. `cost` and `row` (per group) belong to one of `samples`. */
+INLINE void choose(Core *q, const double *cost, const double *row, const int samples, double unit, double best) {
     const double tie = 1e-9 * (1.0 + fabs(best) * unit);
     const Py_ssize_t last = q->label;
     const Py_ssize_t width = q->width;
     const double near = q->hold > tie ? q->hold : tie;
     Py_ssize_t g, s, a, found = last, most = -1;
     double lowest_cost = INFINITY;
-    if (!((cost[last] - best) * unit > near)) return;
+    if (!((cost[place(last, samples)] - best) * unit > near)) return;
     for (g = 0; g < q->groups; g++) {
-        if (q->transition == UNIFORM && !((q->row[g] - best) * unit <= near)) continue;
+        if (q->transition == UNIFORM && !((row[g * samples] - best) * unit <= near)) continue;
         for (s = g * width; s < (g + 1) * width; s++) {
+            const double mine = cost[place(s, samples)];
             Py_ssize_t same = 0;
-            if (!((cost[s] - best) * unit <= near)) continue;
+            if (!((mine - best) * unit <= near)) continue;
             for (a = 0; a < q->axes; a++) same += q->axis[a * q->padded + s] == q->axis[a * q->padded + last];
             if (same < most) continue;
-            if (same == most && fabs(cost[s] - lowest_cost) * unit <= tie) {
+            if (same == most && fabs(mine - lowest_cost) * unit <= tie) {
                 found = last;       /* the lower of the two is what the states to come have to beat */
-                if (cost[s] < lowest_cost) lowest_cost = cost[s];
+                if (mine < lowest_cost) lowest_cost = mine;
                 continue;
             }
-            if (same > most || cost[s] < lowest_cost) { found = s; most = same; lowest_cost = cost[s]; }
+            if (same > most || mine < lowest_cost) { found = s; most = same; lowest_cost = mine; }
         }
     }
     q->label = found;
@@ -418,18 +429,14 @@ INLINE void decide(Core *q, int64_t count, double nearest, const Py_ssize_t nh, 
     const double *cost;
     double unit, mine;
     const double best = costs(q, nearest, &cost, &unit);
-    const int skips = q->transition == UNIFORM && best < INFINITY;
-    const double far = best + 20.0 / unit;
+    const double far = best < INFINITY ? best + FAR / unit : -1.0, bits = unit * BITS_PER_NAT;
     v4 total = splat(0.0);
     Py_ssize_t g, v;
-    choose(q, cost, unit, best);
+    choose(q, cost, row, 1, unit, best);
     for (g = 0; g < groups; g++) {
-        if (skips && row[g] > far) continue;      /* it adds less than 3e-9 each */
-        for (v = g * nh; v < (g + 1) * nh; v++) {
-            const v4 x = (splat(best) - ((const v4 *)cost)[v]) * splat(unit);
-            const i4 near = x > splat(-20.0);
-            total += pick(near, quick_exp(x), splat(0.0));
-        }
+        if (q->transition == UNIFORM && row[g] > far) continue;
+        for (v = g * nh; v < (g + 1) * nh; v++)
+            total += share(splat(best), ((const v4 *)cost)[v], splat(far), splat(bits));
     }
     mine = (best - cost[q->label]) * unit;
     out->ll = q->ll_const - q->c * q->dist[q->label];
@@ -483,7 +490,15 @@ typedef struct {
     double *matrix, *ll, *probability;
     int32_t *state;
     uint8_t *confident;
+    double *model;          /* y, and z per group, of every sample; y is NaN where nothing was judged */
 } Arrays;
+
+/* what was predicted of the sample that `advance` just took */
+INLINE void put_model(const Core *q, const Arrays *x, Py_ssize_t i) {
+    double *row = x->model + i * (q->groups + 1);
+    row[0] = q->warm && isfinite(x->u[i]) ? q->w + q->sign * x->d[i] : NAN;
+    memcpy(row + 1, q->z, sizeof(double) * q->groups);
+}
 
 INLINE void put(const Arrays *x, Py_ssize_t i, const Result *one) {
     x->state[i] = one->state;
@@ -507,49 +522,62 @@ INLINE void decide_each(Core *q, v4 nearest, const Py_ssize_t nh, Py_ssize_t at,
     }
 }
 
-/* `decide` of LANES samples that keep the label, with a uniform A; 0 if there is one that does not */
-INLINE int decide_tile(Core *q, v4 best, const Py_ssize_t nh, Py_ssize_t at, const Arrays *x, const int wide) {
-    const double *own = q->dist4 + q->label / LANES * LANES * LANES + q->label % LANES;
-    const v4 mine = {own[0], own[LANES], own[2 * LANES], own[3 * LANES]};
+/* The labels of LANES samples with a uniform A, as lanes, and how far each is from the best state, in `mine`. */
+INLINE i4 label_tile(Core *q, v4 best, v4 *mine, const int wide) {
+    const double *own = q->dist4 + place(q->label, LANES);
+    const v4 unit = splat(q->c), tie = splat(1e-9) * (splat(1.0) + best * unit), hold = splat(q->hold);
+    i4 label = (i4){q->label, q->label, q->label, q->label};
+    int i;
+    *mine = (v4){own[0], own[LANES], own[2 * LANES], own[3 * LANES]};
+    if (!any((*mine - best) * unit > pick(hold > tie, hold, tie), wide)) return label;
+    for (i = 0; i < LANES; i++) {
+        choose(q, q->dist4 + i * LANES, q->row4 + i, LANES, q->c, best[i]);
+        label[i] = q->label;
+        (*mine)[i] = q->dist4[place(q->label, LANES) + i * LANES];
+    }
+    return label;
+}
+
+/* `decide` of LANES samples with a uniform A */
+INLINE void decide_tile(Core *q, v4 best, const Py_ssize_t nh, Py_ssize_t at, const Arrays *x, const int wide) {
+    v4 mine;
+    const i4 label = label_tile(q, best, &mine, wide);
     const v4 *restrict dist = (v4 *)q->dist4, *restrict row = (v4 *)q->row4;
-    const v4 unit = splat(q->c), far = best + splat(20.0 / q->c), limit = mine + splat(q->lead);
-    const v4 lag = (mine - best) * unit, tie = splat(1e-9) * (splat(1.0) + best * unit), hold = splat(q->hold);
-    const v4 ll = splat(q->ll_const) - unit * mine;
-    const int32_t state = q->state_of[q->label];
-    v4 total[LANES] = {splat(0.0), splat(0.0), splat(0.0), splat(0.0)}, probability;
-    i4 sure = ll >= splat(q->ll_floor);
+    const v4 unit = splat(q->c), bits = splat(q->c * BITS_PER_NAT), limit = mine + splat(q->lead);
+    const v4 far = pick(best < splat(INFINITY), best + splat(FAR / q->c), splat(-1.0));
+    const v4 reach = pick(far > limit, far, limit), lag = (mine - best) * unit, ll = splat(q->ll_const) - unit * mine;
+    const v4 r0 = splat(reach[0]), r1 = splat(reach[1]), r2 = splat(reach[2]), r3 = splat(reach[3]);
+    v4 total[LANES] = {splat(0.0), splat(0.0), splat(0.0), splat(0.0)}, probability = splat(1.0);
+    i4 within = {0}, sure;      /* how many states are within `limit`, below 0 */
     Py_ssize_t g, h;
     int i;
-    if (any(lag > pick(hold > tie, hold, tie), wide)) return 0;
     for (g = 0; g < q->groups; g++) {
-        if (!any(~(row[g] > far) | (row[g] < limit), wide)) continue;
+        if (!any(row[g] <= reach, wide)) continue;
         for (h = 0; h < nh; h++) {
             const v4 *here = dist + (g * nh + h) * LANES;
             v4 d[LANES] = {here[0], here[1], here[2], here[3]};
+            if (nh > 1 && !any((d[0] <= r0) | (d[1] <= r1) | (d[2] <= r2) | (d[3] <= r3), wide)) continue;
             turn(&d[0], &d[1], &d[2], &d[3]);       /* from a sample of four states to a state at four samples */
             for (i = 0; i < LANES; i++) {
-                const v4 e = (best - d[i]) * unit;
-                const i4 near = e > splat(-20.0);
-                if ((g * nh + h) * LANES + i != q->label) sure &= ~(d[i] < limit);
-                if (any(near, wide)) total[i] += pick(near, quick_exp(e), splat(0.0));
+                within += d[i] < limit;
+                if (any(d[i] <= far, wide)) total[i] += share(best, d[i], far, bits);
             }
         }
     }
-    probability = splat(1.0);
+    sure = (within == (mine < limit)) & (ll >= splat(q->ll_floor));     /* none but the label itself */
     if (any(lag != splat(0.0), wide)) for (i = 0; i < LANES; i++) probability[i] = lag[i] == 0.0 ? 1.0 : exp(-lag[i]);
     probability /= (total[0] + total[1]) + (total[2] + total[3]);
     for (i = 0; i < LANES; i++) {
-        x->state[at + i] = state;
+        x->state[at + i] = q->state_of[label[i]];
         x->ll[at + i] = ll[i];
         x->probability[at + i] = probability[i] >= 0.0 ? probability[i] : 0.0;
         x->confident[at + i] = sure[i] != 0 && q->count - LANES + 1 + i >= q->window;
     }
-    return 1;
 }
 
 /* LANES samples from `at` on, none of them missing */
 INLINE int advance_tile(Core *q, Py_ssize_t at, const Arrays *x, const Py_ssize_t nh, const int wide) {
-    v4 w, best;
+    v4 w, y, best;
     Py_ssize_t g;
     int i;
     if (!q->timed && !x->force && q->aperture == 1 && q->combos == 1) {
@@ -564,8 +592,15 @@ INLINE int advance_tile(Core *q, Py_ssize_t at, const Arrays *x, const Py_ssize_
             w[i] = q->w;
         }
     }
-    best = window_tile(q, w + splat(q->sign) * (v4){x->d[at], x->d[at + 1], x->d[at + 2], x->d[at + 3]}, nh, wide);
-    if (q->transition != UNIFORM || !decide_tile(q, best, nh, at, x, wide)) decide_each(q, best, nh, at, x);
+    y = w + splat(q->sign) * (v4){x->d[at], x->d[at + 1], x->d[at + 2], x->d[at + 3]};
+    for (i = 0; x->model && i < LANES; i++) {
+        double *row = x->model + (at + i) * (q->groups + 1);
+        row[0] = y[i];
+        for (g = 0; g < q->groups; g++) row[1 + g] = q->z4[g * LANES + i];
+    }
+    best = window_tile(q, y, nh, wide);
+    if (q->transition == UNIFORM) decide_tile(q, best, nh, at, x, wide);
+    else decide_each(q, best, nh, at, x);
     return 0;
 }
 
@@ -592,6 +627,7 @@ INLINE int run_rows(Core *q, Py_ssize_t n, const Arrays *x, const Py_ssize_t nh,
                     x->matrix ? x->matrix + i * q->states : NULL, &out))
             return -1;
         put(x, i, &out);
+        if (x->model) put_model(q, x, i);
         i++;
     }
     return 0;
@@ -799,15 +835,16 @@ static PyObject *kernel_step(PyObject *object, PyObject *const *args, Py_ssize_t
     return answer(&out);
 }
 
-/* run(u, d, t, force, budget, sign, matrix, state, ll, probability, confident): buffers or None, all C-contiguous */
+/* run(u, d, t, force, budget, sign, matrix, state, ll, probability, confident, model): buffers or None, all C-contiguous */
 static PyObject *kernel_run(PyObject *object, PyObject *const *args, Py_ssize_t n) {
-    enum { U, D, T, FORCE, BUDGET, SGN, MATRIX_OUT, STATE, LL, PROBABILITY, CONFIDENT, ALL };
+    enum { U, D, T, FORCE, BUDGET, SGN, MATRIX_OUT, STATE, LL, PROBABILITY, CONFIDENT, MODEL,
+           ALL };
     Core *q = &((Kernel *)object)->core;
     Py_buffer view[ALL];
     Py_ssize_t i, rows = 0, opened = 0;
     int bad = 0;
     if (n != ALL) {
-        PyErr_SetString(PyExc_TypeError, "kernel.run takes 11 arguments");
+        PyErr_SetString(PyExc_TypeError, "kernel.run takes 12 arguments");
         return NULL;
     }
     for (; opened < ALL; opened++) {
@@ -821,9 +858,9 @@ static PyObject *kernel_run(PyObject *object, PyObject *const *args, Py_ssize_t 
     {
         const Py_ssize_t want[ALL] = {8 * rows, 8 * rows, q->timed ? 8 * rows : 0, 8 * rows * q->combos,
                                       8 * rows * q->combos, 8 * rows, 8 * rows * q->states, 4 * rows, 8 * rows,
-                                      8 * rows, rows};
+                                      8 * rows, rows, 8 * rows * (q->groups + 1)};
         for (i = 0; i < ALL; i++)
-            if (view[i].buf ? view[i].len != want[i] : (i == U || i == D || i >= STATE || (i == T && q->timed))) {
+            if (view[i].buf ? view[i].len != want[i] : (i == U || i == D || (i >= STATE && i < MODEL) || (i == T && q->timed))) {
                 PyErr_Format(PyExc_ValueError, "kernel.run: argument %zd has the wrong length", i);
                 goto done;
             }
@@ -832,7 +869,7 @@ static PyObject *kernel_run(PyObject *object, PyObject *const *args, Py_ssize_t 
     {
         const Arrays x = {view[T].buf, view[U].buf, view[D].buf, view[FORCE].buf, view[BUDGET].buf, view[SGN].buf,
                           view[MATRIX_OUT].buf, view[LL].buf, view[PROBABILITY].buf, view[STATE].buf,
-                          view[CONFIDENT].buf};
+                          view[CONFIDENT].buf, view[MODEL].buf};
         bad = run_block(q, rows, &x);
     }
     Py_END_ALLOW_THREADS

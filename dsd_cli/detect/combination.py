@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.detect.kernel import FULL, WARMUP
 from dsd_cli.detect.profile.cells import Estimates, held
 from dsd_cli.detect.recursions import Averaged, Decisions
 from dsd_cli.detect.settings import DetectorSettings
+from dsd_cli.detect.spec import FULL, WARMUP
 from dsd_cli.signals.log import Array
 
 #: Share of the weights that two neighbouring candidates must have together: the values between others mean nothing.
@@ -37,7 +37,6 @@ class Combined(Averaged):
         self._floor, self._confidence = floor, settings.confidence
         self._values = [_Axis(column) for column in values]
         self._last = np.full(4, np.nan)
-        self._scores = np.empty((0, states))
 
     def feed(self, log_likelihoods: Array, status: NDArray[Any]) -> Decisions:
         """Decide and combine for every row."""

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.detect.grid import Grid
-from dsd_cli.detect.kernel import Backend, KernelSpec, make_kernel
+from dsd_cli.detect.kernel import Backend, make_kernel
 from dsd_cli.detect.settings import OFFLINE, DetectorSettings
+from dsd_cli.detect.spec import KernelSpec
 from dsd_cli.errors import UsageError
 from dsd_cli.signals.log import Array
 
@@ -209,12 +210,19 @@ class Engine:
         return Label(state, self._delays[state], self._inertias[state], ll, probability, confident)
 
     def run(
-        self, u: Array, d_hat: Array | None = None, *, t: Array | None = None, forces: Forces | None = None
+        self,
+        u: Array,
+        d_hat: Array | None = None,
+        *,
+        t: Array | None = None,
+        forces: Forces | None = None,
+        model: Array | None = None,
     ) -> Labels:
         """Take many samples: u and d_hat of shape (n,), or one array of shape (n, 2).
 
         `t` is needed on an irregular clock, `forces` where the model has effects. With the methods viterbi and
-        smooth one call takes the whole log.
+        smooth one call takes the whole log. `model`, shape (n, 1 + groups), is filled with y (NaN where nothing is
+        judged) and z of every delay and combination of effect values; method "profile" leaves it as it is.
         """
         u = np.asarray(u, dtype=np.float64)
         if d_hat is None:
@@ -234,7 +242,7 @@ class Engine:
         state, confident = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.uint8)
         ll, probability = np.empty(n), np.empty(n)
         force = (None, None, None) if forces is None else tuple(np.ascontiguousarray(a) for a in forces)
-        self._kernel.run(u, d_hat, stamps, *force, matrix, state, ll, probability, confident)
+        self._kernel.run(u, d_hat, stamps, *force, matrix, state, ll, probability, confident, model)
         if matrix is not None:
             return Labels(self.grid, *self._from_likelihoods(matrix, confident))
         return Labels(self.grid, state, ll, probability, confident.view(np.bool_))

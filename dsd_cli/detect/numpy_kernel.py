@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.detect.choice import choose
-from dsd_cli.detect.kernel import FULL, PARTIAL, WARMUP, KernelSpec
 from dsd_cli.detect.numpy_prediction import make_prediction
+from dsd_cli.detect.spec import FULL, PARTIAL, WARMUP, KernelSpec
 from dsd_cli.signals.log import Array
 
 #: Rows decided at once: a change of label makes the rest of its block be looked at again.
@@ -112,22 +112,27 @@ class NumpyKernel:
     # -- many samples ----------------------------------------------------------------------------------------------
 
     def run(self, *buffers: Any) -> None:
-        """run(u, d, t, force, budget, sign, matrix, state, ll, probability, confident): arrays or None."""
-        u, d, t, force, budget, sign, matrix, *out = buffers
+        """run(u, d, t, force, budget, sign, matrix, state, ll, probability, confident, model): arrays or None."""
+        u, d, t, force, budget, sign, matrix, *out, model = buffers
         begin = 0
         while begin < len(u):
             slot = self._seen % self._spec.settings.window
             end = min(begin + BLOCK, len(u), begin + self._spec.settings.window - slot)
             part = slice(begin, end)
             cut = [None if a is None else a[part] for a in (u, d, t, force, budget, sign)]
-            self._run_block(cut, None if matrix is None else matrix[part], [a[part] for a in out])
+            matrix_part, model_part = (None if a is None else a[part] for a in (matrix, model))
+            self._run_block(cut, matrix_part, [a[part] for a in out], model_part)
             begin = end
 
-    def _run_block(self, inputs: list[Any], matrix: Array | None, out: list[Array]) -> None:
+    def _run_block(self, inputs: list[Any], matrix: Array | None, out: list[Array], model: Array | None) -> None:
         """At most one block of the window: rows of warm-up, then rows that enter the window."""
         y, z, warm = self._prediction.run(*inputs)
         state, ll, probability, confident = out
         cold = len(y) - warm
+        if model is not None:
+            model[:, 0], model[:, 1:] = y, z
+            model[:cold, 0] = np.nan
+            model[~(np.isfinite(inputs[0]) & np.isfinite(inputs[1])), 0] = np.nan
         state[:cold], ll[:cold], probability[:cold], confident[:cold] = self._label, np.nan, np.nan, WARMUP
         if warm == 0:
             return

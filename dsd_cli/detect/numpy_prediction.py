@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.detect.coloured import Whitened, spectrum, whitening
-from dsd_cli.detect.kernel import KernelSpec
+from dsd_cli.detect.spec import KernelSpec
 from dsd_cli.plant.prediction import combine
 from dsd_cli.signals.log import Array
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.detect.choice import choose
-from dsd_cli.detect.kernel import FULL, WARMUP
 from dsd_cli.detect.settings import DetectorSettings
+from dsd_cli.detect.spec import FULL, WARMUP
 from dsd_cli.signals.log import Array
 
 

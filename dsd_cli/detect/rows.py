@@ -31,6 +31,17 @@ class Rows(NamedTuple):
     estimates: tuple[NDArray[Any], ...] = ()
 
 
+def nats_left(log_likelihood: NDArray[Any], rho: float) -> NDArray[Any]:
+    """Eq. 15 backwards: half of the sum of squares in the window, in rho^2."""
+    return np.asarray(-0.5 * np.log(2.0 * np.pi) - np.log(rho) - log_likelihood)
+
+
+def residual_of(rows: Rows, rho: float) -> NDArray[Any]:
+    """rms of what each label leaves of d_hat in its window, unit of rho; NaN where nothing was judged; shape (n,)."""
+    nats = np.where(rows.samples > 0, nats_left(rows.log_likelihood, rho), np.nan)
+    return rho * np.sqrt(2.0 * np.maximum(nats, 0.0) / np.maximum(rows.samples, 1))
+
+
 def unjudged(rows: Rows, count: int, label: int) -> Rows:
     """The first `count` rows as rows of the warm-up."""
     if count <= 0:
@@ -113,6 +124,8 @@ class Inputs(NamedTuple):
     """What the engine takes, each array of shape (n,).
 
     resting : where the axis rests without a reason that the model knows, yet has a vote; None: nowhere.
+    motion : mean speed and its sign in the interval that ends at each sample, shape (n, 2), where the model has effects
+        that need the motion.
     """
 
     u: Array
@@ -120,6 +133,7 @@ class Inputs(NamedTuple):
     t: Array
     forces: Forces | None
     resting: NDArray[np.bool_] | None = None
+    motion: Array | None = None
 
 
 def labels_arrays(labels: Labels) -> tuple[NDArray[Any], ...]:
@@ -135,7 +149,9 @@ def joined(inputs: list[Inputs]) -> Inputs:
         forces = Forces(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     u, d_hat, t = (np.concatenate([part[i] for part in inputs]) for i in range(3))
     rests = [part.resting for part in inputs if part.resting is not None]
-    return Inputs(u, d_hat, t, forces, np.concatenate(rests) if rests else None)
+    motions = [part.motion for part in inputs if part.motion is not None]
+    resting = np.concatenate(rests) if rests else None
+    return Inputs(u, d_hat, t, forces, resting, np.concatenate(motions) if motions else None)
 
 
 def cut(labels: Labels, begin: int, end: int) -> Labels:

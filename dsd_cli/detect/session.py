@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.detect.damping.derivative import DampingStates
+from dsd_cli.detect.doubts import Doubts
 from dsd_cli.detect.engine import Engine, Forces, Labels, Measurement
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.profile.cells import Estimates
 from dsd_cli.detect.profile.changes import Change
-from dsd_cli.detect.rest import FrictionMarks, RestShare
+from dsd_cli.detect.rest import FrictionMarks
 from dsd_cli.detect.rows import (
     Inputs,
     Rows,
@@ -23,10 +24,8 @@ from dsd_cli.detect.rows import (
     labels_arrays,
     part,
     unjudged,
-    without_confidence,
 )
 from dsd_cli.detect.settings import ESTIMATING, OFFLINE
-from dsd_cli.detect.spikes import Spikes
 from dsd_cli.effects import Channels
 from dsd_cli.plant.forces import Sample, interval_channels, interval_forces
 from dsd_cli.plant.observer import DisturbanceObserver
@@ -39,20 +38,19 @@ class Session:
     """Feed raw rows, get labels: cleaning, observer, effect forces and engine in a row.
 
     Online methods give the labels of every row as soon as its clock is known; viterbi and smooth give all at
-    `finish`.
+    `finish`. `observed` : stamps (s) and d_hat (unit of u) of the samples that were labelled last.
     """
 
     def __init__(self, plan: Plan, cleaner: Cleaner) -> None:
         self.plan, self.cleaner = plan, cleaner
         self.engine: Engine | None = None
-        self._spikes: Spikes | None = None
-        self._doubted = 0
+        self._doubts: Doubts | None = None  # as the engine: when the clock is known
         self._observer: DisturbanceObserver | None = None
         self._damping: DampingStates | None = None
         self._last_t: float | None = None
         self._before: Sample | None = None
         self._friction: FrictionMarks | None = None
-        self._rest = RestShare(0)  # until the engine has judged the size of the window
+        self._motion: Array | None = None  # mean speed and its sign, of the samples at hand
         self._label = plan.settings.initial
         self._waiting: list[Piece] = []
         self._early = 0
@@ -61,6 +59,7 @@ class Session:
         self._in_window = 0
         self._stamps: Array | None = np.empty(0) if cleaner.sample_time is None else None
         self._settling = 0
+        self.observed: tuple[Array, Array] = (np.empty(0), np.empty(0))
 
     @property
     def label(self) -> int:
@@ -75,14 +74,7 @@ class Session:
     @property
     def warnings(self) -> list[str]:
         """One sentence each, about the rows so far."""
-        found = list(self.cleaner.warnings)
-        if self._spikes is not None and self._doubted:
-            usual, largest = self._spikes.level, self._spikes.largest
-            found.append(
-                f"u stands out (up to {largest:.3g}, it usually reaches about {usual:.3g}), and nothing shows that it "
-                f"was so: {self._doubted} label(s) that rest on it are not confident"
-            )
-        return found
+        return [*self.cleaner.warnings, *([] if self._doubts is None else self._doubts.warnings)]
 
     def feed(self, t: Array | None, values: Mapping[str, Array], restart: bool = False) -> Iterator[Rows]:
         """Rows as they are in the log, shape (n,) each; `restart`: they begin another recording."""
@@ -161,9 +153,8 @@ class Session:
     def _restart(self) -> None:
         if self.engine is not None:
             self.engine.restart()
-        if self._spikes is not None:
-            self._spikes.restart()
-        self._rest.restart()
+        if self._doubts is not None:
+            self._doubts.restart()
         self._observer, self._last_t, self._before, self._friction = None, None, None, None
         self._damping, self._in_window = None, 0
 
@@ -172,15 +163,11 @@ class Session:
 
     def _run_inputs(self, inputs: Inputs) -> Labels:
         engine = self._engine_now()
-        labels = engine.run(inputs.u, inputs.d_hat, t=inputs.t, forces=inputs.forces)
-        if self._spikes is None:
-            self._spikes = Spikes(engine.spec, self.plan.settings.window, self.plan.d_hat_source == "logged")
-        unfounded = self._spikes.unfounded(inputs.u, labels.state)
-        if unfounded is not None:
-            self._doubted += int((labels.confident & unfounded).sum())
-            labels = without_confidence(labels, unfounded)
-        if inputs.resting is not None:
-            labels = without_confidence(labels, self._rest.unfounded(inputs.resting))
+        if self._doubts is None:
+            self._doubts = Doubts(self.plan, engine)
+        model = self._doubts.model(len(inputs.u))
+        labels = engine.run(inputs.u, inputs.d_hat, t=inputs.t, forces=inputs.forces, model=model)
+        labels = self._doubts.checked(labels, inputs, model)
         return held_again(labels, self._estimates) if labels.estimates else labels
 
     def _engine_now(self) -> Engine:
@@ -195,7 +182,6 @@ class Session:
                 timed=not regular,
             )
             self.engine = Engine(plan.grid, plan.settings, measurement, plan.backend)
-            self._rest = RestShare(plan.settings.effective_window)
         return self.engine
 
     def _sample_time(self) -> float:
@@ -217,13 +203,15 @@ class Session:
             if self._observer is None:
                 self._observer = DisturbanceObserver(self.plan.observer, self._sample_time(), self.plan.d_hat_source)
             d_hat = self._observer.run(u, d_hat, piece.stamps)
+        self.observed = piece.t, d_hat
         if self.plan.settings.output == "derivative":
             return self._derivatives(u, d_hat, piece.t)
         forces = self._forces(piece) if any(model.effects for model in self.plan.effects) else None
         if forces is not None and self._friction is not None and self._friction.turning.any():
             d_hat = d_hat - self.plan.observer.sign * self._friction.turning
         self._last_t = float(piece.t[-1])
-        return Inputs(u, d_hat, piece.t, forces, None if self._friction is None else self._friction.resting)
+        resting = None if self._friction is None else self._friction.resting
+        return Inputs(u, d_hat, piece.t, forces, resting, self._motion if forces is not None else None)
 
     def _forces(self, piece: Piece) -> Forces:
         """Forces of every combination of effect values, per interval that ends at a sample."""
@@ -251,6 +239,7 @@ class Session:
             if self._friction is None:
                 self._friction = FrictionMarks(self.plan, self._sample_time(), alone=velocity is None)
             sign = self._friction.marked(means, position, interval, (u, applied, budget))
+            self._motion = np.column_stack([means.velocity, sign])
         return Forces(applied, budget, sign)
 
     # -- rows ------------------------------------------------------------------------------------------------------

@@ -115,7 +115,7 @@ def _changes(truth: Mapping[str, Array]) -> list[tuple[int, int]]:
         return []
     n = len(next(iter(truth.values())))
     cuts = np.unique(np.concatenate([np.flatnonzero(np.diff(values) != 0) + 1 for values in truth.values()])).tolist()
-    return list(zip(cuts, [*cuts[1:], n], strict=True))
+    return list(zip(cuts, [*cuts[1:], n][: len(cuts)], strict=True))
 
 
 def _lag(t: Array, right: NDArray[Any], begin: int, end: int) -> float:

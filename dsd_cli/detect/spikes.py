@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.detect.kernel import KernelSpec, nats_of_fit
+from dsd_cli.detect.spec import KernelSpec, nats_of_fit
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.outliers import Level
 
@@ -44,6 +44,13 @@ class Spikes:
     def level(self) -> float:
         """What u usually reaches, as a power of two."""
         return self._level.value
+
+    def warning(self, doubted: int) -> str:
+        """What to say of that many confident labels that were none."""
+        return (
+            f"u stands out (up to {self.largest:.3g}, it usually reaches about {self.level:.3g}), and nothing shows "
+            f"that it was so: {doubted} label(s) that rest on it are not confident"
+        )
 
     def restart(self) -> None:
         """What comes next rests on nothing that was before; the level of u stays."""

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.detect.grid import Grid
-from dsd_cli.detect.kernel import nats_of_fit
 from dsd_cli.detect.profile.summary import Estimate, EstimateCount
-from dsd_cli.detect.rows import Rows
+from dsd_cli.detect.rows import Rows, nats_left
+from dsd_cli.detect.spec import nats_of_fit
 from dsd_cli.signals.log import Array
 
 #: Segments kept for the report: a label that changes more often than this is chattering.
@@ -109,9 +109,7 @@ class Summarizer:
         confident_only: bool = False,
         rho: float = 0.3,
     ) -> None:
-        # eq. 15 backwards: from a log likelihood to the mean square residual in its window
-        self._constant = -0.5 * np.log(2.0 * np.pi) - np.log(rho)
-        self._square_per_nat = 2.0 * rho * rho
+        self._rho = rho
         self._squares, self._explained = 0.0, 0
         self._grid = grid
         self._after, self._min_share, self._confident_only = after, min_share, confident_only
@@ -134,8 +132,8 @@ class Summarizer:
             return
         judged = rows.samples > 0
         self._judged += int(judged.sum())
-        nats = self._constant - rows.log_likelihood[judged]
-        self._squares += float((nats / rows.samples[judged]).sum()) * self._square_per_nat
+        nats = nats_left(rows.log_likelihood[judged], self._rho)
+        self._squares += float((nats / rows.samples[judged]).sum()) * 2.0 * self._rho * self._rho
         self._explained += int((nats <= nats_of_fit(rows.samples[judged])).sum())
         self._count += np.bincount(rows.state, minlength=len(self._grid))
         self._confident += np.bincount(rows.state[rows.confident], minlength=len(self._grid))

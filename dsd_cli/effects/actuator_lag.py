@@ -42,4 +42,7 @@ EFFECT = Effect(
     starts=_starts,
     memory=True,
     lateness=lambda shape: float(shape["time_constant"]),
+    told_apart={
+        "delay": "apply steps of u and log at a higher rate: a lag rises gradually, a delay jumps",
+    },
 )

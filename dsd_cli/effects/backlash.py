@@ -62,4 +62,7 @@ EFFECT = Effect(
     join=_join,
     memory=True,
     coupling=_coupling,
+    told_apart={
+        "flexible_coupling": "move with small and large amplitudes: only play depends on the amplitude",
+    },
 )

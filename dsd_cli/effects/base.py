@@ -74,7 +74,8 @@ class Parameter:
 
     `unit` uses `{u}` for the unit of u, `{v}` for velocity's and `{q}` for position's.
     A `linear` parameter multiplies one column, in the order of declaration; the others shape the columns.
-    `listed` : the value is a list of tables (`external_force.events`), not a number.
+    `listed` : the value is a list of events (`external_force.events`), not a number: the shape is
+    {"edges": ((start, end), ...)}, s, with a column per event.
     """
 
     name: str
@@ -127,6 +128,10 @@ class Effect:
     broad : shape parameters that matter less than the others.
     coupling : shape -> spring, damper and play (`memory.Coupling`) between the motor and a load of its own.
     rarity : of effects that explain a log alike, the one that is met more often (0) is named before a rarer one.
+    varies : linear parameters that differ from log to log of one machine: an offset that drifts, friction that warms
+        up.
+    told_apart : another effect, "inertia" or "delay", that logs often cannot tell from this one -> the experiment that
+        can. It is enough if one of the two says so.
     """
 
     id: str
@@ -147,11 +152,18 @@ class Effect:
     broad: tuple[str, ...] = ()
     coupling: Callable[[Shape], Any] | None = None
     rarity: int = 6
+    varies: tuple[str, ...] = ()
+    told_apart: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def searched(self) -> int:
         """Number of parameters that are searched, not solved for: a part of the price of the effect."""
         return sum(not p.linear and not p.listed for p in self.parameters)
+
+    @property
+    def listed(self) -> bool:
+        """Whether it is a list of events, found in the residual over time and not from the ranges of a log."""
+        return any(p.listed for p in self.parameters)
 
     def run(self, channels: Channels, shape: Shape, state: Any = None) -> tuple[tuple[Any, ...], Any]:
         """(columns, state to carry on from); the state of an effect without memory is None."""

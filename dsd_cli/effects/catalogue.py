@@ -6,9 +6,9 @@ import importlib
 import pkgutil
 from collections.abc import Iterable
 from functools import cache
+from pathlib import Path
 from types import MappingProxyType
 
-import dsd_cli.effects as package
 from dsd_cli.effects.base import Effect
 from dsd_cli.errors import UsageError
 
@@ -20,8 +20,9 @@ _REGISTERED: dict[str, Effect] = {}
 
 @cache
 def _own() -> dict[str, Effect]:
-    names = sorted(m.name for m in pkgutil.iter_modules(package.__path__) if m.name not in _NOT_EFFECTS)
-    effects = (importlib.import_module(f"{package.__name__}.{name}").EFFECT for name in names)
+    here = str(Path(__file__).parent)  # not the package itself, which imports this module
+    names = sorted(m.name for m in pkgutil.iter_modules([here]) if m.name not in _NOT_EFFECTS)
+    effects = (importlib.import_module(f"{__package__}.{name}").EFFECT for name in names)
     return {effect.id: effect for effect in effects}
 
 

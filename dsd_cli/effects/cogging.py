@@ -57,4 +57,7 @@ EFFECT = Effect(
     periods=lambda shape, ranges: shape["periods"] * ranges.travel / (2.0 * np.pi),
     split=_split,
     join=_join,
+    told_apart={
+        "periodic_disturbance": "move at two different speeds: cogging keeps its place, not its frequency",
+    },
 )

@@ -22,4 +22,5 @@ EFFECT = Effect(
     needs=(),
     columns=_columns,
     rarity=2,
+    varies=("force",),
 )

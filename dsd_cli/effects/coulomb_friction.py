@@ -20,4 +20,16 @@ EFFECT = Effect(
     needs=("velocity",),
     columns=_columns,
     rarity=0,
+    varies=("level",),
+    told_apart={
+        "presliding_friction": "reverse slowly over a few encoder steps: presliding friction builds up over a distance,"
+        " Coulomb at once",
+        "load_friction": "move at constant speed under two different loads: only load-dependent friction grows with"
+        " the load",
+        "stribeck_friction": "move at several constant speeds, very slow ones too: the Stribeck excess fades with"
+        " speed",
+        "viscous_friction": "move at constant speed, slowly and fast, both ways: only viscous friction grows with"
+        " speed",
+        "dead_zone": "hold a small constant command while the axis coasts: friction stops it, a dead zone does not",
+    },
 )

@@ -34,4 +34,10 @@ EFFECT = Effect(
     split=_split,
     join=_join,
     rarity=3,
+    told_apart={
+        "inertia": "hold the axis at several angles, or move slowly over a whole turn: gravity acts at rest,"
+        " inertia does not",
+        "stiffness": "move over half a turn or more: a spring keeps growing, gravity turns back",
+        "constant_load": "move over half a turn: gravity changes with the angle, a constant load does not",
+    },
 )

@@ -19,4 +19,7 @@ EFFECT = Effect(
     needs=("position",),
     columns=_columns,
     rarity=5,
+    told_apart={
+        "cubic_stiffness": "move further out: the cubic part grows faster",
+    },
 )

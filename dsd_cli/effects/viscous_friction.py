@@ -20,4 +20,8 @@ EFFECT = Effect(
     needs=("velocity",),
     columns=_columns,
     rarity=1,
+    varies=("coefficient",),
+    told_apart={
+        "quadratic_drag": "move at constant speed at three speeds or more, a fast one among them",
+    },
 )

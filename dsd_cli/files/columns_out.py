@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dsd_cli.files.arrow_arrays import numbers, texts
 from dsd_cli.signals.log import Array
 
 
@@ -56,25 +57,14 @@ def arrow_batch(columns: Mapping[str, Kind], arrays: Mapping[str, ArrayLike], as
         if isinstance(kind, Coded):
             codes = np.ascontiguousarray(arrays[name], dtype=np.int32)
             values = np.asarray(kind.values, dtype=float)
-            listed = pa.array(map(repr, values.tolist()), pa.string()) if as_text else _numbers(values)
-            parts.append(pa.DictionaryArray.from_arrays(_numbers(codes), listed))
+            listed = texts([repr(value) for value in values.tolist()]) if as_text else numbers(values)
+            parts.append(pa.DictionaryArray.from_arrays(numbers(codes), listed))
         elif isinstance(kind, Share) and as_text:
             parts.append(_share_texts(np.asarray(arrays[name], dtype=np.float32)))
         else:
             dtype = np.float32 if isinstance(kind, Share) else kind
-            parts.append(_numbers(np.ascontiguousarray(arrays[name], dtype=dtype)))
+            parts.append(numbers(np.ascontiguousarray(arrays[name], dtype=dtype)))
     return pa.RecordBatch.from_arrays(parts, schema=arrow_schema(columns, as_text))
-
-
-def _numbers(values: NDArray[Any]) -> Any:
-    """As `pa.array`, which imports numpy.ma to ask whether the values are masked: a fortieth of a short run."""
-    import pyarrow as pa
-
-    if values.dtype == np.bool_:
-        return pa.Array.from_buffers(
-            pa.bool_(), values.size, [None, pa.py_buffer(np.packbits(values, bitorder="little"))]
-        )
-    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), values.size, [None, pa.py_buffer(values)])
 
 
 def _share_texts(shares: NDArray[np.float32]) -> Any:
@@ -82,12 +72,10 @@ def _share_texts(shares: NDArray[np.float32]) -> Any:
 
     places = np.rint(np.clip(shares, 0, 1) * np.float32(SHARE_STEPS))
     codes = np.where(np.isnan(places), SHARE_STEPS + 1, places).astype(np.int32)
-    return pa.DictionaryArray.from_arrays(_numbers(codes), _share_table())
+    return pa.DictionaryArray.from_arrays(numbers(codes), _share_table())
 
 
 @cache
 def _share_table() -> Any:
     """The text of every step of a share, and of no share at all."""
-    import pyarrow as pa
-
-    return pa.array([*(repr(step / SHARE_STEPS) for step in range(SHARE_STEPS + 1)), "nan"], pa.string())
+    return texts([*(repr(step / SHARE_STEPS) for step in range(SHARE_STEPS + 1)), "nan"])

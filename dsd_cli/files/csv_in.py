@@ -8,8 +8,9 @@ from typing import Any
 
 from dsd_cli.errors import DataError
 from dsd_cli.files import csv_dialect as dialects
-from dsd_cli.files.parquet_in import arrow_source, as_float64
-from dsd_cli.files.tables_in import Batch, choose_columns, read_head, read_sidecar
+from dsd_cli.files.arrow_arrays import as_float64
+from dsd_cli.files.parquet_in import arrow_source, threaded
+from dsd_cli.files.table_source import Batch, choose_columns, read_head, read_sidecar
 
 HEAD_BYTES = 1 << 16
 BLOCK_BYTES = 1 << 21
@@ -73,7 +74,10 @@ class CsvTable:
         return pc.open_csv(
             arrow_source(self.name),
             read_options=pc.ReadOptions(
-                block_size=BLOCK_BYTES, skip_rows=skip, column_names=[f"c{i}" for i in range(len(header.names))]
+                use_threads=threaded(),
+                block_size=BLOCK_BYTES,
+                skip_rows=skip,
+                column_names=[f"c{i}" for i in range(len(header.names))],
             ),
             parse_options=pc.ParseOptions(delimiter=header.delimiter),
             convert_options=pc.ConvertOptions(

@@ -10,7 +10,8 @@ from dsd_cli.files.formats.base import CLOCK
 from dsd_cli.files.formats.known import HEAD_BYTES, format_of, is_bag, open_container
 from dsd_cli.files.formats.names import places
 from dsd_cli.files.recognise import Recognised, recognise
-from dsd_cli.files.tables_in import is_stream, open_table, read_head
+from dsd_cli.files.table_source import read_head
+from dsd_cli.files.tables_in import is_stream, open_table
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from dsd_cli.errors import DataError, UsageError
+from dsd_cli.files.arrow_arrays import arrow_column
 from dsd_cli.files.whole import WholeFile, cannot_be_written, check_target
 
 Row = Mapping[str, Any]
 SUFFIXES = (".parquet", ".pq", ".csv")
 #: The column that tells one log in one state with one config from another.
 KEY = "key"
+#: What the journal is called, after the table's name.
+PART = ".part"
 _BATCH = 2048
 
 
@@ -48,7 +51,7 @@ class Journal:
     """
 
     def __init__(self, table: Path) -> None:
-        self.table, self.path = table, table.with_name(table.name + ".part")
+        self.table, self.path = table, table.with_name(table.name + PART)
         self._places: dict[str, int] = {}
         try:
             self._file = open(self.path, "a+b")  # noqa: SIM115 (open as long as the run)
@@ -89,6 +92,10 @@ class Journal:
         except OSError as error:
             raise cannot_be_written(self.path, error) from None
         self._places[str(row[KEY])] = place
+
+    def first(self) -> dict[str, Any]:
+        """A row that is kept; nothing where there is none."""
+        return next(self.rows(list(self._places)[:1]), {})
 
     def forget(self, keys: Collection[str]) -> None:
         """These rows are to be made again."""
@@ -150,6 +157,12 @@ def _columns(rows: Iterator[dict[str, Any]], first: Sequence[str]) -> dict[str, 
     }
 
 
+def load_writers() -> None:
+    """Import what writing a table takes."""
+    import pyarrow.csv
+    import pyarrow.parquet  # noqa: F401
+
+
 def write_table(path: Path, rows: Iterator[Row], columns: Mapping[str, Any]) -> None:
     """The table, whole or not at all.
 
@@ -167,7 +180,9 @@ def write_table(path: Path, rows: Iterator[Row], columns: Mapping[str, Any]) -> 
         writer = pc.CSVWriter if path.suffix.lower() == ".csv" else pq.ParquetWriter
         with writer(str(out.path), schema) as sink:
             while batch := list(islice(rows, _BATCH)):
-                sink.write_table(pa.Table.from_pylist([_fitting(row, columns) for row in batch], schema=schema))
+                fitting = [_fitting(row, columns) for row in batch]
+                arrays = [arrow_column([row.get(name) for row in fitting], kind) for name, kind in columns.items()]
+                sink.write_batch(pa.RecordBatch.from_arrays(arrays, schema=schema))
         out.commit()
     except OSError as error:
         raise cannot_be_written(path, error) from None
@@ -185,8 +200,15 @@ def _fitting(row: Row, columns: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+def rows_file(path: str | Path) -> Path:
+    """Where the rows of that table are: in the table, or in the journal beside it where there is no table yet."""
+    table = Path(path)
+    journal = table.with_name(table.name + PART)
+    return journal if journal.is_file() and not table.is_file() else table
+
+
 def read_rows(path: str | Path) -> list[dict[str, Any]]:
-    """The rows of a table of results; of the journal beside it where there is no table yet.
+    """The rows of a table of results, or of its journal; see `rows_file`.
 
     Raises
     ------
@@ -194,11 +216,10 @@ def read_rows(path: str | Path) -> list[dict[str, Any]]:
     """
     import pyarrow as pa
 
-    table = Path(path)
-    journal = table.with_name(table.name + ".part")
+    table = rows_file(path)
     try:
-        if not table.is_file() and journal.is_file():
-            with open(journal, "rb") as file:
+        if table.name == Path(path).name + PART:
+            with open(table, "rb") as file:
                 lines = [json.loads(line) for line in file if line.endswith(b"\n")]
             return list({row[KEY]: row for row in lines}.values())
         names, found = _read_table(table)
@@ -223,7 +244,8 @@ def _read_table(table: Path) -> tuple[list[str], Callable[[], Any]]:
         return found.column_names, lambda: found
     import pyarrow.parquet as pq
 
-    return pq.read_schema(table).names, lambda: pq.read_table(table)
+    file = pq.ParquetFile(table)  # `read_table` imports pyarrow.dataset, which takes longer than to read
+    return file.schema_arrow.names, file.read
 
 
 def _texts() -> dict[str, Any]:

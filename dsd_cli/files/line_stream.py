@@ -12,7 +12,7 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files import csv_dialect as dialects
-from dsd_cli.files.tables_in import Batch, choose_columns, read_sidecar
+from dsd_cli.files.table_source import Batch, choose_columns, read_sidecar
 
 CHUNK = 1 << 16
 POLL = 0.05  # s

@@ -11,8 +11,10 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.scaled import FACTORS, factors_text, scaled
-from dsd_cli.files.tables_in import TableSource, dropped_with_unreadable, open_table
+from dsd_cli.files.table_source import TableSource
+from dsd_cli.files.tables_in import dropped_with_unreadable, open_table
 from dsd_cli.files.tables_out import open_writer
+from dsd_cli.files.watched import Watch, watched
 from dsd_cli.files.windowed import Window, windowed
 from dsd_cli.signals.cleaning import Cleaner, Piece
 from dsd_cli.signals.log import CHANNELS, Array, DHatSource, Hold, Log
@@ -21,6 +23,8 @@ from dsd_cli.signals.outliers import Limits
 _D_HAT_SOURCES = ("logged", "velocity", "position")
 #: Metadata that `write_log` adds and `load_log` turns back into attributes.
 D_HAT_SOURCE, SAMPLE_TIME = "d_hat_source", "sample_time"
+#: Metadata that says: the columns have the tool's own names, and its units ([signals] has been applied to them).
+OWN_CHANNELS = "channels"
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,7 @@ def load_log(
     limits: Limits | None = None,
     window: Window | None = None,
     most_rows: int | None = None,
+    watch: Watch | None = None,
 ) -> LoadedLog:
     """Read a whole log, cleaned.
 
@@ -66,6 +71,7 @@ def load_log(
     limits : rows with values beyond them, with the factors in, are dropped.
     window : the rows that are read; None is all.
     most_rows : about so many rows are enough.
+    watch : is told how far the reading is.
 
     Raises
     ------
@@ -73,7 +79,8 @@ def load_log(
     """
     if "t" not in signals and sample_time is None:
         raise DataError(f"{path}: no time column", "set signals.time, or signals.sample_time")
-    table = windowed(open_table(path, signals, optional, u_hold=u_hold), window or Window(), time_scale, sample_time)
+    table = watched(open_table(path, signals, optional, u_hold=u_hold), watch)
+    table = windowed(table, window or Window(), time_scale, sample_time)
     table = scaled(table, factors or {})
     cleaner = Cleaner(sample_time, time_scale, limits=limits)
     channels, restarts = _joined(_cleaned(table, cleaner, most_rows))
@@ -123,18 +130,6 @@ def _joined(pieces: Sequence[Piece]) -> tuple[dict[str, Array], tuple[int, ...]]
     for name in sorted(pieces[0].values, key=_order):
         channels[name] = np.concatenate([piece.values[name] for piece in pieces])
     return channels, tuple(restarts)
-
-
-def read_log(
-    path: str | Path,
-    signals: Mapping[str, str],
-    optional: Collection[str] = (),
-    *,
-    sample_time: float | None = None,
-    time_scale: float = 1.0,
-) -> Log:
-    """`load_log`, where what was done to the rows is of no interest."""
-    return load_log(path, signals, optional, sample_time=sample_time, time_scale=time_scale).log
 
 
 def write_log(path: str | Path, log: Log, inputs: Collection[str | Path] = ()) -> None:

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
-import numpy as np
-
 from dsd_cli.errors import DataError
-from dsd_cli.files.tables_in import Batch, choose_columns, missing
-from dsd_cli.signals.log import Array
+from dsd_cli.files.arrow_arrays import as_float64, is_number_type
+from dsd_cli.files.table_source import Batch, choose_columns
 
 BATCH_ROWS = 1 << 17
-PER_SECOND = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
 _OWN_KEYS = {"ARROW:schema", "pandas"}
 
 
@@ -50,11 +47,19 @@ class ParquetTable:
         import pyarrow as pa
 
         try:
-            for batch in self._file.iter_batches(BATCH_ROWS, columns=list(dict.fromkeys(self.columns.values()))):
+            columns = list(dict.fromkeys(self.columns.values()))
+            for batch in self._file.iter_batches(BATCH_ROWS, columns=columns, use_threads=threaded()):
                 values = {c: as_float64(batch.column(name)) for c, name in self.columns.items()}
                 yield Batch(batch.num_rows, values)
         except (pa.ArrowException, OSError) as error:
             raise DataError(f"{self.name}: is damaged ({_first_line(error)})", "write it again") from None
+
+
+def threaded() -> bool:
+    """Whether Arrow may decode in threads of its own: not where the environment gives it one core."""
+    import pyarrow as pa
+
+    return bool(pa.cpu_count() > 1)
 
 
 def arrow_source(name: str) -> Any:
@@ -64,49 +69,6 @@ def arrow_source(name: str) -> Any:
     except UnicodeEncodeError:
         return open(name, "rb")
     return name
-
-
-def as_float64(column: Any) -> Array:
-    """An Arrow array as float64: nulls are NaN, times are seconds; no copy where it is one already."""
-    import pyarrow as pa
-
-    kind = column.type
-    if pa.types.is_dictionary(kind):
-        column, kind = column.dictionary_decode(), kind.value_type
-    if pa.types.is_null(kind):
-        return missing(len(column))
-    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind) or pa.types.is_time(kind):
-        return _seconds(column)
-    if not pa.types.is_float64(column.type):
-        if pa.types.is_boolean(column.type):
-            column = column.cast(pa.int8())
-        import pyarrow.compute as pc  # 40 ms, and only needed for other types
-
-        column = pc.cast(column, pa.float64(), safe=False)
-    return column.to_numpy(zero_copy_only=False)
-
-
-def _seconds(column: Any) -> Array:
-    """Times as s: whole seconds and the rest apart, for nanoseconds since 1970 do not fit a float64."""
-    import pyarrow as pa
-
-    per_second = PER_SECOND[column.type.unit]
-    ticks = column.cast(pa.int32() if pa.types.is_time32(column.type) else pa.int64())
-    whole, rest = np.divmod(ticks.fill_null(0).to_numpy(zero_copy_only=False), per_second)
-    stamps: Array = whole + rest / per_second
-    if column.null_count:
-        stamps[column.is_null().to_numpy(zero_copy_only=False)] = np.nan
-    return stamps
-
-
-def is_number_type(kind: Any) -> bool:
-    """Whether a column of this Arrow type can be read as numbers."""
-    import pyarrow as pa
-
-    value = kind.value_type if pa.types.is_dictionary(kind) else kind
-    number = (pa.types.is_integer, pa.types.is_floating, pa.types.is_decimal, pa.types.is_boolean, pa.types.is_null)
-    time = (pa.types.is_timestamp, pa.types.is_duration, pa.types.is_time)
-    return any(check(value) for check in (*number, *time))
 
 
 def _check_type(source: str, column: str, kind: Any) -> None:

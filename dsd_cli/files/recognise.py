@@ -117,7 +117,7 @@ def _score(channel: str, column: str) -> float:
         bare = [word for word in words if word in ASKED]
         return 2.0 if asked and (_word_score("position", words, joined) > 0.0 or len(bare) == len(words)) else 0.0
     score = _word_score(channel, words, joined)
-    if score == 0.0 and channel not in ("time",):  # drive/velocity/elbow, axis/position/1
+    if score == 0.0 and joined not in WORDS["time"]:  # drive/velocity/elbow, axis/position/1, but not speed/Time
         score = 0.8 * _word_score(channel, sorted(around & set(WORDS[channel])), "")
     if score == 0.0 or (asked and channel in ("velocity", "position", "d_hat", "time")):
         return 0.0

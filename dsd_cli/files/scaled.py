@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.files.tables_in import Batch, TableSource
+from dsd_cli.files.table_source import Batch, TableSource
 from dsd_cli.files.wrapped import WrappedTable
 
 #: Metadata of a log that was written with its factors in: it must not get them again.

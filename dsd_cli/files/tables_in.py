@@ -2,63 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import os
 import stat
 import sys
-from collections.abc import Collection, Iterator, Mapping
-from difflib import get_close_matches
+from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, Protocol
-
-import numpy as np
+from typing import BinaryIO
 
 from dsd_cli.errors import DataError
-from dsd_cli.signals.log import Array, Hold
+from dsd_cli.files.table_source import TableSource, read_head, read_sidecar
+from dsd_cli.signals.log import Hold
 
 PARQUET_MAGIC = b"PAR1"
 STDIN = "-"
-#: Bytes; ours hold a config.
-LARGEST_SIDECAR = 1 << 24
-
-
-class Batch(NamedTuple):
-    """`rows` rows: canonical name -> float64, shape (rows,), NaN where a value is missing.
-
-    `restart`: the file was begun anew, so these rows are another recording.
-    """
-
-    rows: int
-    columns: dict[str, Array]
-    restart: bool = False
-
-
-class TableSource(Protocol):
-    """A table that is being read.
-
-    Attributes
-    ----------
-    name : for messages.
-    column_names : every column of the file, needed or not.
-    columns : canonical name -> column, for those that are read (optional ones only if they are there).
-    metadata : provenance that came with the file.
-    warnings : one sentence each.
-    unreadable : rows given as NaN because their line could not be read (live streams only).
-    """
-
-    name: str
-    metadata: dict[str, str]
-
-    @property
-    def column_names(self) -> list[str]: ...
-    @property
-    def columns(self) -> dict[str, str]: ...
-    @property
-    def warnings(self) -> list[str]: ...
-    @property
-    def unreadable(self) -> int: ...
-
-    def batches(self) -> Iterator[Batch]: ...
 
 
 def open_table(
@@ -66,7 +22,6 @@ def open_table(
     columns: Mapping[str, str],
     optional: Collection[str] = (),
     *,
-    follow: bool = False,
     u_hold: Hold = "held",
 ) -> TableSource:
     """Open a log.
@@ -76,7 +31,6 @@ def open_table(
     path : a CSV or Parquet file, or one of another tool (`formats`), told apart by content; "-" for stdin.
     columns : canonical name -> name of the column in the file.
     optional : canonical names that may be missing.
-    follow : keep reading what is appended to the CSV file; ends only when the caller stops.
     u_hold : how u lives between its samples, which matters where it is joined with channels of another rate.
 
     Raises
@@ -101,8 +55,6 @@ def open_table(
             return ParquetTable(str(path), columns, optional, content=head + stream.read())
         return LineStream(stream, columns, optional, head=head, name=str(path))
     head = b"" if is_bag(path) else read_head(path, HEAD_BYTES)
-    if follow:
-        return LineStream(Path(path), columns, optional)
     if head.startswith(PARQUET_MAGIC):
         return ParquetTable(str(path), columns, optional)
     other = format_of(path, head)
@@ -141,79 +93,26 @@ def _first_bytes(stream: BinaryIO) -> bytes:
     return head
 
 
-def read_head(path: str | Path, size: int) -> bytes:
-    """The first bytes of a file; one line for whatever keeps it from being read."""
+def metadata_of(path: str | Path) -> dict[str, str]:
+    """Metadata of a CSV or Parquet file, without reading its rows; empty for a stream, or what cannot be read."""
+    if is_stream(path):
+        return {}
     try:
         with open(path, "rb") as file:
-            return file.read(size)
-    except FileNotFoundError:
-        raise DataError(f"{path}: no such file") from None
-    except IsADirectoryError:
-        raise DataError(f"{path}: is a directory", "give a log file") from None
-    except PermissionError:
-        raise DataError(f"{path}: permission denied") from None
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
-
-
-def choose_columns(
-    source: str, column_names: list[str], columns: Mapping[str, str], optional: Collection[str]
-) -> dict[str, str]:
-    """Canonical name -> column for those that are there.
-
-    Raises
-    ------
-    DataError : a needed column is missing, or there are several of that name.
-    """
-    chosen = {}
-    for canonical, name in columns.items():
-        if name in column_names:
-            if column_names.count(name) > 1:
-                raise DataError(f'{source}: {column_names.count(name)} columns are called "{name}"', "rename one")
-            chosen[canonical] = name
-        elif canonical not in optional:
-            raise DataError(
-                f'{source}: no column "{name}"; it has {_listed(column_names)}', _hint(canonical, name, column_names)
-            )
-    return chosen
-
-
-def _listed(names: list[str], limit: int = 12) -> str:
-    more = f" and {len(names) - limit} more" if len(names) > limit else ""
-    return ", ".join(name or '""' for name in names[:limit]) + more
-
-
-def _hint(canonical: str, name: str, column_names: list[str]) -> str:
-    key = "time" if canonical == "t" else canonical
-    if canonical in column_names:
-        return f'set [signals] {key} = "{canonical}"'
-    column_names = [column for column in column_names if not column.startswith("true_")]
-    if "/" in name:  # group/channel: that they share the group says nothing
-        name = name.rpartition("/")[2]
-        folded = {column.rpartition("/")[2].casefold(): column for column in column_names}
-    else:
-        folded = {column.casefold(): column for column in column_names}
-    close = get_close_matches(name.casefold(), list(folded), n=1, cutoff=0.5) or [
-        column for column in folded if column.startswith((name.casefold() + "_", name.casefold() + " "))
-    ]
-    return f'set [signals] {key} = "{folded[close[0]] if close else "..."}"'
-
-
-def sidecar(path: str | Path) -> Path:
-    """Where the metadata of a CSV file is kept."""
-    return Path(f"{path}.meta.json")
-
-
-def read_sidecar(path: str | Path) -> dict[str, str]:
-    """Metadata of a CSV file; empty when there is none or it is not ours."""
-    beside = sidecar(path)
-    try:
-        if not beside.is_file() or beside.stat().st_size > LARGEST_SIDECAR:
-            return {}
-        found = json.loads(beside.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+            parquet = file.read(len(PARQUET_MAGIC)) == PARQUET_MAGIC
+    except (OSError, ValueError):
         return {}
-    return {str(key): str(value) for key, value in found.items()} if isinstance(found, dict) else {}
+    if not parquet:
+        return read_sidecar(path)
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    from dsd_cli.files.parquet_in import key_values
+
+    try:
+        return key_values(pq.read_metadata(path).metadata)
+    except (pa.ArrowException, OSError):
+        return {}
 
 
 def dropped_with_unreadable(dropped: Mapping[str, int], unreadable: int) -> dict[str, int]:
@@ -228,8 +127,3 @@ def dropped_with_unreadable(dropped: Mapping[str, int], unreadable: int) -> dict
             counts[first] -= min(unreadable, counts[first])
         counts = {"unreadable line": unreadable, **{reason: count for reason, count in counts.items() if count}}
     return counts
-
-
-def missing(rows: int) -> Array:
-    """A column without any value."""
-    return np.full(rows, np.nan)

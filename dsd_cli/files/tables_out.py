@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.columns_out import Coded, Kind, Share, arrow_batch, arrow_schema
+from dsd_cli.files.table_source import sidecar
 from dsd_cli.files.tables_in import STDIN as STDOUT
-from dsd_cli.files.tables_in import sidecar
 from dsd_cli.files.whole import WholeFile, cannot_be_written, check_target, is_same
 
 __all__ = ["Coded", "FileWriter", "Kind", "Share", "TableWriter", "check_output", "open_writer"]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.files.tables_in import Batch, TableSource
+from dsd_cli.files.table_source import Batch, TableSource
 from dsd_cli.files.wrapped import WrappedTable
 from dsd_cli.signals.log import Array
 

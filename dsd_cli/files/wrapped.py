@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dsd_cli.files.tables_in import TableSource
+from dsd_cli.files.table_source import TableSource
 
 
 class WrappedTable:

@@ -1,4 +1,4 @@
-"""The end of a ladder: what has become needless is taken back, and every value is fitted once more, with its error."""
+"""The end of a ladder: backward elimination, and a final fit of every value with its standard error."""
 
 from __future__ import annotations
 

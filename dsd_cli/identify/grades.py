@@ -1,4 +1,4 @@
-"""How well a value is told by a log: identified, weak or not, by its relative standard error."""
+"""How well a log identifies a value: identified, weak or not, by its relative standard error."""
 
 from __future__ import annotations
 

@@ -38,12 +38,8 @@ from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 __all__ = ["add_effect", "improve"]
 
-#: Rungs of the ladder; nobody believes a model with more parts than that from one rig.
-MOST_STEPS = 10
 AS_GIVEN, REFIT = "as given", "refit"
 _KINDS: dict[str, StepKind] = {AS_GIVEN: "given", REFIT: "refit", INERTIA: "refit", DELAY: "refit"}
-#: A refit of the model's own values that takes this share off the held-out error is a rung of its own.
-LEAST_REFIT = POLICY.least_fall
 
 
 def add_effect(
@@ -104,7 +100,7 @@ def add_effect(
 
 def _with_effect(search: Search, effect_id: str) -> Fit:
     name = search.problem.recordings[0].name
-    if effect_id == "external_force":
+    if get_effect(effect_id).listed:
         found = with_pulses(search, search.refit)
         if found is None:
             raise DataError(f"{name}: no pulse stands out of the residual", "nothing was added")
@@ -166,15 +162,15 @@ def improve(
             continue
         moves = (
             last.refitted_model.inertia > POLICY.least_inertia * model.inertia
-        )  # else the refit explains u, no motion
-        if moves and climb.lowered_by(last.refitted, LEAST_REFIT):  # what the effect itself did is the rest
+        )  # otherwise the refit explains u without any motion
+        if moves and climb.lowered_by(last.refitted, POLICY.least_fall):  # the rest of the fall is the effect's own
             climb.up(REFIT, last.refitted, last.refitted_values, last.refitted_model)
         model = climb.up(chosen, taken.score, taken.all_values, taken.model)
         climb.see(taken)
 
 
 class _Climb:
-    """The rungs so far."""
+    """The steps so far."""
 
     def __init__(
         self,
@@ -206,7 +202,7 @@ class _Climb:
         return score.heldout_rmse < (1.0 - share) * self.steps[-1].score.heldout_rmse
 
     def ladder(self, last: Diagnosis, stopped: str) -> Ladder:
-        """The whole of it, with what is needless taken back and every value with its error."""
+        """The whole ladder: needless effects removed again, every value with its standard error."""
         names = tuple(r.name for r in self.holdout)
         if last.verdict == NONE:
             model = self.steps[-1].model
@@ -228,7 +224,7 @@ class _Climb:
 
 
 def _without(settings: Settings | None, refused: Sequence[str]) -> Settings:
-    """Effects that did not lower the held-out error are not asked again."""
+    """The settings without effects that did not lower the held-out error."""
     settings = settings or Settings()
     wanted = settings.effects if settings.effects is not None else tuple(catalogue())
     return replace(settings, effects=tuple(name for name in wanted if name not in refused))
@@ -236,8 +232,8 @@ def _without(settings: Settings | None, refused: Sequence[str]) -> Settings:
 
 def _stop(steps: Sequence[Step], last: Diagnosis) -> str:
     """Why no further step is possible, or ""."""
-    if len(steps) > MOST_STEPS:
-        return f"{MOST_STEPS} steps are taken"
+    if len(steps) > POLICY.most_steps:
+        return f"{POLICY.most_steps} steps are taken"
     if last.verdict in (INERTIA, DELAY) and steps[-1].effect == last.verdict:
         return f"{last.verdict} was fitted already"
     return ""

@@ -31,6 +31,7 @@ class Policy:
     least_segments: int = 5  # periodograms of a residual's spectrum; with fewer nothing is said of its shape
     stands_out: float = 1.6  # of the least density above it: a line or a rise towards low frequencies
     correlated_rows: int = 60  # lags over which the correlation of whitened rows is summed
+    noise_from_share: float = 0.5  # of half the sample rate, where motion has ended: the sensor's noise is read there
 
     # -- delays --
     least_delay_range: float = 0.03  # s of delay that are tried at least
@@ -39,6 +40,28 @@ class Policy:
 
     # -- held-out blocks --
     gap_rows: int = 5  # between what is fitted and what is judged: the reach of low-pass and whitening
+    folds: int = 5  # of the cross-validation: each fit sees four fifths of the log
+    most_blocks: int = 40  # of a log; more would be short against the correlation of its rows
+    block_gaps: int = 3  # gaps that a block is long at least, so that not all of a fit's rows are gaps
+
+    # -- evidence for an effect --
+    effect_price: float = 3.0  # nats for an effect: one of some twenty was chosen
+    shape_price: float = 3.0  # nats for each shape parameter that was searched
+    pulse_price: float = 14.0  # nats for a pulse in time: its level and two edges, found among all rows
+    least_gain: float = 6.0  # nats beyond its price that a step must gain, without its best block, too
+    most_lost: float = 0.3  # of what blocks gain, that others may lose: a gain must not be that of a few blocks
+    most_effects: int = 8  # added in one search; a rig tells no more apart
+    most_steps: int = 10  # of a ladder; nobody believes a model with more parts from one rig
+    least_periods: float = 2.5  # of a line in the log or the travel; fewer are a trend
+
+    # -- pulses in time --
+    most_pulses: int = 6  # of a stretch and of a log; more are a law
+    shortest_pulse: int = 3  # rows
+    pulse_deviations: float = 8.0  # standard errors of its mean: it is the best of very many windows
+    weakest_pulse: float = 0.1  # of the strongest; less is part of its edges
+    same_level: float = 0.2  # share of a level by which neighbours differ that are one pulse
+    forgotten_travel: float = 0.25  # of the travel, after which the first state of effects with memory has no influence
+    pulses_fall: float = 0.1  # share of the held-out error that pulses take off: something unknown is there, if no push
 
     # -- what matters in practice --
     least_fall: float = 0.015  # share of the held-out error that a step takes off
@@ -56,6 +79,10 @@ class Policy:
     # -- reconstructed motion --
     drift_rounds: int = 3  # in which its drift is found beside a set of effects, and the set anew
     drift_gain: float = 0.9  # of the held-out error, which a round must reach
+    most_drift: float = 0.7  # of the range of the position, by which it may drift and still be used
+    most_travel: float = 1.5  # times the least travel of any speed offset: an axis that works comes back
+    drift_surest: float = 0.85  # no effect is surer on such a motion: 29 of 33 names on the outside rig were right
+    afloat_surest: float = 0.5  # and none that depends on the position alone, for its zero is not known
 
     # -- a resonance above the band --
     response_lowest_share: float = 0.25  # of the band's end, from which on the response is looked at
@@ -67,16 +94,51 @@ class Policy:
     response_in_band: float = 0.8  # of the band's end; a resonance below is told by the balance itself
 
     response_rise: float = 0.02  # of the held-out error in the band, that such a load may cost there
+    driven_gain: float = 0.7  # of the error with a load that the sensor drives, that one driven by the model may leave
     play_deviations: float = 5.0  # standard errors of a gap, which it must have
 
     # -- vetoes --
     least_inertia: float = 0.01  # of the inertia first fitted; a set that leaves less explains u by itself
     few_rows: int = 150  # independent equations below which no verdict is surer than 80 %
 
+    least_alone: float = 0.005  # share of the held-out error that an effect takes off alone, to be named
+
+    # -- ties --
+    nearly_the_same: float = 0.05  # share by which errors of two effects alone may differ; the commoner one is named
+    rival_share: float = 0.7  # of the winner's explained power that a rival explains whose lead in nats is uncertain
+    rival_deviations: float = 2.5  # standard errors over the blocks below which a lead is uncertain
+    rival_share_in_misfit: float = 0.9  # of the winner's explained power that suffices where something unknown is left
+    cheaper_rival_share: float = 0.95  # and that suffices with fewer shape parameters
+    rival_error: float = 2.0  # times the winner's error; a rival that leaves more is none
+    most_inflation: float = 3.0  # rows of autocorrelation time; above, something unknown is left
+
+    # -- probability --
+    tempering: float = 0.5  # exponent on likelihoods: blocks are neither independent nor alike
+    surest: float = 0.99  # no verdict is surer: the catalogue is not the world
+    surest_in_part: float = 0.8  # where some effects could not be tested, or rows are few
+    surest_unstable: float = 0.9  # where the verdict changes on half of the data or in another band
+    narrower_band: float = 0.5  # times the band, in which the verdict is tried again
+    wider_band: float = 2.0  # the same
+
+    # -- values --
+    value_deviations: float = 4.0  # standard errors from which on a value of the model is wrong
+    one_value_share: float = 0.5  # of what freeing all values gains, that a single wrong value gains
+    contradicting_deviations: float = 3.0  # standard deviations from which on a log contradicts a prior or held value
+    not_identified: float = 1e3  # standard errors over the value; more is no estimate
+    tied_correlation: float = 0.97  # with the inertia, above which only the ratio to it is identified
+    tied_error: float = 0.02  # relative error above which that is said
+    reported_correlation: float = 0.9  # of two values, above which it is reported
+    prior_share: float = 1e-3  # of the log in a value, below which it is no evidence against its prior
+    blocks_per_unknown: int = 3  # below which the scatter over blocks is no estimate of a covariance
+
     # -- nothing is missing --
     floor_factor: float = 1.6  # of the sensor's floor; what is left above it is no noise of the sensor
     least_unknown: float = 0.01  # share of u that a function explains; friction at turns is not known better
     floor_excess: float = 0.03  # share of u that is left above that, from which on something is missing, if unknown
+    unknown_fall: float = 0.04  # share of the held-out error that a free-form function takes off: something is unknown
+    unknown_nats: float = 12.0  # and the nats that it gains: it is the best of some ten functions
+    structured_share: float = 0.35  # of the residual's power below which its spectrum may be that of noise
+    share_of_possible: float = 0.75  # of the power that a free-form function explains, that named effects explain
 
     narrow_band_hz: float = 10.0  # a band that ends below hides fast effects: "nothing" is then less sure
 
@@ -89,6 +151,17 @@ class Policy:
     resting_slope: float = 0.05  # of the usual change from sample to sample: what the change may be instead
     resting_bands: tuple[float, ...] = (1.0, 2.0, 3.0)  # times the rest speed; noise exceeds it for a moment
     least_moving: float = 0.02  # share of rows in which the axis slides
+    rest_deviations: float = 3.0  # of the speed's noise, within which the axis may be at rest
+    creep_share: float = 1e-3  # of the rms speed, up to which a sticking axis may creep
+    clear_acceleration: float = 0.12  # of the rms of u: noise of J a above which the smoothed speed's slope is taken
+    quieter_slope: float = 0.5  # of a logged speed's noise, below which the slope of the position replaces it
+    clear_signs: float = 8.0  # standard errors from which on a sign counts
+    correlated_samples: float = 50.0  # of d_hat that count as one, for that
+
+    # -- smoothing --
+    smoothing_growth: float = 1.1  # of what a window removes over narrower ones, from which on it removes signal
+    noise_misjudged: float = 1.4  # times the noise that may be removed at first: it is not always white
+    windows_agree: float = 5.0  # standard deviations by which a wider window may differ from a narrower one
 
 
 POLICY = Policy()

@@ -24,7 +24,7 @@ class Estimate:
 
     Attributes
     ----------
-    at_bound : the value stands on its bound, so neither it nor its error is to be believed.
+    at_bound : the value stands on its bound, so neither it nor its error is reliable.
     held : the user fixed it; its standard error is 0.
     pull : standard deviations by which the log alone is off the prior; NaN without one.
     told : "identified", "weak" or "not" by the relative error, "held"; "" where nobody asked.
@@ -41,7 +41,7 @@ class Estimate:
 
 #: "inertia", "delay" or "<effect>.<parameter>" -> estimate.
 Estimates = Mapping[str, Estimate]
-#: (value, value, correlation) of pairs that a log hardly tells apart, the strongest first.
+#: (value, value, correlation) of pairs that a log hardly separates, the strongest first.
 Correlations = tuple[tuple[str, str, float], ...]
 
 
@@ -100,7 +100,7 @@ class Ceiling:
 
 @dataclass(frozen=True)
 class Variant:
-    """The verdict of the same question asked otherwise: `what` says how, `same` whether it is the same."""
+    """The verdict on a part of the data or another band: `what` says how, `same` whether it is the same."""
 
     what: str
     verdict: str
@@ -124,6 +124,7 @@ class Diagnosis:
     depends_on : channels on which an unknown remainder depends.
     noise : rms of r that no smooth function of anything explains, unit of u.
     found : the whole set of effects that the search found; the verdict is the one of them that is worth most alone.
+    whole_model : with all of them; None where nothing was found.
     correlations : of the estimates. stability : the verdict with half of the data, and with half and twice the band.
     band_hz, floor : end of the band in which forces were balanced, Hz; rms of r that the sensor alone leaves in it.
     """
@@ -153,6 +154,7 @@ class Diagnosis:
     units: Units = field(default_factory=Units)
     refitted_values: Estimates = field(default_factory=dict)
     refitted_correlations: Correlations = ()
+    whole_model: PlantModel | None = None
 
 
 @dataclass(frozen=True)

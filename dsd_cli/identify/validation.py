@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from dsd_cli.effects import catalogue
 from dsd_cli.errors import DsdError
 from dsd_cli.identify.compare.forward import Forward, run_forward
 from dsd_cli.identify.fit.known import Known
@@ -17,9 +18,6 @@ from dsd_cli.plant.controllers import ControllerSettings
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.units import Units
 
-#: Values that differ from log to log of one machine: the offset of an amplifier, friction that warms up.
-LEVELS = ("constant_load.force", "coulomb_friction.level", "viscous_friction.coefficient")
-
 
 @dataclass(frozen=True)
 class Validation:
@@ -27,8 +25,8 @@ class Validation:
 
     Attributes
     ----------
-    rmse : of the balance of forces, nothing fitted, unit of u. rmse_with_levels : with `levels` fitted to this log;
-        NaN where there are none.
+    rmse : of the balance of forces, nothing fitted, unit of u. rmse_with_levels : with `levels` (`Effect.varies`)
+        fitted to this log; NaN where there are none.
     simulation : the free run; `not_simulated` : why there is none.
     """
 
@@ -60,18 +58,19 @@ def _validated(
     units: Units,
 ) -> Validation:
     held = Known().holding(model)
-    free = [name for name in LEVELS if name in held.fixed]
+    levels = (f"{effect.id}.{name}" for effect in catalogue().values() for name in effect.varies)
+    free = [name for name in levels if name in held.fixed]
     known = replace(held, fixed={name: value for name, value in held.fixed.items() if name not in free})
     problem = pose([recording], model, Settings(effects=(), known=known))
     search = Search(problem)
     rmse = problem.errors.of_model(model).rmse
     fit = search.fit(terms_of(model), round(model.delay / problem.solver.bank.tap_time))
     values = problem.values(fit).estimates
-    levels = {name: replace(values[name], unit=units.words(values[name].unit)) for name in free}
+    fitted = {name: replace(values[name], unit=units.words(values[name].unit)) for name in free}
     simulation, why = None, ""
     try:
         simulation = run_forward([recording], model, observer, controller, units=units)
     except DsdError as error:
         why = error.message
-    with_levels = problem.score(fit).rmse if levels else float("nan")
-    return Validation(recording.name, rmse, problem.equations.band.hz, with_levels, levels, simulation, why)
+    with_levels = problem.score(fit).rmse if fitted else float("nan")
+    return Validation(recording.name, rmse, problem.equations.band.hz, with_levels, fitted, simulation, why)

@@ -10,8 +10,11 @@ import numpy as np
 from dsd_cli.effects.memory import one_pole
 from dsd_cli.signals.log import Array, Log
 
-#: A delay this close (in samples) to a whole number of samples is a whole number.
+#: A delay this close to a whole number of samples, as a share of it, is that number: 0.3 / 0.001 is 299.99999999999994.
 _WHOLE = 1e-9
+
+#: Time constants after which Q has forgotten how it began: 0.7 % of that is left.
+SETTLED = 5.0
 
 #: Steps of the stamps that are within this share of T of the sample time are a regular clock, rounded when printed.
 _REGULAR = 0.01
@@ -42,11 +45,12 @@ def poles_of(intervals: Iterable[float], time_constant: float) -> Array:
 
 
 def delay_taps(delay: float, sample_time: float) -> tuple[int, float]:
-    """L = (n + f) T: whole samples n and fraction f in [0, 1)."""
+    """L = (n + f) T: whole samples n and fraction f in [0, 1); `_kernel.c` has the same rule."""
     samples = delay / sample_time
-    whole = math.floor(samples + _WHOLE)
-    fraction = samples - whole
-    return whole, fraction if fraction > _WHOLE else 0.0
+    nearest = math.floor(samples + 0.5)
+    if abs(samples - nearest) < _WHOLE * (1.0 + nearest):
+        return nearest, 0.0
+    return math.floor(samples), samples - math.floor(samples)
 
 
 def delayed_mean(u: Array, delay: float, sample_time: float) -> Array:

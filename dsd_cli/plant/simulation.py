@@ -7,6 +7,7 @@ before the log. Each interval is cut where the delayed u switches, so any real L
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,6 +26,8 @@ from dsd_cli.signals.log import CHANNELS, Array, Log
 ADOPTED = ("adopted_delay", "adopted_inertia")
 
 _THERE = 1e-6  # samples
+#: Samples between two reports of progress.
+STRIDE = 1000
 
 
 @dataclass(frozen=True)
@@ -83,14 +86,18 @@ class SimulationSettings:
             raise UsageError(f"simulate.duration = {self.duration:g}", "must be at least one sample time")
 
 
-def simulate(settings: SimulationSettings, feedback: Feedback | None = None) -> Log:
+def simulate(
+    settings: SimulationSettings,
+    feedback: Feedback | None = None,
+    progress: Callable[[int], None] = lambda _samples: None,
+) -> Log:
     """The log of the loop: t, u, d_hat, position, velocity, reference, true_delay, true_inertia.
 
     With `feedback` the controller takes up what that says of the plant (`AdaptiveController`), and the log has
     adopted_delay and adopted_inertia, NaN while the nominal law holds.
 
     `round(duration / sample_time)` samples. The observer has settled when the log begins: d_hat_0 is its value under
-    u = 0 and the forces at the start.
+    u = 0 and the forces at the start. `progress` is called with the number of samples just done.
 
     Raises
     ------
@@ -104,6 +111,8 @@ def simulate(settings: SimulationSettings, feedback: Feedback | None = None) -> 
     models = _models(settings, samples)
     noise = _Noise(settings, samples)
     for k in range(samples):
+        if k % STRIDE == 0 and k:
+            progress(STRIDE)
         rows[k] = loop.step(k, models.get(k), targets[k], noise.at(k))
         if not math.isfinite(rows[k, 0]):
             raise DataError(

@@ -9,8 +9,10 @@ from typing import Any
 
 from dsd_cli.identify.checks import CheckResult, Excitation, Finding, Parameter
 from dsd_cli.identify.results import Estimate
-from dsd_cli.report.names import LEGEND, estimate_text, in_words, number_or_none
+from dsd_cli.report.head import head
+from dsd_cli.report.names import estimate_text, in_words, number_or_none
 from dsd_cli.report.terminal import escaped
+from dsd_cli.signals.units import Units
 
 #: rad
 TURN = 2.0 * math.pi
@@ -34,15 +36,13 @@ def to_json(results: Sequence[CheckResult]) -> dict[str, Any]:
     bands = [one.band_hz for one in results if one.band_hz is not None]
     floors = [one.floor for one in results if one.floor is not None]
     return {
-        "schema_version": 1,
-        "command": "check",
-        "log": [one.log for one in results],
+        **head("check", (one.log for one in results)),
         "can_answer": not any(one.errors for one in results),
         "findings": [{"log": one.log, **_finding_json(f)} for one in results for f in one.findings],
         "parameters": _together(results),
         "band_hz": min(bands, default=None),
         "floor": max(floors, default=None),
-        "unit": "u",
+        "unit": results[0].units.u or "u" if results else "u",
         "by_log": [_log_json(one) for one in results],
     }
 
@@ -100,30 +100,39 @@ def print_table(results: Sequence[CheckResult], file: Any) -> None:
         if i:
             console.print()
         console.print(f"[bold]{escaped(f'{result.log}: {verdict(result)}')}[/bold]")
-        for line in _facts(result):
+        for line in facts(result):
             console.print(escaped(f"  {line}"))
         _print_findings(console, result.findings)
         if result.parameters and not result.errors:
-            _print_parameters(console, result.parameters)
+            _print_parameters(console, result.parameters, result.units)
 
 
-def _facts(result: CheckResult) -> list[str]:
+def facts(result: CheckResult) -> list[str]:
+    """What kind of log it is, in lines."""
     apart = 1e3 * result.seconds / max(result.samples, 1)
-    lines = [f"{result.samples:,} samples, {apart:.4g} ms apart: {result.seconds:.3g} s", *_moves(result.excitation)]
+    lines = [
+        f"{result.samples:,} samples, {apart:.4g} ms apart: {result.seconds:.3g} s",
+        *_moves(result.excitation, result.units),
+    ]
     if result.band_hz is not None:
-        floor = "" if result.floor is None else f"; noise of the sensor there: {result.floor:.2g} u"
+        floor = (
+            "" if result.floor is None else f"; noise of the sensor there: {result.floor:.2g} {result.units.u or 'u'}"
+        )
         lines.append(f"acceleration seen up to {result.band_hz:.3g} Hz{floor}")
     return lines
 
 
-def _moves(did: Excitation) -> list[str]:
+def _moves(did: Excitation, units: Units) -> list[str]:
     room = f"room for {did.effects} effect{'' if did.effects == 1 else 's'}"
     if did.moving is None or did.top_speed is None or did.travel is None:
         return [f"no motion is logged; u turns {did.stretches} times: {room}"]
     share = f"{100.0 * did.moving:.0f} % of the time"
+    velocity, position = (f" {units.of_velocity}", f" {units.position}") if units.position else ("", "")
+    guessed = "" if units.position else ", if it turns"
+    turns = "" if units.position == "m" else f" ({did.travel / TURN:.2g} turns{guessed})"
     return [
         f"{did.stretches} move{'' if did.stretches == 1 else 's'} ({did.forward} forward), {share}: {room}",
-        f"speed up to {did.top_speed:.3g}, travel {did.travel:.3g} ({did.travel / TURN:.2g} turns, if it turns)",
+        f"speed up to {did.top_speed:.3g}{velocity}, travel {did.travel:.3g}{position}{turns}",
     ]
 
 
@@ -142,7 +151,7 @@ def _print_findings(console: Any, findings: Sequence[Finding]) -> None:
     console.print(table)
 
 
-def _print_parameters(console: Any, parameters: Sequence[Parameter]) -> None:
+def _print_parameters(console: Any, parameters: Sequence[Parameter], units: Units) -> None:
     from rich.table import Table
 
     table = Table(box=None, padding=(0, 2, 0, 0))
@@ -154,4 +163,5 @@ def _print_parameters(console: Any, parameters: Sequence[Parameter]) -> None:
         for other in one.tied_to:
             table.add_row(escaped(f"  not to be told from {other}"))
     console.print(table)
-    console.print(LEGEND)
+    if units.legend:
+        console.print(units.legend)

@@ -13,6 +13,7 @@ from dsd_cli.identify.compare.forward import Forward
 from dsd_cli.identify.compare.regimes import Where
 from dsd_cli.identify.compare.residuals import LARGE
 from dsd_cli.report.conclusions import conclusion, simulation_conclusion
+from dsd_cli.report.head import head
 from dsd_cli.report.names import balance_json
 from dsd_cli.signals.units import Units
 
@@ -50,12 +51,7 @@ class Report:
 def to_json(report: Report) -> dict[str, Any]:
     """The object of the contract."""
     result = report.result
-    out: dict[str, Any] = {
-        "schema_version": 1,
-        "command": "compare",
-        "log": list(result.logs),
-        "logs": list(result.logs),
-    }
+    out: dict[str, Any] = head("compare", result.logs)
     out |= _prediction(result) if isinstance(result, Comparison) else _simulation(result, report.holdout)
     if report.max_rmse is not None:
         out["check"] = {"max_rmse": report.max_rmse, "rmse": report.judged_rmse, "holds": report.holds}

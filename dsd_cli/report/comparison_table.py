@@ -161,6 +161,8 @@ def _print_where(console: Any, where: Where) -> None:
             shares = (_percent(regime.share_of_samples), _percent(regime.share_of_error))
             table.add_row(name, *shares, f"{regime.rmse:.3g}")
         console.print(table)
+        if any(regime.overlaps for regime in where.regimes):
+            console.print("  (in brackets): samples that the other regimes have, too\n")
     table = _table("the worst part by", "", "from", "to", "of the samples", "of the error", "rmse")
     parts = (("time, s", where.time), ("velocity", where.velocity), ("position", where.position))
     for name, bins in parts:

@@ -10,6 +10,7 @@ from dsd_cli.detect.profile.summary import Estimate
 from dsd_cli.detect.summary import Segment, StateShare, Summary
 from dsd_cli.report import terminal
 from dsd_cli.report.changes import Changes
+from dsd_cli.report.head import head
 from dsd_cli.report.terminal import escaped
 
 #: Rows of a table on the screen; the JSON has all.
@@ -47,8 +48,7 @@ def to_json(result: Detection) -> dict[str, Any]:
     """The object of the contract; keys of further axes stand beside delay and inertia."""
     summary = result.summary
     out: dict[str, Any] = {
-        "schema_version": 1,
-        "command": "detect",
+        **head("detect", [result.log]),
         "log": result.log,
         "method": result.method,
         "kernel": result.kernel,

@@ -10,6 +10,7 @@ from typing import Any
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate, Diagnosis, Estimates, Score
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.report import terminal
+from dsd_cli.report.head import head
 from dsd_cli.report.names import (
     balance_json,
     estimate_text,
@@ -73,9 +74,7 @@ def to_json(report: DiagnosisReport) -> dict[str, Any]:
     """The object of the contract."""
     result = report.result
     return {
-        "schema_version": 1,
-        "command": "diagnose",
-        "log": list(result.logs),
+        **head("diagnose", result.logs),
         "holdout": list(report.holdout),
         "samples": result.samples,
         "verdict": result.verdict,
@@ -179,6 +178,7 @@ def _print_ranking(console: Any, result: Diagnosis, most: int) -> None:
             f"{'yes, ' * (one.effect in result.found)}{percent(one.probability)}",
         )
     console.print(table)
+    console.print("  in the final set: probability that the effect belongs to what is missing, all found ones together")
     if len(tested) > most:
         console.print(f"  and {len(tested) - most} more candidates (--format json lists them)")
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from dsd_cli.report.head import SCHEMA_VERSION
 from dsd_cli.signals.log import Array
 
 Row = Mapping[str, Any]
@@ -33,6 +34,15 @@ class Share:
     verdict: str
     logs: int
     share: float
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Why `logs` logs gave no result, `first` among them."""
+
+    reason: str
+    logs: int
+    first: str
 
 
 @dataclass(frozen=True)
@@ -63,12 +73,12 @@ class Drift:
 
 @dataclass(frozen=True)
 class FleetSummary:
-    """`reasons` : why logs gave no result, with their number; `tested` : values looked at for drift."""
+    """`tested` : values looked at for drift; `undated` : logs that have no date."""
 
     results: str
     logs: int
     failed: int
-    reasons: tuple[tuple[str, int], ...]
+    reasons: tuple[Reason, ...]
     verdicts: tuple[Share, ...]
     odd: tuple[Odd, ...]
     drifts: tuple[Drift, ...]
@@ -86,7 +96,7 @@ def summarize(results: str, rows: Sequence[Row]) -> FleetSummary:
         results,
         len(rows),
         len(bad),
-        tuple(Counter(_bare(row) for row in bad).most_common()),
+        _reasons(bad),
         tuple(Share(name, count, count / len(good)) for name, count in verdicts.most_common()),
         tuple(_odd(good)),
         tuple(drifts),
@@ -97,7 +107,15 @@ def summarize(results: str, rows: Sequence[Row]) -> FleetSummary:
 
 def to_json(found: FleetSummary) -> dict[str, Any]:
     """The object of `--format json`."""
-    return {"schema_version": 1, "command": "fleet summary", **asdict(found)}
+    return {"schema_version": SCHEMA_VERSION, "command": "fleet summary", **asdict(found)}
+
+
+def _reasons(bad: Sequence[Row]) -> tuple[Reason, ...]:
+    first: dict[str, str] = {}
+    for row in bad:
+        first.setdefault(_bare(row), str(row["log"]))
+    counted = Counter(_bare(row) for row in bad).most_common()
+    return tuple(Reason(reason, logs, first[reason]) for reason, logs in counted)
 
 
 def _bare(row: Row) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from dsd_cli.report import terminal
-from dsd_cli.report.fleet import USUAL_LOGS, Drift, FleetSummary, Odd
+from dsd_cli.report.fleet import DRIFT_LOGS, USUAL_LOGS, Drift, FleetSummary, Odd
 from dsd_cli.report.terminal import escaped
 
 #: Rows of a table on the screen; the JSON has all.
@@ -38,8 +38,9 @@ def print_table(found: FleetSummary, file: Any) -> None:
     _more(console, len(found.drifts), "drifts")
     if not found.drifts:
         console.print(_no_drift(found))
-    for reason, count in found.reasons[:MOST]:
-        console.print(escaped(f"no result, {count:,} log(s): {reason}"))
+    for why in found.reasons[:MOST]:
+        others = f" and {why.logs - 1:,} more" if why.logs > 1 else ""
+        console.print(escaped(f"no result: {why.first}{others}: {why.reason}"))
     _more(console, len(found.reasons), "reasons")
 
 
@@ -72,7 +73,7 @@ def drift_line(drift: Drift) -> str:
 def _no_drift(found: FleetSummary) -> str:
     if not found.tested:
         why = f"; {found.undated:,} logs have no date" if found.undated else ""
-        return f"no machine has logs of enough dates to look for drift{why}"
+        return f"no machine has logs of {DRIFT_LOGS} dates or more, which it takes to look for drift{why}"
     return f"no value drifts over the dates ({found.tested:,} looked at)"
 
 

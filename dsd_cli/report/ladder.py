@@ -13,6 +13,7 @@ from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Addition, Es
 from dsd_cli.identify.validation import Validation
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import error, named, plain_table, score_json, stability_line, verdict_line
+from dsd_cli.report.head import head
 from dsd_cli.report.names import (
     balance_json,
     change_text,
@@ -55,9 +56,7 @@ def improve_json(report: LadderReport) -> dict[str, Any]:
     """The object of the contract."""
     result = report.result
     return {
-        "schema_version": 1,
-        "command": "improve",
-        "log": list(report.logs),
+        **head("improve", report.logs),
         "holdout": list(result.holdout),
         **balance_json(result.last.band_hz, result.last.floor, result.last.units),
         "ladder": [_step_json(step) for step in result.steps],
@@ -201,9 +200,7 @@ def add_json(report: AdditionReport) -> dict[str, Any]:
     """The object of the contract of `dsd add`."""
     result = report.result
     return {
-        "schema_version": 1,
-        "command": "add",
-        "log": list(report.logs),
+        **head("add", report.logs),
         "holdout": list(report.holdout),
         "effect": result.effect,
         "rmse_before": number_or_none(result.before.rmse),
@@ -252,7 +249,7 @@ def print_addition(report: AdditionReport, file: Any) -> None:
 
 def history_json(config: str, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """The steps that a config remembers; `steps` as its [[history]] has them."""
-    return {"schema_version": 1, "command": "improve", "log": [], "config": config, "history": list(steps)}
+    return {**head("improve", ()), "config": config, "history": list(steps)}
 
 
 def print_history(config: str, steps: Sequence[Mapping[str, Any]], file: Any) -> None:

@@ -8,12 +8,13 @@ from typing import Any
 
 from dsd_cli.detect.side_by_side import MethodScore
 from dsd_cli.report import terminal
+from dsd_cli.report.head import head
 from dsd_cli.report.terminal import escaped
 
 
 def to_json(log: str, scores: Sequence[MethodScore]) -> dict[str, Any]:
     """One object per method."""
-    return {"schema_version": 1, "command": "detect", "log": log, "methods": [asdict(one) for one in scores]}
+    return {**head("detect", [log]), "log": log, "methods": [asdict(one) for one in scores]}
 
 
 def print_table(log: str, scores: Sequence[MethodScore], file: Any) -> None:

@@ -1,139 +1,171 @@
-"""The picture of `dsd compare --plot`."""
+"""The picture of `dsd compare --plot`: one model on its logs."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dsd_cli.identify.compare.comparison import Comparison
-from dsd_cli.identify.compare.evaluation import Evaluation
+from dsd_cli.identify.compare.evaluation import Evaluation, Stretch
 from dsd_cli.report.conclusions import conclusion
-from dsd_cli.report.figure import in_picture, png
+from dsd_cli.report.figure import (
+    BACKWARD,
+    FORWARD,
+    LIMIT,
+    MEASURED,
+    PREDICTED,
+    RESIDUAL,
+    channel_label,
+    cloud,
+    headline,
+    legend_above,
+    line,
+    nothing,
+    sheet,
+    shortened,
+)
+from dsd_cli.report.plots_residual import draw_correlation, draw_dependence, draw_regimes
+from dsd_cli.report.timeline import Part, Timeline, timeline, zero
+from dsd_cli.report.views_comparison import Curve, curves_over, directions, forces_of, spectrum_of
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.units import Units
 
-MEASURED, PREDICTED, RESIDUAL, SHARE = "#1f5a8c", "#e08214", "#444444", "#b9c6d3"
-#: Columns of the time axis; each shows the least and the largest of its samples. Points of a scatter.
-_PIXELS, _POINTS = 1200, 6000
+_ROWS = (1.2, 0.8, 0.65, 0.65, 0.65, 1.35, 1.0, 1.15, 1.25)
+_TIME = ("d_hat", "residual", "u", "velocity", "position")
 
 
-def draw(result: Comparison, evaluation: Evaluation) -> bytes:
-    """The PNG: d_hat and residual over time, residual against motion, its correlation, its share by regime."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(13, 10), layout="constrained")
+def draw(result: Comparison, evaluation: Evaluation, aside: Evaluation | None = None) -> Any:
+    """The figure; `aside` : of the log that was held out."""
+    figure = sheet(12.0, 17.0)
     axes = figure.subplot_mosaic(
-        [["time"] * 2, ["residual"] * 2, ["velocity", "position"], ["correlation", "regimes"]],
-        height_ratios=[1.2, 0.8, 1.0, 1.0],
+        [
+            *([name] * 2 for name in _TIME),
+            ["force over velocity", "force over position"],
+            ["left over velocity", "left over position"],
+            ["correlation", "spectrum"],
+            ["regimes", "dependence"],
+        ],
+        height_ratios=_ROWS,
     )
-    axes["residual"].sharex(axes["time"])
+    headline(figure, f"{_title(result)}\n{conclusion(result)}", 115)
+    _draw_time([axes[name] for name in _TIME], evaluation, aside, result.units)
+    for channel in ("velocity", "position"):
+        _draw_forces(axes[f"force over {channel}"], axes[f"left over {channel}"], evaluation, channel, result.units)
+    draw_correlation(axes["correlation"], result)
+    _draw_spectrum(axes["spectrum"], result, evaluation)
+    draw_regimes(axes["regimes"], result)
+    draw_dependence(axes["dependence"], result)
+    return figure
+
+
+def _title(result: Comparison) -> str:
     fit = result.accuracy.fit_percent
     fitted = "" if fit is None else f", fit {fit:.1f} %"
-    logs = in_picture(", ".join(_short(log) for log in result.logs))
-    figure.suptitle(f"{logs}: rmse {result.accuracy.rmse:.3g}{fitted}")
-    _draw_time(axes["time"], axes["residual"], evaluation, result.units.force)
-    for channel, unit in (("velocity", result.units.of_velocity), ("position", result.units.of_position)):
-        _draw_against(axes[channel], evaluation, channel, unit)
-    _draw_correlation(axes["correlation"], result)
-    _draw_regimes(axes["regimes"], result)
-    for axis in axes.values():
-        axis.spines[["top", "right"]].set_visible(False)
-    figure.text(0.008, -0.004, in_picture(conclusion(result)).replace("`", ""), fontsize=10, va="top")
-    return png(figure, bbox_inches="tight", pad_inches=0.15)
+    names = [shortened(Path(log).name, 36) for log in result.logs]
+    logs = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+    title = f"{logs}: rmse of d_hat {result.accuracy.rmse:.3g} {result.units.force}{fitted}"
+    if result.holdout is not None:
+        title += f"; hold-out {result.holdout.accuracy.rmse:.3g}"
+    return title
 
 
-def _short(log: str) -> str:
-    return Path(log).name
+def _draw_time(panels: list[Any], evaluation: Evaluation, aside: Evaluation | None, units: Units) -> None:
+    stretches = [*evaluation.stretches, *(aside.stretches if aside is not None else ())]
+    held = len(stretches) - len(evaluation.stretches)
+    parts = [Part(s.name, s.judged(s.log["t"]), i >= len(stretches) - held) for i, s in enumerate(stretches)]
+    time = timeline(parts)
+
+    def put(panel: Any, of: Callable[[Stretch], Array], color: str, label: str | None = None) -> None:
+        line(panel, *time.joined([s.judged(of(s)) for s in stretches]), color, label)
+
+    measured, residual, *channels = panels
+    for panel in panels[1:]:
+        panel.sharex(measured)
+    put(measured, lambda s: s.log["d_hat"], MEASURED, "measured")
+    put(measured, lambda s: s.predicted, PREDICTED, "predicted")
+    measured.set_ylabel(channel_label("d_hat", units))
+    legend_above(measured, 2, lift=1.0 if len(time.logs) > 1 else 0.0)
+    zero(residual)
+    put(residual, lambda s: s.residual, RESIDUAL)
+    residual.set_ylabel(f"residual{f' ({units.u})' if units.u else ''}")
+    for panel, name in zip(channels, _TIME[2:], strict=True):
+        _draw_channel(panel, name, stretches, time, units)
+    for panel in panels[:-1]:
+        panel.tick_params(labelbottom=False)
+    time.mark(panels)
 
 
-def _draw_time(above: Any, below: Any, evaluation: Evaluation, unit: str) -> None:
-    """Each stretch by itself; the logs one after the other if there are several."""
-    offset, end = 0.0, -np.inf
-    for i, stretch in enumerate(evaluation.stretches):
-        t = stretch.judged(stretch.log["t"])
-        if t[0] + offset < end:  # another log begins anew
-            offset = end - t[0]
-        t = t + offset
-        end = float(t[-1])
-        labels = ("measured", "predicted", "residual") if i == 0 else (None, None, None)
-        series = (stretch.log["d_hat"], stretch.predicted, stretch.residual)
-        for axis, x, color, label in zip(
-            (above, above, below), series, (MEASURED, PREDICTED, RESIDUAL), labels, strict=True
-        ):
-            at, low, high = envelope(t, stretch.judged(x), _PIXELS)
-            axis.fill_between(at, low, high, color=color, lw=0.9, alpha=0.85, label=label)
-    above.set_ylabel(f"d_hat ({unit})")
-    above.legend(loc="upper right", ncols=2, frameon=False, bbox_to_anchor=(1.0, 1.12))
-    above.tick_params(labelbottom=False)
-    below.axhline(0.0, color="0.6", lw=0.8)
-    below.set_ylabel("residual")
-    below.set_xlabel("time (s)")
-    below.margins(x=0.01)
+def _draw_channel(panel: Any, name: str, stretches: list[Stretch], time: Timeline, units: Units) -> None:
+    panel.set_ylabel(channel_label(name, units).replace(" (", "\n("))
+    if all(name in s.log for s in stretches):
+        line(panel, *time.joined([s.judged(s.log[name]) for s in stretches]), MEASURED)
+    else:
+        panel.text(0.5, 0.5, f"no {name} in the log", ha="center", va="center", transform=panel.transAxes, color="0.45")
+        panel.set_yticks([])
 
 
-def envelope(t: Array, x: Array, columns: int) -> tuple[Array, Array, Array]:
-    """(stamps, least, largest) of x in at most `columns` equal parts; neighbours share a sample, so no gap opens."""
-    if len(x) <= columns:
-        return t, x, x
-    starts = np.linspace(0, len(x) - 1, columns + 1).astype(int)[:-1]
-    least, largest = np.minimum.reduceat(x, starts), np.maximum.reduceat(x, starts)
-    least[:-1], largest[:-1] = np.minimum(least[:-1], x[starts[1:]]), np.maximum(largest[:-1], x[starts[1:]])
-    return t[starts], least, largest
-
-
-def _draw_against(axis: Any, evaluation: Evaluation, channel: str, unit: str) -> None:
-    axis.set_xlabel(f"{channel} ({unit})")
-    axis.set_ylabel("residual")
+def _draw_forces(above: Any, below: Any, evaluation: Evaluation, channel: str, units: Units) -> None:
+    """Forces over a channel, as measured and as the model has them; below, what is left between them."""
     if any(channel not in s.log for s in evaluation.stretches):
-        axis.text(0.5, 0.5, f"no {channel} in the log", ha="center", va="center", transform=axis.transAxes, color="0.5")
+        for axis in (above, below):
+            nothing(axis, f"no {channel} in the log")
         return
-    x, e = evaluation.pooled(lambda s: s.log[channel]), evaluation.errors
-    step = max(len(x) // _POINTS, 1)
-    axis.axhline(0.0, color="0.6", lw=0.8)
-    axis.plot(x[::step], e[::step], ".", color=RESIDUAL, ms=2.5, alpha=0.35, mew=0)
-    at, mean = binned_mean(x, e)
-    axis.plot(at, mean, color=PREDICTED, lw=2.0, marker="o", ms=3.5, label="mean")
-    axis.legend(loc="lower right", frameon=False, bbox_to_anchor=(1.0, 0.96))
+    above.sharex(below)
+    above.tick_params(labelbottom=False)
+    x, forces = evaluation.pooled(lambda s: s.log[channel]), forces_of(evaluation)
+    both = channel == "position" and all("velocity" in s.log for s in evaluation.stretches)
+    curves = curves_over(x, forces, directions(evaluation) if both else None)
+    cloud(above, x, forces.measured, RESIDUAL)
+    cloud(below, x, forces.measured - forces.modelled, RESIDUAL)
+    for axis in (above, below):
+        zero(axis)
+    for curve in curves:
+        _draw_curve(above, below, curve)
+    unit = f" ({units.u})" if units.u else ""
+    above.set_ylabel(f"forces on the axis{unit}")
+    below.set_ylabel(f"left of them{unit}")
+    below.set_xlabel(channel_label(channel, units))
+    legend_above(above, 2)
 
 
-def binned_mean(x: Array, e: Array, bins: int = 30) -> tuple[Array, Array]:
-    """(mean of x, mean of e) of the bins of x that hold at least 0.1 % of the samples; 0 is an edge."""
-    width = max(float(np.ptp(x)) / bins, 1e-300)
-    _, place = np.unique(np.floor(x / width), return_inverse=True)
-    count = np.bincount(place)
-    kept = count >= max(1e-3 * len(x), 1.0)
-    return (np.bincount(place, x) / count)[kept], (np.bincount(place, e) / count)[kept]
+def _draw_curve(above: Any, below: Any, curve: Curve) -> None:
+    color = {"": MEASURED, "forward": FORWARD, "backward": BACKWARD}[curve.name]
+    named = f", {curve.name}" if curve.name else ""
+    above.plot(curve.x, curve.measured, color=color, lw=1.7, label=f"median{named}")
+    above.plot(
+        curve.x,
+        curve.modelled,
+        color=LIMIT,
+        lw=1.5,
+        ls=":" if curve.name == "backward" else "--",
+        label=f"model{named}",
+    )
+    below.plot(curve.x, curve.measured - curve.modelled, color=color, lw=1.7)
 
 
-def _draw_correlation(axis: Any, result: Comparison) -> None:
-    tests = result.residual
-    step = result.sample_time * 1e3
-    lag = np.arange(1, tests.lags + 1) * step
-    axis.axhspan(-tests.band, tests.band, color=SHARE, alpha=0.6, lw=0, label="chance (99 %)")
-    axis.axhline(0.0, color="0.6", lw=0.8)
-    axis.fill_between(lag, 0.0, tests.autocorrelation, color=RESIDUAL, alpha=0.15, lw=0)
-    axis.plot(lag, tests.autocorrelation, color=RESIDUAL, lw=1.4, label="with its own past")
-    axis.plot(np.arange(tests.lags + 1) * step, tests.correlation_with_u, color=MEASURED, lw=1.4, label="with u before")
-    axis.axhline(tests.band_u, color=MEASURED, lw=0.8, ls=":")
-    axis.axhline(-tests.band_u, color=MEASURED, lw=0.8, ls=":", label="chance (99 %), u")
-    axis.set_xlabel("lag (ms)")
-    axis.set_ylabel("correlation of the residual")
-    shown = [*tests.autocorrelation, *tests.correlation_with_u, tests.band_u, -tests.band_u]
-    low, high = min(*shown, -0.1), max(*shown, 0.1)
-    axis.set_ylim(low - 0.05 * (high - low), high + 0.45 * (high - low))
-    step = 0.5 if high - low > 0.6 else 0.1 if high - low > 0.15 else 0.05
-    axis.set_yticks([tick for tick in np.arange(-1.0, 1.0 + step / 2, step) if low - 0.02 <= tick <= high + 0.02])
-    axis.legend(loc="upper right", ncols=2, frameon=False, fontsize=9)
-
-
-def _draw_regimes(axis: Any, result: Comparison) -> None:
-    regimes = result.where.regimes
-    names = [f"({r.regime})" if r.overlaps else r.regime for r in regimes]
-    place = np.arange(len(regimes))
-    axis.barh(place - 0.2, [100 * r.share_of_error for r in regimes], 0.4, color=PREDICTED, label="of the error")
-    axis.barh(place + 0.2, [100 * r.share_of_samples for r in regimes], 0.4, color=SHARE, label="of the samples")
-    axis.set_yticks(place, names)
-    axis.invert_yaxis()
-    axis.set_xlabel("share (%)")
-    axis.legend(loc="best", frameon=False)
+def _draw_spectrum(axis: Any, result: Comparison, evaluation: Evaluation) -> None:
+    """Of d_hat and of the residual; up to the end of the band forces can be balanced, beyond is the sensor's noise."""
+    parts = {
+        "d_hat": ([s.judged(s.log["d_hat"]) for s in evaluation.stretches], MEASURED, "-"),
+        "residual": ([s.errors for s in evaluation.stretches], RESIDUAL, "-"),
+    }
+    drawn = False
+    for label, (series, color, style) in parts.items():
+        found = spectrum_of(series, evaluation.sample_time)
+        if found.amplitude.size and (found.amplitude > 0.0).any():
+            axis.loglog(found.frequency, np.maximum(found.amplitude, 1e-300), color=color, ls=style, label=label)
+            drawn = True
+    if not drawn:
+        nothing(axis, "too short, or too exact, for a spectrum")
+        return
+    force = result.force.log
+    if force is not None:
+        axis.axvspan(axis.get_xlim()[0], force.band_hz, color="0.93", lw=0, zorder=0)
+        axis.axvline(force.band_hz, color="0.25", lw=0.9, ls=(0, (4, 2)), label=f"band: below {force.band_hz:.3g} Hz")
+    axis.autoscale(enable=True, axis="x", tight=True)
+    axis.set_xlabel("frequency (Hz)")
+    axis.set_ylabel(f"density ({result.units.force} / √Hz)")
+    legend_above(axis, 3)

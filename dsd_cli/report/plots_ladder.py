@@ -1,73 +1,147 @@
-"""The picture of `dsd improve --plot`: the held-out error falls, step by step."""
+"""The picture of `dsd improve --plot`: the error falls step by step, and the values that move with it."""
 
 from __future__ import annotations
 
 import math
-import textwrap
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dsd_cli.identify.results import Step
-from dsd_cli.report.figure import in_picture, png
-from dsd_cli.report.ladder import LadderReport, final_line, own
-from dsd_cli.report.names import change_text, force_error, values_text
-from dsd_cli.report.plots_comparison import MEASURED, PREDICTED, RESIDUAL, SHARE
+from dsd_cli.identify.fit.values import flat
+from dsd_cli.identify.results import Estimate, Ladder, Step
+from dsd_cli.report.figure import (
+    LIMIT,
+    MEASURED,
+    OTHER,
+    PREDICTED,
+    RESIDUAL,
+    headline,
+    in_picture,
+    legend_above,
+    sheet,
+    shortened,
+)
+from dsd_cli.report.ladder import LadderReport, final_line
+from dsd_cli.report.names import change_text, estimate_text, force_error, in_words
 
-#: Values named below a step.
-_MOST_VALUES = 3
+#: Standard errors from which on a value has moved; rows of the table of values.
+MOVED, MOST_VALUES = 3.0, 16
 
 
-def draw(report: LadderReport) -> bytes:
-    """The PNG."""
-    from matplotlib.figure import Figure
+@dataclass(frozen=True)
+class Cell:
+    """A value after a step: as text, and whether it moved ("", "new", "up", "down"); no text where it is not."""
 
-    steps = report.result.steps
-    figure = Figure(figsize=(max(8.0, 2.1 * len(steps) + 1.5), 5.6), layout="constrained")
-    axis = figure.subplots()
-    logs = ", ".join(Path(log).name for log in report.logs)
-    title = textwrap.fill(f"{logs}: {final_line(report.result)}", 95 if len(steps) < 5 else 130)
-    figure.suptitle(in_picture(title), fontsize=11)
-    _draw_steps(axis, steps)
+    text: str
+    change: str = ""
+
+
+def values_by_step(result: Ladder) -> dict[str, list[Cell]]:
+    """Name of a value -> a cell for every step; those of the model as given have no errors yet."""
+    models = [flat(step.model) for step in result.steps]
+    names = dict.fromkeys(name for values in models for name in values)
+    table: dict[str, list[Cell]] = {}
+    for name in names:
+        row: list[Cell] = []
+        for k, (step, values) in enumerate(zip(result.steps, models, strict=True)):
+            before = models[k - 1].get(name) if k else values.get(name)
+            row.append(_cell(name, step, values.get(name), before))
+        table[name] = row
+    return table
+
+
+def _cell(name: str, step: Step, value: float | None, before: float | None) -> Cell:
+    if value is None:
+        return Cell("")
+    known = step.estimates.get(name)
+    error = known.std_error if known is not None else math.nan
+    text = estimate_text(Estimate(value, error if step.step else math.nan, "")).replace(" +- ", "\n+- ")
+    if before is None:
+        return Cell(text, "new")
+    least = MOVED * error if math.isfinite(error) else 1e-3 * abs(before)
+    moved = abs(value - before) > max(least, 1e-9 * abs(before))
+    return Cell(text, ("up" if value > before else "down") if moved else "")
+
+
+def draw(report: LadderReport) -> Any:
+    """The figure."""
+    result = report.result
+    steps, table = result.steps, values_by_step(result)
+    shown = list(table)[:MOST_VALUES]
+    width = max(8.5, 1.9 * len(steps) + 3.0)
+    figure = sheet(width, 5.0 + 0.46 * len(shown) + 0.9)
+    axis, values = figure.subplots(2, 1, sharex=True, height_ratios=[4.2, 0.46 * max(len(shown), 1) + 0.3])
+    logs = ", ".join(shortened(Path(log).name) for log in report.logs)
+    headline(figure, f"{logs}: {final_line(result)}", int(10.5 * width))
+    _draw_steps(axis, report)
     _draw_levels(axis, report)
-    axis.set_ylabel(f"held-out {force_error(report.result.last.band_hz)} ({report.result.last.units.force})")
+    axis.set_ylabel(f"{force_error(result.last.band_hz)} ({result.last.units.force})")
     axis.set_xlim(-0.6, len(steps) - 0.4)
-    axis.spines[["top", "right"]].set_visible(False)
-    return png(figure)
+    axis.tick_params(labelbottom=False)
+    legend_above(axis, 3)
+    _draw_values(values, table, shown, result)
+    return figure
 
 
-def _draw_steps(axis: Any, steps: tuple[Step, ...]) -> None:
+def _draw_steps(axis: Any, report: LadderReport) -> None:
+    """A scale on which every factor is as far, so that late steps are seen as well as the first."""
+    steps = report.result.steps
     heldout = [step.score.heldout_rmse for step in steps]
-    colors = [SHARE, *[PREDICTED] * (len(steps) - 1)]
     places = list(range(len(steps)))
-    axis.bar(places, heldout, color=colors, width=0.62, zorder=2)
-    axis.plot(places, [s.score.rmse for s in steps], "o", color=MEASURED, ms=6, label="on the fitted data", zorder=4)
-    top = max((h for h in heldout if math.isfinite(h)), default=1.0)
+    positive = [h for h in [*heldout, *(s.score.rmse for s in steps), report.result.last.floor] if h > 0.0]
+    if positive:
+        axis.set_yscale("log")
+        low, high = 0.55 * min(positive), 3.0 * max(positive)
+        axis.set_ylim(low, high)
+    named = "held-out log" if report.result.holdout else "held-out blocks"
+    axis.hlines(heldout, [p - 0.32 for p in places], [p + 0.32 for p in places], color=PREDICTED, lw=5, label=named)
+    axis.step(places, heldout, where="mid", color=PREDICTED, lw=1.0, zorder=1)
+    axis.plot(places, [s.score.rmse for s in steps], "o", color=MEASURED, ms=6, label="fitted data", zorder=4)
     for place, value in enumerate(heldout):
         fell = f"\n{change_text(heldout[place - 1], value)}" if place else ""
         if math.isfinite(value):
-            height = max(value, steps[place].score.rmse)
-            axis.text(place, height + 0.025 * top, f"{value:.3g}{fell}", ha="center", va="bottom", fontsize=10)
-    axis.set_xticks(places, [_name(step) for step in steps], fontsize=9)
-    axis.set_ylim(0.0, 1.2 * top if top > 0.0 else 1.0)
-
-
-def _name(step: Step) -> str:
-    """The effect, and below it its values."""
-    mine = own(step)
-    values = [values_text({name: estimate}) for name, estimate in list(mine.items())[:_MOST_VALUES]]
-    more = [f"and {len(mine) - _MOST_VALUES} more"] if len(mine) > _MOST_VALUES else []
-    return "\n".join([step.effect, *values, *more])
+            top = max(value, steps[place].score.rmse)
+            text = f"{value:.3g}{fell}"
+            axis.annotate(text, (place, top), (0, 5), textcoords="offset points", ha="center", va="bottom")
 
 
 def _draw_levels(axis: Any, report: LadderReport) -> None:
     last = report.result.last
     on = f" of {', '.join(last.ceiling.on)}" if last.ceiling.on else ""
-    levels = (
-        (last.ceiling.heldout_rmse, f"ceiling: any function{on}", "--", "#b2182b"),
+    levels = [
+        (last.ceiling.heldout_rmse, f"ceiling: any function{on}", "--", LIMIT),
         (last.noise, "noise", ":", RESIDUAL),
         (last.floor, "what the sensor alone leaves", "-.", RESIDUAL),
-    )
+    ]
     for level, label, style, color in levels:
-        if math.isfinite(level):
+        if math.isfinite(level) and level > 0.0:
             axis.axhline(level, ls=style, lw=1.4, color=color, label=label, zorder=3)
-    axis.legend(loc="upper right", frameon=False, fontsize=9)
+    end = len(report.result.steps) - 1
+    for k, one in enumerate(report.validation):
+        axis.plot([end + 0.2], [one.rmse], "D", color=OTHER, ms=5, zorder=5, label=None if k else "each held-out log")
+
+
+def _draw_values(axis: Any, table: dict[str, list[Cell]], shown: list[str], result: Ladder) -> None:
+    """The values after each step: coloured where they are new or have moved by more than three standard errors."""
+    colors = {"": "none", "new": "#f6c58f", "up": "#bcd5ec", "down": "#bcd5ec"}
+    arrows = {"": "", "new": "", "up": "↑ ", "down": "↓ "}
+    for row, name in enumerate(shown):
+        for place, cell in enumerate(table[name]):
+            if cell.change:
+                axis.barh(row, 0.94, left=place - 0.47, height=0.9, color=colors[cell.change], zorder=1)
+            axis.text(place, row, arrows[cell.change] + cell.text, ha="center", va="center", fontsize=8.5, zorder=2)
+    units = {name: in_words(e.unit) for step in result.steps for name, e in step.estimates.items() if e.unit != "1"}
+    labels = [in_picture(name + (f"\n({units[name]})" if units.get(name) else "")) for name in shown]
+    axis.set_yticks(range(len(shown)), labels, fontsize=8.5)
+    axis.set_ylim(max(len(shown), 1) - 0.5, -0.5)
+    axis.tick_params(axis="both", length=0)
+    for side in ("left", "bottom"):
+        axis.spines[side].set_visible(False)
+    steps = [
+        f"{step.step} {step.effect}" + ("\ntaken back" if step.kind == "taken back" else "") for step in result.steps
+    ]
+    axis.set_xticks(range(len(steps)), [in_picture(text) for text in steps], fontsize=9)
+    axis.tick_params(axis="x", labeltop=True, labelbottom=False)
+    more = len(table) - len(shown)
+    moved = "blue: moved by more than 3 standard errors; orange: new"
+    axis.set_xlabel(f"{moved}{f'; {more} more values in the result' if more > 0 else ''}", fontsize=8.5)

@@ -17,10 +17,10 @@ def escaped(text: str) -> str:
 
 
 def console(file: Any) -> Any:
-    """Where tables are printed; long lines are left to the terminal."""
+    """Where tables are printed; on a terminal long lines are broken between words, elsewhere they stay lines."""
     from rich.console import Console
 
-    return Console(file=file, highlight=False, soft_wrap=True)
+    return Console(file=file, highlight=False, soft_wrap=not file.isatty())
 
 
 def json_text(result: Any, indent: int | None = None) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.detect.tune.tuning import Tuning
 from dsd_cli.report import terminal
+from dsd_cli.report.head import head
 from dsd_cli.report.terminal import escaped
 
 
@@ -24,9 +25,7 @@ def to_json(report: TuningReport) -> dict[str, Any]:
     """The object of the contract."""
     tuning = report.tuning
     return {
-        "schema_version": 1,
-        "command": "tune",
-        "log": [report.log],
+        **head("tune", [report.log]),
         "samples": tuning.samples,
         "noise": tuning.noise,
         "correlation": tuning.correlation,

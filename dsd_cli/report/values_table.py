@@ -22,7 +22,12 @@ def print_values(console: Any, title: str, values: Estimates, correlations: Corr
     if not values:
         return
     table = Table(
-        box=box.SIMPLE_HEAD, title=escaped(title), title_justify="left", title_style="", pad_edge=False, padding=(0, 1)
+        box=box.SIMPLE_HEAD,
+        title=escaped(title),
+        title_justify="left",
+        title_style="",
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
     )
     for name, justify in (("", "left"), ("value", "right"), ("+-", "right"), ("unit", "left"), ("told", "left")):
         table.add_column(name, justify=justify, no_wrap=name != "told", overflow="fold")  # type: ignore[arg-type]

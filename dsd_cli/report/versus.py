@@ -12,6 +12,7 @@ from dsd_cli.identify.compare.versus import Contender, Moved, Versus
 from dsd_cli.identify.results import Estimate
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import error, plain_table
+from dsd_cli.report.head import head
 from dsd_cli.report.names import estimate_text, force_error, in_words, number_or_none
 from dsd_cli.report.terminal import escaped
 from dsd_cli.signals.units import Units
@@ -32,9 +33,7 @@ def versus_json(
     """The object of the contract; `models` is null without a log."""
     models = None if found is None else [_contender_json(one) for one in found.contenders]
     return {
-        "schema_version": 1,
-        "command": "compare",
-        "log": list(logs),
+        **head("compare", logs),
         "configs": list(names),
         "unit": units.force,
         "blocks": None if found is None else found.blocks,
@@ -83,7 +82,8 @@ def print_versus(
     console = terminal.console(file)
     if found is not None:
         title = f"{', '.join(found.logs)}: {force_error(found.contenders[0].force.band_hz)} ({units.force})"
-        table = plain_table(title, "", *names)
+        console.print(escaped(title))
+        table = plain_table("", "", *names)
         rows = (("rmse", "rmse"), ("fit %", "fit_percent"), ("of u %", "relative_error_percent"), ("floor", "floor"))
         for heading, key in rows:
             figures = (getattr(one.force, key) for one in found.contenders)
@@ -96,22 +96,29 @@ def print_versus(
 
 def print_moved(console: Any, first: str, second: str, values: Sequence[Moved]) -> None:
     """Value by value, with the difference in standard errors."""
-    table = plain_table("values", "", *_short(first, second), "difference", "sigma", "unit")
-    table.columns[0].no_wrap, table.columns[-1].justify = True, "left"
+    narrow = console.file.isatty() and console.width < _WIDEST
+    table = plain_table("values", "", *_short(first, second), "difference", "sigma", *([] if narrow else ["unit"]))
+    table.columns[0].no_wrap, table.columns[-1].justify = True, "right" if narrow else "left"
+    below = "\n" if narrow else " "  # on a narrow terminal cells have two lines
     for one in values:
         change = one.second - one.first
-        share = f" ({100 * change / abs(one.first):+.1f} %)" if one.first and math.isfinite(change) else ""
+        share = f"{below}({100 * change / abs(one.first):+.1f} %)" if one.first and math.isfinite(change) else ""
+        unit = escaped(in_words(one.unit))
         table.add_row(
-            escaped(one.name),
-            _value(one.first, one.first_error),
-            _value(one.second, one.second_error),
+            f"{escaped(one.name)}\n  {unit}" if narrow else escaped(one.name),
+            *(_value(*pair).replace(" +-", f"{below}+-") for pair in one_by_one(one)),
             f"{change:+.3g}{share}" if math.isfinite(change) else "-",
-            _sigma(one.sigma),
-            escaped(in_words(one.unit)),
+            _sigma(one.sigma).replace(" ", below),
+            *([] if narrow else [unit]),
         )
     wide = terminal.console(console.file)
-    wide.width = max(console.width, _WIDEST)
+    wide.width = console.width if narrow else max(console.width, _WIDEST)
     wide.print(table)
+
+
+def one_by_one(moved: Moved) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Value and standard error, of the first and of the second."""
+    return (moved.first, moved.first_error), (moved.second, moved.second_error)
 
 
 def _short(first: str, second: str) -> tuple[str, str]:

@@ -1,7 +1,8 @@
 """Imports run one way, computing packages stay light, files and functions stay small. Read from the source, not run."""
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,60 @@ def test_imports_run_one_way(path: Path) -> None:
     own = [name.split(".") for name in _imports(ast.parse(path.read_text("utf-8"))) if name.startswith("dsd_cli.")]
     upward = {".".join(parts) for parts in own if parts[1] in ALLOWED and parts[1] not in ALLOWED[layer] | {layer}}
     assert not upward
+
+
+def _dotted(path: Path) -> str:
+    return ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
+
+
+def _graph(sources: Mapping[str, str]) -> dict[str, set[str]]:
+    """Module -> modules that its source imports, wherever it does: a late or a typing import hides a circle only."""
+    graph = {}
+    for module, source in sources.items():
+        names = set(_imports(ast.parse(source)))
+        graph[module] = {n if n in sources else n.rpartition(".")[0] for n in names} & sources.keys()
+    return graph
+
+
+def _circle(sources: Mapping[str, str]) -> list[str]:
+    """Modules that import each other in a ring, the first one twice; empty if there is no such ring."""
+    try:
+        TopologicalSorter(_graph(sources)).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def test_no_modules_import_each_other() -> None:
+    assert _circle({_dotted(path): path.read_text("utf-8") for path in FILES}) == []
+
+
+@pytest.mark.parametrize(
+    "back",
+    ["import pkg.a", "from pkg import a", "from pkg.a import x", "def f():\n    from pkg.a import x"],
+    ids=["module", "from package", "name", "inside a function"],
+)
+def test_a_circle_is_found_however_it_is_imported(back: str) -> None:
+    chain = {"pkg": "", "pkg.a": "from pkg.b import y", "pkg.b": "import pkg.c", "pkg.c": ""}
+    assert _circle(chain) == []
+    assert set(_circle({**chain, "pkg.c": back})) == {"pkg.a", "pkg.b", "pkg.c"}
+
+
+#: Files that name an effect all the same, and why.
+NAMING = {
+    "detect/damping/derivative.py": "eq. 6 is about the viscous coefficient: candidates of it are the states",
+    "identify/search/play.py": "a stiffness is a parameter of play, too",
+    "identify/search/response.py": "the response of two masses, without and with play, is that of these two alone",
+}
+
+
+@pytest.mark.parametrize("path", [p for p in FILES if _layer(p) != "effects"], ids=_id)
+def test_effects_are_known_by_their_interface_alone(path: Path) -> None:
+    """A search that asks for an effect by name finds ours and never that of a user."""
+    own = {p.stem for p in (PACKAGE / "effects").glob("*.py")} - {"__init__", "base", "catalogue", "memory", "user"}
+    texts = {n.value for n in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(n, ast.Constant)}
+    named = {text for text in texts if isinstance(text, str) and text.partition(".")[0] in own}
+    assert bool(named) == (str(path.relative_to(PACKAGE)) in NAMING), named
 
 
 @pytest.mark.parametrize("path", [p for p in FILES if _layer(p) in COMPUTING], ids=_id)

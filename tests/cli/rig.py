@@ -42,7 +42,7 @@ RIGHT = 4
 
 def dsd(*arguments: object, cwd: Path, **keywords: object) -> subprocess.CompletedProcess:
     """The command; text in and out unless the standard input is bytes."""
-    stdin = keywords.pop("stdin", None)
+    stdin, timeout = keywords.pop("stdin", None), keywords.pop("timeout", 240)
     return subprocess.run(
         [*DSD, *map(str, arguments)],
         input=stdin,
@@ -51,7 +51,7 @@ def dsd(*arguments: object, cwd: Path, **keywords: object) -> subprocess.Complet
         text=not isinstance(stdin, bytes),
         check=False,
         cwd=cwd,
-        timeout=60,
+        timeout=timeout,
         env={**os.environ, "NO_COLOR": "1", "COLUMNS": "120", **keywords},
     )
 

@@ -260,7 +260,6 @@ def test_a_picture_is_drawn(rig):
     [
         (["a.csv", "--plot", "out.jpg"], 2, [".png"]),
         (["a.csv", "--plot", "nowhere/out.png"], 1, ["no such folder"]),
-        (["a.csv", "--plot", "out.png", "--horizon", "simulation"], 2, ["--plot"]),
         (["a.csv", "a.csv"], 2, ["given twice"]),
         (["a.csv", "--holdout", "a.csv"], 2, ["given twice"]),
         (["none.csv"], 1, ["none.csv", "no such file"]),

@@ -1,6 +1,7 @@
 """`dsd detect --method`: one for this run, or several side by side."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -82,3 +83,20 @@ def test_what_cannot_be_compared_is_one_line(folder):
     ):
         refused(dsd("detect", "log.csv", *options, cwd=folder), 2, text)
     refused(dsd("detect", "-", "--method", "dsd,imm", "--format", "table", cwd=folder), 2, "read again")
+
+
+def test_a_log_whose_truth_never_changes(tmp_path):
+    samples = Path(__file__).parents[2] / "sample_logs"
+    config = samples / "servo-friction.toml"
+    ran = done("detect", samples / "servo-friction.csv", "-c", config, "--method", "dsd,viterbi", cwd=tmp_path)
+    assert "viterbi" in ran.stdout
+
+
+def test_a_log_whose_true_state_never_changes_has_no_changes_to_follow(tmp_path):
+    done("init", "--template", "damping", cwd=tmp_path)
+    done("simulate", "-o", "log.csv", cwd=tmp_path)
+    table = json.loads(done("detect", "log.csv", "--method", SOME, "--format", "json", cwd=tmp_path).stdout)
+    for one in table["methods"]:
+        assert (one["changes"], one["followed"], one["detection_delay"]) == (0, 0, None)
+        assert one["share_correct"] > 0.9
+    assert "viterbi" in done("detect", "log.csv", "--method", SOME, cwd=tmp_path).stdout

@@ -127,6 +127,34 @@ def finished_rows(folder: Path) -> int:
     return part.read_bytes().count(b"\n") if part.exists() else 0
 
 
+#: What share of its processor time a worker spends in the thread that works.
+ONE_CORE = """
+import resource, sys
+from pathlib import Path
+from dsd_cli.cli.fleet_pools import start_worker
+start_worker()
+from dsd_cli.cli.fleet_tasks import ConfigText, Task, run_task
+
+def times():
+    found = [resource.getrusage(who) for who in (resource.RUSAGE_THREAD, resource.RUSAGE_SELF)]
+    return [one.ru_utime + one.ru_stime for one in found]
+
+config = ConfigText("dsd.toml", ".", Path("dsd.toml").read_text())
+logs = [Task("detect", log, log, config, (), "k", "", "") for log in sys.argv[1:]]
+run_task(logs[0])  # which imports
+before, rows, after = times(), [run_task(task) for task in logs], times()
+assert all(row["status"] == "done" for row in rows), rows
+print((after[0] - before[0]) / (after[1] - before[1]))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="RUSAGE_THREAD")
+def test_a_worker_uses_one_core(many: Path) -> None:
+    logs = sorted(str(path) for path in (many / "logs").iterdir())
+    run = subprocess.run([sys.executable, "-c", ONE_CORE, *logs], cwd=many, capture_output=True, text=True, check=True)
+    assert float(run.stdout) > 0.95
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_a_killed_run_goes_on_and_leaves_no_workers(many: Path) -> None:
     run = start(many, *FLEET)
@@ -137,6 +165,9 @@ def test_a_killed_run_goes_on_and_leaves_no_workers(many: Path) -> None:
     wait_for(lambda: not any(Path(f"/proc/{one}").exists() for one in left))
     assert not (many / "r.parquet").exists()
     kept = finished_rows(many)
+    so_far = done("fleet", "summary", "r.parquet", cwd=many)
+    assert f"{kept} logs" in so_far.stdout
+    assert "r.parquet is not written yet; these are the rows so far, in r.parquet.part" in so_far.stderr
     with open(many / "r.parquet.part", "ab") as file:
         file.write(b'{"log": "torn')  # what the kill may leave
     again = done(*FLEET, cwd=many)
@@ -262,6 +293,61 @@ def test_a_changed_config_or_log_is_worked_on_again(tmp_path: Path) -> None:
     assert "already" not in done(*command, "--set", "detector.window=30", cwd=tmp_path).stderr
 
 
+def test_a_pattern_takes_logs_and_not_what_lies_beside_them(tmp_path: Path) -> None:
+    (tmp_path / "runs/day").mkdir(parents=True)
+    write(tmp_path / "runs/day", "a.csv", make_log(200, 1))
+    (tmp_path / "runs/day/a.csv.meta.json").write_text("{}")
+    (tmp_path / "runs/day/notes.json").write_text("{}")  # not ours: a row that says what is wrong with it
+    (tmp_path / "dsd.toml").write_text(CONFIG)
+    for _ in range(2):  # the second finds the table of the first
+        done("fleet", "detect", "runs/**/*", "-o", "runs/day/r.csv", "--workers", "1", cwd=tmp_path)
+    found = (tmp_path / "runs/day/r.csv").read_text().splitlines()[1:]
+    assert [line.split(",")[0] for line in found] == ['"runs/day/a.csv"', '"runs/day/notes.json"']
+
+
+def test_a_log_that_is_named_twice_is_one_row(tmp_path: Path) -> None:
+    write(tmp_path, "a.csv", make_log(200, 1))
+    (tmp_path / "dsd.toml").write_text(CONFIG)
+    (tmp_path / "list.txt").write_text("a.csv\n./a.csv\n")
+    names = ("a.csv", str(tmp_path / "a.csv"), "--list", "list.txt")
+    said = done("fleet", "detect", *names, "-o", "r.parquet", "--workers", "1", cwd=tmp_path).stderr
+    assert "3 of 4 names are of logs that are named already: taken once" in said
+    assert [row["log"] for row in rows(tmp_path / "r.parquet")] == ["a.csv"]
+
+
+def test_results_of_another_command_or_of_nobody_are_not_lost(tmp_path: Path) -> None:
+    for k in range(2):
+        write(tmp_path, f"{k}.csv", make_log(200, k))
+    (tmp_path / "dsd.toml").write_text(CONFIG)
+    to = ("-o", "r.csv", "--workers", "1")
+    done("fleet", "detect", "0.csv", *to, cwd=tmp_path)
+    before = (tmp_path / "r.csv").read_bytes()
+    refused(dsd("fleet", "compare", "0.csv", *to, cwd=tmp_path), 2, "r.csv: has rows of dsd fleet detect")
+    assert (tmp_path / "r.csv").read_bytes() == before
+    assert not (tmp_path / "r.csv.part").exists()
+    refused(dsd("fleet", "detect", "0.csv", "-o", "1.csv", cwd=tmp_path), 2, "is no table of results")
+    said = done("fleet", "detect", "1.csv", *to, cwd=tmp_path).stderr
+    assert "1 of the 1 rows of r.csv are of logs that are not named now: they go" in said
+    journal = tmp_path / "r.csv.part"
+    journal.write_text(json.dumps({"log": "0.csv", "command": "diagnose", "status": "done", "key": "k"}) + "\n")
+    refused(dsd("fleet", "detect", "1.csv", *to, cwd=tmp_path), 2, "r.csv.part: has rows of dsd fleet diagnose")
+    assert journal.exists()
+    done("fleet", "detect", "1.csv", *to, "--anew", cwd=tmp_path)
+    assert not journal.exists()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="locks files")
+def test_two_runs_cannot_write_one_table(tmp_path: Path) -> None:
+    import fcntl
+
+    write(tmp_path, "a.csv", make_log(200, 1))
+    (tmp_path / "dsd.toml").write_text(CONFIG)
+    with open(tmp_path / "r.csv.part", "ab") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        refused(dsd("fleet", "detect", "a.csv", "-o", "r.csv", cwd=tmp_path), 2, "another run is writing it: wait for")
+        assert (tmp_path / "r.csv.part").exists()
+
+
 def test_refused_in_one_line(fleet: Path, tmp_path: Path) -> None:
     run = ("fleet", "detect")
     refused(dsd(*run, cwd=fleet), 2, "no log is given")
@@ -269,6 +355,9 @@ def test_refused_in_one_line(fleet: Path, tmp_path: Path) -> None:
     refused(dsd(*run, "one.parquet", "-o", "one.parquet", cwd=fleet), 1, "is the only log")
     refused(dsd(*run, "logs/m1/*", "-o", "r.json", cwd=fleet), 2, "end the name in .parquet or .csv")
     refused(dsd(*run, "logs/m1/*", "-c", "no.toml", cwd=fleet), 2, "no.toml: no such config file")
+    refused(dsd(*run, "logs", cwd=fleet), 2, "logs: is a folder: name its logs: 'logs/**/*'")
+    refused(dsd(*run, "--list", "no.txt", cwd=fleet), 2, "no.txt: no such file")
+    refused(dsd(*run, "--list", "no.csv", cwd=fleet), 2, "no.csv: no such file")
     refused(dsd(*run, "logs/m1/*", "--workers", "0", cwd=fleet), 2, "--workers 0")
     refused(dsd(*run, "logs/m1/*", "--cluster", "local:x", cwd=fleet), 2, "local:N")
     refused(dsd("fleet", "summary", "logs/m1/2026-03-02.parquet", cwd=fleet), 1, "it has no column log")

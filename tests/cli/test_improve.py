@@ -136,7 +136,7 @@ def test_ctrl_c_at_the_question_writes_nothing(
         (["--auto"], 2, "LOG is missing"),
         (["a.csv", "--auto", "-o", "a.csv"], 2, "a.csv: is the input"),
         (["a.csv", "--auto", "-o", "-", "--format", "json"], 2, "stdout can take one of them"),
-        (["a.csv", "--auto", "--plot", "x.pdf"], 2, "end the name in .png"),
+        (["a.csv", "--auto", "--plot", "x.bmp"], 2, "end the name in .png"),
         (["a.csv", "a.csv", "--auto"], 2, "given twice"),
         (["none.csv", "--auto"], 1, "none.csv"),
         (["--history", "--undo"], 2, "give one of them"),

@@ -28,6 +28,7 @@ DSPACE = ["Time [ms]", "i_q [A]", "i_d [A]", "pos_rad", "n_act [rpm]", "Temp_Mot
         (["t", "iq_ref", "iq_act", "speed_ref", "speed"], ["t", "iq_act", None, "speed", None, None]),
         (["joint_states/effort/elbow", "joint_states/velocity/elbow", "joint_states/position/elbow"],
          [None, "joint_states/effort/elbow", None, "joint_states/velocity/elbow", "joint_states/position/elbow", None]),
+        (["iq/Time", "iq/Data", "speed/Time", "speed/Data"], ["iq/Time", "iq/Data", None, "speed/Data", None, None]),
         (["a", "b", "c"], [None] * 6),
     ],
 )  # fmt: skip

@@ -130,9 +130,25 @@ def test_observe_writes_them_in_and_the_same_config_does_not_take_them_twice(rig
     written, plain = read_labels(rig / "out.csv"), read_labels(rig / "plain_out.csv")
     for name, column in plain.items():
         np.testing.assert_array_equal(written[name], column, err_msg=name)
-    refused(dsd("detect", "out.csv", cwd=rig), 1, "out.csv", "in it already", "u_sign")
-    refused(dsd("compare", "out.csv", cwd=rig), 1, "out.csv", "in it already")
-    same(
-        read_labels(done("detect", "out.csv", "-c", "plain.toml", "--format", "csv", cwd=rig).stdout),
-        read_labels(done("detect", "plain_out.csv", "-c", "plain.toml", "--format", "csv", cwd=rig).stdout),
-    )
+    labels = [
+        read_labels(done("detect", log, "-c", config, "--format", "csv", cwd=rig).stdout)
+        for log, config in (("plain_out.csv", "plain.toml"), ("out.csv", "plain.toml"), ("out.csv", "dsd.toml"))
+    ]
+    same(labels[1], labels[0])
+    same(labels[2], labels[0])
+    figures = [
+        json.loads(done("compare", "out.csv", "-c", config, "--format", "json", cwd=rig).stdout)["force"]
+        for config in ("plain.toml", "dsd.toml")
+    ]
+    assert figures[0] == figures[1]
+
+
+def test_a_log_with_factors_that_does_not_say_whose_its_columns_are_is_refused(rig):
+    """As earlier versions wrote them."""
+    done("observe", "log.csv", "-o", "older.csv", cwd=rig)
+    beside = rig / "older.csv.meta.json"
+    metadata = json.loads(beside.read_text())
+    del metadata["channels"]
+    beside.write_text(json.dumps(metadata))
+    refused(dsd("detect", "older.csv", cwd=rig), 1, "older.csv", "in it already", "u_sign")
+    refused(dsd("compare", "older.csv", cwd=rig), 1, "older.csv", "in it already")

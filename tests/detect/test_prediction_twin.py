@@ -13,6 +13,7 @@ from dsd_cli.detect.kernel import active_backend
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.session import Session
 from dsd_cli.plant.controllers import ControllerSettings
+from dsd_cli.plant.filtering import delay_taps
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import predict_d_hat
 from dsd_cli.plant.references import Sine
@@ -72,6 +73,22 @@ def test_engine(backend, aperture, regular, observer_filter, delay, request):
     judged = np.isfinite(got)
     assert judged[120:].all()
     np.testing.assert_allclose(residual(got[judged]), 0.001, rtol=1e-6)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("excess", [5e-10, 5e-9])
+def test_where_a_delay_counts_as_whole_samples_all_agree(backend, excess):
+    """1.0000000005 s are 1000 samples of 1 ms, 1.000000005 s are a little more: a jump of 1e9 shows either."""
+    u = np.where(np.arange(1200) < 50, 0.0, 1e9)
+    log = Log({"t": T * np.arange(1200), "u": u, "velocity": np.zeros(1200)}, T)
+    assert delay_taps(1.0 + excess, T) == (1000, pytest.approx(0.0 if excess < 1e-9 else 5e-6, rel=1e-3))
+    d_hat = predict_d_hat(PlantModel(0.8, 1.0 + excess), log, OBSERVER)
+    settings = DetectorSettings(window=1, rho=RHO)
+    engine = Engine(Grid((1.0 + excess,), (0.8,)), settings, Measurement(T, 1.2, 0.01, -1, 1, False), backend)
+    got = engine.run(log["u"], d_hat, t=log["t"]).log_likelihood
+    left = residual(got[np.isfinite(got)])
+    assert left.size > 100
+    assert left.max() < 1.0  # a fraction that only one of them sees would leave 1e9 x 5e-7
 
 
 #: Coulomb friction from velocity needs a log that obeys it: test_session_with_stick_slip.

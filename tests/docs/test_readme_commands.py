@@ -1,4 +1,4 @@
-"""Every command of the README is run, and says what the README shows.
+"""Every command of the README, and of the pages that go on from it, is run and says what the page shows.
 
 ```console   `$ command` and what it prints (`...`: lines left out; `exit code N` where it is not 0)
 ```sh        commands without shown output; `make` targets are looked up, installing is left to them
@@ -21,6 +21,11 @@ from dsd_cli.files.config import parse_config
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+#: Pages whose blocks are run; each in a folder of its own, as by a reader who begins there.
+PAGES = [
+    "README.md",
+    *(f"docs/{name}.md" for name in ("missing", "detect", "pipeline", "json", "check", "fleet", "logs")),
+]
 INSTALL = ("make ", "pip install")
 
 
@@ -31,13 +36,18 @@ class Example(NamedTuple):
     shown: list[str]
 
 
-def blocks(kind: str) -> list[str]:
-    return re.findall(rf"^```{kind}\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
+def blocks(kind: str, page: str) -> list[str]:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return re.findall(rf"^```{kind}\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL)
 
 
-def console_examples() -> list[Example]:
+def of_pages(kind: str) -> list[str]:
+    return [text for page in PAGES for text in blocks(kind, page)]
+
+
+def console_examples(page: str) -> list[Example]:
     examples: list[Example] = []
-    for line in "".join(blocks("console")).splitlines():
+    for line in "".join(blocks("console", page)).splitlines():
         if line.startswith("$ "):
             examples.append(Example(line[2:], []))
         elif line.strip():
@@ -45,12 +55,12 @@ def console_examples() -> list[Example]:
     return examples
 
 
-def shell_lines() -> list[str]:
-    lines = [line.split("  #")[0].strip() for line in "".join(blocks("sh")).splitlines()]
+def shell_lines(page: str) -> list[str]:
+    lines = [line.split("  #")[0].strip() for line in "".join(blocks("sh", page)).splitlines()]
     return [line for line in lines if line]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What a reader has: the sample logs, and `dsd` on the path."""
     here = tmp_path_factory.mktemp("readme")
@@ -82,8 +92,9 @@ def as_shown(printed: list[str], shown: list[str]) -> bool:
     return bool(printed) and bare(printed[0]) == bare(shown[0]) and as_shown(printed[1:], shown[1:])
 
 
-def test_console_examples_print_what_is_shown(folder: Path) -> None:
-    for example in console_examples():  # in order: a later one may need what an earlier one wrote
+@pytest.mark.parametrize("page", PAGES)
+def test_console_examples_print_what_is_shown(folder: Path, page: str) -> None:
+    for example in console_examples(page):  # in order: a later one may need what an earlier one wrote
         codes = [line for line in example.shown if line.startswith("exit code ")]
         done = run(example.command, folder)
         assert done.returncode == int(codes[0].split()[-1] if codes else 0), f"{example.command}\n{done.stderr}"
@@ -94,19 +105,18 @@ def test_console_examples_print_what_is_shown(folder: Path) -> None:
             assert as_shown(lines, shown), f"$ {example.command}\n{printed}"
 
 
-def test_shell_commands_run(folder: Path) -> None:
-    lines = [line for line in shell_lines() if not line.startswith(INSTALL)]
-    assert lines
-    for line in lines:
+@pytest.mark.parametrize("page", PAGES)
+def test_shell_commands_run(folder: Path, page: str) -> None:
+    for line in (line for line in shell_lines(page) if not line.startswith(INSTALL)):
         done = run(line, folder)
         assert done.returncode == 0, f"{line}\n{done.stderr}"
 
 
 def test_make_targets_exist() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    named = {line.split()[1] for line in shell_lines() if line.startswith("make ")}
+    named = {line.split()[1] for page in PAGES for line in shell_lines(page) if line.startswith("make ")}
     named |= set(re.findall(r"`make (\w+)`", README))
-    assert {"demo", "test", "bench"} <= named
+    assert {"demo", "test"} <= named
     assert [name for name in named if not re.search(rf"^{name}:", makefile, flags=re.MULTILINE)] == []
 
 
@@ -116,12 +126,12 @@ def test_demo_and_test_are_on_the_first_screen() -> None:
     assert any(line.startswith("make test") for line in first)
 
 
-@pytest.mark.parametrize("text", blocks("toml"))
+@pytest.mark.parametrize("text", of_pages("toml"))
 def test_configs_load(text: str) -> None:
     parse_config(text, "README.md")
 
 
-@pytest.mark.parametrize("text", blocks("python"))
+@pytest.mark.parametrize("text", of_pages("python"))
 def test_python_runs(text: str, folder: Path) -> None:
     done = subprocess.run([sys.executable, "-c", text], cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -133,7 +143,11 @@ def test_python_runs(text: str, folder: Path) -> None:
 LINK = re.compile(r"\]\(([^)#]+)\)")
 
 
-@pytest.mark.parametrize("page", ["README.md", "sample_logs/README.md", "docs/paper.md"])
+def test_readme_is_short() -> None:
+    assert len(README.splitlines()) <= 180
+
+
+@pytest.mark.parametrize("page", [*PAGES, "sample_logs/README.md", "docs/paper.md"])
 def test_links_lead_somewhere(page: str) -> None:
     targets = LINK.findall((ROOT / page).read_text(encoding="utf-8"))
     local = [target for target in targets if not target.startswith("http")]

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dsd_cli.effects import Channels, get_effect
-from dsd_cli.effects.memory import COMPILED, Coupling, Load, load_acceleration, one_pole
+from dsd_cli.effects.memory import COMPILED, Coupling, Load, driven_load, load_acceleration, one_pole
 
 RNG = np.random.default_rng(5)
 T = 1e-3
@@ -140,8 +140,38 @@ def test_a_stiff_load_stays_finite_and_follows():
     assert state.position == pytest.approx(position[-1], abs=1e-3)
 
 
+@pytest.mark.parametrize("gap", [0.0, 2e-4])
+def test_two_masses_under_a_force_against_scipy(gap):
+    """Both masses integrated as they are, in absolute positions; the tool integrates what lies between them."""
+    share, coupling = 0.4, Coupling.of(17.0, 0.3, gap)
+    push = 40.0 * np.sin(2 * math.pi * 9.0 * T * np.arange(300)) + 5.0 * RNG.standard_normal(300)
+    ratio, y, expected = share / (1.0 - share), np.zeros(4), []
+    for p in push:
+
+        def rates(_, y, p=p):
+            pull = coupling.pull(y[0] - y[2], y[1] - y[3])
+            return [y[1], p - ratio * pull, y[3], pull]
+
+        run = solve_ivp(rates, (0.0, T), y, rtol=1e-9, atol=1e-13, max_step=T / 20)
+        expected.append((run.y[3, -1] - y[3]) / T)
+        y = run.y[:, -1]
+    found = driven_load(push, T, coupling, share, 0.01)
+    assert np.abs(found).max() > 5.0
+    np.testing.assert_allclose(found, expected, atol=2e-3 * np.abs(expected).max())
+
+
+def test_a_free_motor_moves_no_load():
+    assert not driven_load(np.full(50, 1e-6), T, Coupling.of(20.0, 0.3, 1.0), 0.5, 0.05).any()
+
+
 @pytest.mark.skipif(COMPILED is None, reason="the build had no compiler")
 class TestCompiled:
+    @pytest.mark.parametrize("gap", [0.0, 1e-4])
+    def test_driven(self, gap):
+        push, coupling = 30.0 * RNG.standard_normal(400), Coupling.of(23.0, 0.1, gap)
+        found = [driven_load(push, T, coupling, 0.3, 0.05, compiled) for compiled in (COMPILED, None)]
+        np.testing.assert_allclose(*found, rtol=1e-12, atol=1e-9)
+
     def test_one_pole(self):
         keep, add = RNG.uniform(0, 1, 500), RNG.standard_normal(500)
         np.testing.assert_array_equal(one_pole(keep, add, 0.3), one_pole(keep, add, 0.3, compiled=None))

@@ -7,7 +7,7 @@ import pytest
 
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.config import parse_config
-from dsd_cli.files.tables_in import Batch
+from dsd_cli.files.table_source import Batch
 from dsd_cli.files.windowed import Window, windowed
 from dsd_cli.plant.model import PlantModel
 

@@ -11,7 +11,7 @@ import pytest
 
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files import tables_out
-from dsd_cli.files.logs import load_log, read_log, write_log
+from dsd_cli.files.logs import load_log, write_log
 from dsd_cli.files.tables_in import open_table
 from dsd_cli.files.tables_out import Coded, Share, open_writer
 from dsd_cli.signals.log import Log
@@ -174,7 +174,7 @@ def test_a_log_comes_back_as_it_was(tmp_path, name, monkeypatch):
     }
     log = Log(channels, 0.001, d_hat_source="position", metadata={"seed": "3", "config": "[model]\ninertia = 1"})
     write_log(tmp_path / name, log)
-    again = read_log(tmp_path / name, {c: c for c in channels})
+    again = load_log(tmp_path / name, {c: c for c in channels}).log
     assert list(again.channels) == ["t", "u", "d_hat", "velocity"]
     for channel, values in channels.items():
         np.testing.assert_array_equal(again[channel], values)
@@ -200,6 +200,6 @@ def test_what_was_done_to_a_log_is_told(tmp_path):
 def test_a_log_needs_a_clock_and_rows(tmp_path):
     (tmp_path / "log.csv").write_text("t,u\n0,\n1,\n")
     with pytest.raises(DataError, match=r"signals\.sample_time"):
-        read_log(tmp_path / "log.csv", {"u": "u"})
+        load_log(tmp_path / "log.csv", {"u": "u"})
     with pytest.raises(DataError, match="no row has a value"):
-        read_log(tmp_path / "log.csv", {"t": "t", "u": "u"})
+        load_log(tmp_path / "log.csv", {"t": "t", "u": "u"})

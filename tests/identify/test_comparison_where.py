@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.compare.evaluation import evaluate
-from dsd_cli.identify.compare.regimes import ACROSS, PARTITION, regime_masks, where
+from dsd_cli.identify.compare.regimes import ACROSS, regime_masks, where
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.identify.comparison_rig import BELIEVED, MOVES, OBSERVER, recorded, rng
 
+PARTITION = ("rest", "breakaway", "reversal", "slow", "medium", "fast")
 HIDDEN = {"coulomb_friction": {"level": 0.15}, "viscous_friction": {"coefficient": 0.01}}
 
 

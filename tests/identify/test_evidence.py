@@ -1,5 +1,6 @@
 """Probabilities: they share one unit of belief, do not depend on order, and one lucky block does not decide."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsd_cli.identify.fit.bank import Term
-from dsd_cli.identify.search.sets import _agreed
-from dsd_cli.identify.verdict.evidence import NOTHING, TEMPER, _shares, membership, probabilities
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.search.sets import Search, _agreed
+from dsd_cli.identify.verdict.evidence import NOTHING, _shares, membership, probabilities
 from dsd_cli.plant.references import Multisine
 from tests.identify.search_rig import BELIEVED, posed
 
@@ -35,11 +37,25 @@ def test_the_order_of_the_alternatives_does_not_matter(rows, random):
     np.testing.assert_allclose(_shares(gains[order], prices[order]), _shares(gains, prices)[order], atol=1e-12)
 
 
-def test_equal_witnesses_give_the_odds_of_their_sum():
-    """Without scatter between blocks every draw is the same: the plain odds, tempered."""
-    gains = np.array([np.zeros(20), np.full(20, 0.3)])
-    shares = _shares(gains, np.array([0.0, 2.0]))
-    assert shares[1] / shares[0] == pytest.approx(np.exp(TEMPER * (20 * 0.3 - 2.0)))
+def test_shares_are_those_of_a_bayesian_bootstrap_in_plain_loops():
+    """Pseudo-BMA+ (Yao et al. 2018): each draw weighs the blocks anew, and shares belief by tempered likelihoods."""
+    rng = np.random.default_rng(7)
+    gains = np.array([np.zeros(12), rng.normal(0.8, 1.5, 12), rng.normal(0.5, 0.3, 12)])
+    prices = [0.0, 3.0, 5.0]
+    draws = []
+    for _ in range(4000):
+        weights = rng.exponential(size=12)
+        weights *= 12.0 / weights.sum()
+        nats = [
+            POLICY.tempering * (sum(w * g for w, g in zip(weights, row, strict=True)) - p)
+            for row, p in zip(gains, prices, strict=True)
+        ]
+        odds = [math.exp(n - max(nats)) for n in nats]
+        draws.append([o / sum(odds) for o in odds])
+    wanted, spread = np.mean(draws, axis=0), np.std(draws, axis=0)
+    found = _shares(gains, np.array(prices))
+    assert (np.abs(found - wanted) < 4.0 * spread * math.sqrt(1.0 / 400 + 1.0 / 4000)).all()
+    assert wanted.min() > 0.02, "else nothing was compared"
 
 
 @pytest.mark.parametrize("blocks", [10, 20, 40])
@@ -133,15 +149,29 @@ def test_an_effect_that_explains_as_much_is_a_rival_where_the_model_misfits():
     assert "gravity" in found.alike
 
 
-def test_gains_and_evidence_are_those_of_the_losses(search):
+def test_a_nat_is_worth_as_many_squares_as_the_noise_is_loud_and_dependent(search):
+    """Rows of twice the variance, or of which two count as one, tell half as much; prices stay."""
     search, whole = search
-    scale = 2.0 * search.noise.variance * search.noise.inflation
-    gains = search.gains(search.refit, whole)
-    losses = zip(search.refit.losses, whole.losses, strict=True)
-    np.testing.assert_allclose(gains, [(a - b) / scale for a, b in losses])
-    price = search.price(whole.terms)
-    gained = search.evidence(whole) - search.evidence(search.refit)
-    assert gained == pytest.approx(gains.sum() - price)
+    gains, price = search.gains(search.refit, whole), search.price(whole.terms)
+    assert (gains > 0.0).sum() > 0.8 * len(gains)
+    for louder in (
+        replace(search.noise, variance=2.0 * search.noise.variance),
+        replace(search.noise, inflation=2.0 * search.noise.inflation),
+    ):
+        other = Search(replace(search.problem, noise=louder))
+        np.testing.assert_allclose(other.gains(search.refit, whole), 0.5 * gains)
+        gained = other.evidence(whole) - other.evidence(search.refit)
+        assert gained == pytest.approx(0.5 * gains.sum() - price)
+
+
+def test_what_must_be_searched_and_what_happened_once_costs_more(search):
+    search, _ = search
+    plain, shaped = Term("coulomb_friction"), Term.of("dead_zone", {"width": 0.1})
+    one, two = (Term.of("external_force", {"edges": edges}) for edges in (((1, 2),), ((1, 2), (3, 4))))
+    prices = [search.price(terms) for terms in ((), (plain,), (shaped,), (one,), (two,))]
+    assert prices[0] == 0.0
+    assert prices == sorted(set(prices))
+    assert search.price((plain, shaped)) == pytest.approx(prices[1] + prices[2])
 
 
 def test_effects_of_the_model_cost_nothing(search):

@@ -8,7 +8,8 @@ import pytest
 
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.fit.problem import Settings, pose
-from dsd_cli.identify.improve import MOST_STEPS, add_effect, improve
+from dsd_cli.identify.improve import add_effect, improve
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.results import NONE
 from dsd_cli.identify.search.sets import Search
@@ -102,7 +103,7 @@ def test_a_log_without_anything_missing_is_left_alone(nothing):
 
 
 def test_the_ladder_is_no_longer_than_it_may_be(ladder):
-    assert len(ladder[0].steps) <= MOST_STEPS + 1
+    assert len(ladder[0].steps) <= POLICY.most_steps + 1
 
 
 def test_adding_the_true_effect_lowers_both_errors_and_refits_all(pair):

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.fit.problem import Settings, pose
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
-from dsd_cli.identify.search.pulses import MOST_PULSES, _apart, _strongest, sharpened, with_pulses
+from dsd_cli.identify.search.pulses import _apart, _strongest, sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Log
 from tests.identify.search_rig import BELIEVED, OBSERVER, T, posed
@@ -63,7 +64,7 @@ def test_an_offset_is_no_pulse():
 
 def test_no_more_than_a_handful_are_taken():
     x, _ = _planted(1, rows=12_000, level=8.0, pulses=12)
-    assert len(_strongest(x)) <= MOST_PULSES
+    assert len(_strongest(x)) <= POLICY.most_pulses
 
 
 def test_windows_that_overlap_are_cut_at_each_others_edges():

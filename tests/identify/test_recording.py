@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.recordings.recording import CREEP, REST_DEVIATIONS, prepare
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.recordings.sensor import net_force
 from dsd_cli.plant.controllers import ControllerSettings, Gains
 from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -174,10 +175,10 @@ def test_a_log_without_stamps_gets_them():
 
 def test_the_rest_speed_is_what_noise_creep_or_the_config_ask_for(exact, noisy):
     found = prepare(exact, OBSERVER)
-    assert found.rest_speed == pytest.approx(CREEP * np.sqrt(np.mean(exact["velocity"] ** 2)), rel=0.05)
+    assert found.rest_speed == pytest.approx(POLICY.creep_share * np.sqrt(np.mean(exact["velocity"] ** 2)), rel=0.05)
     assert prepare(exact, OBSERVER, rest_speed=0.7).rest_speed == 0.7
     loud = prepare(noisy, OBSERVER).rest_speed
-    assert 0.2 * REST_DEVIATIONS * 0.01 < loud < 1.2 * REST_DEVIATIONS * 0.01
+    assert 0.2 * POLICY.rest_deviations * 0.01 < loud < 1.2 * POLICY.rest_deviations * 0.01
 
 
 @pytest.mark.parametrize(

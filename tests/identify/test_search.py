@@ -7,7 +7,8 @@ import pytest
 
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.problem import Noise
-from dsd_cli.identify.search.sets import CHOICE, LEAST_GAIN, PULSE, SEARCHED, Search
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.search.sets import Search
 from tests.identify.search_rig import BELIEVED, posed
 
 NAMES = ("coulomb_friction", "viscous_friction", "quadratic_drag", "viscous_asymmetry", "stiffness", "constant_load")
@@ -86,7 +87,7 @@ def test_a_gain_must_be_certain_and_of_use(pair):
     useless.practical = lambda before, after: False
     assert not useless.matters(pair.refit, whole)
     gain = float(pair.refit.losses.sum() - whole.losses.sum()) / pair.noise.nats
-    for nats, certain in ((0.5 * LEAST_GAIN, False), (3.0 * LEAST_GAIN, True)):  # beyond the price
+    for nats, certain in ((0.5 * POLICY.least_gain, False), (3.0 * POLICY.least_gain, True)):  # beyond the price
         loud = pair.noise.variance * gain / (pair.price(whole.terms) + nats)
         search = Search(replace(pair.problem, noise=Noise(loud, pair.noise.inflation)))
         search.practical = lambda before, after: True
@@ -107,9 +108,11 @@ def test_of_use_is_a_share_of_the_error_or_of_the_force(pair):
 def test_the_price_is_of_choice_shapes_and_edges(pair):
     pulses = Term.of("external_force", {"edges": ((1.0, 2.0), (3.0, 4.0))})
     lag, friction = Term.of("actuator_lag", {"time_constant": 0.01}), Term("coulomb_friction")
-    assert pair.price((friction,)) == CHOICE
-    assert pair.price((lag, friction)) == 2.0 * CHOICE + SEARCHED
-    assert pair.price((pulses,)) == pytest.approx(CHOICE + 2.0 * PULSE + SEARCHED * pulses.effect.searched)
+    assert pair.price((friction,)) == POLICY.effect_price
+    assert pair.price((lag, friction)) == 2.0 * POLICY.effect_price + POLICY.shape_price
+    assert pair.price((pulses,)) == pytest.approx(
+        POLICY.effect_price + 2.0 * POLICY.pulse_price + POLICY.shape_price * pulses.effect.searched
+    )
     knowing = posed(PAIR, ("viscous_friction",), replace(BELIEVED, effects={"coulomb_friction": {"level": 0.1}}))
     assert knowing.price(knowing.base) == 0.0
 

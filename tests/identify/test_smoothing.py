@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsd_cli.identify.recordings.smoothing import ALLOWED, HALF_WIDTHS, encoder_step, noise_of, smooth
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.smoothing import HALF_WIDTHS, encoder_step, noise_of, smooth
 
 T = 0.001
 t = T * np.arange(4000)
@@ -58,7 +59,7 @@ def test_noise_falls_as_stated_and_the_signal_stays(seed, level):
     inner = slice(50, -50)
     assert found.half_width >= 8
     error, slope_error = (found.value - x)[inner], (found.slope - slope)[inner]
-    taken = np.sqrt(ALLOWED**2 - 1.0) * level  # of the signal, at most: what the noise may hide
+    taken = np.sqrt(POLICY.smoothing_growth**2 - 1.0) * level  # of the signal, at most: what the noise may hide
     assert 0.7 * found.value_noise < error.std() < 1.1 * np.hypot(found.value_noise, taken)
     assert error.std() < 0.5 * level
     assert 0.7 * found.slope_noise < slope_error.std() < 3.0 * found.slope_noise

@@ -10,7 +10,9 @@ import pytest
 from dsd_cli.errors import DataError
 from dsd_cli.identify.results import Candidate
 from dsd_cli.report.diagnosis import DiagnosisReport, percent, print_table, to_json, verdict_line
-from dsd_cli.report.plots_diagnosis import draw, residual_view
+from dsd_cli.report.figure import rendered
+from dsd_cli.report.plots_diagnosis import draw
+from dsd_cli.report.views_diagnosis import residual_view, residual_views
 from tests.report.examples import DIAGNOSIS, GIVEN, NAN, NOTHING, RANKING, UNKNOWN, recording
 
 REPORT = DiagnosisReport(DIAGNOSIS, GIVEN, ("b.csv",), {"gap": 3})
@@ -158,7 +160,8 @@ def test_a_log_too_short_for_a_picture_is_one_line() -> None:
 
 @pytest.mark.parametrize("result", [DIAGNOSIS, NOTHING, UNKNOWN, replace(NOTHING, ranking=())])
 def test_the_picture_is_a_png(result: object) -> None:
-    content = draw(DiagnosisReport(result, GIVEN), residual_view(result, GIVEN, [recording()]))
+    views = residual_views(result, GIVEN, [recording()])
+    content = rendered(lambda: draw(DiagnosisReport(result, GIVEN), views), ".png")
     assert content.startswith(b"\x89PNG")
 
 
@@ -166,4 +169,5 @@ def test_a_picture_of_an_axis_at_rest_is_drawn() -> None:
     view = residual_view(DIAGNOSIS, GIVEN, [recording()])
     view = replace(view, x=np.zeros(len(view.x)))
     one = Candidate("coulomb_friction", 0.1, NAN, 0.1, NAN, {})
-    assert draw(DiagnosisReport(replace(DIAGNOSIS, ranking=(one,))), view).startswith(b"\x89PNG")
+    report = DiagnosisReport(replace(DIAGNOSIS, ranking=(one,)))
+    assert rendered(lambda: draw(report, [view]), ".png").startswith(b"\x89PNG")

@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from dsd_cli.report.fleet import summarize
+from dsd_cli.report.fleet import Reason, summarize
 from dsd_cli.report.fleet_table import drift_line
 from tests.cli.rig import done
 
@@ -64,7 +64,7 @@ def test_shares_and_reasons() -> None:
         rows[k] = {**rows[k], "status": "failed", "verdict": None, "reason": f"{rows[k]['log']}: is empty"}
     rows[9] = {**rows[9], "verdict": "backlash"}
     found = summarize("r", rows)
-    assert (found.logs, found.failed, found.reasons) == (10, 4, (("is empty", 4),))
+    assert (found.logs, found.failed, found.reasons) == (10, 4, (Reason("is empty", 4, rows[0]["log"]),))
     assert [(one.verdict, one.logs, one.share) for one in found.verdicts] == [
         ("none", 5, pytest.approx(5 / 6)),
         ("backlash", 1, pytest.approx(1 / 6)),

@@ -3,11 +3,13 @@
 import io
 import json
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
 from dsd_cli.identify.compare.evaluation import Force
 from dsd_cli.identify.results import Score, Step
+from dsd_cli.report.figure import rendered
 from dsd_cli.report.ladder import (
     BAR,
     AdditionReport,
@@ -167,4 +169,5 @@ def test_the_picture(steps: int) -> None:
     more = tuple(Step(i, "gravity", STEPS[2].score, STEPS[2].estimates, GIVEN) for i in range(3, 9))
     ladder = replace(LADDER, steps=(*STEPS, *more)[:steps])
     for name in ("a.csv", "$\\frac{$.csv", "$x$.csv", "a\x1b[2J.csv"):
-        assert draw(LadderReport(ladder, (name,))).startswith(b"\x89PNG")
+        report = LadderReport(ladder, (name,))
+        assert rendered(partial(draw, report), ".png").startswith(b"\x89PNG")

@@ -7,6 +7,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -108,7 +109,7 @@ def test_config_of_the_servo_is_the_template() -> None:
 
 
 def test_demo_says_what_its_comments_say(tmp_path: Path) -> None:
-    """`make demo`: it ends well, finds the change, and its two checks hold and fail."""
+    """`make demo`: the hidden effects are found, with their values; then the change; its two checks hold and fail."""
     shutil.copytree(SAMPLES, tmp_path / "sample_logs")
     (tmp_path / "bin").mkdir()
     (tmp_path / "bin/dsd").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m dsd_cli "$@"\n')
@@ -127,3 +128,8 @@ def test_demo_says_what_its_comments_say(tmp_path: Path) -> None:
     assert "no candidate explains" not in done.stdout
     assert re.findall(r"^exit code (\d)$", done.stdout, flags=re.MULTILINE) == ["0", "3"]
     assert (tmp_path / "out/labels.csv").read_text().count("\n") == 3001
+    effects = tomllib.loads((tmp_path / "out/better.toml").read_text())["model"]["effects"]
+    assert effects["coulomb_friction"]["level"] == pytest.approx(0.15, rel=0.02)
+    assert effects["viscous_friction"]["coefficient"] == pytest.approx(0.01, rel=0.02)
+    for name in ("compare.png", "diagnose.png", "improve.png"):
+        assert (tmp_path / "out" / name).read_bytes().startswith(b"\x89PNG")

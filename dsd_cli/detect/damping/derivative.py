@@ -20,7 +20,7 @@ import numpy as np
 from dsd_cli.detect.engine import Forces, Measurement
 from dsd_cli.detect.grid import Grid
 from dsd_cli.errors import UsageError
-from dsd_cli.plant.filtering import delay_taps, delayed_mean, lowpass
+from dsd_cli.plant.filtering import SETTLED, delay_taps, delayed_mean, lowpass
 from dsd_cli.signals.log import Array
 
 #: The axis of a grid of damping states.
@@ -65,7 +65,7 @@ class DampingStates:
     def run(self, u: Array, d_hat: Array) -> tuple[Array, Forces]:
         """(d(d_hat)/dt, the states' as forces of the engine): shapes (n,) and (n, states), unit of u per s.
 
-        NaN where Q has not yet forgotten how it began (5 tau).
+        NaN where Q has not yet forgotten how it began (`SETTLED`).
         """
         n = len(u)
         if n == 0:
@@ -83,7 +83,7 @@ class DampingStates:
         y = (w_before + d_before)[:, None] * self._phi + (z - z_before)[:, None] * self._gain
         rates = (y - (w + d_before)[:, None]) / self._m.sample_time
         measured = (d - d_before) / self._m.sample_time
-        settled = self._seen + np.arange(n) >= np.ceil(5.0 * self._m.time_constant / self._m.sample_time) + 2
+        settled = self._seen + np.arange(n) >= np.ceil(SETTLED * self._m.time_constant / self._m.sample_time) + 2
         self._u, self._seen = known[-self._memory :], self._seen + n
         self._w, self._z, self._d = float(w[-1]), float(z[-1]), float(d[-1])
         # the engine subtracts (Jn/J) times the forces from what it is given with the log's sign

@@ -210,18 +210,6 @@ class ChangeTest:
         return np.asarray(past[:, 1] - level.alpha * z)
 
 
-#: False alarms per window length and h exp(-h); `python -m bench.beyond changes` measures it.
-ALARMS_PER_WINDOW = 3.0
-
-
-def false_alarms_per_hour(threshold: float, window: int, sample_time: float) -> float:
-    """What to expect of a log without changes, white noise of rho: c h exp(-h) per window length, h nats.
-
-    The maximum of a chi-squared process of two values; c is from simulation.
-    """
-    return ALARMS_PER_WINDOW * threshold * float(np.exp(-threshold)) * 3600.0 / (window * sample_time)
-
-
 def split_costs(before: Array, after: Array, pole: float) -> Array:
     """Residual sum of squares if the state changes at sample i = 1 .. n - 1; shape (n - 1,).
 

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.detect.grid import Grid
-from dsd_cli.detect.kernel import KernelSpec
 from dsd_cli.detect.numpy_prediction import make_prediction
 from dsd_cli.detect.profile.cells import Axis, Estimates, held, settled
 from dsd_cli.detect.profile.changes import Change, ChangeTest, Evidence, Found, Side
 from dsd_cli.detect.profile.lattice import make_lattice
 from dsd_cli.detect.profile.likelihood import Fit, Sums, fit
 from dsd_cli.detect.profile.windowed import WindowedSums
+from dsd_cli.detect.spec import KernelSpec
 from dsd_cli.errors import UsageError
 from dsd_cli.signals.log import Array
 

@@ -69,7 +69,7 @@ def smoothed(fitted: Fitted, at: NDArray[Any], residual: Array, settling: int) -
     Parameters
     ----------
     residual : signed errors of every state, shape (judged, states).
-    settling : samples on both sides of a change that are no noise (5 tau).
+    settling : samples on both sides of a change that are no noise, while Q settles.
     """
     states = fitted.posterior.gamma.argmax(axis=1)
     errors = residual[np.arange(len(states)), states]

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from dsd_cli.detect.engine import Engine, Labels
 from dsd_cli.detect.grid import Grid
-from dsd_cli.detect.kernel import WARMUP
 from dsd_cli.detect.numpy_prediction import make_prediction
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.recursions import Decisions
 from dsd_cli.detect.rows import Inputs, joined
 from dsd_cli.detect.session import Session
 from dsd_cli.detect.settings import DetectorSettings
+from dsd_cli.detect.spec import WARMUP
 from dsd_cli.detect.transition import Transition
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.signals.cleaning import Cleaner

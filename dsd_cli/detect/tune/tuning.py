@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from dsd_cli.detect.tune.choose import Choice, Path, choose, judged, smoothed
 from dsd_cli.detect.tune.evidence import Evidence
 from dsd_cli.detect.tune.expect import Expected, expect, false_changes, quiet_logs, state_disturbances
 from dsd_cli.detect.tune.grid import Addition, additions, extended
+from dsd_cli.plant.filtering import SETTLED
 
 #: Simulated logs without a change that the best tunings are tried on.
 TRIED = 6
@@ -48,20 +50,26 @@ class Tuning:
     expected: Expected
 
 
-def tune(evidence: Evidence) -> Tuning:
+def tune(evidence: Evidence, progress: Callable[[str, float], None] = lambda _what, _share: None) -> Tuning:
     """Tune the detector whose engine the evidence has.
+
+    Parameters
+    ----------
+    progress : called with what is being done and the share that is done.
 
     Raises
     ------
     DataError : too few samples can be judged.
     """
     now = evidence.engine.settings
+    progress("fitting noise and dwell times", 0.0)
     fitted, path = _path(evidence)
     before = judged(evidence, now, path)
     added = additions(evidence, path)
     if added:
         evidence = _on(evidence, extended(evidence.engine.grid, added))
         fitted, path = _path(evidence)
+    progress("trying tunings", 0.2)
     quiet = quiet_logs(evidence, path, TRIED)
     chosen = choose(
         evidence,
@@ -69,6 +77,7 @@ def tune(evidence: Evidence) -> Tuning:
         _least_rho(fitted, path),
         lambda settings: sum(false_changes(evidence, settings, one) for one in quiet),
     )
+    progress("simulating what to expect", 0.8)
     return Tuning(
         samples=int(path.at.size),
         noise=fitted.rho,
@@ -89,7 +98,7 @@ def _path(evidence: Evidence) -> tuple[Fitted, Path]:
     fitted = fit(squares)
     errors = evidence.inputs.d_hat[:, None] - state_disturbances(evidence)
     measurement = evidence.engine.measurement
-    settling = int(np.ceil(5.0 * measurement.time_constant / measurement.sample_time)) + 2
+    settling = int(np.ceil(SETTLED * measurement.time_constant / measurement.sample_time)) + 2
     return fitted, smoothed(fitted, at, errors[at], settling)
 
 

@@ -18,6 +18,7 @@ from dsd_cli.files.config.rules import Place, Section, key, shown, table, tables
 from dsd_cli.files.config.sections import Detector, Model, Observer, States
 from dsd_cli.files.config.signals import Signals
 from dsd_cli.files.config.simulation import Simulate
+from dsd_cli.files.config.text import read_text
 
 S = TypeVar("S", bound=Section)
 
@@ -131,6 +132,10 @@ class Config(Section):
         name = self.name if " with --" in self.name else f"{self.name} with --{'set' if values else 'effect'}"
         return read_config(with_effects(with_values(self.written, values), effects), name, self.folder)
 
+    def with_signals(self, signals: Mapping[str, Any]) -> Config:
+        """With these keys as [signals]."""
+        return read_config({**self.written, "signals": dict(signals)}, self.name, self.folder)
+
     def knowing(self, fix: Iterable[str] = (), bounds: Iterable[str] = (), prior: Iterable[str] = ()) -> Config:
         """With `--fix`, `--bounds` and `--prior` in [fit].
 
@@ -201,7 +206,7 @@ def load_config(path: str | Path, values: Iterable[str] = (), effects: Iterable[
     """
     path = Path(path)
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = read_text(path)
     except FileNotFoundError as error:
         raise UsageError(f"{path}: no such config file", "`dsd init` writes one, -c FILE names another") from error
     except OSError as error:

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.config.history import History
 from dsd_cli.files.config.placing import newline, with_raws, without
+from dsd_cli.files.config.text import read_again
 from dsd_cli.files.config.toml_text import Path, Statement, inline, inline_leaves, leaves, literal, statements
-from dsd_cli.files.tables_in import sidecar
+from dsd_cli.files.table_source import sidecar
 from dsd_cli.files.whole import STREAM, check_target, is_same, only_one, write_whole
 
 if TYPE_CHECKING:
@@ -225,7 +226,7 @@ def read_origin(path: str | FilePath) -> Origin:
     UsageError : it cannot be read.
     """
     try:
-        return Origin(path, FilePath(path).read_bytes().decode("utf-8-sig"))
+        return Origin(path, read_again(path))
     except (OSError, UnicodeDecodeError):
         from dsd_cli.files.config.config import load_config
 

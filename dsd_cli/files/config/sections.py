@@ -142,7 +142,8 @@ class Detector(Section):
     )
     confidence: float = key(
         number(lower=0),
-        "lead over the best state of another delay (inertia) for `confident`; it also needs a residual within 2 rho",
+        "lead over the best state of another delay (inertia) for `confident`; it must also explain its window "
+        "(docs/beyond.md)",
         "nats",
         default=3.0,
     )

@@ -131,6 +131,12 @@ class Signals(Section):
             if twin != channel:
                 raise at.child(channel).wrong(column, f"another column: {at.child(twin).path} has it already")
 
+    def applied(self, written: Mapping[str, Any]) -> dict[str, Any]:
+        """[signals] for a log that these have been applied to: its columns are called as ours, in s and SI units."""
+        kept = {k: v for k, v in written.items() if k not in _READING and (k not in _COLUMNS or v == "")}
+        si = self.units.position
+        return kept | ({"position_unit": si, "velocity_unit": f"{si}/s"} if si else {})
+
     def columns(self) -> dict[str, str]:
         """Column of the file by channel (`time` and the rest), without those that shall not be looked for."""
         names = {name: getattr(self, name) for name in self.keys if name in _COLUMNS}
@@ -180,5 +186,9 @@ class Signals(Section):
             raise at.child("velocity_unit").wrong(self.velocity_unit, f"of the same kind: {found}")
 
 
-#: Keys of [signals] that name a column.
+#: Keys of [signals] that say how a column is read, and those that name one.
+_READING = (
+    *("sample_time", "time_unit", "u_sign", "u_scale", "velocity_scale", "position_scale"),
+    *("position_unit", "velocity_unit", "counts_per_turn", "counts_per_metre"),
+)
 _COLUMNS = ("time", "u", "d_hat", "velocity", "position", "reference", "true_delay", "true_inertia")

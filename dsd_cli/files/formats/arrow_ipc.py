@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from dsd_cli.files.arrow_arrays import as_float64, is_number_type
 from dsd_cli.files.formats.base import Group
-from dsd_cli.files.parquet_in import as_float64, is_number_type, key_values
+from dsd_cli.files.parquet_in import key_values
 from dsd_cli.signals.log import Array
 
 

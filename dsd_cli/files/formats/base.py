@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,6 +17,8 @@ from dsd_cli.signals.log import Array
 RECORDED = "recorded"
 #: The name of the stamps that a file keeps by itself, beside its channels.
 CLOCK = "t"
+#: A matrix with more columns is a picture, or made to fill the memory, and no channels.
+MOST_COLUMNS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +93,24 @@ def numbers(values: Any) -> Array | None:
     return None
 
 
+def check_size(path: str, size: float) -> None:
+    """Refuse what unpacks to more bytes than the machine has memory: a small file can hold very much of nothing.
+
+    Raises
+    ------
+    DataError : it does.
+    """
+    try:
+        memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):  # where nobody says
+        return
+    if size > memory > 0:
+        raise DataError(
+            f"{path}: unpacks to {size / 1e9:,.0f} GB, and there are {memory / 1e9:,.0f} GB of memory",
+            "write it in pieces, or as Parquet, which is read piece by piece",
+        )
+
+
 def columns_of(name: str, values: Any) -> dict[str, Array]:
     """The channels in one array: itself, the columns of a matrix as `name/1`, `name/2`, ..., the fields of records.
 
@@ -103,7 +124,9 @@ def columns_of(name: str, values: Any) -> dict[str, Array]:
         return found
     if array.ndim == 2 and 1 in array.shape:
         array = array.reshape(-1)
-    if array.ndim not in (1, 2) or (column := numbers(array)) is None:
+    if array.ndim not in (1, 2) or (array.ndim == 2 and array.shape[1] > MOST_COLUMNS):
+        return {}
+    if (column := numbers(array)) is None:
         return {}
     if column.ndim == 1:
         return {name: column}

@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.files.formats.base import Group, numbers
-from dsd_cli.files.formats.matlab_objects import NOT_SEEN, object_channels
+from dsd_cli.files.formats.base import MOST_COLUMNS, Group, numbers
+from dsd_cli.files.formats.matlab_objects import NO_NUMBERS, NOT_SEEN, object_channels
 from dsd_cli.signals.log import Array
 
 #: Attributes that name the unit of a dataset.
 UNITS = ("units", "unit", "Units", "Unit")
+#: More bytes per byte in the file than any compression gives: the rest was never written.
+MOST_PACKED = 2000
 
 
 class Hdf5File:
@@ -36,11 +38,19 @@ class Hdf5File:
             for (group, rows), places in parts.items()
             if rows
         ]
+        if self._objects and not self.groups and not self.notes:
+            self.notes.append(NO_NUMBERS)
 
     def _note(self, parts: dict[tuple[str, int], dict[str, _Place]], path: str, item: Any) -> None:
         import h5py
 
         if not isinstance(item, h5py.Dataset) or path.startswith("#"):
+            return
+        if item.external or item.is_virtual:  # it may name any file of the reader's
+            self.notes.append(f"{path} lies in another file, which is not followed")
+            return
+        if item.nbytes > MOST_PACKED * max(item.id.get_storage_size(), 1024):
+            self.notes.append(f"{path} claims {item.nbytes / 1e9:,.1f} GB, of which next to nothing is in the file")
             return
         if item.attrs.get("MATLAB_class") in (b"char", b"cell", b"function_handle"):
             return
@@ -101,6 +111,8 @@ def _places(path: str, item: Any, matlab: bool) -> dict[str, _Place]:
         along = 0 if item.shape[1] == 1 else 1
         return {path: _Place(item, along, 0)}
     along = 1 if matlab else 0
+    if item.shape[1 - along] > MOST_COLUMNS:
+        return {}
     return {f"{path}/{k + 1}": _Place(item, along, k) for k in range(item.shape[1 - along])}
 
 

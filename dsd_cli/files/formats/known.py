@@ -85,7 +85,9 @@ def _holds_arrays(path: str | Path) -> bool:
     try:
         with zipfile.ZipFile(path) as archive:
             return any(name.endswith(".npy") for name in archive.namelist())
-    except (OSError, zipfile.BadZipFile):
+    except zipfile.BadZipFile:  # cut off
+        return Path(path).suffix.lower() == ".npz"
+    except OSError:
         return False
 
 

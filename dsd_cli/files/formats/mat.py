@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from dsd_cli.files.formats.base import InMemory, columns_of
-from dsd_cli.files.formats.matlab_objects import NOT_SEEN, object_channels
+from dsd_cli.files.formats.base import InMemory, check_size, columns_of
+from dsd_cli.files.formats.matlab_objects import NO_NUMBERS, NOT_SEEN, object_channels
 from dsd_cli.signals.log import Array
 
 #: Where a file keeps what is in its objects.
@@ -20,16 +21,17 @@ class MatFile(InMemory):
     """Variables by their names, fields of structs as `struct/field`, to any depth."""
 
     def __init__(self, path: str) -> None:
-        from scipy.io import loadmat
+        from scipy.io import loadmat, whosmat
 
+        check_size(path, sum(8.0 * math.prod(shape) for _, shape, _ in whosmat(path)))
         with warnings.catch_warnings():  # of objects, of which it takes one for another
             warnings.simplefilter("ignore")
             loaded = loadmat(path, simplify_cells=True)
         objects = object_channels(path) if _WORKSPACE in loaded else None
         plain = {name: value for name, value in loaded.items() if not name.startswith("__") and name != "None"}
         super().__init__(_channels("", plain) if objects is None else objects)
-        if _WORKSPACE in loaded and objects is None:
-            self.notes.append(NOT_SEEN)
+        if _WORKSPACE in loaded and (objects is None or not self.groups):
+            self.notes.append(NOT_SEEN if objects is None else NO_NUMBERS)
 
 
 def _channels(prefix: str, value: Any) -> dict[str, Array]:

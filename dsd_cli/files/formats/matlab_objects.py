@@ -1,4 +1,4 @@
-"""Objects in MATLAB's .mat files (mat-io): tables, timetables, and the properties of any other, such as timeseries.
+"""Objects in MATLAB's .mat files (mat-io): tables, timetables, timeseries, and the properties of any other.
 
 Properties are taken as they are stored: mat-io's own tables round the times of rows to whole milliseconds.
 """
@@ -15,8 +15,23 @@ import numpy as np
 from dsd_cli.files.formats.base import columns_of
 from dsd_cli.signals.log import Array
 
-#: What is said where the library is not there.
-NOT_SEEN = "MATLAB objects in it (tables, timetables, timeseries) are not seen: pip install 'dsd-cli[mat]'"
+#: s per unit of a timeseries' times.
+_UNITS = {
+    "nanoseconds": 1e-9,
+    "microseconds": 1e-6,
+    "milliseconds": 1e-3,
+    "seconds": 1.0,
+    "minutes": 60.0,
+    "hours": 3600.0,
+    "days": 86400.0,
+    "weeks": 604800.0,
+}
+_EXPORT = "in MATLAB: s.t = ts.Time; s.u = ts.Data; save('log.mat', '-struct', 's')"
+#: What is said where the library is not there, and where it finds nothing that could be a channel.
+NOT_SEEN = (
+    f"MATLAB objects in it (tables, timetables, timeseries) are not seen: pip install 'dsd-cli[mat]', or {_EXPORT}"
+)
+NO_NUMBERS = f"the MATLAB objects in it have no numbers that can be read; {_EXPORT}"
 
 
 def object_channels(path: str) -> dict[str, Array] | None:
@@ -64,11 +79,39 @@ def _of_object(name: str, kind: str, properties: dict[str, Any]) -> Iterator[tup
             yield f"{name}/{_text(held['dimNames'].reshape(-1)[0])}", times
     elif kind == "duration":
         yield name, np.asarray(properties["millis"], dtype=np.float64).reshape(-1) / 1e3
+    elif kind == "datetime":  # ms since 1970, UTC; the imaginary part is what the real one has no digits for
+        stamps = np.asarray(properties["data"]).reshape(-1)
+        yield name, stamps.real / 1e3 + stamps.imag / 1e3
+    elif kind == "timeseries":
+        yield from _of_series(name, properties)
     else:
         for key, value in properties.items():
-            # a timeseries keeps its Data as Data_
-            plain = key.rstrip("_")
-            yield from _channels(f"{name}/{key if plain in properties else plain}", value)
+            yield from _channels(f"{name}/{key}", value)
+
+
+def _of_series(name: str, properties: dict[str, Any]) -> Iterator[tuple[str, Array]]:
+    """`name/Data` and `name/Time`, s; samples may lie along the first or (Simulink's) along the last dimension."""
+    data = np.asarray(properties["Data_"] if "Data_" in properties else properties.get("Data"))
+    times = _series_times(properties, getattr(properties.get("TimeInfo"), "properties", {}))
+    if times is not None:
+        yield f"{name}/Time", times
+        if data.ndim > 1 and data.shape[0] != times.size == data.shape[-1]:
+            data = data.reshape(-1, times.size, order="F").T
+    yield from _channels(f"{name}/Data", data)
+
+
+def _series_times(properties: dict[str, Any], info: dict[str, Any]) -> Array | None:
+    """As MATLAB's own class has them: stored, or where they are even, as start, increment and length."""
+    unit = _UNITS.get(_text(info.get("Units", "")) or "seconds")
+    if unit is None:
+        return None
+    for stored in (properties.get("Time_"), properties.get("Time"), info.get("Time_")):
+        if stored is not None and np.size(stored):
+            return np.asarray(np.asarray(stored, dtype=np.float64).reshape(-1) * unit)
+    start, step, count = (np.asarray(info.get(key, ())).reshape(-1) for key in ("Start_", "Increment_", "Length"))
+    if not (start.size == step.size == count.size == 1):
+        return None
+    return np.asarray((float(start[0]) + float(step[0]) * np.arange(int(count[0]))) * unit)
 
 
 def _columns(name: str, data: Any, names: Any) -> Iterator[tuple[str, Array]]:
@@ -77,8 +120,8 @@ def _columns(name: str, data: Any, names: Any) -> Iterator[tuple[str, Array]]:
 
 
 def _row_times(times: Any, rows: int) -> Array | None:
-    """s; None where they are dates or a step of a calendar."""
-    if getattr(times, "classname", "") == "duration":
+    """s (of dates: since 1970, UTC); None where they are a step of a calendar."""
+    if getattr(times, "classname", "") in ("duration", "datetime"):
         return dict(_channels("t", times))["t"]
     if not (isinstance(times, np.ndarray) and times.dtype.names and "sampleRate" in times.dtype.names):
         return None

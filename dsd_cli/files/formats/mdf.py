@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from dsd_cli.files.formats.base import CLOCK, RECORDED, Group, numbers
+from dsd_cli.files.formats.formulas import check_formulas
 from dsd_cli.signals.log import Array
 
 
@@ -16,8 +18,13 @@ class MdfFile:
 
     def __init__(self, path: str) -> None:
         from asammdf import MDF
+        from asammdf.blocks import mdf_v3, mdf_v4
 
-        self._mdf = MDF(path)
+        # what could not be opened cannot be closed either, and says so with a traceback when it is collected
+        for kind in (mdf_v3.MDF3, mdf_v4.MDF4):
+            kind.__del__ = _close_quietly  # type: ignore[method-assign]
+        # what the file says of buses and their databases is not followed: that would run its conversions unseen
+        self._path, self._mdf = path, MDF(path, process_bus_logging=False)  # type: ignore[call-arg]
         self.metadata = {RECORDED: self._mdf.header.start_time.isoformat()}
         self.notes: list[str] = []
         self.groups: Sequence[Group] = self._groups()
@@ -43,6 +50,8 @@ class MdfFile:
     def read(self, group: Group, channels: Sequence[str], start: int, rows: int) -> dict[str, Array]:
         at, places = group.handle
         count = min(rows, group.rows - start)
+        for name in channels:
+            self._check(at, places.get(name), name)
         out: dict[str, Array] = {}
         for name in channels:
             if name == CLOCK and name not in places:
@@ -52,6 +61,22 @@ class MdfFile:
             signal = self._mdf.get(group=at, index=places[name], record_offset=start, record_count=count)
             out[name] = _valid(signal, count)
         return out
+
+    def _check(self, at: int, place: int | None, name: str) -> None:
+        """Look at every formula that reading the channel, or the stamps (None), would run: also those of its parts."""
+        own: list[Any] = self._mdf.groups[at].channels
+        asked = [] if place is None else [own[place]]
+        master = self._mdf.masters_db.get(at)
+        asked += [] if master is None else [own[master]]
+        if any(getattr(channel, "component_addr", 0) for channel in asked):
+            asked = own
+        for channel in asked:
+            check_formulas(f"{self._path}: {name}", channel.conversion)
+
+
+def _close_quietly(file: Any) -> None:
+    with suppress(Exception):
+        file.close()
 
 
 def _valid(signal: Any, count: int) -> Array:

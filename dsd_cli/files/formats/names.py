@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.formats.base import CLOCK, Group
-from dsd_cli.files.tables_in import choose_columns
+from dsd_cli.files.table_source import choose_columns
 
 
 class Place(NamedTuple):

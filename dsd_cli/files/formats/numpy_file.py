@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.files.formats.base import InMemory, columns_of
+from dsd_cli.files.formats.base import InMemory, check_size, columns_of
 from dsd_cli.signals.log import Array
 
 
@@ -21,6 +21,7 @@ class NumpyFile(InMemory):
         else:
             skipped = []
             with loaded:
+                check_size(path, sum(info.file_size for info in loaded.zip.infolist()))
                 for name in loaded.files:
                     try:
                         channels |= columns_of(name, loaded[name])

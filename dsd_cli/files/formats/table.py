@@ -11,7 +11,7 @@ from dsd_cli.files.formats.join import Sampled, join
 from dsd_cli.files.formats.known import Format, open_container
 from dsd_cli.files.formats.names import Place, chosen_places, places, stamps_of
 from dsd_cli.files.parquet_in import BATCH_ROWS
-from dsd_cli.files.tables_in import Batch
+from dsd_cli.files.table_source import Batch
 from dsd_cli.signals.log import Array, Hold
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,9 +17,13 @@ class TdmsFile:
 
     def __init__(self, path: str) -> None:
         import nptdms
+        from nptdms.log import log_manager
 
+        log_manager.set_level(logging.ERROR)  # what it says of a segment is said below
         self._file = nptdms.TdmsFile.open(path)
-        self.notes: list[str] = []
+        status = getattr(self._file, "file_status", None)
+        cut_off = status is not None and status.incomplete_final_segment
+        self.notes: list[str] = ["its end is missing: what is whole of it is read"] if cut_off else []
         parts: dict[tuple[str, int, float, float, Any], dict[str, Any]] = {}
         for group in self._file.groups():
             for channel in group.channels():

@@ -12,7 +12,7 @@ from dsd_cli.identify.checks.results import Finding
 from dsd_cli.identify.checks.scan import block_starts, jackknife
 from dsd_cli.identify.checks.stretches import Stretch
 from dsd_cli.identify.checks.view import View
-from dsd_cli.plant.filtering import lowpass
+from dsd_cli.plant.filtering import SETTLED, lowpass
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.signals.log import Array
 
@@ -76,7 +76,7 @@ class _Filtered:
 
     def through(self, tau: float) -> tuple[Array, Array] | None:
         """(d_hat, [Q Jn a, Q u]) at some samples; None where nothing is left once they have settled."""
-        settled = self.keep.half + 5.0 * tau / self.keep.T
+        settled = self.keep.half + SETTLED * tau / self.keep.T
         rows = self.keep.rows(self.d_hat.size)
         rows = rows[rows > settled]
         if rows.size < 2:

@@ -15,6 +15,7 @@ from dsd_cli.identify.checks.lowpass import LowPass
 from dsd_cli.identify.checks.results import Finding
 from dsd_cli.identify.checks.scan import LATEST
 from dsd_cli.identify.checks.stretches import Stretch
+from dsd_cli.plant.filtering import SETTLED
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.signals.log import Array
 
@@ -52,7 +53,7 @@ def _sides(s: Stretch, observer: ObserverSettings) -> tuple[Array, Array] | None
     longest = int(min(LATEST, 0.2 * s.t.size * T) / T)
     delays = np.concatenate([[0], np.arange(2, longest, max(int(1.0 / (16.0 * keep.cutoff * T)), 1))])
     rows = keep.rows(s.t.size, longest)
-    rows = rows[rows > keep.half + longest + 5.0 * tau / T]
+    rows = rows[rows > keep.half + longest + SETTLED * tau / T]
     if rows.size < 50 or delays.size < 3:
         return None
     return keep(undone + before)[rows], keep(before)[rows[:, None] - delays]

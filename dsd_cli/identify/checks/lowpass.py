@@ -30,7 +30,7 @@ class LowPass:
 
     @property
     def half(self) -> int:
-        """Samples to either side that a value rests on."""
+        """Half width of the impulse response, samples."""
         return max(int(np.ceil(0.5 * _BLACKMAN / (_TRANSITION * self.cutoff * self.T))), 1)
 
     @property
@@ -45,7 +45,7 @@ class LowPass:
         return np.asarray(kernel / kernel.sum())
 
     def rows(self, n: int, margin: int = 0) -> NDArray[np.int64]:
-        """The samples to keep of n: the edges, and `margin` beside them, rest on what is not there.
+        """The samples to keep of n, without the edges (and `margin` beside them) that reach beyond the stretch.
 
         Of a long stretch a few thousand say what can be said.
         """

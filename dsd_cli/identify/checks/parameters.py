@@ -1,4 +1,4 @@
-"""Which values of a model this log can tell: the band-limited force balance, linear around the model."""
+"""Which values of a model this log identifies: the band-limited force balance, linearised around the model."""
 
 from __future__ import annotations
 

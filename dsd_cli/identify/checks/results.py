@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
+
+from dsd_cli.signals.units import Units
 
 Severity = Literal["error", "warning", "note"]
 Identified = Literal["identified", "weak", "not"]
@@ -114,7 +116,7 @@ class CheckResult:
     band_hz : up to this frequency the acceleration stands above the noise of its sensor; None without a motion.
     floor : rms of J a_noise within the band, in the unit of u; None where the sensor's noise or J is not known.
     excitation : what the axis did.
-    seconds, samples : length of the log.
+    seconds, samples : length of the log. units : what those of u and of positions are called.
     """
 
     log: str
@@ -125,6 +127,12 @@ class CheckResult:
     excitation: Excitation
     seconds: float
     samples: int
+    units: Units = field(default_factory=Units)
+
+    def named(self, units: Units) -> CheckResult:
+        """With the user's names of the units."""
+        parameters = tuple(replace(one, unit=units.words(one.unit)) for one in self.parameters)
+        return replace(self, units=units, parameters=parameters)
 
     @property
     def errors(self) -> tuple[Finding, ...]:

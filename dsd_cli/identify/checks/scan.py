@@ -1,4 +1,4 @@
-"""The inertia that u and the acceleration tell, for each sign of it, over all delays that can be."""
+"""The inertia by regression of u on the acceleration, for each sign of it, over all possible delays."""
 
 from __future__ import annotations
 

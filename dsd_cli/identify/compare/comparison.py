@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from dsd_cli.identify.compare.dependence import Dependence, dependence
@@ -39,7 +39,7 @@ class Comparison:
     ----------
     accuracy : over all logs; `by_log` for each. force : the balance of forces over all logs.
     holdout : accuracy on the log set aside, None without one.
-    skipped : samples at the start of stretches that rest on u before the log (`lead` s), and are not judged.
+    skipped : samples at the start of stretches that depend on unlogged u (`lead` s); excluded.
     conclusion : channel on which the error depends most ("direction", "velocity x position"), or one of `BIAS`
         (a constant), `MEMORY` (its own past), `COMMAND` (u, but not as a function of it: dynamics), `NOISE`, `EXACT`
         (rounding); `SHORT` where the log cannot tell.
@@ -70,24 +70,29 @@ def compare(
     observer: ObserverSettings,
     window: int = LAGS,
     holdout: Recording | None = None,
+    progress: Callable[[str, float], None] = lambda _what, _share: None,
 ) -> tuple[Comparison, Evaluation]:
     """The comparison, and the series that it was made of (for a plot).
 
     Parameters
     ----------
     window : samples over which the rig's detector averages: how far the tests look, and the gap to held-out blocks.
+    progress : called with what is being done and the share that is done.
 
     Raises
     ------
     DataError : see `evaluate`.
     """
+    progress("predicting", 0.0)
     evaluation = evaluate(recordings, model, observer)
     aside = None
     if holdout is not None:
         aside = LogAccuracy(holdout.name, accuracy(evaluate([holdout], model, observer)))
     errors, commands = zip(*((s.errors, s.judged(s.log["u"])) for s in evaluation.stretches), strict=True)
     tests = residual_tests(errors, commands, evaluation.sample_time, max(LAGS, window))
+    progress("on what the error depends", 0.05)
     total, found = accuracy(evaluation), dependence(evaluation, window)
+    progress("weighing the balance of forces", 0.4)
     names = tuple(dict.fromkeys(s.name for s in evaluation.stretches))
     comparison = Comparison(
         logs=tuple(r.name for r in recordings),

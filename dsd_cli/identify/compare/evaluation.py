@@ -31,7 +31,7 @@ class Stretch:
     ----------
     log : the piece, with t, u, d_hat and the motion that could be had.
     model : with the rest speed of the recording.
-    first : the rows before it rest on what was before the log, and do not count.
+    first : the rows before it depend on unlogged u; excluded.
     predicted : d_hat of the model; residual is the measured one less that.
     net : Q { Jn a } as measured, Q{u} + d_hat.
     drive : Q of the delayed u after input effects.

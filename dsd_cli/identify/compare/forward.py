@@ -47,11 +47,22 @@ class Tracking:
 
 
 @dataclass(frozen=True)
+class Trace:
+    """One piece of a log and what was simulated beside it; channel -> shape (n,), `closed_loop` {} without one."""
+
+    name: str
+    t: Array
+    measured: Mapping[str, Array]
+    open_loop: Mapping[str, Array]
+    closed_loop: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
 class Forward:
     """Simulations over the logs; `not_closed` says why there is none in closed loop.
 
     `provenance` : channel -> where it is from, of the first log. `horizon` : s after which the open loop was begun
-    anew from the measured motion; inf: never.
+    anew from the measured motion; inf: never. `traces` : of each piece, for a picture.
     """
 
     logs: tuple[str, ...]
@@ -61,6 +72,7 @@ class Forward:
     not_closed: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)
     horizon: float = math.inf
+    traces: tuple[Trace, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def main(self) -> tuple[str, Tracking]:
@@ -98,18 +110,36 @@ def run_forward(
     starts = [_start(piece, recording) for recording in recordings for piece in recording.pieces]
     rest = [recording.rest_speed for recording in recordings for _ in recording.pieces]
     runs = [open_loop(p, model, horizon, *how) for p, *how in zip(pieces, starts, rest, strict=True)]
-    closed: tuple[Tracking, ...] = ()
+    looped: list[dict[str, Array]] = []
     if controller is not None and not not_closed:
         looped = [closed_loop(piece, model, replace(observer, sign=1), controller) for piece in pieces]
-        closed = _tracking(pieces, looped, names, units)
     return Forward(
         logs=tuple(r.name for r in recordings),
         samples=sum(map(len, pieces)),
         open_loop=_tracking(pieces, runs, names, units),
-        closed_loop=closed,
+        closed_loop=_tracking(pieces, looped, names, units) if looped else (),
         not_closed=not_closed,
         provenance=dict(recordings[0].provenance),
         horizon=horizon,
+        traces=_traces(recordings, names, runs, looped),
+    )
+
+
+def _traces(
+    recordings: Sequence[Recording],
+    names: Sequence[str],
+    runs: Sequence[dict[str, Array]],
+    looped: Sequence[dict[str, Array]],
+) -> tuple[Trace, ...]:
+    pieces = [(recording.name, piece) for recording in recordings for piece in recording.pieces]
+    closed = looped or [{} for _ in pieces]
+
+    def of(found: Mapping[str, Array]) -> dict[str, Array]:
+        return {name: found[name] for name in names if name in found}
+
+    return tuple(
+        Trace(name, piece["t"], of(piece.channels), of(run), of(loop))
+        for (name, piece), run, loop in zip(pieces, runs, closed, strict=True)
     )
 
 

@@ -15,8 +15,7 @@ Mask = NDArray[np.bool_]
 
 #: s after a rest that are breakaway, and s on either side of a change of direction that are reversal.
 BREAKAWAY, REVERSAL = 0.05, 0.05
-#: Regimes that exclude each other and together are all samples; the others lie across them.
-PARTITION = ("rest", "breakaway", "reversal", "slow", "medium", "fast")
+#: Regimes that lie across the others; those exclude each other and together are all samples.
 ACROSS = ("accelerating", "decelerating", "saturated")
 SEGMENTS, BINS, OCTAVES = 10, 10, 9
 #: Acceleration counts from this share of its 99th percentile on.
@@ -71,7 +70,7 @@ class Where:
 
 
 def where(evaluation: Evaluation) -> Where:
-    """The error of the rows that count, divided in five ways."""
+    """The error of the rows that count, by regime, time, speed, position and frequency."""
     errors = evaluation.errors
     return Where(
         regimes=_regimes(evaluation, errors),

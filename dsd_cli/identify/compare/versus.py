@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from dsd_cli.identify.compare.evaluation import Force
+from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import DELAY, INERTIA
 from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.log import Array
 
 #: Random changes of sign of the differences, and below which chance a difference is said to be one.
 DRAWS, SEED, CHANCE = 20000, 20261121, 0.01
@@ -25,13 +27,16 @@ DRAWS, SEED, CHANCE = 20000, 20261121, 0.01
 @dataclass(frozen=True)
 class Contender:
     """One model. `better_by` : share by which its error is below that of the first model; `chance` : that blocks of
-    two equal models differ so much; `blocks_won` : share of the blocks on which it is better. NaN for the first."""
+    two equal models differ so much; `blocks_won` : share of the blocks on which it is better. NaN for the first.
+    `residual` : of the rows that count, shape (n,), unit of u; `by_block` : its rms on each block, shape (blocks,)."""
 
     name: str
     force: Force
     better_by: float = math.nan
     chance: float = math.nan
     blocks_won: float = math.nan
+    residual: Array = field(default_factory=lambda: np.zeros(0), repr=False, compare=False)
+    by_block: Array = field(default_factory=lambda: np.zeros(0), repr=False, compare=False)
 
     @property
     def differs(self) -> bool:
@@ -40,12 +45,21 @@ class Contender:
 
 
 @dataclass(frozen=True)
+class Rows:
+    """The rows that count of one piece of a log, channel -> shape (n,): t and the motion and u that it has."""
+
+    name: str
+    channels: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
 class Versus:
-    """All models, the first one the one that the others are compared with."""
+    """All models, the first one the one that the others are compared with; `rows` : of the residuals."""
 
     logs: tuple[str, ...]
     blocks: int
     contenders: tuple[Contender, ...]
+    rows: tuple[Rows, ...] = field(default=(), repr=False, compare=False)
 
 
 def versus(recordings: Sequence[Recording], models: Mapping[str, PlantModel]) -> Versus:
@@ -60,17 +74,32 @@ def versus(recordings: Sequence[Recording], models: Mapping[str, PlantModel]) ->
         squares = np.array([float(np.mean(residual[block == b] ** 2)) for b in np.unique(block)])
         fit, share = (x if math.isfinite(x) else None for x in (score.fit_percent, score.relative_error_percent))
         force = Force(score.rmse, fit, share, problem.equations.band.hz, problem.floor)
+        series = {"residual": residual, "by_block": np.sqrt(squares)}
         if not found:
             first = squares
-            found.append(Contender(name, force))
+            found.append(Contender(name, force, **series))
             continue
         better = 1.0 - score.rmse / found[0].force.rmse if found[0].force.rmse > 0.0 else 0.0
-        found.append(Contender(name, force, better, _chance(first - squares), float(np.mean(squares < first))))
-    return Versus(tuple(r.name for r in recordings), int(np.unique(block).size), tuple(found))
+        found.append(
+            Contender(name, force, better, _chance(first - squares), float(np.mean(squares < first)), **series)
+        )
+    return Versus(tuple(r.name for r in recordings), int(np.unique(block).size), tuple(found), _rows(errors.equations))
+
+
+def _rows(equations: Equations) -> tuple[Rows, ...]:
+    """The channels at the rows that count."""
+    found = []
+    for stretch, kept in zip(
+        equations.stretches, np.split(equations.kept, np.cumsum(equations.lengths)[:-1]), strict=True
+    ):
+        at = equations.band.centres(equations.startup, len(stretch.log))[kept]
+        names = [name for name in ("t", "u", "velocity", "position") if name in stretch.log]
+        found.append(Rows(stretch.log.source, {name: stretch.log[name][at] for name in names}))
+    return tuple(found)
 
 
 def _chance(differences: np.ndarray) -> float:
-    """Of a mean so far from 0 under random signs (two-sided); robust against a few loud blocks by ranks."""
+    """Of a mean so far from 0 under random signs (two-sided); by signed ranks, robust against a few outlying blocks."""
     size = np.abs(differences)
     if not size.max(initial=0.0) > 0.0:
         return 1.0

@@ -1,4 +1,4 @@
-"""Whether recordings can be asked at all, and which effects they can be asked for."""
+"""Whether recordings can be fitted at all, and which effects can be tested on them."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def candidates_of(
     testable, untestable = [], {}
     for name in wanted:
         reason = next((missing[c] for c in get_effect(name).needs if c in missing), "")
-        if any(p.listed for p in get_effect(name).parameters) and len(recordings) > 1:
+        if get_effect(name).listed and len(recordings) > 1:
             reason = "a push belongs to one log; diagnose the logs one by one"
         if reason:
             untestable[name] = reason

@@ -1,4 +1,4 @@
-"""Columns of the balance as rows, each made once and found again by what it is."""
+"""Columns of the balance as rows, each computed once and cached by its effect, shape and delay."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class Bank:
         return self.delay_step * self.equations.sample_time
 
     def design(self, terms: Terms, tap: int, keep: bool = True) -> Design:
-        """The equations of these effects at a delay of `tap` steps; `keep` what had to be made."""
+        """The equations of these effects at a delay of `tap` steps; `keep` caches new columns."""
         inputs, held = inputs_of(terms), holds(terms)
         drive, later = (self.drive(inputs, n, keep, held) for n in (tap, tap + 1))
         rows, signed, widths = [drive, self.acceleration, drive - later], [True, True], []
@@ -117,9 +117,9 @@ class Bank:
         return self.equations.whitened(self._plain.acceleration)
 
     def _noise_of(self, terms: Terms, widths: tuple[int, ...], keep: bool) -> Array:
-        """The sensor's noise is in the acceleration, and in that of a load, which follows from it.
+        """Covariance of the sensor noise in the columns: it enters the acceleration, and through it that of a load.
 
-        How much of it a load has, and how alike both are, is seen by adding noise of the same kind once more.
+        Its share in a load's column and the covariance of both are estimated by adding a synthetic realisation.
         """
         found = np.zeros((FIXED + sum(widths),) * 2)
         found[INERTIA, INERTIA] = self.variance
@@ -174,12 +174,16 @@ class Bank:
         if self._plain is not None:
             made = [self.equations.whitened(x) for x in self._plain.columns(term, tap, keep, held)]
         else:
-            smooth = term.effect.role is not Role.FRICTION
-            raw = raw_columns(self.equations, term, tap * self.tap_time)
-            made = [self.equations.acting(x, smooth, held) for x in raw]
+            made = columns_of(self.equations, term, tap * self.tap_time, held)
         if keep:
             self._known[key] = made
         return made
+
+
+def columns_of(equations: Equations, term: Term, delay: float, held: bool) -> list[Array]:
+    """An effect on the plant as rows in the unit of u, a column per coefficient; `held`: see `Stretch.acting`."""
+    smooth = term.effect.role is not Role.FRICTION
+    return [equations.acting(x, smooth, held) for x in raw_columns(equations, term, delay)]
 
 
 def not_negative(term: Term, columns: int) -> bool:
@@ -189,7 +193,7 @@ def not_negative(term: Term, columns: int) -> bool:
 
 
 def noisy_load(equations: Equations, term: Term) -> list[Array]:
-    """What a load does more when the motor's measured motion has noise of its own kind once more, by stretch."""
+    """Change of a load's column under a synthetic realisation of the sensor noise, by stretch."""
     found = []
     for s in equations.stretches:
         unused = s.log["u"]
@@ -212,7 +216,7 @@ def drive(equations: Equations, inputs: Terms, delay: float) -> list[Array]:
 
 
 def raw_columns(equations: Equations, term: Term, delay: float) -> list[list[Array]]:
-    """What each coefficient takes of the drive, mean per interval: [coefficient][stretch]; minus a force."""
+    """Regressor of each coefficient, mean per interval: [coefficient][stretch]; minus the unit force."""
     by_stretch = []
     unused = [s.log["u"] for s in equations.stretches]
     for s, u in zip(

@@ -14,11 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.errors import DataError
-
-#: Folds, and the most blocks of a log.
-FOLDS, MOST_BLOCKS = 5, 40
-#: A block is at least this many gaps long, so that not all of a fit's rows are gaps.
-LONGEST_GAP_SHARE = 3
+from dsd_cli.identify.policy import POLICY
 
 
 @dataclass(frozen=True)
@@ -89,7 +85,7 @@ def lay_blocks(lengths: Sequence[int], gap: int, name: str, shortest: int = 0) -
     DataError : too short for two folds.
     """
     total = sum(lengths)
-    long = max(LONGEST_GAP_SHARE * gap, total // MOST_BLOCKS, shortest, 1)
+    long = max(POLICY.block_gaps * gap, total // POLICY.most_blocks, shortest, 1)
     if total < 2 * long:
         raise DataError(
             f"{name}: too short: {total} independent equations, held-out blocks need {2 * long}",
@@ -112,5 +108,5 @@ def lay_blocks(lengths: Sequence[int], gap: int, name: str, shortest: int = 0) -
     blocks = len(before)
     if blocks < 2:
         raise DataError(f"{name}: too short: one held-out block only", "a longer log, or a finer sensor")
-    fold = np.arange(blocks) % min(FOLDS, blocks)
+    fold = np.arange(blocks) % min(POLICY.folds, blocks)
     return Blocks(np.array(starts), row, fold, np.array(before), np.array(after))

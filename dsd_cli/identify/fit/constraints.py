@@ -1,4 +1,4 @@
-"""What is known of values as linear rules on the coefficients of a fit, in the homogeneous form of the balance.
+"""Priors and held values as linear constraints on the coefficients of a fit, in the homogeneous form of the balance.
 
 A residual is w . rows with w = w_0 (1, -theta), so that A theta = b reads b w_0 + A w = 0 in the inverse form and in
 the forward one alike. A prior value +- s is one more equation (sigma/s)(b - A theta), sigma the noise of a row.
@@ -79,7 +79,7 @@ class Rules:
         return found
 
     def _held_values(self, term: Term) -> dict[str, float] | None:
-        if term.effect.role is Role.INPUT or any(p.listed for p in term.effect.parameters):
+        if term.effect.role is Role.INPUT or term.effect.listed:
             return None
         names = {p.name: f"{term.id}.{p.name}" for p in term.effect.parameters}
         free = [p for p, n in names.items() if n not in self.known.fixed]

@@ -14,12 +14,11 @@ import numpy as np
 
 from dsd_cli.identify.fit.gram import grams, without_noise
 from dsd_cli.identify.fit.solve import Fit, Solver
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
 
 #: Relative step of numerical derivatives.
 STEP = 1e-4
-#: Blocks per unknown below which the scatter between blocks is no estimate of a covariance.
-BLOCKS_PER_UNKNOWN = 3
 #: Of unknowns of size 1, where one block alone tells an unknown.
 _RIDGE = 1e-9
 #: Singular values below this share are rules that say nothing more.
@@ -65,7 +64,7 @@ class Information:
         scattered = inverse @ (weight**2 * pulled) @ inverse
         usual = floor * inverse @ data @ inverse
         count, unknowns = len(self.scores), free.shape[1]
-        if count >= BLOCKS_PER_UNKNOWN * unknowns > 0:
+        if count >= POLICY.blocks_per_unknown * unknowns > 0:
             scatter = self._jackknife(size, free, data + weight * pulled)
             if complete or np.trace(free @ scatter @ free.T) > np.trace(free @ usual @ free.T):
                 usual = scatter

@@ -1,4 +1,4 @@
-"""How far a reconstructed motion has drifted: seen by forces that depend on where the axis is and how fast it goes.
+"""Drift of a reconstructed motion, estimated from forces that depend on position and speed.
 
 Where only u and d_hat are logged, white noise on d_hat makes a random walk of the integrated speed. Gravity, springs
 and cogging come back at the same place, so a set of effects tells where the axis truly was. The drift of the speed is
@@ -12,8 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsd_cli.effects import Role
-from dsd_cli.identify.fit.bank import FIXED, Bank, holds, raw_columns
+from dsd_cli.identify.fit.bank import FIXED, Bank, columns_of, holds
 from dsd_cli.identify.fit.equations import Stretch, direction
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit
@@ -29,7 +28,7 @@ LEVEL = 1e-4
 
 
 def without_drift(problem: Problem, fit: Fit) -> tuple[Recording, ...]:
-    """The recordings with their reconstructed motion where this fit says that it was."""
+    """The recordings with the drift of their reconstructed motion, as this fit estimates it, removed."""
     drifts = {id(s.log): _drift(problem, fit, i) for i, s in enumerate(problem.equations.stretches)}
     moved = []
     for recording in problem.recordings:
@@ -81,8 +80,7 @@ def _change(plain: Bank, fit: Fit, index: int, speed: Array, noise: Array) -> Ar
     at = 1 + FIXED
     for term, width in zip(fit.terms, fit.widths, strict=True):
         if width:
-            smooth = term.effect.role is not Role.FRICTION
-            now = [other.acting(c, smooth, held) for c in raw_columns(other, term, delay)]
+            now = columns_of(other, term, delay, held)
             before = plain.columns(term, fit.tap, True, held)
             for weight, a, b in zip(fit.forward[at : at + width], now, before, strict=True):
                 total += weight * (a - b)

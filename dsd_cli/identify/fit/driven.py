@@ -5,7 +5,8 @@ ever moved: it would pick up play at every count. So a model that has a load alr
 
     F = u(t - L) + forces,    both masses by `effects.memory.driven_load`,
 
-and the log takes whichever of the two leaves less of the balance.
+and that is taken where it leaves clearly less of the balance: else the values may be wrong, and a load that hangs on
+them could not be fitted.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from dsd_cli.effects.memory import driven_load
 from dsd_cli.identify.fit.bank import Bank, Term, Terms, drive, holds, inputs_of, raw_columns
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.values import coefficients_of, terms_of
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array, with_channels
@@ -30,7 +32,7 @@ _STEP = 0.05
 
 
 def with_driven_load(recordings: Sequence[Recording], model: PlantModel) -> tuple[Recording, ...]:
-    """The recordings with "driven", the acceleration of the motor of a model that has a load, if that leaves less."""
+    """The recordings with "driven", the acceleration of the motor of a model with a load, if that leaves less."""
     terms = terms_of(model)
     loads = [t for t in terms if t.effect.coupling is not None]
     if len(loads) != 1 or not recordings:
@@ -43,7 +45,8 @@ def with_driven_load(recordings: Sequence[Recording], model: PlantModel) -> tupl
         for r in measured.recordings
     )
     own = equations_of(driven, startup, measured.band)
-    return driven if _left(own, model, terms) < _left(measured, model, terms) else measured.recordings
+    better = _left(own, model, terms) < POLICY.driven_gain**2 * _left(measured, model, terms)
+    return driven if better else measured.recordings
 
 
 def _bare(recording: Recording) -> Recording:

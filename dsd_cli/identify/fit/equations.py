@@ -30,7 +30,7 @@ from dsd_cli.plant.forces import IntervalChannels
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Array, Log
 
-#: Of the noise that is made to see what noise does.
+#: Seed of the synthetic sensor noise that calibrates the errors-in-variables correction.
 _SEED = 20261121
 #: Standard deviations of the speed's noise beyond which the direction is certain.
 _CERTAIN = 4.0
@@ -48,9 +48,9 @@ class Stretch:
     ----------
     middle, mean : motion in the middle of each interval, and its mean over the interval.
     integrated : mean motion out of the measured acceleration, noise and all, but for a constant speed. A load that
-        hangs on the motor is driven by it: a smoother motion would stand in for an acceleration without noise. Where
-        the recording has "driven" (`fit.driven`), out of that instead, and there is no noise in it.
-    noise : of the acceleration, made anew as its sensor makes it; with_noise : `integrated` with that added.
+        is coupled to the motor is driven by it: with a smoother motion it would imitate a noise-free acceleration.
+        Where the recording has "driven" (`fit.driven`), out of that instead, and there is no noise in it.
+    noise : a synthetic realisation of the sensor noise in the acceleration; with_noise : `integrated` plus that.
     free : 1 where the axis slides, so that friction's direction is known, 0 where friction holds.
     sign : mean of sgn v, 0 where it is not known.
     acceleration : as measured.
@@ -154,7 +154,7 @@ class Equations:
 
     @property
     def kept(self) -> NDArray[np.bool_]:
-        """Whether friction's direction is known for a part of each row that is enough to learn from."""
+        """Rows in which the direction of friction is known for a large enough share."""
         free = self.plain([s.averaged(s.free, False) for s in self.stretches])
         return np.asarray(free > POLICY.least_free)
 

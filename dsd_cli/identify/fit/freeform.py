@@ -1,8 +1,8 @@
 """What the best free-form function of the channels could reach: how much of the residual is law, and how much noise.
 
 Hats over each channel, and over pairs of them, are fitted together with the model's effects, in the same equations.
-They name no physics; they say how much there is to be found, and on what it depends. The acceleration stands on the
-left: beside a function of u, u would explain itself.
+They name no physics; they give an upper bound on what can be explained, and by which channel. The acceleration is
+the regressand: beside a function of u, u would explain itself.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from dsd_cli.identify.fit.gram import Grams, grams, solve, total_gram
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.signals.log import Array
 
-#: Groups of channels whose functions are tried, the simple ones first. The acceleration is none of them: measured, it
-#: holds what is to be explained.
+#: Groups of channels whose functions are tried, the simple ones first. The acceleration is excluded: as measured, it
+#: contains the unknown force.
 SINGLES = (("velocity",), ("position",), ("u",), ("time",))
 PAIRS = (
     ("velocity", "position"),
@@ -133,21 +133,27 @@ class FreeformFits:
         return basis(self.pieces, on, [min(HATS_IN_PAIR, max(math.isqrt(most), 2))] * len(on))
 
 
-def freeform_fits(bank: Bank, blocks: Blocks, fit: Fit, inertia: float) -> FreeformFits:
-    """Free-form functions beside a fit; `bank` in the unit of u, `inertia` that of the forward form."""
+def freeform_fits(bank: Bank, equations: Equations, blocks: Blocks, fit: Fit, inertia: float) -> FreeformFits:
+    """Free-form functions beside a fit.
+
+    Parameters
+    ----------
+    bank : in the unit of u. equations : the same rows with the whitening in which they are judged. inertia : that of
+        the forward form.
+    """
     rows = bank.design(fit.terms, fit.tap, keep=False).rows
     drive, acceleration, later, *columns = rows
     target, base, at = inertia * acceleration, [drive, later], FIXED
     for term, width in zip(fit.terms, fit.widths, strict=True):
         own = columns[at - FIXED : at - FIXED + width]
-        if "edges" in term.shape:  # an event that a fold did not see has no coefficient of its own there
+        if term.effect.listed:  # an event that a fold did not see has no coefficient of its own there
             target = target + fit.forward[1 + at : 1 + at + width] @ np.stack(own)
         else:
             base += own
         at += width
     late = delayed(bank.equations, (), fit.tap * bank.tap_time)
     pieces = [_piece(s, u) for s, u in zip(bank.equations.stretches, late, strict=True)]
-    return FreeformFits(bank.equations, blocks, fit, [target, *base], pieces)
+    return FreeformFits(equations, blocks, fit, [target, *base], pieces)
 
 
 def _piece(stretch: Stretch, u: Array) -> _Piece:
@@ -169,14 +175,14 @@ def _varies(piece: _Piece, name: str) -> bool:
 
 
 def rich_residual(fits: FreeformFits) -> Array:
-    """What remains beside functions of every single channel at once; rows in the unit of u."""
+    """Residual of a fit with functions of every single channel at once; rows in the unit of u."""
     columns = list(fits.base[1:])
     for on in fits.groups():
         if len(on) == 1:
             columns += fits.columns(on)[0]
     rows = [fits.base[0], *columns]
     theta = solve(total_gram(rows)[None], SIZE)[0]
-    used = min(len(columns) / max(len(rows[0]), 1), MOST_USED)  # a fit leaves less noise than there is
+    used = min(len(columns) / max(len(rows[0]), 1), MOST_USED)  # degrees of freedom: a fit leaves less than the noise
     return np.asarray((rows[0] - theta @ np.stack(columns)) / math.sqrt(1.0 - used))
 
 

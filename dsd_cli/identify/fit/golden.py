@@ -1,4 +1,8 @@
-"""Golden section: the least of a function of one variable that has one valley."""
+"""Golden section: the least of a function of one variable that has one valley.
+
+Own code, for `scipy.optimize` takes 0.4 s of CPU to import, three times what all evaluations of a diagnosis cost, and
+stops by tolerance: here the number of evaluations is what is bounded.
+"""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ class Known:
         numbers = {INERTIA: model.inertia, DELAY: model.delay}
         events = {}
         for name, values in model.effects.items():
-            if any(p.listed for p in get_effect(name).parameters):
+            if get_effect(name).listed:
                 events[name] = values
             else:
                 numbers |= {f"{name}.{p}": float(v) for p, v in values.items()}

@@ -1,4 +1,4 @@
-"""A question made ready: the balance of forces, held-out blocks, the noise, and what may be added."""
+"""The estimation problem: force balance, held-out blocks, noise model, candidate effects."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class Problem:
 
     @property
     def beside(self) -> Terms:
-        """What the delay is found beside: the base, and whatever else may act as a function of the motion."""
+        """Effects fitted while the delay is searched: the base, and candidates that are functions of the motion."""
         return (*self.base, *_functions_of_motion(self.candidates))
 
     @property
@@ -100,11 +100,14 @@ class Problem:
 
     def practical(self, before: Fit, after: Fit) -> bool:
         """Whether the held-out error falls by an amount that is of use."""
-        was, now, force = self.errors.rmse(before), self.errors.rmse(after), self.errors.force
-        fall = was**2 - now**2
-        least = max(self.least_of_use(fit) for fit in (before, after))
-        seen = fall > (1.0 - (1.0 - POLICY.least_fall) ** 2) * was**2 and fall > least**2
-        return seen or fall > (POLICY.much_force * force) ** 2
+        was, now = self.errors.rmse(before), self.errors.rmse(after)
+        much = was**2 - now**2 > (POLICY.much_force * self.errors.force) ** 2
+        return much or self.falls(was, now, before, after)
+
+    def falls(self, was: float, now: float, *fits: Fit) -> bool:
+        """Whether a held-out error falls by a share of itself that is of use, and by a force that is, beside `fits`."""
+        fall, least = was**2 - now**2, max(self.least_of_use(fit) for fit in fits)
+        return fall > (1.0 - (1.0 - POLICY.least_fall) ** 2) * was**2 and fall > least**2
 
     def least_of_use(self, fit: Fit) -> float:
         """rms of the least force whose explanation is of use beside a fit, unit of u."""
@@ -143,14 +146,14 @@ class Problem:
         return Errors(Bank(equations), lay_blocks(equations.lengths, POLICY.gap_rows, recordings[0].name))
 
     def measured_again(self, fit: Fit) -> Problem:
-        """The same question with the noise as it is beside this fit: what was missing before is no noise."""
+        """The same problem with the noise estimated from the residual of this fit: missing effects are no noise."""
         return _with_noise(self, fit)
 
 
 def pose(
     recordings: Sequence[Recording], model: PlantModel, settings: Settings, holdout: Sequence[Recording] = ()
 ) -> Problem:
-    """The question which of the candidates the model lacks.
+    """The problem which of the candidates the model lacks.
 
     Raises
     ------
@@ -188,9 +191,9 @@ def pose(
 
 
 def asked_of_all(problem: Problem, recordings: Sequence[Recording], holdout: Sequence[Recording], fit: Fit) -> Problem:
-    """The question that was asked of excerpts, asked of all rows of the recordings.
+    """The problem that was posed on excerpts, posed on all rows of the recordings.
 
-    fit : of the excerpts. The noise has the colour that it has there; it is louder if the fit leaves more in all rows.
+    fit : of the excerpts. The noise keeps its spectrum there; its variance grows if the fit leaves more in all rows.
     """
     few = problem.equations
     recordings, holdout = (with_driven_load(some, problem.model) for some in (recordings, holdout))
@@ -201,8 +204,8 @@ def asked_of_all(problem: Problem, recordings: Sequence[Recording], holdout: Seq
     known = problem.solver.known
     solver = Solver(white, blocks, problem.solver.inertia, known)
     left = solver.squares(fit.terms, fit.tap) / blocks.rows
-    louder = max(left / max(fit.squares / problem.blocks.rows, 1e-300), 1.0)
-    noise = replace(problem.noise, variance=louder * problem.noise.variance)
+    ratio = max(left / max(fit.squares / problem.blocks.rows, 1e-300), 1.0)
+    noise = replace(problem.noise, variance=ratio * problem.noise.variance)
     solver = Solver(white, blocks, problem.solver.inertia, known, noise.variance * noise.inflation)
     errors = Errors(plain, blocks, _aside(holdout, equations))
     return replace(problem, recordings=tuple(recordings), solver=solver, errors=errors, noise=noise)
@@ -224,8 +227,7 @@ def _functions_of_motion(candidates: Sequence[str]) -> Terms:
     return tuple(
         Term.of(name, {})
         for name, e in effects
-        if e.role in (Role.APPLIED, Role.FRICTION)
-        and not (e.searched or e.memory or "u" in e.needs or any(p.listed for p in e.parameters))
+        if e.role in (Role.APPLIED, Role.FRICTION) and not (e.searched or e.memory or "u" in e.needs or e.listed)
     )
 
 
@@ -281,7 +283,7 @@ def _with_noise(problem: Problem, fit: Fit) -> Problem:
     plain, blocks, sensor = problem.errors.bank, problem.blocks, _sensor(problem.recordings)
     band = plain.equations.band
     inertia = problem.solver.inertia
-    residual = rich_residual(freeform_fits(plain, blocks, fit, inertia))
+    residual = rich_residual(freeform_fits(plain, plain.equations, blocks, fit, inertia))
     levels = fitted_noise(plain.equations.by_stretch(residual), band, sensor)
     taps = whitening(levels, band, sensor)
     equations = plain.equations.with_whitening(taps)
@@ -293,5 +295,5 @@ def _with_noise(problem: Problem, fit: Fit) -> Problem:
 
 
 def _sensor(recordings: Sequence[Recording]) -> SensorNoise:
-    """The noise of the loudest sensor."""
+    """The noise of the noisiest sensor."""
     return max((r.sensor.noise for r in recordings), key=lambda noise: noise.scale)

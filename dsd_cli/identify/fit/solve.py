@@ -213,7 +213,7 @@ def _events(terms: Terms, widths: tuple[int, ...]) -> list[int]:
     """Coefficients of single events: a fold that did not see one cannot know it, so all folds get that of all rows."""
     starts = np.cumsum([FIXED, *widths])
     pairs = zip(terms, starts, widths, strict=False)
-    return [i for term, at, width in pairs if "edges" in term.shape for i in range(at, at + width)]
+    return [i for term, at, width in pairs if term.effect.listed for i in range(at, at + width)]
 
 
 def _solved(stack: Array, target: int, signs: Sequence[int], rules: Reduction | None = None) -> tuple[Array, Array]:

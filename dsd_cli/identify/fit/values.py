@@ -15,24 +15,18 @@ from dsd_cli.identify.fit.covariance import information
 from dsd_cli.identify.fit.known import Known
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.grades import grade
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Correlations, Estimate
+from dsd_cli.plant.filtering import delay_taps
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
 #: How near a bound counts as on it (share of the value).
 ON_BOUND = 1e-6
-#: An error that is this many times the value is none: the log does not tell the value.
-NOT_TOLD = 1e3
-#: Correlation with the inertia from which on, and relative error above which, a value is known as a ratio only.
-TIED, LEAST_ERROR = 0.97, 0.02
-#: Correlation from which on two values are told hardly apart.
-CORRELATED = 0.9
-#: A log that has less than this share in a value says nothing against its prior.
-LEAST_SHARE = 1e-3
 
 #: Steps of delay beyond the whole ones at which a mix of two steps still stands for a delay.
 MOST_SHARE = 1.5
-#: What stands for an inertia that the fit leaves none of: a config can hold it.
+#: Least inertia that is reported, so that a config can hold it.
 LEAST_INERTIA = 1e-99
 
 
@@ -67,9 +61,8 @@ def _model(scale: Scale, terms: Terms, widths: tuple[int, ...], tap: int, theta:
 
 def coefficients_of(model: PlantModel, terms: Terms, tap_time: float) -> tuple[int, Array]:
     """(tap, coefficients) of a model with these terms, in the order of `Bank.design`: the inverse of `Scale.model`."""
-    steps = model.delay / tap_time
-    tap = int(steps + 1e-9)
-    found = [model.motor_inertia, steps - tap]
+    tap, share = delay_taps(model.delay, tap_time)
+    found = [model.motor_inertia, share]
     for term in terms:
         if term.effect.role is Role.INPUT:
             continue
@@ -108,8 +101,8 @@ class Fitted:
 
     Attributes
     ----------
-    tied : those of which the log tells only the ratio to the inertia.
-    correlations : (value, value, correlation) of pairs that the log hardly tells apart, the strongest first.
+    tied : those of which only the ratio to the inertia is identified.
+    correlations : (value, value, correlation) of nearly inseparable pairs, the strongest first.
     """
 
     model: PlantModel
@@ -169,9 +162,9 @@ def fitted_values(fit: Fit, solver: Solver, scale: Scale, floor: float, complete
     }
     with np.errstate(over="ignore", invalid="ignore"):
         together = spread / np.maximum(np.outer(errors, errors), 1e-300)
-    doubtful = errors > LEAST_ERROR * np.abs(list(values.values()))
+    doubtful = errors > POLICY.tied_error * np.abs(list(values.values()))
     told = zip(values, np.abs(together[0]), doubtful, strict=True)
-    tied = tuple(name for name, r, d in told if r > TIED and d and name not in (INERTIA, DELAY))
+    tied = tuple(name for name, r, d in told if r > POLICY.tied_correlation and d and name not in (INERTIA, DELAY))
     return Fitted(scale.model(fit), estimates, tied, _correlated(list(values), together, estimates))
 
 
@@ -183,7 +176,7 @@ def _estimate(
         return Estimate(value, 0.0, unit, held=True, told="held")
     size = 1.0 if unit == "rad" else abs(value)
     told = grade(size, error, sample_time if name == DELAY else math.nan)
-    judged = not at_bound or (name == DELAY and value == 0.0)  # nothing is earlier: no bound that anybody set
+    judged = not at_bound or (name == DELAY and value == 0.0)  # no delay is less than 0: not a bound of the user
     return Estimate(value, _told(value, error), unit, at_bound, told=told if judged else "not")
 
 
@@ -194,7 +187,7 @@ def _pull(value: float, prior: tuple[float, float], alone: float, share: float) 
     ----------
     alone : standard error of the value without that prior. share : of the prior in the value.
     """
-    if share > 1.0 - LEAST_SHARE:
+    if share > 1.0 - POLICY.prior_share:
         return 0.0
     without = (value - share * prior[0]) / (1.0 - share)
     return (without - prior[0]) / math.hypot(prior[1], alone)
@@ -205,7 +198,8 @@ def _correlated(names: Sequence[str], together: Array, estimates: Mapping[str, E
         (names[i], names[j], float(together[i, j]))
         for i in range(len(names))
         for j in range(i + 1, len(names))
-        if not (estimates[names[i]].held or estimates[names[j]].held) and abs(together[i, j]) > CORRELATED
+        if not (estimates[names[i]].held or estimates[names[j]].held)
+        and abs(together[i, j]) > POLICY.reported_correlation
     )
     return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))
 
@@ -217,14 +211,14 @@ def _whole_events(fit: Fit, known: Known, size: int) -> list[Array]:
 
 
 def _told(value: float, error: float) -> float:
-    """The error; NaN where the log does not tell the value at all."""
-    return error if value == 0.0 or error < NOT_TOLD * abs(value) else math.nan
+    """The standard error; NaN where the value is not identified."""
+    return error if value == 0.0 or error < POLICY.not_identified * abs(value) else math.nan
 
 
 def _steps(covariance: Array, linear: int, theta: Array | None) -> Array:
-    """A small part of each standard error; of the logarithm of a shape that the log does not tell, a small step.
+    """Steps of the numerical derivatives: a part of each standard error, bounded for shapes that are not identified.
 
-    With `theta` a small part of the coefficients at most: what a log does not tell may be held.
+    With `theta` a small part of the coefficients at most: a value that is not identified may be held.
     """
     steps = np.maximum(0.05 * np.sqrt(np.maximum(np.diag(covariance), 0.0)), 1e-9)
     steps[linear:] = np.minimum(steps[linear:], 0.05)
@@ -253,6 +247,6 @@ def _units(terms: Terms) -> dict[str, tuple[str, float, float]]:
 
 
 def _on_bound(value: float, lower: float, upper: float) -> bool:
-    """Whether a value stands on a bound (a delay of 0 is none: nothing is earlier)."""
+    """Whether a value is at a bound (a delay of 0 is none: it cannot be less)."""
     span = max(abs(value), 1e-12)
     return any(math.isfinite(b) and abs(value - b) <= ON_BOUND * span for b in (lower, upper))

@@ -1,4 +1,4 @@
-"""Parts of long recordings that are enough to look for what is missing; what is found is judged on all of them."""
+"""Excerpts of long recordings for the search; what it finds is judged on all rows."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _STEP = 0.1
 
 
 def excerpts(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
-    """Of each recording the parts in which the axis does most; the recordings themselves where they are short."""
+    """The most exciting windows of each recording; short recordings whole."""
     step = recordings[0].sample_time
     samples = max(POLICY.searched_samples, int(POLICY.searched_seconds / step))
     if sum(r.samples for r in recordings) <= POLICY.searched_slack * samples:

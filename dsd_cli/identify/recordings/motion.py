@@ -1,4 +1,4 @@
-"""Acceleration for looking at, from the speed."""
+"""Acceleration from the speed, for pictures and regimes."""
 
 from __future__ import annotations
 

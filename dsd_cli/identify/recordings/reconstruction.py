@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.identify.fit.golden import golden_section
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array, Log
 
 #: Samples that are averaged, the most averages, and hats over speed (each side of zero) and position.
@@ -21,8 +22,6 @@ REACH, GRID, STEPS = 1.0, 81, 14
 #: Samples over which the net force is averaged, share of the rms speed that counts as one speed, how often it must come
 #: (of the most frequent), and by which factor a speed of rest may explain the force worse than the best constant.
 QUIET, WIDTH, FREQUENT, PREFERENCE = 20, 5e-3, 0.1, 2.0
-#: An axis that works comes back: offsets by which it would travel further than so many times the least are left out.
-MOST_TRAVEL = 1.5
 
 
 def drift(speed: Array, force: Array, piece: Log) -> Array:
@@ -34,7 +33,7 @@ def drift(speed: Array, force: Array, piece: Log) -> Array:
     grid = float(np.mean(speed)) + rms * np.linspace(-REACH, REACH, GRID)
     rests = _frequent(speed, force, rms)
     least = min(rows.travel(x) for x in grid)
-    found = {float(x): rows.squares(x) for x in (*grid, *rests) if rows.travel(x) <= MOST_TRAVEL * least}
+    found = {float(x): rows.squares(x) for x in (*grid, *rests) if rows.travel(x) <= POLICY.most_travel * least}
     start = min(found, key=lambda x: found[x])
     rest = min((x for x in rests if x in found), key=lambda x: found[x], default=None)
     if rest is not None and found[rest] < PREFERENCE * found[start]:

@@ -13,28 +13,16 @@ from itertools import pairwise
 import numpy as np
 
 from dsd_cli.errors import DataError
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.reconstruction import drift
 from dsd_cli.identify.recordings.regular import regularised
 from dsd_cli.identify.recordings.sensor import Sensor, net_force, with_acceleration
-from dsd_cli.identify.recordings.smoothing import AGREE, Smoothed, noise_of, smooth
+from dsd_cli.identify.recordings.smoothing import Smoothed, noise_of, smooth
+from dsd_cli.plant.filtering import SETTLED
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Array, Log, with_channels
-
-#: Speeds within this many standard deviations of the speed's noise may be rest.
-REST_DEVIATIONS = 3.0
-#: A plant that sticks creeps: up to this share of its rms speed it is at rest.
-CREEP = 1e-3
-#: The measured acceleration is clear if its noise, as a force, is below this share of the rms of u.
-CLEAR = 0.12
-#: The slope of the position stands in for a logged speed if its noise is below this share of the speed's.
-QUIETER = 0.5
-#: Standard errors by which signs must be clear before they are believed, where so many rows count as one.
-CLEAR_SIGNS, CORRELATED = 8.0, 50.0
-#: A reconstructed position whose drift is expected to exceed this share of its range is none; less is found beside the
-#: effects (`fit.drift`).
-MOST_DRIFT = 0.7
 
 
 @dataclass(frozen=True)
@@ -107,10 +95,12 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
         _check_signs(pieces, replace(observer, sign=1), log.source)
     pieces, sensor = with_acceleration(pieces, observer)
     pieces, noise, margin, missing = _with_motion(pieces, observer, provenance)
-    creep = CREEP * max((float(np.sqrt(np.mean(p["velocity"] ** 2))) for p in pieces if "velocity" in p), default=0.0)
+    creep = POLICY.creep_share * max(
+        (float(np.sqrt(np.mean(p["velocity"] ** 2))) for p in pieces if "velocity" in p), default=0.0
+    )
     walk = _walk(pieces, observer) if "reconstructed" in provenance["velocity"] else 0.0
     noise = float(np.hypot(noise, walk))
-    rest = max(rest_speed, REST_DEVIATIONS * noise, creep)
+    rest = max(rest_speed, POLICY.rest_deviations * noise, creep)
     pieces = [with_channels(p, turning=_turning(p, observer, rest, margin)) for p in pieces]
     pieces = [with_channels(p, **_limits_of_rest(p["speed_noise"], noise, rest)) for p in pieces]
     position_noise = _position_noise(log, noise)
@@ -127,7 +117,7 @@ def _limits_of_rest(by_sample: Array, noise: float, rest: float) -> dict[str, Ar
     noise, and the window may have ended late by what it allows."""
     narrow = by_sample > 1.01 * by_sample.min()
     return {
-        "rest_speed": np.where(narrow, np.maximum(rest, AGREE * by_sample), rest),
+        "rest_speed": np.where(narrow, np.maximum(rest, POLICY.windows_agree * by_sample), rest),
         "speed_noise": np.maximum(noise, by_sample),
     }
 
@@ -177,7 +167,7 @@ def _with_velocity(pieces: list[Log], provenance: dict[str, str]) -> tuple[list[
         return pieces, max(s.value_noise for s in found), _widest(found), {}
     slopes = [smooth(piece["position"], piece["t"]) for piece in pieces]
     provenance["position"] = "logged"
-    if max(s.slope_noise for s in slopes) < QUIETER * max(s.value_noise for s in found):
+    if max(s.slope_noise for s in slopes) < POLICY.quieter_slope * max(s.value_noise for s in found):
         provenance["velocity"] = "from position"
         pieces = _with_speed(pieces, [(s.slope, s.slope_spread) for s in slopes])
         return pieces, max(s.slope_noise for s in slopes), _widest(slopes), {}
@@ -208,7 +198,9 @@ def _turning(piece: Log, observer: ObserverSettings, rest_speed: float, margin: 
     change = np.diff(piece["velocity"], prepend=piece["velocity"][:1]) / frame.intervals
     raw = net_force(piece, observer) / observer.nominal_inertia
     noise = float(np.median(np.abs(raw - change))) * observer.nominal_inertia
-    clear = piece.d_hat_source != "position" and noise < CLEAR * float(np.sqrt(np.mean(piece["u"] ** 2)))
+    clear = piece.d_hat_source != "position" and noise < POLICY.clear_acceleration * float(
+        np.sqrt(np.mean(piece["u"] ** 2))
+    )
     return np.where(wide, raw if clear else change, np.nan)
 
 
@@ -238,7 +230,7 @@ def _reconstructed(
         found = replace(found, value=found.value - drift(found.value, force, piece))
         position = _integral(found.value, piece["t"])
         walk = found.value_noise * piece.sample_time * len(piece) / max(observer.time_constant, piece.sample_time)
-        drifting |= walk * piece.sample_time * np.sqrt(len(piece)) > MOST_DRIFT * np.ptp(position)
+        drifting |= walk * piece.sample_time * np.sqrt(len(piece)) > POLICY.most_drift * np.ptp(position)
         smoothings.append(found)
         done.append(with_channels(piece, velocity=found.value, position=position, speed_noise=found.value_spread))
     provenance["velocity"] = provenance["position"] = "reconstructed from u and d_hat"
@@ -263,9 +255,9 @@ def _check_signs(pieces: Sequence[Log], observer: ObserverSettings, name: str) -
     d_hat, force, drive = (np.concatenate(parts) for parts in zip(*(_sides(p, observer) for p in pieces), strict=True))
     x = np.stack([force, drive])
     (g, h), *_ = np.linalg.lstsq(x.T, d_hat, rcond=None)
-    variance = CORRELATED * float(np.mean((d_hat - g * force - h * drive) ** 2))
+    variance = POLICY.correlated_samples * float(np.mean((d_hat - g * force - h * drive) ** 2))
     errors = np.sqrt(np.maximum(variance * np.diag(np.linalg.pinv(x @ x.T)), 1e-300))
-    if (g > 0.0 > h) or min(abs(g) / errors[0], abs(h) / errors[1]) < CLEAR_SIGNS:
+    if (g > 0.0 > h) or min(abs(g) / errors[0], abs(h) / errors[1]) < POLICY.clear_signs:
         return
     if g < 0.0 < h:
         raise DataError(f"{name}: d_hat has the other sign than its velocity or position", "set observer.sign")
@@ -284,5 +276,5 @@ def _sides(piece: Log, observer: ObserverSettings) -> tuple[Array, Array, Array]
     observed = observe_log(bare, observer)
     frame = Frame(observed)
     drive = frame.seen(frame.mean_u(piece["u"], 0.0), observer)
-    first = min(int(5.0 * observer.time_constant / piece.sample_time) + 3, len(piece) // 2)
+    first = min(int(SETTLED * observer.time_constant / piece.sample_time) + 3, len(piece) // 2)
     return piece["d_hat"][first:], (observed["d_hat"] + drive)[first:], drive[first:]

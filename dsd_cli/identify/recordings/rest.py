@@ -16,15 +16,8 @@ def resting(velocity: Array, rest_speed: ArrayLike) -> NDArray[np.bool_]:
 
     A run of slow samples is a rest if the speed neither passes through zero nor only comes near it: its mean is a
     small part of the band of slow speeds, and so is its change along a fitted line; or the acceleration of that line
-    is a small part of the usual one, for noise alone may bend a rest. Where the axis only turns friction's direction
-    is known, but for the instant. Noise may take the speed out of the band for a moment, so that runs in wider bands
-    count, too.
-
-    rest_speed : up to which the axis may rest, one for all samples or shape (n,).
-
-    A run of slow samples is a rest if the speed neither passes through zero nor only comes near it: its mean is a
-    small part of the band of slow speeds, and its change along a fitted line is less than from one edge of the band to
-    the other. Where the axis only turns friction's direction is known, but for the instant.
+    is a small part of the usual one, for noise alone may tilt a rest. A mere reversal is no rest: friction's direction
+    is known on either side of it. Noise may exceed the band for a moment, so that runs in wider bands count, too.
     """
     most = POLICY.resting_most * float(np.sqrt(np.mean(velocity**2)))
     limit = np.broadcast_to(np.minimum(rest_speed, most), velocity.shape)

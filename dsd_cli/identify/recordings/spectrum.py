@@ -7,14 +7,13 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
 
 SensorKind = Literal["position", "velocity", "d_hat"]
 
 #: Rows of a segment at most, and segments that a short signal is still cut into.
 SEGMENT, FEWEST_SEGMENTS = 2048, 6
-#: Noise is measured from this share of half the sample rate on: motion has ended there.
-NOISE_FROM = 0.5
 
 
 class Density(NamedTuple):
@@ -86,6 +85,6 @@ class SensorNoise(NamedTuple):
 def sensor_noise(kind: SensorKind, accelerations: Sequence[Array], pole: float = 0.0) -> SensorNoise:
     """The noise of the sensor behind these accelerations, from where motion has ended in their spectrum."""
     found = density(accelerations)
-    top = found.angle >= NOISE_FROM * np.pi
+    top = found.angle >= POLICY.noise_from_share * np.pi
     unit = SensorNoise(kind, pole, 1.0)
     return unit._replace(scale=float(np.median(found.power[top] / unit.density(found.angle[top]))))

@@ -155,7 +155,7 @@ def on_all(
 
 
 def _with_finer_line(judge: Search, fit: Fit, term: Term) -> Fit:
-    """All rows tell a period more finely than an excerpt, and another of its side lobes may be the right one."""
+    """All rows resolve a period more finely than an excerpt: another side lobe of its line may be the true one."""
     rest = judge.fit(tuple(t for t in fit.terms if t is not term), fit.tap)
     scan = judge.scan(rest.terms, rest.tap)
     tried = [Term.of(term.id, shape) for shape in starts(term.id, judge.ranges, Lines(judge.problem.errors, rest))]
@@ -186,7 +186,7 @@ def _less_explained(judge: Search, fit: Fit, parts: Sequence[Recording]) -> tupl
 
 
 def _seen(times: Sequence[np.ndarray], place: Sequence[int], parts: Sequence[Recording]) -> np.ndarray:
-    """1 in rows that the excerpts contain, else 0."""
+    """1 in rows that the excerpts contain, otherwise 0."""
     found = []
     for t, i in zip(times, place, strict=True):
         inside = np.zeros(len(t), dtype=bool)

@@ -31,7 +31,7 @@ class Modes:
         self._fixed = [signals.rows(signals.force), signals.rows(signals.shift)]
         sizes = [1 << (2 * len(x) - 1).bit_length() for x in signals.force]
         self._spectra = [np.fft.rfft(x, n) for x, n in zip(signals.force, sizes, strict=True)]
-        self._hz = [np.fft.rfftfreq(n, signals.step) for n in sizes]
+        self._hz = [np.fft.rfftfreq(n, signals.step).astype(np.float64) for n in sizes]
 
     def rigid(self) -> list[Array]:
         """What a rigid axis leaves, and one behind a lag, for several lags."""
@@ -79,7 +79,7 @@ class Modes:
     def _passed(self, response: Callable[[Array], Array]) -> Array:
         """The force after a causal response of frequency (Hz), from rest, as rows."""
         pairs = zip(self._spectra, self._hz, self.signals.force, strict=True)
-        return self.signals.rows([np.asarray(np.fft.irfft(x * response(f))[: len(force)]) for x, f, force in pairs])
+        return self.signals.rows([np.fft.irfft(x * response(f))[: len(force)] for x, f, force in pairs])
 
     def _columns(self, at: Array) -> Array:
         frequency, damping = math.exp(at[0]), math.exp(at[1])

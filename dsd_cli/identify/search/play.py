@@ -25,6 +25,10 @@ _SHARES = (0.25, 0.5, 0.75)
 _STARTS, _EVALUATIONS, _LAST = 3, 90, 300
 #: Edges of the first simplex: log frequency, log gap, logit of the share, log inertia, samples of delay.
 _EDGES = (0.2, 0.3, 0.5, 0.05, 0.3)
+#: Fastest free vibration, times the sample rate, and samples of delay that are looked at.
+_FASTEST, _LATEST = 0.25, 5.0
+#: Of a share: 1e-4 and 1 - 1e-4.
+_MOST_LOGIT = 9.2
 #: Step of a derivative.
 _STEP = 1e-3
 
@@ -40,6 +44,8 @@ class Play:
         from scipy.optimize import minimize
 
         def squares(at: Array, step: float = _COARSE) -> float:
+            if not self._sensible(at):
+                return math.inf
             rest = self.left(at, step)
             found = float(rest @ rest)
             return found if math.isfinite(found) else math.inf
@@ -80,6 +86,12 @@ class Play:
         names = ("gap", "load_share", "stiffness")
         return {n: (float(v), float(s)) for n, v, s in zip(names, given, spread, strict=True)}
 
+    def _sensible(self, at: Array) -> bool:
+        """Whether samples can tell such a load at all: far outside, a step of the integration takes ages."""
+        frequency, gap, share, _, late = _plain(at)
+        fastest = frequency / math.sqrt(1.0 - share)
+        return 0.1 * _LOWEST < fastest < _FASTEST / self.signals.step and gap < self.travel and abs(late) < _LATEST
+
     def _grid(self) -> list[Array]:
         top = _HIGHEST / self.signals.step
         frequencies = np.geomspace(_LOWEST, max(top, 2.0 * _LOWEST), _FREQUENCIES)
@@ -96,6 +108,7 @@ class Play:
 
 def _plain(at: Array) -> tuple[float, float, float, float, float]:
     f, gap, s, j, late = (float(x) for x in np.clip(at, -60.0, 60.0))
+    s = min(max(s, -_MOST_LOGIT), _MOST_LOGIT)
     return math.exp(f), math.exp(gap), 1.0 / (1.0 + math.exp(-s)), math.exp(j), late
 
 

@@ -1,7 +1,7 @@
 """Rectangular pulses in time: where something pushed the axis, as far as the residual shows it.
 
-A pulse is an event, not a law: it cannot be predicted on a block that was held out. It is looked for only where no law
-explains the recording, it pays for every edge, and it is an answer only if nothing unknown remains.
+A pulse is an event, not a law: it cannot be predicted on a held-out block. It is searched only where no law explains
+the recording, every edge is penalised, and it is accepted only if nothing unknown remains.
 """
 
 from __future__ import annotations
@@ -11,53 +11,54 @@ from itertools import pairwise
 
 import numpy as np
 
+from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array, Log
 
-#: Most pulses, samples of the shortest, and how far its mean stands above the noise of a mean.
-MOST_PULSES, SHORTEST, LEAST_DEVIATIONS = 6, 3, 8.0
-#: A pulse that is weaker than this share of the strongest is part of its edges.
-WEAKEST = 0.1
-#: Neighbours whose levels differ by less than this share are one pulse.
-SAME_LEVEL = 0.2
 ROUNDS = 3
-#: Share of the travel after which effects with memory have forgotten the state that they began in.
-FORGOTTEN = 0.25
 #: Rows by which the edges of the best window are moved before the next one is looked for.
 MOST_REACH = 200
-_ID = "external_force"
+
+
+def event_effect(search: Search) -> str | None:
+    """The effect that is a list of events in time, if the search may add one."""
+    return next((name for name in search.allowed if get_effect(name).listed), None)
 
 
 def with_pulses(search: Search, fit: Fit) -> Fit | None:
-    """A fit and the pulses that its residual shows, their edges to a row; None if it shows none."""
+    """A fit and the pulses that its residual shows, their edges to a row; None if it shows none, or may have none."""
+    effect = event_effect(search)
+    if effect is None:
+        return None
     for _ in range(ROUNDS):
         edges = _pulses(search, fit)
         if not edges:
             return None
-        term = Term.of(_ID, {"edges": edges})
-        terms = (*(t for t in fit.terms if t.id != _ID), term)
+        term = Term.of(effect, {"edges": edges})
+        terms = (*(t for t in fit.terms if t.id != effect), term)
         fit = search.fit(terms, fit.tap)
     return _strong_only(search, fit)
 
 
 def _strong_only(search: Search, fit: Fit) -> Fit:
     """Without the pulses that turned out weak when all were fitted together; neighbours of one level made one."""
-    term = next(t for t in fit.terms if t.id == _ID)
+    term = next(t for t in fit.terms if t.effect.listed)
     levels = fit.coefficients(term)
     merged: list[tuple[float, float, float]] = []
     for (a, b), level in zip(term.shape["edges"], levels.tolist(), strict=True):
-        if abs(level) < WEAKEST * np.abs(levels).max():
+        if abs(level) < POLICY.weakest_pulse * np.abs(levels).max():
             continue
-        if merged and merged[-1][1] == a and abs(merged[-1][2] - level) < SAME_LEVEL * abs(level):
+        if merged and merged[-1][1] == a and abs(merged[-1][2] - level) < POLICY.same_level * abs(level):
             merged[-1] = (merged[-1][0], b, level)
         else:
             merged.append((a, b, level))
     kept = tuple((a, b) for a, b, _ in merged)
     if len(kept) == len(levels):
         return fit
-    return search.fit(tuple(Term.of(_ID, {"edges": kept}) if t is term else t for t in fit.terms), fit.tap)
+    return search.fit(tuple(Term.of(term.id, {"edges": kept}) if t is term else t for t in fit.terms), fit.tap)
 
 
 def _pulses(search: Search, fit: Fit) -> tuple[tuple[float, float], ...]:
@@ -72,8 +73,8 @@ def _pulses(search: Search, fit: Fit) -> tuple[tuple[float, float], ...]:
         for a, b, level in _strongest(np.where(stamps < first, 0.0, x)):
             found.append((float(stamps[a] - 0.5 * row_time), float(stamps[b] + 0.5 * row_time), abs(level)))
     top = max((level for *_, level in found), default=0.0)
-    kept = sorted(found, key=lambda p: -p[2])[:MOST_PULSES]
-    return _apart(sorted((a, b) for a, b, level in kept if level > WEAKEST * top))
+    kept = sorted(found, key=lambda p: -p[2])[: POLICY.most_pulses]
+    return _apart(sorted((a, b) for a, b, level in kept if level > POLICY.weakest_pulse * top))
 
 
 def _first_moves(search: Search, fit: Fit) -> list[float]:
@@ -81,7 +82,7 @@ def _first_moves(search: Search, fit: Fit) -> list[float]:
     stretches = search.equations.stretches
     if not any(t.effect.memory for t in fit.terms):
         return [float(s.log["t"][0]) for s in stretches]
-    way = FORGOTTEN * search.ranges.travel
+    way = POLICY.forgotten_travel * search.ranges.travel
     return [float(s.log["t"][np.argmax(_way(s.log) >= min(way, float(_way(s.log)[-1])))]) for s in stretches]
 
 
@@ -100,7 +101,7 @@ def _apart(windows: list[tuple[float, float]]) -> tuple[tuple[float, float], ...
 def _without_pulses(fit: Fit) -> Fit:
     forward = fit.forward.copy()
     for term in fit.terms:
-        if term.id == _ID:
+        if term.effect.listed:
             at = fit.columns_of(term)
             forward[1 + at.start : 1 + at.stop] = 0.0
     return replace(fit, forward=forward)
@@ -110,11 +111,13 @@ def _strongest(x: Array) -> list[tuple[int, int, float]]:
     """(first row, row behind the last, level) by matching pursuit over start and length."""
     left = x - np.median(x)
     noise = 1.4826 * float(np.median(np.abs(np.diff(left)))) / np.sqrt(2.0)
-    lengths = np.unique(np.geomspace(SHORTEST, max(len(x) // 3, SHORTEST + 1), 24).astype(int))
+    lengths = np.unique(
+        np.geomspace(POLICY.shortest_pulse, max(len(x) // 3, POLICY.shortest_pulse + 1), 24).astype(int)
+    )
     found = []
-    for _ in range(MOST_PULSES):
+    for _ in range(POLICY.most_pulses):
         a, b, strength = _best_window(left, lengths)
-        if strength < LEAST_DEVIATIONS * noise or b - a < SHORTEST:
+        if strength < POLICY.pulse_deviations * noise or b - a < POLICY.shortest_pulse:
             break
         level = float(np.mean(left[a:b]))
         left = left.copy()
@@ -144,11 +147,12 @@ def _best_window(x: Array, lengths: Array) -> tuple[int, int, float]:
 
 def sharpened(search: Search, fit: Fit) -> Fit:
     """Every edge moved, by half samples at last, while that lowers the squares."""
-    position = next(i for i, t in enumerate(fit.terms) if t.id == _ID)
-    edges = [list(pair) for pair in fit.terms[position].shape["edges"]]
+    position = next(i for i, t in enumerate(fit.terms) if t.effect.listed)
+    event = fit.terms[position]
+    edges = [list(pair) for pair in event.shape["edges"]]
 
     def terms() -> tuple[Term, ...]:
-        moved = Term.of(_ID, {"edges": tuple((a, b) for a, b in edges)})
+        moved = Term.of(event.id, {"edges": tuple((a, b) for a, b in edges)})
         return (*fit.terms[:position], moved, *fit.terms[position + 1 :])
 
     best = search.solver.squares(terms(), fit.tap, keep=False)

@@ -44,7 +44,7 @@ class Scan:
 
         `keep` columns that had to be made, for they will be asked for again.
         """
-        first = term.effect.role is Role.FRICTION and not self._held  # it makes rests of slow stretches
+        first = term.effect.role is Role.FRICTION and not self._held  # with friction, slow stretches count as rest
         if first or (self.solver.known and self._under_rule(term)):
             taps = dict.fromkeys((self.tap, *self._taps_for(term, self.tap))) if not first else (self.tap,)
             return max((self._squares - self.solver.squares((*self.terms, term), n, keep), n) for n in taps)
@@ -72,7 +72,7 @@ class Scan:
         return self._squares - (float(self._unexplained @ self._unexplained) - explained)
 
     def _gain_of_columns(self, columns: Sequence[Array], term: Term) -> float:
-        more = self._all.shape[1] - len(columns[0])  # further equations, in which a new effect has no part
+        more = self._all.shape[1] - len(columns[0])  # prior equations, in which a new effect has no part
         own = np.stack([_without(np.pad(c, (0, more)), self._all) for c in columns])
         gram, moment = own @ own.T, own @ self._left
         size = np.array([float(c @ c) for c in columns])

@@ -1,7 +1,7 @@
 """Which set of effects explains the recordings: steps forward, back and sideways until nothing gets better.
 
-One effect at a time would name stand-ins (drag for friction plus damping). So the search goes on to the whole set,
-drops what became needless, swaps members for outsiders, and only then is asked which member is worth most on its own.
+One effect at a time would name substitutes (drag for friction plus damping). So the search goes on to the whole set,
+removes what became needless, exchanges members for other candidates, and ranks the members only then.
 """
 
 from __future__ import annotations
@@ -19,20 +19,14 @@ from dsd_cli.identify.fit.bank import SHARE, Term, Terms
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.problem import Problem, best_delay
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.scan import Scan
 from dsd_cli.identify.search.shapes import refined
 from dsd_cli.identify.search.starts import Lines, starts
 
-#: Nats that an effect costs: one of some twenty was chosen; and each shape parameter that was searched.
-CHOICE, SEARCHED = 3.0, 3.0
-#: And each pulse in time: its level and the two edges, found among all rows.
-PULSE = 14.0
-#: A step must gain so many nats beyond its price; without its best block, too, and lose little in the others.
-LEAST_GAIN, MOST_LOST = 6.0, 0.3
 #: Effects that are refined in a scan: those whose best start comes within this share of the best gain; loads on the
 #: motor and lags earlier, for their best shape (with the delay beside it) is narrow.
 WORTH_REFINING, WORTH_FOR_NARROW = 0.5, 0.04
-MOST_EFFECTS = 8
 #: Steps that a delay walks from where it was.
 MOST_WALKED = 12
 #: Rounds in which the shapes of the model's own effects are searched, and the gain below which they are found.
@@ -81,7 +75,12 @@ class Search:
     def price(self, terms: Terms) -> float:
         """Nats for having chosen these effects and searched their shapes."""
         added = [t for t in terms if t.id not in {b.id for b in self.base}]
-        return sum(CHOICE + SEARCHED * t.effect.searched + PULSE * len(t.shape.get("edges", ())) for t in added)
+        return sum(
+            POLICY.effect_price
+            + POLICY.shape_price * t.effect.searched
+            + POLICY.pulse_price * len(t.shape.get("edges", ()))
+            for t in added
+        )
 
     def gains(self, before: Fit, after: Fit) -> np.ndarray:
         """Nats per block, shape (B,), without prices."""
@@ -90,7 +89,7 @@ class Search:
     def matters(self, before: Fit, after: Fit) -> bool:
         """Whether going from one fit to the other is certain and of use."""
         gain = self.evidence(after) - self.evidence(before)
-        if gain < LEAST_GAIN:
+        if gain < POLICY.least_gain:
             return False
         agreed = _events(before) != _events(after) or _agreed(self.gains(before, after))
         return agreed and self.practical(before, after)
@@ -165,7 +164,7 @@ class Search:
         here = {t.id for t in current.terms}
         found = []
         for effect_id in self.allowed:
-            if effect_id in here or _listed(effect_id):
+            if effect_id in here or get_effect(effect_id).listed:  # `pulses` looks for those
                 continue
             known = self.solver.known
             shapes = (known.pinned(effect_id, shape) for shape in starts(effect_id, self.ranges, lines))
@@ -175,7 +174,7 @@ class Search:
         return found
 
     def challenger(self, rest: Fit, member: str, own: float) -> Option | None:
-        """The outsider with most evidence in the place of a member that gains `own`; None if none comes near it."""
+        """The best replacement of a member that gains `own`, by evidence; None if no candidate comes near it."""
         found = [f for f in self._at_best_starts(rest) if f[2].id != member and f[0] > WORTH_CHALLENGING * own]
         options = []
         for _, tap, term in sorted(found, key=lambda f: -f[0])[:MOST_CHALLENGERS]:
@@ -193,13 +192,15 @@ class Search:
     def run(self, start: Fit, report: Callable[[float], None] = lambda _: None) -> Fit:
         """The set of effects that nothing betters any more."""
         current = start
-        for step in range(MOST_EFFECTS):
-            report(step / MOST_EFFECTS)
+        for step in range(POLICY.most_effects):
+            report(step / POLICY.most_effects)
             options = self.options(current)
             forward = self.preferred([o for o in options if self.matters(current, o.fit)])
             reached = [self.settled(forward.fit)] if forward is not None else []
             pair = self._best_pair(current, options)
-            if pair is not None and (forward is None or self.evidence(pair) > self.evidence(reached[0]) + LEAST_GAIN):
+            if pair is not None and (
+                forward is None or self.evidence(pair) > self.evidence(reached[0]) + POLICY.least_gain
+            ):
                 reached.append(self.settled(pair))
             reached = [fit for fit in reached if self.matters(current, fit)]
             if not reached:
@@ -249,7 +250,7 @@ class Search:
         """With the shapes of all effects searched around where they are."""
         terms, tap = fit.terms, fit.tap
         for i, term in enumerate(terms):
-            if term.items and not _listed(term.id):
+            if term.items and not term.effect.listed:
                 terms, tap = refined(self, terms, i, tap)
         if terms == fit.terms:
             return fit
@@ -274,19 +275,14 @@ class Search:
         return fit
 
 
-def _listed(effect_id: str) -> bool:
-    """Whether the effect is a list of events, which `pulses` looks for."""
-    return any(p.listed for p in get_effect(effect_id).parameters)
-
-
 def _events(fit: Fit) -> set[Term]:
     """Single events, which have a price of their own: one block may be all that sees one."""
-    return {t for t in fit.terms if "edges" in t.shape}
+    return {t for t in fit.terms if t.effect.listed}
 
 
 def _agreed(gains: np.ndarray) -> bool:
-    """Whether the blocks agree that it is a gain: not one block alone, and few blocks lose. Gains may be as unequal
-    as they like: a cubic spring shows where the axis goes far."""
+    """Whether the gain is spread over the blocks: not one block alone, and few blocks lose. Gains may be unequal: a
+    cubic spring shows where the axis goes far."""
     lost = -float(gains[gains < 0.0].sum())
     won = float(gains[gains > 0.0].sum())
-    return won - float(gains.max()) - lost > LEAST_GAIN and lost < MOST_LOST * won
+    return won - float(gains.max()) - lost > POLICY.least_gain and lost < POLICY.most_lost * won

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Protocol
 
-from dsd_cli.effects import get_effect
+from dsd_cli.effects import Ranges, get_effect
 from dsd_cli.identify.fit.bank import Term, Terms
 from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.identify.fit.known import is_shape
-
-if TYPE_CHECKING:
-    from dsd_cli.identify.search.scan import Scan
-    from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.fit.solve import Solver
+from dsd_cli.identify.search.scan import Scan
 
 #: Half width of the bracket (natural logarithm) by what is searched: lines of a spectrum are narrow.
 BRACKET = 0.6
@@ -22,7 +20,16 @@ STEPS = 7
 ROUNDS, SHRINK, SHRINK_ALONE, ENOUGH = 5, 0.7, 0.1, 1e-3
 
 
-def refined(search: Search, terms: Terms, i: int, tap: int, rounds: int = ROUNDS) -> tuple[Terms, int]:
+class Searched(Protocol):
+    """What a search of sets has that a search of shapes needs."""
+
+    solver: Solver
+    ranges: Ranges
+
+    def scan(self, terms: Terms, tap: int) -> Scan: ...
+
+
+def refined(search: Searched, terms: Terms, i: int, tap: int, rounds: int = ROUNDS) -> tuple[Terms, int]:
     """(terms with effect number i at its best shape, best delay); the squares over all rows are what counts."""
     term = terms[i]
     scan = search.scan((*terms[:i], *terms[i + 1 :]), tap)
@@ -42,15 +49,15 @@ def refined(search: Search, terms: Terms, i: int, tap: int, rounds: int = ROUNDS
     return (*terms[:i], found[2], *terms[i + 1 :]), found[1]
 
 
-def _half_width(search: Search, term: Term, name: str) -> float:
-    """A line of n periods is told to about 1/n of itself."""
+def _half_width(search: Searched, term: Term, name: str) -> float:
+    """The frequency of a line of n periods is known to about 1/n of itself."""
     if term.effect.periods is None:
         return BRACKET
     return min(BRACKET, 0.7 / max(term.effect.periods(term.shape, search.ranges), 1e-300))
 
 
 def _along(
-    search: Search, scan: Scan, best: tuple[float, int, Term], name: str, half: float
+    search: Searched, scan: Scan, best: tuple[float, int, Term], name: str, half: float
 ) -> tuple[float, int, Term]:
     """Golden section over log(parameter); (gain, delay, term) of the best that was met."""
     centre = math.log(best[2].shape[name])
@@ -68,8 +75,8 @@ def _along(
     return max(found, key=lambda f: f[0])
 
 
-def _limits(search: Search, effect_id: str, name: str) -> tuple[float, float]:
-    """A little beyond the starting shapes: further out the log cannot tell the shape, and the effect is another one."""
+def _limits(search: Searched, effect_id: str, name: str) -> tuple[float, float]:
+    """A little beyond the starting shapes: further out the shape is not identifiable."""
     effect = get_effect(effect_id)
     starts = effect.starts(search.ranges)
     low, high = search.solver.known.limits(f"{effect_id}.{name}")

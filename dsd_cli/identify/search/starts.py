@@ -9,12 +9,11 @@ import numpy as np
 from dsd_cli.effects import Ranges, Shape, get_effect
 from dsd_cli.identify.fit.errors import Errors
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
 
 #: Lines of a spectrum that are followed up, and bins over the position.
 LINES, BINS = 4, 4096
-#: A line has at least this many periods in the log (in the travel), else it is a trend.
-LEAST_PERIODS = 2.5
 #: Quantile of the speed at which a ripple over the position must pass the band.
 SLOW = 0.25
 
@@ -40,7 +39,7 @@ class Lines:
         size = 2 * max(len(x) for x in parts)
         power = sum(np.abs(np.fft.rfft(x - x.mean(), size)) ** 2 for x in parts if len(x))
         step = 1.0 / (size * row_time)
-        shortest = LEAST_PERIODS / (max(len(x) for x in parts) * row_time)
+        shortest = POLICY.least_periods / (max(len(x) for x in parts) * row_time)
         last = int(self._equations.band.hz / step) + 1
         return tuple(k * step for k in _peaks(np.asarray(power)[:last], int(shortest / step) + 1))
 
@@ -61,7 +60,7 @@ class Lines:
         power = np.abs(np.fft.rfft(sums, 2 * BINS)) ** 2
         step = 2.0 * np.pi / (2.0 * travel)
         highest = 2.0 * np.pi * self._equations.band.hz / usual  # what passes the band at such speeds
-        return tuple(k * step for k in _peaks(power[: int(highest / step) + 1], int(2 * LEAST_PERIODS)))
+        return tuple(k * step for k in _peaks(power[: int(highest / step) + 1], int(2 * POLICY.least_periods)))
 
 
 def _peaks(power: Array, first: int) -> list[int]:

@@ -13,17 +13,10 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
 
-#: Something unknown is there if a free-form function takes this share off the held-out error, for certain.
-UNKNOWN_FALL, UNKNOWN_NATS = 0.04, 12.0
-#: ... or if so much of the residual's power does not look like measurement noise.
-STRUCTURED_SHARE = 0.35
-#: Pulses in time that take this share off the held-out error mean that something is there, whatever it is.
-LOUD_FALL = 0.1
-
 
 @dataclass(frozen=True)
 class Beyond:
-    """What lies beyond a fit: the best free-form function, and whether there is something unknown."""
+    """What a fit leaves: the best free-form function of it, and whether something unknown is among it."""
 
     on: tuple[str, ...]
     heldout_rmse: float
@@ -46,8 +39,7 @@ def beyond_of(search: Search, fit: Fit) -> Beyond:
 
 def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) -> Beyond:
     errors, equations = search.problem.errors, search.equations
-    fits = freeform_fits(errors.bank, search.problem.blocks, fit, search.solver.inertia)
-    fits = replace(fits, equations=equations)  # whitened, so that gains are nats
+    fits = freeform_fits(errors.bank, equations, search.problem.blocks, fit, search.solver.inertia)
     plain = errors.rmse(fit)
     share = structured_share(equations.by_stretch(errors.residual(fit, held_out=False)), equations.band)
     noise = plain * math.sqrt(1.0 - share)
@@ -57,9 +49,9 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
     best = loss_of(groups)
     fall = fits.fit_with(best.on, whitened=False).gain / max(int(equations.kept.sum()), 1)
     reached = math.sqrt(max(plain**2 - fall, 0.0))
-    certain = best.gain / search.noise.nats > UNKNOWN_NATS and reached < (1.0 - UNKNOWN_FALL) * plain
+    certain = best.gain / search.noise.nats > POLICY.unknown_nats and reached < (1.0 - POLICY.unknown_fall) * plain
     large = math.sqrt(max(plain**2 - reached**2, 0.0)) > POLICY.least_unknown * errors.force
-    structured = share > STRUCTURED_SHARE and math.sqrt(share) * plain > POLICY.least_unknown * errors.force
+    structured = share > POLICY.structured_share and math.sqrt(share) * plain > POLICY.least_unknown * errors.force
     on = best.on if reached < plain else ()
     return Beyond(on, min(reached, plain), (certain and large) or structured, noise)
 
@@ -72,18 +64,18 @@ def above_floor(search: Search, fit: Fit) -> bool:
 
 
 def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
-    """With pulses in time, if they explain everything that no law explains; else as it was; if loud, unknown.
+    """With pulses in time if nothing unknown remains beside them; otherwise unchanged; strong pulses mean unknown.
 
     One push in a long log hardly shows in a spectrum or in a function of time, so they are looked for in any case.
     """
     pulses = with_pulses(search, whole)
     if pulses is None or not search.practical(whole, pulses):
         return whole, beyond
-    loud = search.problem.errors.rmse(pulses) < (1.0 - LOUD_FALL) * search.problem.errors.rmse(whole)
+    loud = search.problem.errors.rmse(pulses) < (1.0 - POLICY.pulses_fall) * search.problem.errors.rmse(whole)
     if not (loud or beyond.unknown):
         return whole, beyond
     settled = search.settled(sharpened(search, pulses))
-    again = with_pulses(search, settled)  # without the laws that stood in for pulses the edges are clear
+    again = with_pulses(search, settled)  # without the laws that imitated pulses the edges are clear
     if again is not None:
         again = sharpened(search, again)
         settled = search.settled(again) if search.evidence(again) > search.evidence(settled) else settled

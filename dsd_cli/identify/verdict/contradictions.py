@@ -1,5 +1,4 @@
-"""What must be said of values that the user knows: one on its bound, one that the log pulls away from its prior or from
-what it is held at."""
+"""Warnings about values that the user knows: at a bound, or contradicted by the log (prior or held value)."""
 
 from __future__ import annotations
 
@@ -9,12 +8,12 @@ from dataclasses import replace
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.values import flat
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, Estimates
 from dsd_cli.identify.search.sets import Search
 
-#: Standard deviations from which on a log contradicts what is known, and the least share of the value (of a sample, for
-#: a delay) that is worth saying.
-LEAST_SIGMA, LEAST_SHARE = 3.0, 0.005
+#: The least share of a value (of a sample, for a delay) by which a contradiction is worth saying.
+LEAST_SHARE = 0.005
 
 
 def contradictions(search: Search, fit: Fit, estimates: Estimates) -> tuple[str, ...]:
@@ -28,7 +27,7 @@ def contradictions(search: Search, fit: Fit, estimates: Estimates) -> tuple[str,
         side = next((s for s, b in (("lower", low), ("upper", high)) if math.isclose(estimate.value, b)), "")
         if estimate.at_bound and side:
             found.append(f"{name} stands on its {side} bound, {estimate.value:.4g}: the log asks for more")
-        if abs(estimate.pull) > LEAST_SIGMA:
+        if abs(estimate.pull) > POLICY.contradicting_deviations:
             value, spread = known.priors[name]
             found.append(
                 f"{name} = {estimate.value:.4g} pulls against its prior {value:.4g} +- {spread:.2g} by"
@@ -38,7 +37,7 @@ def contradictions(search: Search, fit: Fit, estimates: Estimates) -> tuple[str,
 
 
 def _of_held(problem: Problem, fit: Fit, estimates: Estimates) -> list[str]:
-    """Held values that this log would put elsewhere if it might."""
+    """Held values from which the estimate of this log alone differs significantly."""
     held = [name for name, e in estimates.items() if e.held]
     if not held:
         return []
@@ -53,7 +52,7 @@ def _of_held(problem: Problem, fit: Fit, estimates: Estimates) -> list[str]:
             continue
         sigma = abs(alone.value - given[name]) / alone.std_error
         size = problem.equations.sample_time if name == DELAY else abs(given[name])
-        if sigma > LEAST_SIGMA and abs(alone.value - given[name]) > LEAST_SHARE * size:
+        if sigma > POLICY.contradicting_deviations and abs(alone.value - given[name]) > LEAST_SHARE * size:
             found.append(
                 f"{name} is held at {given[name]:.4g}; this log alone says {alone.value:.4g} +- {alone.std_error:.2g}"
                 f" ({sigma:.1f} sigma off)"
@@ -62,6 +61,6 @@ def _of_held(problem: Problem, fit: Fit, estimates: Estimates) -> list[str]:
 
 
 def _freed(problem: Problem) -> Problem:
-    """The same question of somebody who knows nothing."""
+    """The same problem without any prior, bound or held value."""
     solver = problem.solver
     return replace(problem, solver=Solver(solver.bank, solver.blocks, solver.inertia))

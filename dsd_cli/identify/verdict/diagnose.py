@@ -13,6 +13,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
 from dsd_cli.identify.search.long_logs import searched
+from dsd_cli.identify.search.pulses import event_effect
 from dsd_cli.identify.search.response import Seen
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
@@ -26,19 +27,6 @@ from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 __all__ = ["Settings", "diagnose"]
 
-#: Effects that take less than this share of the power that a free-form function takes are not the answer.
-SHARE_OF_CEILING = 0.75
-
-#: An effect is named only if it takes this share off the held-out error by itself.
-LEAST_ALONE = 0.005
-#: Errors of two members alone that differ by less than this share are nearly the same.
-NEARLY_THE_SAME = 0.05
-#: Above this inflation the rows are so dependent that the model misfits somewhere.
-MOST_INFLATION = 3.0
-#: No verdict is surer than this: the catalogue is not the world.
-SUREST = 0.99
-#: "Nothing is missing" is not surer than this where some effects could not be tested.
-NOT_ALL_TESTED = 0.8
 
 Progress = Callable[[str, float], None]
 
@@ -77,12 +65,12 @@ def diagnose(
     if shown.search is not search:
         search, whole = shown.search, shown.whole
         beyond = beyond_of(search, whole)
-    if shown.seen is None and "external_force" in search.allowed:
+    if shown.seen is None and event_effect(search) is not None:
         whole, beyond = pushed(search, whole, beyond)
     report("how sure", 0.8)
     found = [t.id for t in search.added(whole.terms)]
     reconstructed = any("reconstructed" in r.provenance.get("velocity", "") for r in search.problem.recordings)
-    misfit = beyond.unknown or reconstructed or search.noise.inflation > MOST_INFLATION
+    misfit = beyond.unknown or reconstructed or search.noise.inflation > POLICY.most_inflation
     members = {name: membership(search, whole, name, misfit) for name in found if shown.seen is None}
     options, own = search.options(search.refit), own_values(search)
     diagnosis = _Verdict(search, options, whole, members, own, beyond, shown.seen).diagnosis()
@@ -94,7 +82,7 @@ def diagnose(
 
 
 class _Verdict:
-    """Puts the answer together."""
+    """Derives the verdict from the search and assembles the result."""
 
     def __init__(
         self,
@@ -107,8 +95,7 @@ class _Verdict:
         seen: Seen | None,
     ) -> None:
         self.search, self.problem, self.seen = search, search.problem, seen
-        self.options, self.whole = options, whole
-        self.members, self.own, self.beyond = members, own, beyond
+        self.options, self.whole, self.members, self.own, self.beyond = options, whole, members, own, beyond
         self._named_for: dict[str, str] = {}
         self.alone = {o.effect: o for o in (*options, *self._events())}
         self.named, self.sure = self.verdict()
@@ -119,7 +106,7 @@ class _Verdict:
     def _events(self) -> list[Option]:
         """Pulses alone, where they belong to the answer: they are no candidate of the search."""
         search = self.search
-        pulses = [t for t in search.added(self.whole.terms) if "edges" in t.shape]
+        pulses = [t for t in search.added(self.whole.terms) if t.effect.listed]
         fits = [(t.id, search.fit((*search.base, t), self.whole.tap)) for t in pulses]
         return [Option(name, fit, search.evidence(fit)) for name, fit in fits]
 
@@ -127,7 +114,7 @@ class _Verdict:
         """(verdict, probability)."""
         search, beyond = self.search, self.beyond
         if self.seen is not None:
-            return self.seen.effect, SUREST / (1.0 + len(self.seen.rivals))
+            return self.seen.effect, POLICY.surest / (1.0 + len(self.seen.rivals))
         if self.members:
             best = self._first()
             if not self._lowers(best) or self._weightless(self.whole):
@@ -135,19 +122,20 @@ class _Verdict:
             known = self._share_of_possible(
                 self.problem.errors.rmse(search.refit), self.problem.errors.rmse(self.whole)
             )
-            if known < SHARE_OF_CEILING:
-                return UNKNOWN, min(1.0 - max(known, 0.0), SUREST)
+            if known < POLICY.share_of_possible:
+                return UNKNOWN, min(1.0 - max(known, 0.0), POLICY.surest)
             group = (best, *self.members[best].alike)
             belief = self.members[best].probabilities
             named = min(group, key=lambda name: get_effect(name).rarity)
             self._named_for[named] = best
             tied = (best, *self.members[best].rivals)
             shared = sum(belief.get(name, 0.0) for name in tied) / len(tied)
-            return named, min(known * max(belief.get(named, 0.0), shared), self._surest())
+            surest = min(self._surest(), self.members[best].surest)
+            return named, min(known * max(belief.get(named, 0.0), shared), surest)
         known = self._share_of_possible(self.own.score.heldout_rmse, self.own.refitted.heldout_rmse)
         left_over = above_floor(search, search.refit)
-        if self.own.wrong and known >= SHARE_OF_CEILING and not left_over:
-            return self.own.wrong, min(known * self.own.probability, SUREST)
+        if self.own.wrong and known >= POLICY.share_of_possible and not left_over:
+            return self.own.wrong, min(known * self.own.probability, POLICY.surest)
         if beyond.unknown:
             return UNKNOWN, 0.9
         if left_over:
@@ -155,28 +143,28 @@ class _Verdict:
         return NONE, self._nothing()
 
     def _first(self) -> str:
-        """The member that is worth most by itself; a commoner one that reaches nearly the same error comes before."""
+        """The member with most evidence by itself; a commoner one with nearly the same error is preferred."""
         best = max(self.members, key=self._worth)
         if best not in self.alone:
             return best
-        limit = (1.0 + NEARLY_THE_SAME) * self.problem.errors.rmse(self.alone[best].fit)
+        limit = (1.0 + POLICY.nearly_the_same) * self.problem.errors.rmse(self.alone[best].fit)
         near = [m for m in self.members if m in self.alone and self.problem.errors.rmse(self.alone[m].fit) <= limit]
         return min((best, *near), key=lambda name: get_effect(name).rarity)
 
     def _weightless(self, fit: Fit) -> bool:
-        """Whether a fit leaves hardly any inertia: it explains u by itself, and no motion."""
+        """Whether a fit leaves hardly any inertia: its effects explain u without any motion."""
         return self.problem.scale.model(fit).inertia < POLICY.least_inertia * self.search.solver.inertia
 
     def _short(self) -> bool:
-        """Whether the recordings hold few independent equations."""
+        """Whether the recordings have few independent equations."""
         return self.problem.blocks.rows < POLICY.few_rows
 
     def _surest(self) -> float:
-        """No verdict out of few equations is surer."""
-        return NOT_ALL_TESTED if self._short() else SUREST
+        """Upper bound on the probability of any verdict."""
+        return POLICY.surest_in_part if self._short() else POLICY.surest
 
     def _share_of_possible(self, before: float, after: float) -> float:
-        """How much of the power that could be explained a step explains; 1 where nothing unknown remains."""
+        """Explained share of the power that could be explained; 1 where nothing unknown remains."""
         if self.beyond.unknown:
             least = min(self.beyond.heldout_rmse, self.beyond.noise)
         elif above_floor(self.search, self.whole):
@@ -188,7 +176,7 @@ class _Verdict:
     def _lowers(self, name: str) -> bool:
         """Whether the effect alone lowers the held-out error that is shown."""
         option, rmse = self.alone.get(name), self.problem.errors.rmse
-        return option is not None and rmse(option.fit) < (1.0 - LEAST_ALONE) * rmse(self.search.refit)
+        return option is not None and rmse(option.fit) < (1.0 - POLICY.least_alone) * rmse(self.search.refit)
 
     def _worth(self, name: str) -> tuple[bool, float]:
         """Effects that lower the held-out error by themselves come first."""
@@ -199,19 +187,18 @@ class _Verdict:
         return option.evidence if option is not None else -math.inf
 
     def _nothing(self) -> float:
-        """Belief that nothing is missing. Effects that would change next to nothing are no alternatives, and those that
-        would have not convinced block by block: at most an even chance."""
+        """Probability that nothing is missing. Effects of no practical size are no alternatives, and those that are of
+        one were not confirmed block by block: they get half of the probability at most."""
         search = self.search
         useful = [o for o in self.options if search.practical(search.refit, o.fit)]
         narrow = self.search.equations.band.hz < POLICY.narrow_band_hz or self._short()
-        surest = NOT_ALL_TESTED if self.problem.untestable or narrow else SUREST
+        surest = POLICY.surest_in_part if self.problem.untestable or narrow else POLICY.surest
         return min(0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING], surest)
 
     def diagnosis(self) -> Diagnosis:
         """The whole answer."""
         problem = self.problem
-        verdict, probability = self.named, self.sure
-        score, refitted = self.own.score, self.own.refitted
+        verdict, probability, score, refitted = self.named, self.sure, self.own.score, self.own.refitted
         ranking = self._ranking(score, refitted)
         named = next((c for c in ranking if c.effect == verdict), None)
         fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
@@ -233,6 +220,7 @@ class _Verdict:
             refitted_correlations=refit.correlations,
             model=known.model,
             refitted_model=refit.model,
+            whole_model=problem.scale.model(self.whole) if self.members else None,
             noise=self.beyond.noise,
             found=tuple(t.id for t in self.search.added(self.whole.terms)),
             band_hz=self.search.equations.band.hz,
@@ -281,7 +269,7 @@ class _Verdict:
         )
 
     def _rivals(self, effect: str) -> tuple[str, ...]:
-        """What cannot be told from it on these recordings."""
+        """Effects that these recordings cannot distinguish from it."""
         if self.seen is not None:
             return self.seen.rivals if effect == self.seen.effect else ()
         member = self._named_for.get(effect, effect)
@@ -293,8 +281,7 @@ class _Verdict:
         if effect == self.named:
             return self.sure
         if effect in self.members:
-            return min(self.members[effect].probabilities[effect], SUREST)
-        return max((m.probabilities.get(effect, 0.0) for m in self.members.values()), default=self._as_only(effect))
-
-    def _as_only(self, effect: str) -> float:
-        return probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)
+            return min(self.members[effect].probabilities[effect], POLICY.surest)
+        if not self.members:
+            return probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)
+        return max(m.probabilities.get(effect, 0.0) for m in self.members.values())

@@ -1,8 +1,8 @@
-"""How sure: probabilities by resampling the held-out blocks, and what the recordings cannot tell apart.
+"""Probabilities by resampling the held-out blocks, and effects that the recordings cannot distinguish.
 
-Each draw weighs the blocks anew (Bayesian bootstrap) and lets the alternatives share one unit of belief by their
-held-out likelihood less their price; the mean over the draws is the probability. So one lucky block does not decide,
-and correlation within blocks does not count as evidence (pseudo-BMA+; Yao et al. 2018).
+Each draw gives the blocks new random weights (Bayesian bootstrap) and each alternative a posterior weight by its
+held-out log-likelihood less its penalty; the mean over the draws is the probability. So no single block decides, and
+correlation within blocks does not count as evidence (pseudo-BMA+; Yao et al. 2018).
 """
 
 from __future__ import annotations
@@ -13,45 +13,40 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.signals.log import Array
 
 DRAWS, SEED = 400, 20261121
 #: Name of the alternative without any further effect.
 NOTHING = ""
-#: A rival explains this share of the power that the winner explains, and the lead of the winner is doubtful (by so many
-#: standard errors over the blocks); or it explains as much where the model misfits.
-NEARLY, LEAST_T, AS_MUCH = 0.7, 2.5, 0.9
-#: A rival with fewer parameters to search stands beside the winner if it explains this share of what the winner does.
-CHEAPER_AS_MUCH = 0.95
-#: But never one that leaves so many times the winner's error.
-MOST_LEFT = 2.0
-#: Blocks are unequal witnesses: likelihoods are tempered by this factor before they are compared.
-TEMPER = 0.5
 
 
 @dataclass(frozen=True)
 class Membership:
-    """An effect of the found set against everything that could stand in its place.
+    """An effect of the found set against every effect that could replace it.
 
     probabilities : effect (or `NOTHING`) -> share of belief. rivals : effects that explain the recordings as well;
-    alike : those of them whose likelihood is less, but by no more than the model misfits anyway.
+    alike : those of them whose likelihood is less, but by no more than the model misfits anyway. surest : no verdict on
+    it may be surer.
     """
 
     effect: str
     probabilities: Mapping[str, float]
     rivals: tuple[str, ...]
     alike: tuple[str, ...] = ()
+    surest: float = 1.0
 
 
 def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Membership:
-    """Take one effect out of the found set, and let every other effect apply for its place.
+    """Take one effect out of the found set and try every other effect instead of it.
 
     Parameters
     ----------
-    misfit : something unknown remains, or rows are far from independent: then a lead in likelihood may be the
-        unknown's, and whatever explains nearly as much stands beside the winner.
+    misfit : something unknown remains, or rows are far from independent: then a lead in likelihood may come from
+        what is unknown, and an effect that explains nearly as much is a tie.
     """
     plain = search.problem.errors
     member = next(t for t in whole.terms if t.id == effect_id)
@@ -64,28 +59,41 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
         return (plain.rmse(rest) ** 2 - plain.rmse(option.fit) ** 2) / max(worth, 1e-300)
 
     def rivals(option: Option) -> bool:
-        if share(option) < NEARLY or option.evidence <= search.evidence(rest):
+        if share(option) < POLICY.rival_share or option.evidence <= search.evidence(rest):
             return False
         lead = search.gains(option.fit, whole)
         spread = float(np.std(lead, ddof=1)) * math.sqrt(len(lead))
-        return float(lead.sum()) < LEAST_T * spread or not search.matters(option.fit, whole)
+        return float(lead.sum()) < POLICY.rival_deviations * spread or not search.matters(option.fit, whole)
 
     def alike_to(option: Option) -> bool:
         if option.evidence <= search.evidence(rest):
             return False
-        if plain.rmse(option.fit) > MOST_LEFT * plain.rmse(whole):
+        if plain.rmse(option.fit) > POLICY.rival_error * plain.rmse(whole):
             return False
         cheaper = search.price(option.fit.terms) < search.price(whole.terms)
-        return share(option) > (AS_MUCH if misfit else CHEAPER_AS_MUCH if cheaper else math.inf)
+        return share(option) > (
+            POLICY.rival_share_in_misfit if misfit else POLICY.cheaper_rival_share if cheaper else math.inf
+        )
 
     alike = [o.effect for o in options if alike_to(o)]
     found = dict.fromkeys([*alike, *(o.effect for o in options if rivals(o))])
     shares = probabilities(search, rest, [own, *options])
-    return Membership(effect_id, shares, tuple(found), tuple(alike))
+    if not any("reconstructed" in r.provenance.get("position", "") for r in search.problem.recordings):
+        return Membership(effect_id, shares, tuple(found), tuple(alike))
+    if not _of_position(effect_id):
+        return Membership(effect_id, shares, tuple(found), tuple(alike), POLICY.drift_surest)
+    afloat = [o.effect for o in options if _of_position(o.effect)]
+    return Membership(effect_id, shares, tuple(dict.fromkeys([*found, *afloat])), tuple(alike), POLICY.afloat_surest)
+
+
+def _of_position(effect_id: str) -> bool:
+    """Whether the effect is a force that depends on the position alone: without its zero, one passes for another."""
+    effect = get_effect(effect_id)
+    return effect.role is Role.APPLIED and tuple(effect.needs) == ("position",)
 
 
 def probabilities(search: Search, rest: Fit, options: list[Option]) -> dict[str, float]:
-    """Share of belief of each option, and of none of them (`NOTHING`)."""
+    """Probability of each option, and of none of them (`NOTHING`)."""
     gains = np.stack([np.zeros(len(rest.losses)), *(search.gains(rest, o.fit) for o in options)])
     prices = np.array([0.0, *(search.price(o.fit.terms) - search.price(rest.terms) for o in options)])
     shares = _shares(gains, prices)
@@ -96,7 +104,7 @@ def _shares(gains: Array, prices: Array) -> Array:
     """gains: nats per block, shape (m, B)."""
     blocks = gains.shape[1]
     weights = np.random.default_rng(SEED).dirichlet(np.ones(blocks), DRAWS) * blocks
-    totals = TEMPER * (weights @ gains.T - prices)
+    totals = POLICY.tempering * (weights @ gains.T - prices)
     totals -= totals.max(axis=1, keepdims=True)
     belief = np.exp(totals)
     return np.asarray((belief / belief.sum(axis=1, keepdims=True)).mean(axis=0))

@@ -12,13 +12,10 @@ from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.identify.fit.values import flat
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
-from dsd_cli.identify.search.sets import LEAST_GAIN, Search
+from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.shapes import refined
 from dsd_cli.plant.model import PlantModel
 
-LAG = "actuator_lag"
-#: A single wrong value reaches at least this share of what freeing all values reaches.
-SHARE_ALONE = 0.5
 #: Golden section steps.
 STEPS = 30
 
@@ -42,32 +39,36 @@ def own_values(search: Search) -> Own:
     free = [name for name in (INERTIA, DELAY) if not values[name].held]
     candidates = tuple(sorted((_alone(search, name, given, values[name]) for name in free), key=lambda c: c.rmse_after))
     fall = given.heldout_rmse**2 - refitted.heldout_rmse**2
-    least = max(2.0 * POLICY.least_fall * given.heldout_rmse**2, problem.least_of_use(refit) ** 2)
     sure = max(_deviations(search, values), key=lambda pair: pair[1], default=("", 0.0))
-    if fall < least or sure[1] < 4.0:
+    if not problem.falls(given.heldout_rmse, refitted.heldout_rmse, refit) or sure[1] < POLICY.value_deviations:
         return Own(given, refitted, candidates, "", 0.0)
     best = candidates[0] if candidates else None
     reached = given.rmse**2 - best.rmse_after**2 if best is not None else 0.0
-    if best is not None and best.effect == DELAY and _lag_explains_it(search):
-        candidates = (replace(best, indistinguishable_from=(LAG,)), *candidates[1:])
-    wrong = best.effect if best is not None and reached > SHARE_ALONE * fall else sure[0].split(".")[0]
+    late = _late_effects(search) if best is not None and best.effect == DELAY else ()
+    if best is not None and late:
+        candidates = (replace(best, indistinguishable_from=late), *candidates[1:])
+    wrong = best.effect if best is not None and reached > POLICY.one_value_share * fall else sure[0].split(".")[0]
     sure_of_it = min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), 0.99)
     candidates = tuple(replace(c, probability=sure_of_it if c.effect == wrong else 0.0) for c in candidates)
     return Own(given, refitted, candidates, wrong, sure_of_it)
 
 
-def _lag_explains_it(search: Search) -> bool:
-    """Whether a lag of the actuator explains the recordings as well as another delay does."""
-    if LAG not in search.allowed:
-        return False
+def _late_effects(search: Search) -> tuple[str, ...]:
+    """Effects that make the command late and so explain the recordings as well as another delay does."""
+    return tuple(n for n in search.allowed if get_effect(n).lateness is not None and _explains_the_delay(search, n))
+
+
+def _explains_the_delay(search: Search, effect: str) -> bool:
     believed = round(search.problem.model.delay / search.solver.bank.tap_time)
-    terms = [Term.of(LAG, shape) for shape in get_effect(LAG).starts(search.ranges)]
+    terms = [Term.of(effect, shape) for shape in get_effect(effect).starts(search.ranges)]
     taps = [min(max(believed + d, 0), search.most_tap) for d in (-1, 0, 1)]
     tried = [(search.solver.squares((*search.base, t), n, keep=False), t, n) for t in terms for n in taps]
+    if not tried:
+        return False
     least, term, tap = min(tried, key=lambda found: found[0])
     found, _ = refined(search, (*search.base, term), len(search.base), tap)
     least = min(least, *(search.solver.squares(found, n, keep=False) for n in taps))
-    return (least - search.refit.squares) / search.noise.nats < LEAST_GAIN
+    return (least - search.refit.squares) / search.noise.nats < POLICY.least_gain
 
 
 def _deviations(search: Search, values: dict[str, Estimate]) -> list[tuple[str, float]]:
@@ -81,7 +82,7 @@ def _deviations(search: Search, values: dict[str, Estimate]) -> list[tuple[str, 
 
 
 def _alone(search: Search, name: str, given: Score, estimate: Estimate) -> Candidate:
-    """The model with only that value changed, to where the error is least."""
+    """The model with only that value changed, at the least error."""
     model, errors = search.problem.model, search.problem.errors
     if name == INERTIA:
         centre = math.log(model.inertia)

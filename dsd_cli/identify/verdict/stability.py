@@ -1,6 +1,6 @@
-"""The same question with half of the data, and with half and twice the band: where the verdict changes it is not sure.
+"""Sensitivity of the verdict: the search again on half of the data, and on half and twice the band.
 
-Only the search is run again, not all of the verdict: what is asked is which effects are found.
+Only the search is repeated, not the whole verdict: what is compared is which effects are found.
 """
 
 from __future__ import annotations
@@ -18,11 +18,6 @@ from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Log
 
-#: No verdict that changes is surer than this.
-SUREST_UNSTABLE = 0.9
-#: Factors on the band that are tried.
-NARROWER, WIDER = 0.5, 2.0
-
 
 def with_stability(
     found: Diagnosis, recordings: Sequence[Recording], model: PlantModel, settings: Settings
@@ -39,21 +34,21 @@ def with_stability(
     asked = [
         ("the first half of the data", _half(recordings, 0), settings),
         ("the second half", _half(recordings, 1), settings),
-        ("half the band", recordings, replace(settings, band=NARROWER)),
-        ("twice the band", recordings, replace(settings, band=WIDER)),
+        ("half the band", recordings, replace(settings, band=POLICY.narrower_band)),
+        ("twice the band", recordings, replace(settings, band=POLICY.wider_band)),
     ]
-    if found.band_hz * WIDER > POLICY.highest_share / recordings[0].sample_time:
+    if found.band_hz * POLICY.wider_band > POLICY.highest_share / recordings[0].sample_time:
         asked.pop()
     variants = tuple(v for what, some, how in asked if (v := _variant(found, what, some, model, how)) is not None)
     if all(one.same for one in variants):
         return replace(found, stability=variants)
-    return replace(found, stability=variants, probability=min(found.probability, SUREST_UNSTABLE))
+    return replace(found, stability=variants, probability=min(found.probability, POLICY.surest_unstable))
 
 
 def _variant(
     found: Diagnosis, what: str, recordings: Sequence[Recording], model: PlantModel, settings: Settings
 ) -> Variant | None:
-    """None where the rest is too short to be asked."""
+    """None where the part is too short for a fit."""
     try:
         search = Search(pose(excerpts(recordings), model, settings))
     except DsdError:

@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.stats import chi2, norm
 
 from bench.beyond._runs import State, T, engine, excitation, measured
 from bench.beyond.changes import alarms_per_hour, score
 from dsd_cli.detect import DetectorSettings, Engine, Grid
 from dsd_cli.detect.engine import Forces, Measurement
-from dsd_cli.detect.profile.changes import false_alarms_per_hour, split_costs
+from dsd_cli.detect.profile.alarms import false_alarms_per_hour
+from dsd_cli.detect.profile.changes import split_costs
 
 RUNS = 12
 
@@ -53,10 +56,27 @@ def test_a_log_without_changes_has_none() -> None:
     assert alarms_per_hour(20.0, 100, 60_000) == 0.0
 
 
-def test_the_stated_rate_of_false_alarms_is_a_bound_of_the_right_size() -> None:
-    """120 s at 6 nats: about 24 alarms, so that half to twice the true rate is told apart."""
-    seen, stated = alarms_per_hour(6.0, 100, 120_000, seed=4), false_alarms_per_hour(6.0, 100, T)
-    assert 0.2 * stated < seen < 1.2 * stated
+@pytest.mark.parametrize(("threshold", "window"), [(5.0, 100), (6.0, 50)])
+def test_the_stated_rate_of_false_alarms_is_the_seen_one(threshold: float, window: int) -> None:
+    """300 s, 5 seeds: some 180 and 110 alarms are stated, so that a factor of 1.35 is four standard deviations."""
+    seen = np.mean([alarms_per_hour(threshold, window, 60_000, seed=10 * seed) for seed in range(5)])
+    stated = false_alarms_per_hour(threshold, window, T, 0.01)
+    assert stated / 1.35 < seen < 1.35 * stated
+
+
+@pytest.mark.parametrize("freedom", [1, 2, 3, 4])
+def test_stated_false_alarms_against_numerical_integration(freedom: int) -> None:
+    """The mean over a normal variance and the chi-squared tail, by SciPy's quadrature."""
+    h, window, tau = 7.0, 80, 0.01
+    spread = np.sqrt(2.0 / (2 * window - 4))
+
+    def of_variance(w: float) -> float:
+        return max(w, 1.0) * np.exp(-h * (max(w, 1.0) - 1.0)) * norm.pdf(w, 1.0, spread)
+
+    mean = sum(quad(of_variance, *limits)[0] for limits in ((1.0 - 9 * spread, 1.0), (1.0, 1.0 + 9 * spread)))
+    rate = 3.0 / window * h * chi2.sf(2.0 * h, freedom) * np.exp(-0.583 * np.sqrt(6.0 * h / window)) * mean
+    expected = 3600.0 / T * rate / (1.0 + rate * (window + 12.0 * tau / T))
+    assert false_alarms_per_hour(h, window, T, tau, freedom) == pytest.approx(expected, rel=1e-6)
 
 
 def test_two_changes_are_two() -> None:

@@ -4,7 +4,7 @@ import json
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -97,7 +97,7 @@ def _objects(folder: Path, data: dict, version: str) -> Path:
     pandas = pytest.importorskip("pandas", reason="pandas is not installed")
     from matio.utils.matclass import MatlabOpaque
 
-    held = {"Data_": data["velocity"][:, None], "Time": data["t"][:, None], "Name": "speed"}
+    held = {"Data": data["velocity"][:, None], "Time": data["t"][:, None], "Name": "speed"}
     axis = MatlabOpaque(properties=held, classname="recording", type_system="MCOS")
     drive = pandas.DataFrame({"Time": data["t"], "iq": data["u"], "mode": ["run"] * data["t"].size})
     path = folder / f"objects{version}.mat"
@@ -113,11 +113,40 @@ def mat73_objects(folder: Path, data: dict) -> Made:
     return Made(_objects(folder, data, "v7.3"), {"t": "Time", "u": "drive/iq", "velocity": "axis/Data"})
 
 
-def mat7_timetable(folder: Path, data: dict) -> Made:
+def _series(folder: Path, data: dict, version: str) -> Path:
+    """Two timeseries as MATLAB stores them: start, step and length of even stamps (ms); all others, samples last."""
+    matio = pytest.importorskip("matio", reason="mat-io is not installed")
+    from matio.utils.matclass import MatlabOpaque
+
+    def series(values: np.ndarray, **info: Any) -> Any:
+        times = MatlabOpaque(properties=info, classname="tsdata.timemetadata", type_system="MCOS")
+        held = {"Data_": values, "Time_": np.empty((0, 0)), "TimeInfo": times, "Name": "unnamed", "Version": 10.1}
+        return MatlabOpaque(properties=held, classname="timeseries", type_system="MCOS")
+
+    t, none = data["t"], np.empty((0, 0))
+    even = {"Start_": t[0] * 1e3, "Increment_": (t[-1] - t[0]) * 1e3 / (t.size - 1), "Length": float(t.size)}
+    u = series(data["u"][:, None], Units="milliseconds", Time_=none, **even)
+    uneven = {"Start_": none, "Increment_": np.nan, "Length": float(t.size)}
+    v = series(data["velocity"][None, None, :], Units="seconds", Time_=t[:, None], **uneven)
+    path = folder / f"series{version}.mat"
+    matio.save_to_mat(str(path), {"iq": u, "speed": v}, version=version)
+    return path
+
+
+def mat7_timeseries(folder: Path, data: dict) -> Made:
+    return Made(_series(folder, data, "v7"), {"t": "Time", "u": "iq/Data", "velocity": "speed/Data"})
+
+
+def mat73_timeseries(folder: Path, data: dict) -> Made:
+    return Made(_series(folder, data, "v7.3"), {"t": "Time", "u": "iq/Data", "velocity": "speed/Data"})
+
+
+def mat7_timetable(folder: Path, data: dict, begin: str = "") -> Made:
     matio = pytest.importorskip("matio", reason="mat-io is not installed")
     pandas = pytest.importorskip("pandas", reason="pandas is not installed")
     stamps = pandas.to_timedelta(np.round(data["t"] * 1e6).astype("i8"), unit="us")
-    table = pandas.DataFrame({"iq": data["u"], "speed": data["velocity"]}, index=stamps)
+    rows = pandas.Timestamp(begin) + stamps if begin else stamps
+    table = pandas.DataFrame({"iq": data["u"], "speed": data["velocity"]}, index=rows)
     table.index.name = "Time"
     with warnings.catch_warnings():  # of the unit in which MATLAB shows the times
         warnings.simplefilter("ignore")
@@ -288,6 +317,8 @@ MAKERS: list[Callable[[Path, dict], Made]] = [
     mat73,
     mat7_objects,
     mat73_objects,
+    mat7_timeseries,
+    mat73_timeseries,
     mat7_timetable,
     hdf5,
     mdf,

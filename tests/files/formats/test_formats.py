@@ -7,7 +7,17 @@ import pytest
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.tables_in import open_table
-from tests.files.formats.makers import MAKERS, channels, mat5, mat7_objects, mat7_timetable, mat73_objects
+from tests.files.formats.makers import (
+    MAKERS,
+    START_NS,
+    channels,
+    mat5,
+    mat7_objects,
+    mat7_timetable,
+    mat73_objects,
+    npz,
+    tdms,
+)
 
 
 def read(path: Path, names: dict[str, str]) -> tuple[dict[str, np.ndarray], list[str]]:
@@ -27,6 +37,9 @@ def test_what_went_in_comes_out(maker, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("maker", MAKERS, ids=lambda maker: maker.__name__)
+@pytest.mark.filterwarnings(
+    "error::pytest.PytestUnraisableExceptionWarning"
+)  # what a library says when it is collected
 def test_a_file_that_was_cut_off_is_one_line_or_what_is_whole_of_it(maker, tmp_path: Path) -> None:
     data = channels(300)
     made = maker(tmp_path, data)
@@ -52,6 +65,41 @@ def test_objects_without_their_library_are_said(maker, tmp_path: Path, monkeypat
     with pytest.raises(DataError, match=r'no column "drive/iq"; it has gain.*dsd-cli\[mat\]'):
         read(*made)
     assert "dsd-cli[mat]" in open_table(made.path, {"u": "gain"}).warnings[0]
+
+
+def test_a_tdms_file_that_was_cut_off_is_read_and_said_and_nothing_else_is(tmp_path: Path, capfd) -> None:
+    path, names = tdms(tmp_path, channels(300))
+    path.write_bytes(path.read_bytes()[:-100])
+    assert read(path, names)[1][0] == "its end is missing: what is whole of it is read"
+    assert capfd.readouterr() == ("", "")
+
+
+def test_an_archive_of_numpy_that_was_cut_off_is_no_spreadsheet(tmp_path: Path) -> None:
+    path, names = npz(tmp_path, channels())
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(DataError, match=r"cannot be read as a NumPy.*is it whole"):
+        read(path, names)
+
+
+@pytest.mark.parametrize("version", ["v7", "v7.3"])
+def test_objects_without_numbers_say_what_to_do_in_matlab(version: str, tmp_path: Path) -> None:
+    matio = pytest.importorskip("matio", reason="mat-io is not installed")
+    from matio.utils.matclass import MatlabOpaque
+
+    named = MatlabOpaque(properties={"Name": "axis"}, classname="Simulink.Signal", type_system="MCOS")
+    matio.save_to_mat(str(tmp_path / "named.mat"), {"named": named}, version=version)
+    with pytest.raises(
+        DataError, match=r"no channel with numbers in it: the MATLAB objects .*save\('log.mat'"
+    ) as caught:
+        open_table(tmp_path / "named.mat", {"u": "u"})
+    assert "\n" not in str(caught.value)
+
+
+def test_a_timetable_of_dates_is_stamped_since_1970(tmp_path: Path) -> None:
+    data = channels(step=0.0001)
+    path, names = mat7_timetable(tmp_path, data, "2026-01-01")
+    found, _ = read(path, names)
+    np.testing.assert_allclose(found["t"] - START_NS / 1e9, data["t"], rtol=0, atol=3e-7)
 
 
 def test_a_timetable_keeps_its_stamps_below_a_millisecond(tmp_path: Path) -> None:

@@ -1,0 +1,1 @@
+"""Every picture that README and docs show, made by `make figures`."""

@@ -1,0 +1,37 @@
+"""Pictures that a command draws, of the sample logs: name -> what is typed before `--plot`."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+_LOG, _BARE, _KNOWN = "sample_logs/servo-friction.csv", "sample_logs/servo-bare.toml", "sample_logs/servo-friction.toml"
+_UNITS = ("--set", 'signals.u_unit="N m"', "--set", 'signals.position_unit="rad"')
+_CHANGE = ("sample_logs/servo-load-change.parquet", "-c", "sample_logs/servo-load-change.toml")
+
+PICTURES: dict[str, tuple[str, ...]] = {
+    "observe": ("observe", _LOG, "-c", _KNOWN, *_UNITS, "-o", "-"),
+    "check": ("check", _LOG, "-c", _KNOWN, *_UNITS, "--set", "signals.u_sign=-1"),
+    "detect": ("detect", *_CHANGE, *_UNITS),
+    "detect-profile": ("detect", *_CHANGE, *_UNITS, "--method", "profile"),
+    "compare": ("compare", _LOG, "-c", _BARE, *_UNITS),
+    "compare-simulation": ("compare", _LOG, "-c", _BARE, *_UNITS, "--horizon", "0.3s"),
+    "compare-models": ("compare", _LOG, "-c", _BARE, "-c", _KNOWN, *_UNITS),
+    "diagnose": ("diagnose", _LOG, "-c", _BARE, *_UNITS),
+    "improve": ("improve", _LOG, "-c", _BARE, *_UNITS, "--auto"),
+}
+
+
+def draw(name: str, path: Path) -> None:
+    """The real command, from the root of the project.
+
+    Raises
+    ------
+    RuntimeError : it failed, or drew nothing.
+    """
+    command = [sys.executable, "-m", "dsd_cli", *PICTURES[name], "--plot", str(path)]
+    done = subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
+    if done.returncode or not path.is_file():
+        raise RuntimeError(f"{name}: {done.stderr.strip()}")

@@ -1,0 +1,233 @@
+"""From logs and a config to what a page tells, by the functions of check, detect, compare, diagnose and improve."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import shlex
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field, replace
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from dsd_cli.cli.check import checked_log
+from dsd_cli.cli.detect_checks import Judgement
+from dsd_cli.cli.detect_job import Destination, Job
+from dsd_cli.cli.identification import Given, load_given, warn
+from dsd_cli.cli.improve import validated
+from dsd_cli.cli.improve_loop import follow, with_steps
+from dsd_cli.cli.labels_out import ESTIMATES
+from dsd_cli.cli.progress import Progress
+from dsd_cli.cli.recordings import beyond_known, known_values
+from dsd_cli.detect.grid import Grid
+from dsd_cli.detect.rows import Rows
+from dsd_cli.errors import DsdError, printable
+from dsd_cli.files.config import Config
+from dsd_cli.files.config.edit import Origin, now
+from dsd_cli.identify.compare.comparison import compare
+from dsd_cli.identify.improve import improve
+from dsd_cli.identify.results import Diagnosis, Ladder, Step, in_units
+from dsd_cli.identify.verdict.stability import with_stability
+from dsd_cli.report.comparison import Report
+from dsd_cli.report.diagnosis import DiagnosisReport
+from dsd_cli.report.ladder import LadderReport, step_line
+from dsd_cli.report.page.series import Views, channels_of, views
+from dsd_cli.report.page.story import Labels, Part, SourceFile, Story
+
+if TYPE_CHECKING:
+    from dsd_cli.cli.labels_out import Write
+
+T = TypeVar("T")
+
+#: Libraries whose versions can matter to the numbers.
+_LIBRARIES = ("numpy", "scipy", "pyarrow")
+
+
+def tell(
+    config: Config, origin: Origin, logs: Sequence[str], holdout: Sequence[str], others: Sequence[Path], quiet: bool
+) -> Story:
+    """Everything that these logs say under this config.
+
+    Raises
+    ------
+    DataError : a log that cannot be read at all.
+    UsageError : values of [fit] that contradict the config.
+    """
+    if config.model.inertia is not None:
+        known_values(config)  # what is asked wrongly is no matter of this log
+    with Progress(not quiet) as progress:
+        looked = [checked_log(path, config, quiet, progress) for path in logs]
+    teller = _Teller(config, tuple(logs), tuple(holdout), quiet)
+    detections = teller.detections()
+    given = teller.attempt("the model", lambda: load_given(config, logs, holdout))
+    axes = {axis for _, part in detections if part.value for axis in part.value.axes}
+    comparison, ladder, diagnosis, curves = teller.identified(given, 2 * len(axes))
+    if curves.value is None:
+        curves = teller.attempt("curves", lambda: channels_of([(one.log, one.restarts) for one in looked]))
+    steps = ladder.value.result.steps if ladder.value else ()
+    return Story(
+        logs=tuple(logs),
+        holdout=tuple(holdout),
+        checks=tuple(one.result for one in looked),
+        detections=detections,
+        comparison=comparison,
+        diagnosis=diagnosis,
+        ladder=ladder,
+        views=curves,
+        config_name=str(origin.path),
+        config_text=with_steps(origin.text, steps[0].score, steps[1:], logs) if steps else "",
+        command=shlex.join(["dsd", *sys.argv[1:]]),
+        made=now(),
+        units=config.signals.units,
+        files=tuple(_source(path) for path in (*logs, *holdout, origin.path, *others)),
+        versions=_versions(),
+        warnings=(*(given.value.warnings if given.value else ()), *teller.warnings),
+    )
+
+
+@dataclass
+class _Teller:
+    """Runs one command after the other; what fails is a line and not the end."""
+
+    config: Config
+    logs: tuple[str, ...]
+    holdout: tuple[str, ...]
+    quiet: bool
+    warnings: list[str] = field(default_factory=list)
+
+    def attempt(self, what: str, run: Callable[[], T]) -> Part[T]:
+        """The result, or why there is none; that is said on stderr too."""
+        try:
+            return Part(run())
+        except DsdError as failure:
+            line = str(failure)
+        except MemoryError:
+            line = "not enough memory"
+        warn(self.quiet, [f"{what}: {line}"])
+        return Part(None, line)
+
+    def detections(self) -> tuple[tuple[str, Part[Labels]], ...]:
+        """The labels of each log, where the config has states."""
+        if self.config.states is None:
+            return ()
+        return tuple((log, self.attempt("detect", lambda log=log: self._labels(log))) for log in self.logs)  # type: ignore[misc]
+
+    def _labels(self, log: str) -> Labels:
+        to = _Kept("table", None, True, ())
+        result = Job(log, self.config, False, to).run(Judgement())
+        rows = to.rows
+        t, state, confident = (np.concatenate([getattr(r, n) for r in rows]) for n in ("t", "state", "confident"))
+        axes = {name: np.asarray(values)[state] for name, values in to.grids[0].axes.items()}
+        columns = zip(*(r.estimates for r in rows), strict=True)
+        estimates = dict(zip(ESTIMATES, (np.concatenate(column) for column in columns), strict=False))
+        between = {axis: estimates[f"{axis}_estimate"] for axis in axes if f"{axis}_estimate" in estimates}
+        return Labels(result, t, axes, confident, between)
+
+    def identified(
+        self, given: Part[Given], more: int
+    ) -> tuple[Part[Report], Part[LadderReport], Part[DiagnosisReport], Part[Views]]:
+        """compare, improve, diagnose, and the curves of all steps; `more` curves are drawn beside these."""
+        if given.value is None:
+            return Part(None, given.missing), Part(None, given.missing), Part(None, given.missing), Part(None, "")
+        known = given.value
+        self.warnings += beyond_known(self.config)
+        comparison = self.attempt("compare", lambda: _compared(known))
+        first: list[Diagnosis] = []
+        ladder = self.attempt("improve", lambda: self._climbed(known, first))
+        diagnosis = self.attempt("diagnose", lambda: _diagnosed(known, first)) if first else Part(None, ladder.missing)
+        models = [step.model for step in ladder.value.result.steps] if ladder.value else [known.model]
+        curves = self.attempt("curves", lambda: views(known.recordings, models, known.observer, more))
+        return comparison, ladder, diagnosis, curves
+
+    def _climbed(self, given: Given, first: list[Diagnosis]) -> LadderReport:
+        """`improve --auto`; the first diagnosis goes into `first`."""
+
+        def choose(diagnosis: Diagnosis) -> str | None:
+            first.append(diagnosis)
+            return follow(diagnosis)
+
+        with Progress(not self.quiet) as progress:
+            on_step = _StepLines(progress, not self.quiet and sys.stderr.isatty())
+            found = improve(
+                given.recordings,
+                given.model,
+                given.observer,
+                given.engine_settings,
+                holdout=given.holdout,
+                choose=choose,
+                on_step=on_step,
+                progress=progress,
+            )
+        first[:] = [first[0] if first else found.last]
+        ladder: Ladder = in_units(found, given.settings.signals.units)
+        held_out = validated(given, ladder) if given.holdout else ()
+        return LadderReport(ladder, self.logs, None, given.dropped, given.warnings, held_out)
+
+
+class _StepLines:
+    """Says each step on a terminal, as improve does."""
+
+    def __init__(self, progress: Progress, wanted: bool) -> None:
+        self._progress, self._wanted = progress, wanted
+        self._before: Step | None = None
+
+    def __call__(self, step: Step) -> None:
+        self._progress.clear()
+        if self._wanted:
+            print(printable(step_line(step, self._before)), file=sys.stderr)
+        self._before = step
+
+
+def _compared(given: Given) -> Report:
+    config = given.settings
+    aside = given.holdout[0] if len(given.holdout) == 1 else None  # of several, improve's validation speaks
+    window = config.detector.window
+    found, _ = compare(given.recordings, given.model, given.observer, window, aside)
+    return Report(replace(found, units=config.signals.units), dropped=given.dropped)
+
+
+def _diagnosed(given: Given, first: Sequence[Diagnosis]) -> DiagnosisReport:
+    """What `diagnose` says: the first diagnosis of the ladder, asked again on parts of the data."""
+    found = first[0]
+    if not found.stability:
+        found = with_stability(found, given.recordings, given.model, given.engine_settings)
+    found = in_units(found, given.settings.signals.units)
+    found = replace(found, warnings=(*given.warnings, *found.warnings))
+    return DiagnosisReport(found, given.model, tuple(r.name for r in given.holdout), given.dropped)
+
+
+@dataclass(frozen=True)
+class _Kept(Destination):
+    """Labels that stay in memory."""
+
+    rows: list[Rows] = field(default_factory=list)
+    grids: list[Grid] = field(default_factory=list)
+
+    def writer(self, grid: Grid, estimates: bool) -> AbstractContextManager[Write]:
+        self.grids.append(grid)
+        return nullcontext(self.rows.append)
+
+
+def _source(path: str | Path) -> SourceFile:
+    if Path(path).is_dir():  # some logs are folders
+        return SourceFile(str(path), sum(file.stat().st_size for file in Path(path).rglob("*") if file.is_file()), "")
+    with open(path, "rb") as stream:
+        digest = hashlib.file_digest(stream, "sha256").hexdigest()
+        return SourceFile(str(path), stream.tell(), digest)
+
+
+def _versions() -> Mapping[str, str]:
+    from dsd_cli.cli.main import version_text
+
+    found = {"dsd": version_text(), "Python": f"{platform.python_version()} on {platform.system()}"}
+    for name in _LIBRARIES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

@@ -1,0 +1,124 @@
+"""Why a label that the engine calls confident is not: it rests on a spike, on rest, or does not explain its window."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dsd_cli.detect.coloured import spectrum, whitening
+from dsd_cli.detect.engine import Engine, Labels
+from dsd_cli.detect.goodness import Goodness
+from dsd_cli.detect.kernel import KernelSpec
+from dsd_cli.detect.plan import Plan
+from dsd_cli.detect.rest import RestShare
+from dsd_cli.detect.rows import Inputs, without_confidence
+from dsd_cli.detect.spikes import Spikes
+from dsd_cli.detect.trust import BLOCKS
+from dsd_cli.plant.filtering import lowpass_irregular, poles_of
+from dsd_cli.signals.log import Array
+
+
+class Doubts:
+    """Takes the confidence from labels of an engine; every sample passes through it, in order."""
+
+    def __init__(self, plan: Plan, engine: Engine) -> None:
+        spec = engine.spec
+        self._spikes = Spikes(spec, plan.settings.window, plan.d_hat_source == "logged")
+        self._rest = RestShare(plan.settings.effective_window)
+        effects = plan.settings.output == "d_hat" and any(model.effects for model in plan.effects)
+        moves = effects and any(name in plan.columns for name in ("velocity", "position"))
+        self._unknown = UnknownForces(spec) if moves else None
+        judged = plan.settings.method != "profile" and spec.settings.window >= BLOCKS
+        self._goodness = Goodness(spec, FORCES if moves else 0) if judged else None
+        self._groups = len(spec.grid.delays) * len(spec.grid.combinations)
+        self._doubted = 0
+
+    def restart(self) -> None:
+        """What comes next rests on nothing that was before."""
+        self._spikes.restart()
+        self._rest.restart()
+        if self._goodness is not None:
+            self._goodness.restart()
+        if self._unknown is not None:
+            self._unknown.restart()
+
+    @property
+    def warnings(self) -> list[str]:
+        """One sentence each, about the samples so far."""
+        if not self._doubted:
+            return []
+        return [
+            f"u stands out (up to {self._spikes.largest:.3g}, it usually reaches about {self._spikes.level:.3g}), and "
+            f"nothing shows that it was so: {self._doubted} label(s) that rest on it are not confident"
+        ]
+
+    def model(self, samples: int) -> Array | None:
+        """What `Engine.run` shall fill for as many samples."""
+        return None if self._goodness is None else np.empty((samples, 1 + self._groups))
+
+    def checked(self, labels: Labels, inputs: Inputs, model: Array | None) -> Labels:
+        """The labels of the next samples, confident only where nothing speaks against it."""
+        spike = self._spikes.unfounded(inputs.u, labels.state)
+        if spike is not None:
+            self._doubted += int((labels.confident & spike).sum())
+            labels = without_confidence(labels, spike)
+        if inputs.resting is not None:
+            labels = without_confidence(labels, self._rest.unfounded(inputs.resting))
+        if self._goodness is not None and model is not None:
+            forces = None if self._unknown is None else self._unknown.response(inputs)
+            labels = without_confidence(labels, self._goodness.unfounded(model, labels.state, labels.confident, forces))
+        return labels
+
+
+#: A constant, a viscous and a dry force.
+FORCES = 3
+
+
+class UnknownForces:
+    """What forces that the model may lack do to y: a constant, one along the speed, one along its sign, after Q."""
+
+    def __init__(self, spec: KernelSpec) -> None:
+        self._spec = spec
+        noise = spec.settings.sensor_noise
+        self._whitening = None
+        if noise:
+            b, c = spectrum(noise, float(spec.alphas[0]) * spec.grid.inertias[0], spec.sample_time)
+            self._whitening = whitening(spec.settings.rho, b, c, spec.pole)
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin at rest."""
+        self._last = [0.0] * FORCES
+        self._t: float | None = None
+        self._state: Array | None = None
+
+    def response(self, inputs: Inputs) -> Array:
+        """Of the next samples, shape (n, FORCES)."""
+        assert inputs.motion is not None, "effects that need the motion come with it"
+        n = len(inputs.u)
+        poles = self._poles(inputs.t)
+        columns = np.column_stack([np.ones(n), inputs.motion])
+        columns[~np.isfinite(columns)] = 0.0
+        out = np.empty((n, FORCES))
+        for i in range(FORCES):
+            out[:, i] = lowpass_irregular(columns[:, i], poles, self._last[i])
+            self._last[i] = float(out[-1, i]) if n else self._last[i]
+        return out if self._whitening is None else self._whitened(out)
+
+    def _poles(self, t: Array) -> Array:
+        spec = self._spec
+        if not spec.timed:
+            return np.full(len(t), spec.pole)
+        intervals = np.diff(t, prepend=t[0] - spec.sample_time if self._t is None else self._t)
+        self._t = float(t[-1])
+        return poles_of(intervals.tolist(), spec.time_constant if spec.settings.observer_filter else 0.0)
+
+    def _whitened(self, columns: Array) -> Array:
+        from scipy.signal import lfilter  # slow to import
+
+        found: Any = self._whitening
+        if self._state is None:
+            self._state = np.zeros((max(len(found.denominator), 2) - 1, FORCES))
+        out, self._state = lfilter(found.numerator, found.denominator, columns, axis=0, zi=self._state)
+        return np.asarray(out)

@@ -1,0 +1,1 @@
+"""The page of `dsd report`: one HTML file that holds everything and asks for nothing."""

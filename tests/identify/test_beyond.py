@@ -1,0 +1,117 @@
+"""What is left beyond a fit: nothing beside the truth, a law where one is missing, pushes where something pushed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.problem import Settings, pose
+from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.beyond import beyond_of, pushed
+from dsd_cli.signals.log import Log
+from tests.identify.search_rig import BELIEVED, OBSERVER, T, posed, seen
+
+PUSHES = {"external_force": {"events": [{"start": 3.0, "end": 3.4, "force": 0.5}]}}
+
+
+def disturbed(force, names=(), seed=0):
+    """A search over a log of an axis on which a force that no effect describes acts: t, v, q -> unit of u.
+
+    The motion is the rig's; u is what the axis then needs, as a loop without delay would supply it.
+    """
+    bare = seen(noise=0.0, seed=seed, duration=12.0).pieces[0]
+    rng = np.random.default_rng(seed)
+    extra = force(bare["t"], bare["velocity"], bare["position"])
+    late = round(BELIEVED.delay / T)
+    u = bare["u"] - np.append(extra[late:], np.full(late, extra[-1]))
+    speed = bare["velocity"] + 0.002 * rng.normal(size=len(bare))
+    channels = {"t": bare["t"], "u": u, "velocity": speed, "position": bare["position"]}
+    return Search(pose([prepare(Log(channels, T, "log.csv"), OBSERVER)], BELIEVED, Settings(effects=names)))
+
+
+def test_beside_the_truth_nothing_is_left():
+    """8 seeds: never unknown, and what the best of many functions gains by chance is small on average."""
+    shares = []
+    for seed in range(8):
+        search = posed(None, (), seed=seed)
+        found, plain = beyond_of(search, search.refit), search.problem.errors.rmse(search.refit)
+        assert not found.unknown, f"seed {seed}"
+        assert found.heldout_rmse <= plain
+        assert 0.8 * plain < found.noise <= plain
+        shares.append(found.heldout_rmse / plain)
+    assert np.mean(shares) > 0.95
+
+
+LAWS = {
+    "speed times place": (lambda t, v, q: 0.4 * v * q, {"velocity", "position"}),
+    "a power of the speed": (lambda t, v, q: -0.15 * np.sign(v) * np.sqrt(np.abs(v)), {"velocity"}),
+    "a hill on the way": (lambda t, v, q: 0.2 * np.exp(-(((q - np.median(q)) / 0.05) ** 2)), {"position"}),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_law_without_a_name_is_seen_with_what_it_depends_on(name):
+    law, on = LAWS[name]
+    search = disturbed(law)
+    found = beyond_of(search, search.refit)
+    assert found.unknown
+    assert on <= set(found.on)
+    assert found.heldout_rmse < 0.8 * search.problem.errors.rmse(search.refit)
+
+
+def test_a_load_that_wanders_is_unknown_over_time():
+    rng = np.random.default_rng(5)
+    walk = np.convolve(np.cumsum(rng.normal(size=6000)) * 0.01, np.ones(200) / 200, "same")
+    search = disturbed(lambda t, v, q: walk[: len(t)])
+    found = beyond_of(search, search.refit)
+    assert found.unknown
+    assert "time" in found.on
+
+
+def test_the_effect_itself_leaves_nothing_beyond():
+    """With gravity missing much is, with it nothing."""
+    search = posed({"gravity": {"amplitude": 0.2, "phase": 0.4}}, ("gravity",))
+    assert beyond_of(search, search.refit).unknown
+    whole = search.fit((Term("gravity"),), search.refit.tap)
+    assert not beyond_of(search, whole).unknown
+
+
+def test_a_push_is_found_where_it_was_and_nothing_is_left_then():
+    search = posed(PUSHES, ("external_force", "gravity", "viscous_friction"))
+    before = beyond_of(search, search.refit)
+    fit, found = pushed(search, search.refit, before)
+    (term,) = search.added(fit.terms)
+    assert term.id == "external_force"
+    ((start, end),) = term.shape["edges"]
+    assert start == pytest.approx(3.0, abs=3 * T)
+    assert end == pytest.approx(3.4, abs=3 * T)
+    assert not found.unknown
+    assert search.problem.errors.rmse(fit) < 0.8 * search.problem.errors.rmse(search.refit)
+
+
+def test_without_a_push_everything_stays_as_it_was():
+    search = posed(None, ("external_force",))
+    before = beyond_of(search, search.refit)
+    assert pushed(search, search.refit, before) == (search.refit, before)
+
+
+def test_pulses_never_stand_in_for_a_law():
+    """A force that goes with speed times place is no train of pushes: it stays unknown, and nothing is added."""
+    search = disturbed(lambda t, v, q: 0.4 * v * q, ("external_force",))
+    before = beyond_of(search, search.refit)
+    fit, found = pushed(search, search.refit, before)
+    assert fit is search.refit
+    assert found.unknown
+
+
+def test_an_excerpt_answers_for_motion_and_all_rows_for_time():
+    """With an excerpt that is the whole log the answer is that without one."""
+    search = disturbed(lambda t, v, q: 0.4 * v * q)
+    whole = Search(search.problem)
+    whole.excerpt = search
+    there, here = beyond_of(whole, whole.refit), beyond_of(search, search.refit)
+    assert there.unknown
+    assert there.on == here.on
+    assert replace(there, noise=0.0) == replace(here, noise=0.0)

@@ -1,0 +1,105 @@
+"""Whether the model's own values are wrong: named where they are, silent where they are right or nothing told them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dsd_cli.identify.results import DELAY, INERTIA
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.own_values import own_values
+from tests.identify.search_rig import BELIEVED, T, posed
+
+FRICTION = {"coulomb_friction": {"level": 0.08}}
+
+
+def asked(model, names=(), effects=None, **more):
+    return own_values(posed(effects, names, model, duration=6.0, **more))
+
+
+@pytest.fixture(scope="module")
+def right():
+    return asked(BELIEVED)
+
+
+def test_values_that_are_right_are_not_blamed(right):
+    assert right.wrong == ""
+    assert right.probability == 0.0
+    assert {c.effect for c in right.candidates} == {INERTIA, DELAY}
+    assert all(c.probability == 0.0 for c in right.candidates)
+    assert right.refitted.heldout_rmse == pytest.approx(right.score.heldout_rmse, rel=0.03)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_in_noise_of_other_seeds_they_are_not_blamed_either(seed):
+    assert asked(BELIEVED, seed=10 + seed).wrong == ""
+
+
+def test_what_is_certain_but_of_no_use_is_not_blamed():
+    """An inertia that is 0.1 % off shows in a log without noise, and changes nothing that anybody would see."""
+    believed = replace(BELIEVED, inertia=1.001 * BELIEVED.inertia)
+    assert asked(believed, noise=1e-5).wrong == ""
+
+
+@pytest.mark.parametrize(
+    ("wrong", "believed"),
+    [
+        (INERTIA, replace(BELIEVED, inertia=1.3 * BELIEVED.inertia)),
+        (INERTIA, replace(BELIEVED, inertia=0.8 * BELIEVED.inertia)),
+        (DELAY, replace(BELIEVED, delay=BELIEVED.delay + 4 * T)),
+        (DELAY, replace(BELIEVED, delay=0.0)),
+    ],
+    ids=["heavier", "lighter", "later", "earlier"],
+)
+def test_one_wrong_value_is_named_and_put_right(wrong, believed):
+    found = asked(believed)
+    assert found.wrong == wrong
+    assert found.probability > 0.9
+    first = found.candidates[0]
+    assert first.effect == wrong
+    assert first.probability == found.probability
+    assert first.parameters[wrong].value == pytest.approx(getattr(BELIEVED, wrong), rel=0.02, abs=0.2 * T)
+    assert getattr(first.model, wrong) == first.parameters[wrong].value
+    assert first.rmse_after < 0.5 * found.score.rmse
+    assert found.refitted.heldout_rmse < 0.5 * found.score.heldout_rmse
+
+
+def test_a_candidate_changes_its_one_value_and_nothing_else():
+    believed = replace(BELIEVED, inertia=1.3 * BELIEVED.inertia, delay=BELIEVED.delay + 4 * T, effects=FRICTION)
+    for candidate in asked(believed, effects=FRICTION).candidates:
+        changed = replace(candidate.model, **{candidate.effect: getattr(believed, candidate.effect)})
+        assert changed == believed
+
+
+def test_a_wrong_value_of_an_effect_is_blamed_on_that_effect():
+    believed = replace(BELIEVED, effects={"coulomb_friction": {"level": 0.2}})
+    assert asked(believed, effects=FRICTION).wrong == "coulomb_friction"
+
+
+def test_the_least_of_one_value_is_where_a_fine_grid_has_it():
+    """Errors of 200 inertias, one by one."""
+    search = posed(None, (), replace(BELIEVED, inertia=1.3 * BELIEVED.inertia), duration=6.0)
+    (found,) = (c for c in own_values(search).candidates if c.effect == INERTIA)
+    grid = BELIEVED.inertia * np.geomspace(0.7, 1.6, 200)
+    errors = [search.problem.errors.of_model(replace(search.problem.model, inertia=x)).rmse for x in grid]
+    assert found.rmse_after <= min(errors) * (1.0 + 1e-9)
+    assert found.parameters[INERTIA].value == pytest.approx(grid[int(np.argmin(errors))], rel=0.005)
+
+
+def test_another_delay_that_a_lag_explains_as_well_says_so():
+    """A lag of a few ms looks like so much more delay at these frequencies, and the other way round."""
+    later = replace(BELIEVED, delay=BELIEVED.delay + 2 * T)
+    with_lag = own_values(posed(None, ("actuator_lag",), BELIEVED, plant=later, duration=6.0, noise=0.02))
+    without = own_values(posed(None, ("gravity",), BELIEVED, plant=later, duration=6.0, noise=0.02))
+    assert with_lag.wrong == without.wrong == DELAY
+    assert with_lag.candidates[0].indistinguishable_from == ("actuator_lag",)
+    assert without.candidates[0].indistinguishable_from == ()
+
+
+def test_held_values_are_no_candidates():
+    problem = posed(None, (), replace(BELIEVED, inertia=1.3 * BELIEVED.inertia), duration=6.0).problem
+    held = replace(problem.solver.known, fixed={INERTIA: problem.model.inertia})
+    solver = type(problem.solver)(problem.solver.bank, problem.blocks, problem.solver.inertia, held)
+    found = own_values(Search(replace(problem, solver=solver)))
+    assert [c.effect for c in found.candidates] == [DELAY]
+    assert found.wrong != INERTIA

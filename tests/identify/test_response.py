@@ -1,0 +1,155 @@
+"""What the response shows above the band of the balance, on logs of the outside rig that do not show it in the band."""
+
+import math
+
+import numpy as np
+import pytest
+
+from dsd_cli.effects.memory import Coupling, driven_load
+from dsd_cli.identify.compare.evaluation import force_view
+from dsd_cli.identify.fit.asked import Settings
+from dsd_cli.identify.fit.driven import with_driven_load
+from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.improve import add_effect, improve
+from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.search.response import response_of
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.signals import BLOCKS, gains
+from dsd_cli.identify.verdict.diagnose import diagnose
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Log
+from tests.oracle.rig import RigCase, make, make_exact
+
+LOADS = ("flexible_coupling", "backlash")
+
+
+class Axis:
+    """A log of the rig, prepared."""
+
+    def __init__(self, what, seed, sensing="enc4096"):
+        self.log = make([RigCase(what=what, seed=seed, sensing=sensing)])[0]
+        believed = self.log.believed
+        self.model = PlantModel(believed["inertia"], believed["delay"], believed["effects"])
+        observer = self.log.observer
+        self.observer = ObserverSettings(observer["nominal_inertia"], observer["time_constant"])
+        self.recording = prepare(Log(self.log.channels, self.log.sample_time, "log.csv"), self.observer)
+
+    @property
+    def truth(self):
+        return next(dict(v) for name, v in self.log.truth["effects"].items() if name in LOADS)
+
+    def seen(self, doubtful=True):
+        search = Search(pose([self.recording], self.model, Settings()))
+        return response_of(search, search.refit, LOADS, doubtful)
+
+    def diagnosed(self):
+        return diagnose([self.recording], self.model, self.observer)
+
+
+@pytest.fixture(scope="module")
+def swinging():
+    return Axis(("flexible_coupling",), 2)
+
+
+@pytest.fixture(scope="module")
+def loose():
+    return Axis(("backlash",), 0)
+
+
+def near(values, truth, share, deviations=4.0):
+    """Whether values are within that share of the truth, or within so many of their standard errors."""
+    return {
+        name: (value, truth[name])
+        for name, (value, error) in values.items()
+        if abs(value - truth[name]) > max(share * truth[name], deviations * error)
+    }
+
+
+def test_a_load_that_swings_far_above_the_band_of_a_coarse_encoder(swinging):
+    found = swinging.seen()
+    assert found.effect == "flexible_coupling"
+    assert not near(found.values, swinging.truth, 0.02)
+
+
+def test_play_behind_a_coarse_encoder(loose):
+    found = loose.seen()
+    assert found.effect == "backlash"
+    assert not near(found.values, loose.truth, 0.03)
+
+
+@pytest.mark.parametrize(
+    ("what", "seed", "sensing"),
+    [
+        ((), 2, "enc4096"),
+        ((), 2, "speed40k"),
+        (("actuator_lag",), 2, "speedloud"),
+        (("stribeck_friction",), 2, "speedloud"),
+    ],
+)
+def test_no_load_where_there_is_none(what, seed, sensing):
+    """Even where play is looked for in any case."""
+    assert Axis(what, seed, sensing).seen() is None
+
+
+def test_the_answer_is_the_load_and_the_error_in_the_band_falls(swinging):
+    found = swinging.diagnosed()
+    named = found.ranking[0]
+    assert (found.verdict, named.effect) == ("flexible_coupling",) * 2
+    assert found.probability > 0.9
+    assert "response of the acceleration" in named.note
+    assert named.heldout_rmse_after < 0.6 * found.refitted.heldout_rmse
+    errors = {name: e.std_error for name, e in named.parameters.items()}
+    assert all(0.0 < e < math.inf for e in errors.values())
+    assert not near({n: (e.value, e.std_error) for n, e in named.parameters.items()}, swinging.truth, 0.02)
+    assert found.model.inertia == pytest.approx(swinging.log.truth["inertia"], rel=0.01)
+
+
+def test_the_ladder_takes_it_stops_there_and_compare_sees_the_same_error(loose):
+    ladder = improve([loose.recording], loose.model, loose.observer, choose=lambda d: d.verdict)
+    assert [s.effect for s in ladder.steps if s.kind == "added"] == ["backlash"]
+    assert ladder.verdict != "unknown"
+    reached = ladder.steps[-1]
+    assert reached.score.rmse < 0.5 * ladder.steps[0].score.rmse
+    view = force_view([loose.recording], reached.model)
+    assert view.log.rmse == pytest.approx(reached.score.rmse, rel=0.05)
+
+
+def test_it_can_be_added_by_name(swinging):
+    added = add_effect([swinging.recording], swinging.model, swinging.observer, "flexible_coupling")
+    given = added.model.effects["flexible_coupling"]
+    assert given["frequency"] == pytest.approx(swinging.truth["frequency"], rel=0.02)
+    assert added.after.heldout_rmse < added.refitted.heldout_rmse
+
+
+def test_a_model_without_a_load_drives_none(swinging):
+    (same,) = with_driven_load([swinging.recording], swinging.model)
+    assert same is swinging.recording
+
+
+def test_the_motor_of_a_model_with_a_load_moves_as_the_axis_did():
+    """Against the exact motion, which no log tells: the encoder's own second difference is noise."""
+    log, exact = make_exact(RigCase(what=("backlash",), seed=0, sensing="enc4096"))
+    axis = Axis(("backlash",), 0)
+    (driven,) = with_driven_load(
+        [axis.recording], PlantModel(log.truth["inertia"], log.truth["delay"], log.truth["effects"])
+    )
+    moved = driven.pieces[0]["driven"]
+    measured = driven.pieces[0]["acceleration"]
+    logged = exact.motion.t >= 0.0
+    true = np.gradient(exact.motion.v, exact.motion.t)[logged][: len(moved)]
+    half = slice(500, None)
+    assert np.std(moved[half] - true[half]) < 0.2 * np.std(true[half])
+    assert np.std(measured[half] - true[half]) > np.std(true[half])
+
+
+def test_blocks_hold_equal_parts_of_what_tells_two_residuals_apart():
+    """One quick move in a long record: each of the blocks has its share of the evidence."""
+    rng = np.random.default_rng(3)
+    better = rng.standard_normal(20_000)
+    worse = better.copy()
+    ringing = driven_load(np.where(np.arange(400) < 40, 1.0, 0.0), 1e-3, Coupling.of(30.0, 0.02), 0.4, 0.05)
+    worse[5000:5400] += 8.0 * ringing / np.abs(ringing).max()
+    found = gains(worse, better)
+    assert len(found) == BLOCKS
+    assert found.sum() == pytest.approx(np.sum(worse**2 - better**2) / (2.0 * np.mean(better**2)), rel=0.15)
+    assert found.max() < 0.2 * found.sum()
