@@ -77,12 +77,14 @@ def _without(terms: Terms, name: str) -> Terms:
 
 
 def _ended(search: Search, fit: Fit, gone: str) -> Ended:
+    """Errors are those of the values that are written, as `dsd compare` finds them; the held-out one is the fit's."""
     problem = search.problem
     known = problem.values(fit)
+    own = problem.errors_for(known.model, problem.recordings).of_model(known.model)
     return Ended(
         gone,
         known.model,
-        problem.score(fit),
+        replace(own, heldout_rmse=problem.score(fit).heldout_rmse),
         known.estimates,
         known.correlations,
         contradictions(search, fit, known.estimates),

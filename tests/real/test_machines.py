@@ -406,7 +406,6 @@ def test_swing_up_of_a_bare_mass_cannot_separate_inertia_and_gravity(commanded):
     assert not_separated(commanded)
 
 
-@nearly_one_column
 @pytest.mark.parametrize("config", [PENDULUM, COMMANDED], ids=["measured", "commanded"])
 def test_swing_up_with_friction_cannot_separate_inertia_and_gravity(config, tmp_path):
     """The controller pushes along the motion: Coulomb friction is the same as less u, hence as more J and more G."""
@@ -427,7 +426,6 @@ def test_swing_up_command_acts_one_sample_late(commanded):
     assert commanded["estimates"]["delay"]["value"] == pytest.approx(0.005, abs=0.0025)
 
 
-@nearly_one_column
 def test_swing_up_does_not_claim_to_know_the_delay(commanded):
     delay = commanded["estimates"]["delay"]
     assert delay["std_error"] > 0.005
