@@ -252,7 +252,10 @@ class _Verdict:
         notes = [f"{name} stands on its bound" for name, e in values.items() if e.at_bound]
         notes += [f"the log does not tell {name}" for name, e in values.items() if math.isnan(e.std_error)]
         seen = self.seen if self.seen is not None and self.seen.effect == option.effect else None
-        notes += [note_on(seen, self.search.equations.band.hz)] if seen is not None else []
+        if seen is not None:  # the load is driven by the values that are written, as in `dsd compare`
+            notes.append(note_on(seen, self.search.equations.band.hz))
+            own = self.problem.errors_for(known.model, self.problem.recordings).of_model(known.model)
+            score = replace(own, heldout_rmse=score.heldout_rmse)
         return Candidate(
             effect=option.effect,
             seen=seen.values if seen is not None else {},
