@@ -148,7 +148,7 @@ class WatchedSession(Session):
             self._kernel = make_kernel(spec, "numpy" if spec.settings.sensor_noise else self.plan.backend)
         found, status = np.empty((n, len(spec.grid))), np.empty(n, dtype=np.uint8)
         buffers = tuple(None if one is None else np.ascontiguousarray(one) for one in buffers)
-        self._kernel.run(*buffers, found, np.empty(n, dtype=np.int32), np.empty(n), np.empty(n), status)
+        self._kernel.run(*buffers, found, np.empty(n, dtype=np.int32), np.empty(n), np.empty(n), status, None)
         found[status == WARMUP] = np.nan
         with np.errstate(invalid="ignore"):
             found = np.exp(found - found.max(axis=1, keepdims=True))

@@ -19,7 +19,7 @@ def dsd(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 def test_writes_the_commented_lab_config(tmp_path: Path) -> None:
     done = dsd("init", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (0, "")
-    assert "dsd detect LOG -c dsd.toml" in done.stderr
+    assert "next: dsd check LOG" in done.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["dsd.toml"]
     assert (tmp_path / "dsd.toml").read_text(encoding="utf-8") == template_text("lab")
 

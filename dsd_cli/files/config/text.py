@@ -32,6 +32,6 @@ def read_again(path: str | Path) -> str:
     ------
     UsageError : it is a FIFO or a device: what was in it is gone.
     """
-    if not Path(path).is_file():
+    if Path(path).exists() and not Path(path).is_file():
         raise UsageError(f"{path}: is no file, and this command reads its config twice", "save it as a file")
     return read_text(path)

@@ -23,7 +23,7 @@ class MatFile(InMemory):
     def __init__(self, path: str) -> None:
         from scipy.io import loadmat, whosmat
 
-        check_size(path, sum(8.0 * math.prod(shape) for _, shape, _ in whosmat(path)))
+        check_size(path, sum(8.0 * math.prod(shape) for _, shape, _ in whosmat(path) if shape))
         with warnings.catch_warnings():  # of objects, of which it takes one for another
             warnings.simplefilter("ignore")
             loaded = loadmat(path, simplify_cells=True)

@@ -78,10 +78,11 @@ def signals_of(search: Search, fit: Fit, delay: float) -> Signals | None:
         shift.append(np.nan_to_num(0.5 * (before[i] - after[i])) * free)
         rows = np.arange(len(net))
         kept.append((rows >= equations.startup + min(_FORGOTTEN / step, _MOST_FORGOTTEN * len(rows))) & (free > 0.0))
-    if sum(int(k.sum()) for k in kept) < _FEWEST:
+    inertia = float(fit.total[INERTIA])
+    if sum(int(k.sum()) for k in kept) < _FEWEST or not inertia > 0.0:  # u turned round leaves no inertia
         return None
     white = _whitener(noise.kind, noise.pole, math.exp(-2.0 * math.pi * equations.band.hz * step))
-    inertia, accelerations = float(fit.total[INERTIA]), [s.acceleration for s in equations.stretches]
+    accelerations = [s.acceleration for s in equations.stretches]
     target = np.concatenate([inertia * white(a)[k] for a, k in zip(accelerations, kept, strict=True)])
     return Signals(equations.stretches, force, shift, target, inertia, kept, white, step)
 
