@@ -216,7 +216,9 @@ class _Climb:
             if end.without:
                 self.up(end.without, end.score, end.values, end.model, "taken back")
             else:  # the values of the rung, as the whole set and its noise have them
-                self.steps[-1] = replace(self.steps[-1], model=end.model, estimates=end.values)
+                top = self.steps[-1]
+                score = replace(end.score, heldout_rmse=top.score.heldout_rmse)
+                self.steps[-1] = replace(top, model=end.model, estimates=end.values, score=score)
         assert end is not None
         warnings = tuple(dict.fromkeys((*last.warnings, *end.warnings)))
         found = (end.values, end.correlations, warnings)

@@ -97,7 +97,8 @@ def print_versus(
 def print_moved(console: Any, first: str, second: str, values: Sequence[Moved]) -> None:
     """Value by value, with the difference in standard errors."""
     narrow = console.file.isatty() and console.width < _WIDEST
-    table = plain_table("values", "unit" if narrow else "", *_short(first, second), "difference", "sigma", *([] if narrow else ["unit"]))
+    heads = (*_short(first, second), "difference", "sigma")
+    table = plain_table("values", *(("unit", *heads) if narrow else ("", *heads, "unit")))
     table.columns[0].no_wrap, table.columns[-1].justify = True, "right" if narrow else "left"
     below = "\n" if narrow else " "  # on a narrow terminal cells have two lines
     for one in values:

@@ -67,7 +67,8 @@ def test_the_held_out_error_falls_on_every_rung(ladder):
 
 def test_every_rung_is_told_when_it_is_taken(ladder):
     found, told = ladder
-    assert [(step.step, step.effect, step.score) for step in told] == [(s.step, s.effect, s.score) for s in found.steps]
+    rungs = [(s.step, s.effect, s.score.heldout_rmse) for s in found.steps]
+    assert [(step.step, step.effect, step.score.heldout_rmse) for step in told] == rungs
 
 
 def test_the_ladder_ends_where_the_chooser_says(pair):
