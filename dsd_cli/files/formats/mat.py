@@ -21,9 +21,9 @@ class MatFile(InMemory):
     """Variables by their names, fields of structs as `struct/field`, to any depth."""
 
     def __init__(self, path: str) -> None:
-        from scipy.io import loadmat, whosmat
+        from scipy.io import loadmat
 
-        check_size(path, sum(8.0 * math.prod(shape) for _, shape, _ in whosmat(path) if shape))
+        check_size(path, _claimed(path))
         with warnings.catch_warnings():  # of objects, of which it takes one for another
             warnings.simplefilter("ignore")
             loaded = loadmat(path, simplify_cells=True)
@@ -32,6 +32,16 @@ class MatFile(InMemory):
         super().__init__(_channels("", plain) if objects is None else objects)
         if _WORKSPACE in loaded and (objects is None or not self.groups):
             self.notes.append(NOT_SEEN if objects is None else NO_NUMBERS)
+
+
+def _claimed(path: str) -> float:
+    """Bytes that the variables say they need; 0 where an object, whose size is not in its header, is among them."""
+    from scipy.io import whosmat
+
+    try:
+        return sum(8.0 * math.prod(shape) for _, shape, _ in whosmat(path))
+    except TypeError:
+        return 0.0
 
 
 def _channels(prefix: str, value: Any) -> dict[str, Array]:
