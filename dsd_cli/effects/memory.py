@@ -172,6 +172,11 @@ def _run(coupling: Coupling, motor: Motor, q: float, v: float) -> tuple[float, f
     return q, v
 
 
+def driven_motor(push: Array, interval: float, coupling: Coupling, share: float, step: float) -> Array:
+    """Mean acceleration of the motor per interval, s_m J a = F - (1 - s_m) J a_l; parameters as `driven_load`."""
+    return np.asarray(push - share / (1.0 - share) * driven_load(push, interval, coupling, share, step))
+
+
 def driven_load(
     push: Array, interval: float, coupling: Coupling, share: float, step: float, compiled: Any = COMPILED
 ) -> Array:

@@ -3,7 +3,7 @@
 The acceleration of a load follows from the motor's motion. A coarse sensor's noise moves a simulated load that no motor
 ever moved: it would pick up play at every count. So a model that has a load already may also drive it by its own force,
 
-    F = u(t - L) + forces,    both masses by `effects.memory.driven_load`,
+    F = u(t - L) + forces,    both masses by `effects.memory.driven_motor`,
 
 and that is taken where it leaves clearly less of the balance: else the values may be wrong, and a load that hangs on
 them could not be fitted.
@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from dsd_cli.effects import Role
-from dsd_cli.effects.memory import driven_load
+from dsd_cli.effects.memory import driven_motor
 from dsd_cli.identify.fit.bank import Bank, Term, Terms, drive, holds, inputs_of, raw_columns
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.values import coefficients_of, terms_of
@@ -75,8 +75,8 @@ def _motor(equations: Equations, model: PlantModel, terms: Terms, load: Term) ->
     for s, force in zip(equations.stretches, forces, strict=True):
         free = s.free if holds(terms) else 1.0
         push = np.nan_to_num(force) * free / ((1.0 - share) * model.inertia)
-        pulled = driven_load(push, equations.sample_time, coupling(load.shape), share, _STEP)
-        found.append(s.averaged(push - share / (1.0 - share) * pulled, False))
+        moved = driven_motor(push, equations.sample_time, coupling(load.shape), share, _STEP)
+        found.append(s.averaged(moved, False))
     return found
 
 

@@ -83,10 +83,10 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     return Weighed(trusting, fit, _residual(fit, bank), size)
 
 
-def inflation(white: Array) -> float:
-    """Integrated autocorrelation time: 1 + 2 sum of the autocorrelation, rows."""
+def inflation(white: Array, most: int = POLICY.correlated_rows) -> float:
+    """Integrated autocorrelation time: 1 + 2 sum of the autocorrelation over `most` lags at most, rows."""
     n = len(white)
-    lags = min(POLICY.correlated_rows, n // 4)
+    lags = min(most, n // 4)
     products = np.array([np.dot(white[: n - k], white[k:]) for k in range(lags)])
     return float(max(1.0, 1.0 + 2.0 * np.sum(products[1:]) / max(products[0], 1e-300))) if lags else 1.0
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from dsd_cli.effects.backlash import CONTACT_DAMPING
-from dsd_cli.effects.memory import Coupling, driven_load
+from dsd_cli.effects.memory import Coupling, driven_motor
 from dsd_cli.identify.search.signals import Signals
 from dsd_cli.signals.log import Array
 
@@ -71,8 +71,7 @@ class Play:
         moved = []
         for force, shift in zip(signals.force, signals.shift, strict=True):
             push = (force + late * shift) / ((1.0 - share) * inertia)
-            load = driven_load(push, signals.step, coupling, share, step)
-            moved.append(push - share / (1.0 - share) * load)
+            moved.append(driven_motor(push, signals.step, coupling, share, step))
         return np.asarray(signals.target - signals.inertia * signals.rows(moved))
 
     def values(self, at: Array, variance: float) -> dict[str, tuple[float, float]]:

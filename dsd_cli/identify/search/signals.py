@@ -19,6 +19,7 @@ from dsd_cli.effects.memory import one_pole
 from dsd_cli.identify.fit.bank import INERTIA, SHARE, drive, holds, inputs_of, raw_columns
 from dsd_cli.identify.fit.equations import Stretch
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.sure import inflation
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array
 
@@ -116,10 +117,7 @@ def coefficients(columns: Array, target: Array) -> Array:
 
 def variance_of(rest: Array) -> float:
     """Of a row, times the integrated autocorrelation time."""
-    lags = min(_LAGS, len(rest) // 4)
-    products = np.array([np.dot(rest[: len(rest) - k], rest[k:]) for k in range(lags)])
-    time = max(1.0, 1.0 + 2.0 * float(np.sum(products[1:])) / max(float(products[0]), 1e-300))
-    return float(np.mean(rest**2)) * time
+    return float(np.mean(rest**2)) * inflation(rest, _LAGS)
 
 
 def gains(worse: Array, better: Array) -> Array:
