@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.identify.fit.bank import SHARE, Bank, holds
+from dsd_cli.identify.fit.bank import SHARE, Bank, Terms, holds
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.policy import POLICY
@@ -63,8 +63,8 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     fit = _centred(fit, solver)
     equations = solver.bank.equations
     counted = equations.kept if holds(fit.terms) else np.ones(len(plain.acceleration), dtype=bool)
-    unsure = counted & (uncertain(equations) > POLICY.unsure_share) if holds(fit.terms) else ~counted
-    sure = counted & ~unsure
+    sure = sure_rows(fit.terms, equations)
+    unsure = counted & ~sure
     least = POLICY.rows_per_value * (len(fit.total) + sum(len(t.items) for t in fit.terms))
     if sure.sum() < least or not unsure.any():
         return Weighed(solver, fit, _residual(fit, solver.bank), float(counted.sum()))
@@ -102,6 +102,13 @@ def _centred(fit: Fit, solver: Solver) -> Fit:
             break
         fit = solver.fit(fit.terms, tap)
     return fit
+
+
+def sure_rows(terms: Terms, equations: Equations) -> NDArray[np.bool_]:
+    """Rows in which friction's direction is sure, shape (N,); all of them where there is no friction."""
+    if not holds(terms):
+        return np.ones(sum(equations.lengths), dtype=bool)
+    return np.asarray(equations.kept & (uncertain(equations) <= POLICY.unsure_share))
 
 
 def uncertain(equations: Equations) -> Array:

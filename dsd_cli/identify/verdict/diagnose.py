@@ -17,7 +17,7 @@ from dsd_cli.identify.search.pulses import event_effect
 from dsd_cli.identify.search.response import Seen
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
-from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beyond_of, pushed
+from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beyond_of, only_at_stops, pushed, said_of_stops
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
 from dsd_cli.identify.verdict.own_values import Own, own_values
@@ -192,7 +192,8 @@ class _Verdict:
         search = self.search
         useful = [o for o in self.options if search.practical(search.refit, o.fit)]
         narrow = self.search.equations.band.hz < POLICY.narrow_band_hz or self._short()
-        surest = POLICY.surest_in_part if self.problem.untestable or narrow else POLICY.surest
+        in_part = self.problem.untestable or narrow or only_at_stops(search, search.refit)
+        surest = POLICY.surest_in_part if in_part else POLICY.surest
         return min(0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING], surest)
 
     def diagnosis(self) -> Diagnosis:
@@ -226,7 +227,7 @@ class _Verdict:
             band_hz=self.search.equations.band.hz,
             floor=problem.floor,
             provenance=problem.recordings[0].provenance,
-            warnings=contradictions(self.search, fit, known.estimates),
+            warnings=(*contradictions(self.search, fit, known.estimates), *said_of_stops(self.search, self.whole)),
             depends_on=self.beyond.on if self.beyond.unknown else (),
         )
 
