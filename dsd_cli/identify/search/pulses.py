@@ -71,10 +71,11 @@ def _pulses(search: Search, fit: Fit) -> tuple[tuple[float, float], ...]:
     row_time = search.equations.band.step * search.equations.sample_time
     times = [s.frame.times for s in search.equations.stretches]
     at = search.equations.by_stretch(search.equations.of_rows(times))
-    sure = search.equations.by_stretch(sure_rows(fit.terms, search.equations))  # a stop or a creep looks like a push
+    # a stop or a creep looks like a push
+    sure = search.equations.by_stretch(sure_rows(fit.terms, search.equations).astype(np.float64))
     moved = _first_moves(search, fit)
     for stamps, x, clear, first in zip(at, search.equations.by_stretch(values), sure, moved, strict=True):
-        for a, b, level in _strongest(x, clear & (stamps >= first)):
+        for a, b, level in _strongest(x, (clear > 0.0) & (stamps >= first)):
             found.append((float(stamps[a] - 0.5 * row_time), float(stamps[b] + 0.5 * row_time), abs(level)))
     top = max((level for *_, level in found), default=0.0)
     kept = sorted(found, key=lambda p: -p[2])[: POLICY.most_pulses]
