@@ -308,17 +308,10 @@ def xl330_inertias(written: dict) -> list[float]:
 
 
 @slow
-@missed(
-    "without friction yet, a delay of 43 ms beside viscous friction makes J 4.7e-3 kg m2; 6.7e-3 before, 6.4e-3 after"
-)
 def test_xl330_inertia_scaled_by_the_known_weight_at_every_step(xl330):
     found = xl330_inertias(xl330[1])
+    assert len(found) >= 3
     assert found == pytest.approx([XL330_INERTIA] * len(found), rel=0.1)
-
-
-@slow
-def test_xl330_inertia_scaled_by_the_known_weight_at_the_end(xl330):
-    assert xl330_inertias(xl330[1])[-1] == pytest.approx(XL330_INERTIA, rel=0.1)
 
 
 @slow
