@@ -102,7 +102,7 @@ def _left_elsewhere(search: Search, fit: Fit) -> float:
     """rms of what is left where the direction of the motion is sure, unit of u; inf where few rows are so, or all."""
     kept = search.equations.kept
     sure = kept & (uncertain(search.equations) <= POLICY.unsure_share)
-    if sure.all() or sure.sum() < POLICY.sure_part * kept.sum():
+    if sure.all() or sure.sum() <= POLICY.sure_part * kept.sum():
         return math.inf
     return float(np.sqrt(np.mean(search.problem.errors.residual(fit, held_out=False)[sure] ** 2)))
 
