@@ -24,6 +24,7 @@ from dsd_cli.cli.options import (
     effect_ids,
     with_window,
 )
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
@@ -44,6 +45,7 @@ def add(
     config: ConfigOption = CONFIG_FILE,
     holdout: HoldoutOption = None,
     form: FormatOption = Format.TABLE,
+    plot: PlotOption = None,
     fix: FixOption = None,
     bounds: BoundsOption = None,
     prior: PriorOption = None,
@@ -62,6 +64,7 @@ def add(
 
     from dsd_cli.cli.identification import check_logs, load_given, print_json, say, warn
     from dsd_cli.cli.improve_loop import check_outputs, put_config, with_steps
+    from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
@@ -73,7 +76,9 @@ def add(
     origin = read_origin(config)
     settings = load_config(config, with_window(override, start, end)).knowing(fix or (), bounds or (), prior or ())
     check_logs([log], apart, settings.signals)
-    check_outputs(output, form, [log, *apart, *settings.files, *(effects_from or ())])
+    read = [log, *apart, *settings.files, *(effects_from or ())]
+    check_outputs(output, form, read)
+    check_plot(plot, [config, *read, output])
     with Progress(not quiet) as progress:
         given = load_given(settings, [log], apart, progress)
         progress(f"fitting with {effect}")
@@ -88,6 +93,11 @@ def add(
         print_addition(report, sys.stderr if output == "-" else sys.stdout)
     if output != "-":
         say(quiet, f"wrote {output}")
+    if plot is not None:
+        from dsd_cli.report.plots_addition import draw
+        from dsd_cli.report.views_diagnosis import addition_view
+
+        put_picture(plot, lambda: draw(report, given.model, addition_view(added, given.model, given.recordings)), quiet)
 
 
 def _added(given: Given, effect: str) -> tuple[Addition, Force | None]:
