@@ -35,6 +35,8 @@ def draw(name: str, path: Path) -> None:
 
 def _run(folder: str, *arguments: object) -> None:
     command = [sys.executable, "-m", "dsd_cli", *map(str, arguments)]
-    done = subprocess.run(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
+    done = subprocess.run(
+        command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False
+    )
     if done.returncode:
         raise RuntimeError(f"{' '.join(command[3:5])}: {done.stderr.strip()}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -130,7 +130,7 @@ def _draw_values(axis: Any, values: Values, found: FleetSummary, machines: list[
                   ms=4, mew=0, alpha=0.8, label=label if shown else None)  # fmt: skip
     for one in drifts if not found.undated else ():
         _draw_drift(axis, one)
-    _draw_odd(axis, at, values)
+    _draw_odd(axis, at, values, {one.machine for one in drifts})
     axis.set_ylabel(in_picture(shortened(values.column.removeprefix("value."), 34)))
     if found.undated:
         axis.set_xlabel("number of the log in the table")
@@ -151,11 +151,12 @@ def _draw_drift(axis: Any, drift: Drift) -> None:
     axis.plot(ends, [drift.first, drift.last], color=LIMIT, lw=1.8, ls="--", label="drift")
 
 
-def _draw_odd(axis: Any, at: Any, values: Values) -> None:
+def _draw_odd(axis: Any, at: Any, values: Values, drifting: Collection[str]) -> None:
+    """Ringed, and named where they do not lie on a drift."""
     where = np.flatnonzero(values.odd).tolist()
     if where:
         x = [at[k] for k in where]
         axis.plot(x, values.value[where], "o", mfc="none", mec=LIMIT, ms=10, mew=1.4, label="stands out")
-    for k in where[:MOST_NAMES]:
+    for k in [k for k in where if values.machine[k] not in drifting][:MOST_NAMES]:
         name = in_picture(shortened("/".join(Path(values.log[k]).parts[-2:]), 28))
         axis.annotate(name, (at[k], values.value[k]), (7, 3), textcoords="offset points", fontsize=8)
