@@ -26,8 +26,8 @@ from dsd_cli.report.ladder import LadderReport, final_line
 from dsd_cli.report.names import change_text, estimate_text, force_error
 from dsd_cli.signals.units import Units
 
-#: Standard errors, and share of the value before, from which on a value has moved; rows of the table of values.
-MOVED, MATTERS, MOST_VALUES = 3.0, 0.01, 16
+#: Standard errors from which on a value has moved, if that is out of the +- that it had; rows of the table of values.
+MOVED, MOST_VALUES = 3.0, 16
 
 
 @dataclass(frozen=True)
@@ -46,23 +46,29 @@ def values_by_step(steps: Sequence[Step]) -> dict[str, list[Cell]]:
     for name in names:
         row: list[Cell] = []
         for k, (step, values) in enumerate(zip(steps, models, strict=True)):
-            before = models[k - 1].get(name) if k else values.get(name)
+            last = models[k - 1].get(name) if k else None
+            before = None if last is None else Estimate(last, _error(name, steps[k - 1]), "")
             row.append(_cell(name, step, values.get(name), before))
         table[name] = row
     return table
 
 
-def _cell(name: str, step: Step, value: float | None, before: float | None) -> Cell:
+def _error(name: str, step: Step) -> float:
+    known = step.estimates.get(name)
+    return known.std_error if known is not None else math.nan
+
+
+def _cell(name: str, step: Step, value: float | None, before: Estimate | None) -> Cell:
     if value is None:
         return Cell("")
-    known = step.estimates.get(name)
-    error = known.std_error if known is not None else math.nan
+    error = _error(name, step)
     text = estimate_text(Estimate(value, error if step.step else math.nan, "")).replace(" +- ", "\n+- ")
     if before is None:
-        return Cell(text, "new")
-    least = MOVED * error if math.isfinite(error) else 0.0
-    moved = abs(value - before) > max(least, MATTERS * abs(before))
-    return Cell(text, ("up" if value > before else "down") if moved else "")
+        return Cell(text, "new" if step.step else "")
+    least = max(MOVED * error if math.isfinite(error) else 1e-3 * abs(before.value), 1e-9 * abs(before.value))
+    least = max(least, before.std_error) if math.isfinite(before.std_error) else least
+    moved = abs(value - before.value) > least
+    return Cell(text, ("up" if value > before.value else "down") if moved else "")
 
 
 def draw(report: LadderReport) -> Any:
@@ -129,7 +135,7 @@ def _draw_levels(axis: Any, report: LadderReport) -> None:
 
 
 def draw_values(axis: Any, steps: Sequence[Step], units: Units) -> None:
-    """The values after each step: coloured where they are new, or have moved by more than their error and 1 %."""
+    """The values after each step: coloured where they are new, or have moved."""
     table = values_by_step(steps)
     shown = list(table)[:MOST_VALUES]
     colors = {"": "none", "new": "#f6c58f", "up": "#bcd5ec", "down": "#bcd5ec"}
@@ -150,5 +156,5 @@ def draw_values(axis: Any, steps: Sequence[Step], units: Units) -> None:
     axis.set_xticks(range(len(steps)), [in_picture(text) for text in names], fontsize=9)
     axis.tick_params(axis="x", labeltop=True, labelbottom=False)
     more = len(table) - len(shown)
-    moved = "blue: moved by more than 3 standard errors and 1 %; orange: new"
+    moved = "blue: moved by more than 3 standard errors, and out of its +- before; orange: new"
     axis.set_xlabel(f"{moved}{f'; {more} more values in the result' if more > 0 else ''}", fontsize=8.5)

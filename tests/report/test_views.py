@@ -183,7 +183,7 @@ def test_the_values_that_moved() -> None:
         step(1, "coulomb_friction", 1.02, 0.01, coulomb_friction=friction),
         step(2, "refit", 1.2, 0.01, coulomb_friction=friction),
         step(3, "coulomb_friction", 0.9, 0.01),
-        step(4, "refit", 0.905, 0.0001),  # by fifty standard errors, but by half a per cent
+        step(4, "refit", 0.905, 0.0001),  # by fifty standard errors, but within what was known before
     )
     table = values_by_step(steps)
     assert [cell.change for cell in table["inertia"]] == ["", "", "up", "down", ""]
