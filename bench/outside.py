@@ -165,7 +165,7 @@ HEAD = """# Is it found on the logs of another laboratory?
 
 Logs of `tests/oracle/rig*.py`: servo axes with hidden effects, made with controllers, references, sensors and habits
 that the tool's own generator does not have (1 kHz, 20 s, delay 20 ms, if nothing else is said). Nothing of the package
-is used to make them. The tool gets the log and the model that the user believes, and nothing else. Seeds from 1000 on;
+is used to make them. The tool gets the log and the model that the user believes, and nothing else. Seeds from 2000 on;
 none of these logs was looked at while the search was written.
 
 "Right" is the name of what is hidden as the verdict; for two effects, a ladder with these two and no other (inertia and
