@@ -1,4 +1,4 @@
-"""The picture of a fleet: logs of three axes over twelve days, the friction of one of them rising."""
+"""The picture of a fleet: logs of two axes over nine days, the friction of one of them rising."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bench.figures.commands import ROOT
 
 PICTURES = ("fleet",)
 _CONFIG = ROOT / "sample_logs" / "servo-friction.toml"
-AXES, DAYS, WORN, ROSE = ("axis1", "axis2", "axis3"), 12, "axis2", 0.4
+AXES, DAYS, WORN, ROSE = ("axis1", "axis2"), 9, "axis2", 0.4
 
 
 def draw(name: str, path: Path) -> None:

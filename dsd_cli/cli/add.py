@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
     from dsd_cli.identify.compare.evaluation import Force
     from dsd_cli.identify.results import Addition
+    from dsd_cli.report.ladder import AdditionReport
 
 OutputNeeded = Annotated[
     str, typer.Option("-o", "--output", metavar="FILE", help="Config to write, may be that of -c; - is stdout.")
@@ -94,10 +95,7 @@ def add(
     if output != "-":
         say(quiet, f"wrote {output}")
     if plot is not None:
-        from dsd_cli.report.plots_addition import draw
-        from dsd_cli.report.views_diagnosis import addition_view
-
-        put_picture(plot, lambda: draw(report, given.model, addition_view(added, given.model, given.recordings)), quiet)
+        put_picture(plot, lambda: _drawn(report, given), quiet)
 
 
 def _added(given: Given, effect: str) -> tuple[Addition, Force | None]:
@@ -110,3 +108,11 @@ def _added(given: Given, effect: str) -> tuple[Addition, Force | None]:
         given.recordings, given.model, given.observer, effect, given.engine_settings, holdout=given.holdout
     )
     return in_units(added, given.settings.signals.units), force_view(given.recordings, given.model).log
+
+
+def _drawn(report: AdditionReport, given: Given) -> Any:
+    """The figure."""
+    from dsd_cli.report.plots_addition import draw
+    from dsd_cli.report.views_diagnosis import addition_view
+
+    return draw(report, given.model, addition_view(report.result, given.model, given.recordings))
