@@ -10,16 +10,20 @@ ROOT = Path(__file__).parents[2]
 _LOG, _BARE, _KNOWN = "sample_logs/servo-friction.csv", "sample_logs/servo-bare.toml", "sample_logs/servo-friction.toml"
 _UNITS = ("--set", 'signals.u_unit="N m"', "--set", 'signals.position_unit="rad"')
 _CHANGE = ("sample_logs/servo-load-change.parquet", "-c", "sample_logs/servo-load-change.toml")
+#: A grid that lacks the inertia after the change.
+_FEW = ("--set", "states.inertias=[0.01, 0.02]", "--set", "detector.rho=0.1")
 
 PICTURES: dict[str, tuple[str, ...]] = {
     "observe": ("observe", _LOG, "-c", _KNOWN, *_UNITS, "-o", "-"),
     "check": ("check", _LOG, "-c", _KNOWN, *_UNITS, "--set", "signals.u_sign=-1"),
     "detect": ("detect", *_CHANGE, *_UNITS),
     "detect-profile": ("detect", *_CHANGE, *_UNITS, "--method", "profile"),
+    "tune": ("tune", *_CHANGE, *_UNITS, *_FEW),
     "compare": ("compare", _LOG, "-c", _BARE, *_UNITS),
     "compare-simulation": ("compare", _LOG, "-c", _BARE, *_UNITS, "--horizon", "0.3s"),
     "compare-models": ("compare", _LOG, "-c", _BARE, "-c", _KNOWN, *_UNITS),
     "diagnose": ("diagnose", _LOG, "-c", _BARE, *_UNITS),
+    "add": ("add", _LOG, "coulomb_friction", "-c", _BARE, *_UNITS, "-o", "-"),
     "improve": ("improve", _LOG, "-c", _BARE, *_UNITS, "--auto"),
 }
 

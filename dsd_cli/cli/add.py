@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -24,11 +24,13 @@ from dsd_cli.cli.options import (
     effect_ids,
     with_window,
 )
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
     from dsd_cli.identify.compare.evaluation import Force
     from dsd_cli.identify.results import Addition
+    from dsd_cli.report.ladder import AdditionReport
 
 OutputNeeded = Annotated[
     str, typer.Option("-o", "--output", metavar="FILE", help="Config to write, may be that of -c; - is stdout.")
@@ -44,6 +46,7 @@ def add(
     config: ConfigOption = CONFIG_FILE,
     holdout: HoldoutOption = None,
     form: FormatOption = Format.TABLE,
+    plot: PlotOption = None,
     fix: FixOption = None,
     bounds: BoundsOption = None,
     prior: PriorOption = None,
@@ -62,6 +65,7 @@ def add(
 
     from dsd_cli.cli.identification import check_logs, load_given, print_json, say, warn
     from dsd_cli.cli.improve_loop import check_outputs, put_config, with_steps
+    from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
@@ -73,7 +77,9 @@ def add(
     origin = read_origin(config)
     settings = load_config(config, with_window(override, start, end)).knowing(fix or (), bounds or (), prior or ())
     check_logs([log], apart, settings.signals)
-    check_outputs(output, form, [log, *apart, *settings.files, *(effects_from or ())])
+    read = [log, *apart, *settings.files, *(effects_from or ())]
+    check_outputs(output, form, read)
+    check_plot(plot, [config, *read, output])
     with Progress(not quiet) as progress:
         given = load_given(settings, [log], apart, progress)
         progress(f"fitting with {effect}")
@@ -88,6 +94,8 @@ def add(
         print_addition(report, sys.stderr if output == "-" else sys.stdout)
     if output != "-":
         say(quiet, f"wrote {output}")
+    if plot is not None:
+        put_picture(plot, lambda: _drawn(report, given), quiet)
 
 
 def _added(given: Given, effect: str) -> tuple[Addition, Force | None]:
@@ -100,3 +108,11 @@ def _added(given: Given, effect: str) -> tuple[Addition, Force | None]:
         given.recordings, given.model, given.observer, effect, given.engine_settings, holdout=given.holdout
     )
     return in_units(added, given.settings.signals.units), force_view(given.recordings, given.model).log
+
+
+def _drawn(report: AdditionReport, given: Given) -> Any:
+    """The figure."""
+    from dsd_cli.report.plots_addition import draw
+    from dsd_cli.report.views_diagnosis import addition_view
+
+    return draw(report, given.model, addition_view(report.result, given.model, given.recordings))

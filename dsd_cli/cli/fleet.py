@@ -18,6 +18,7 @@ from dsd_cli.cli.options import (
     QuietOption,
     SetOption,
 )
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.cli.fleet_run import Workers
@@ -115,22 +116,31 @@ def diagnose(
 def summary(
     results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Table that dsd fleet has written.")],
     form: FormatOption = Format.TABLE,
+    plot: PlotOption = None,
+    quiet: QuietOption = False,
 ) -> None:
     """Shares of the verdicts, logs that stand out, and values of a machine that drift over the dates."""
     import sys
 
-    from dsd_cli.cli.identification import print_json
+    from dsd_cli.cli.identification import print_json, say
+    from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.files.fleet_table import read_rows, rows_file
     from dsd_cli.report.fleet import summarize, to_json
     from dsd_cli.report.fleet_table import print_table
 
-    found, where = summarize(str(results), read_rows(results)), rows_file(results)
+    check_plot(plot, [results])
+    rows, where = read_rows(results), rows_file(results)
+    found = summarize(str(results), rows)
     if where != results:
-        typer.echo(f"{results} is not written yet; these are the rows so far, in {where}", err=True)
+        say(quiet, f"{results} is not written yet; these are the rows so far, in {where}")
     if form is Format.JSON:
         print_json(to_json(found))
     else:
         print_table(found, sys.stdout)
+    if plot is not None:
+        from dsd_cli.report.plots_fleet import draw
+
+        put_picture(plot, lambda: draw(found, rows), quiet)
 
 
 def _run(

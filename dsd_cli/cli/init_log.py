@@ -13,6 +13,7 @@ from dsd_cli.files.first_look import FirstLook, first_look, time_unit_of
 from dsd_cli.files.formats.base import CLOCK
 from dsd_cli.files.joints import joint_that_moves
 from dsd_cli.files.logs import LoadedLog, load_log
+from dsd_cli.files.recognise import Recognised
 from dsd_cli.files.template import template_text
 from dsd_cli.identify.checks import CheckResult, check_log
 from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -20,6 +21,7 @@ from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import predict_d_hat
 from dsd_cli.signals.clock import FASTEST, SLOWEST
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.units import POSITION, VELOCITY
 
 #: Rows from which everything is proposed.
 ROWS = 200_000
@@ -86,18 +88,33 @@ def _name_columns(path: str, look: FirstLook, out: Proposal) -> None:
         others = f"; it could be {', '.join(one.others[:3])} as well" if one.others else ""
         unit = f", in {one.unit}" if one.unit else ""
         out.put("signals", channel, one.column, f"by its name{unit}{others}")
-        factor = one.factor
-        if channel in _SCALE_KEYS and factor is not None and factor != 1.0:
-            out.put("signals", _SCALE_KEYS[channel], float(f"{factor:.6g}"), f'"{one.column}" is in {one.unit}')
-        elif channel in ("velocity", "position") and factor is None:
-            si = "rad/s or m/s" if channel == "velocity" else "rad or m"
-            known = "not said" if not one.unit else f'"{one.unit}", which is not known'
-            out.said.append(f'{channel}: the unit of "{one.column}" is {known}; it is taken as {si}')
+        _name_unit(channel, one, out)
+
+
+def _name_unit(channel: str, one: Recognised, out: Proposal) -> None:
+    """Units by name, so that every table and picture has them; a factor where the name has none."""
+    if channel not in _SCALE_KEYS:
+        return
+    if one.named and _one_kind(channel, one.named, out):
+        out.put("signals", f"{channel}_unit", one.named)
+    factor = one.factor or 1.0
+    if factor != 1.0 and (channel == "u" or ("signals", f"{channel}_unit") not in out.values):
+        out.put("signals", _SCALE_KEYS[channel], float(f"{factor:.6g}"), f'"{one.column}" is in {one.unit}')
+    if channel != "u" and not one.named:
+        si = "rad/s or m/s" if channel == "velocity" else "rad or m"
+        known = "not said" if not one.unit else f'"{one.unit}", which is not known'
+        out.said.append(f'{channel}: the unit of "{one.column}" is {known}; it is taken as {si}')
+
+
+def _one_kind(channel: str, unit: str, out: Proposal) -> bool:
+    """Not turns beside metres: a config has one kind. The velocity comes first."""
+    velocity = out.values.get(("signals", "velocity_unit"))
+    return channel != "position" or velocity is None or POSITION[unit][0] == VELOCITY[json.loads(velocity)][0]
 
 
 def _read(path: str, look: FirstLook, out: Proposal) -> tuple[LoadedLog, dict[str, float]]:
     names = {c: one.column for c, one in look.found.items() if c in ("u", "d_hat", "velocity", "position")}
-    factors = {c: float(out.values["signals", key]) for c, key in _SCALE_KEYS.items() if ("signals", key) in out.values}
+    factors = {c: one.factor for c, one in look.found.items() if c in _SCALE_KEYS and one.factor not in (None, 1.0)}
     unit, sample_time = "s", None
     if look.clock:
         names = {"t": CLOCK, **names}

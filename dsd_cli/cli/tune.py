@@ -20,6 +20,7 @@ from dsd_cli.cli.options import (
     ToOption,
     with_window,
 )
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.cli.progress import Progress
@@ -40,6 +41,7 @@ def tune(
     config: ConfigOption = CONFIG_FILE,
     output: ConfigOut = None,
     form: FormatOption = Format.TABLE,
+    plot: PlotOption = None,
     start: FromOption = None,
     end: ToOption = None,
     override: SetOption = None,
@@ -56,6 +58,7 @@ def tune(
     import sys
 
     from dsd_cli.cli.identification import print_json, say, warn
+    from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.detect.tune.tuning import tune as choose
@@ -71,6 +74,7 @@ def tune(
         raise UsageError("-o - and --format json both want stdout", "write the config to a file")
     if output is not None:
         check_config_output(output, (log, *settings.files, *(effects_from or ())))
+    check_plot(plot, [str(config), log, *settings.files, *(effects_from or ()), *([output] if output else [])])
     with Progress(not quiet) as progress:
         evidence, warnings = _evidence(log, settings, progress)
         tuning = choose(evidence, progress)
@@ -87,6 +91,10 @@ def tune(
         print_lines(report, sys.stderr if output == "-" else sys.stdout)
     if output not in (None, "-"):
         say(quiet, f"wrote {output}")
+    if plot is not None:
+        from dsd_cli.report.plots_tuning import draw
+
+        put_picture(plot, lambda: draw(report, settings.signals.units), quiet)
 
 
 def _evidence(log: str, config: Config, progress: Progress) -> tuple[Evidence, tuple[str, ...]]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+
+from dsd_cli.signals.units import POSITION, VELOCITY
 
 #: Channel -> words that name it, best first.
 WORDS: Mapping[str, tuple[str, ...]] = {
@@ -29,22 +30,24 @@ MEASURED = {"act", "actual", "meas", "measured", "ist", "fbk", "feedback", "real
 #: Words that make a column of another thing whatever else it is called: errors, limits, other axes' business.
 ELSE = {"error", "err", "limit", "max", "min", "status", "temp", "temperature", "id", "index", "count", "mode", "true"}
 
-#: Channel -> unit -> what its column is multiplied by; time: its name in the config.
+#: Unit of a time -> its name in the config.
 TIME_UNITS = {"s": "s", "sec": "s", "ms": "ms", "msec": "ms", "us": "us", "µs": "us", "μs": "us", "ns": "ns"}
-_DEGREE, _TURN = math.pi / 180.0, 2.0 * math.pi
-SCALES: Mapping[str, Mapping[str, float]] = {
+#: Channel -> unit in a log -> what the config calls it; of u with what its column is multiplied by.
+NAMED: Mapping[str, Mapping[str, str]] = {
     "position": {
-        "rad": 1.0, "m": 1.0, "deg": _DEGREE, "°": _DEGREE, "degree": _DEGREE, "mm": 1e-3, "um": 1e-6, "rev": _TURN,
-        "turn": _TURN, "turns": _TURN,
+        "rad": "rad", "m": "m", "deg": "deg", "°": "deg", "degree": "deg", "degrees": "deg", "mm": "mm", "um": "um",
+        "rev": "turn", "turn": "turn", "turns": "turn",
     },
     "velocity": {
-        "rad/s": 1.0, "m/s": 1.0, "deg/s": _DEGREE, "°/s": _DEGREE, "mm/s": 1e-3, "rpm": _TURN / 60.0,
-        "r/min": _TURN / 60.0, "1/min": _TURN / 60.0, "rev/s": _TURN, "hz": _TURN,
-    },
-    "u": {
-        "a": 1.0, "ma": 1e-3, "nm": 1.0, "n m": 1.0, "mnm": 1e-3, "n": 1.0, "v": 1.0, "mv": 1e-3, "kn": 1e3, "knm": 1e3,
+        "rad/s": "rad/s", "m/s": "m/s", "deg/s": "deg/s", "°/s": "deg/s", "mm/s": "mm/s", "um/s": "um/s", "rpm": "rpm",
+        "r/min": "rpm", "1/min": "rpm", "rev/s": "turn/s", "turn/s": "turn/s", "turns/s": "turn/s", "hz": "turn/s",
     },
 }  # fmt: skip
+OF_U: Mapping[str, tuple[str, float]] = {
+    "a": ("A", 1.0), "ma": ("A", 1e-3), "nm": ("N m", 1.0), "n m": ("N m", 1.0), "n*m": ("N m", 1.0),
+    "mnm": ("N m", 1e-3), "n": ("N", 1.0), "v": ("V", 1.0), "mv": ("V", 1e-3), "kn": ("N", 1e3), "knm": ("N m", 1e3),
+}  # fmt: skip
+_FACTORS = {"position": POSITION, "velocity": VELOCITY}
 _IN_BRACKETS = re.compile(r"[\[(<]\s*([^\])>]*?)\s*[\])>]")
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|°")
 
@@ -68,9 +71,17 @@ class Recognised:
         return TIME_UNITS.get(self.unit.lower())
 
     @property
+    def named(self) -> str:
+        """Its unit as the config calls it, of u after its factor; "": the log does not say it, or it is not known."""
+        unit = self.unit.lower()
+        return OF_U[unit][0] if self.channel == "u" and unit in OF_U else NAMED.get(self.channel, {}).get(unit, "")
+
+    @property
     def factor(self) -> float | None:
         """What brings the column to SI; None: the unit is not said, or not known."""
-        return SCALES.get(self.channel, {}).get(self.unit.lower())
+        if self.channel == "u":
+            return OF_U.get(self.unit.lower(), (None, None))[1]
+        return _FACTORS[self.channel][self.named][1] if self.named else None
 
 
 def recognise(columns: Sequence[str], units: Mapping[str, str] | None = None) -> dict[str, Recognised]:
@@ -96,7 +107,7 @@ def unit_in(name: str, channel: str) -> str:
     inside = _IN_BRACKETS.findall(name)
     if inside:
         return str(inside[-1])
-    known = TIME_UNITS if channel == "time" else SCALES.get(channel, {})
+    known: Collection[str] = TIME_UNITS if channel == "time" else OF_U if channel == "u" else NAMED.get(channel, {})
     words = [word.lower() for word in _WORD.findall(name.rpartition("/")[2])]
     for many in (2, 1):
         if len(words) > many and "/".join(words[-many:]) in known:

@@ -8,9 +8,9 @@ from dataclasses import asdict
 from typing import Any
 
 from dsd_cli.identify.checks import CheckResult, Excitation, Finding, Parameter
-from dsd_cli.identify.results import Estimate
+from dsd_cli.identify.results import DELAY, INERTIA, Estimate
 from dsd_cli.report.head import head
-from dsd_cli.report.names import estimate_text, in_words, number_or_none
+from dsd_cli.report.names import estimate_text, in_words, listed, number_or_none
 from dsd_cli.report.terminal import escaped
 from dsd_cli.signals.units import Units
 
@@ -163,5 +163,11 @@ def _print_parameters(console: Any, parameters: Sequence[Parameter], units: Unit
         for other in one.tied_to:
             table.add_row(escaped(f"  not to be told from {other}"))
     console.print(table)
+    if below := [one.name for one in parameters if one.name in (INERTIA, DELAY) and _below_zero(one)]:
+        console.print(f"{listed(below)} below 0 makes up for forces that the model lacks: `dsd diagnose` says which")
     if units.legend:
         console.print(units.legend)
+
+
+def _below_zero(one: Parameter) -> bool:
+    return one.identified != "not" and one.value + 2.0 * one.std_error < 0.0

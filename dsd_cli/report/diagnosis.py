@@ -21,7 +21,7 @@ from dsd_cli.report.names import (
     number_or_none,
     values_text,
 )
-from dsd_cli.report.terminal import escaped
+from dsd_cli.report.terminal import Hanging, escaped
 from dsd_cli.report.values_table import correlation_lines, correlations_json
 
 #: Rows of a table on the screen; the JSON has all.
@@ -227,11 +227,11 @@ def plain_table(title: str, *names: str) -> Any:
     return table
 
 
-def named(effect: str, values: Estimates, notes: Sequence[str] = ()) -> str:
+def named(effect: str, values: Estimates, notes: Sequence[str] = ()) -> Hanging:
     """An effect, below it its values and what to know about them: one cell, so that tables stay narrow."""
     several = len(values) > 1  # then each needs its name
     lines = [f"{name} {estimate_text(e)}" if several else values_text({name: e}) for name, e in values.items()]
-    return escaped("\n  ".join([effect, *lines, *notes]))
+    return Hanging(effect, *(f"  {line}" for line in (*lines, *notes)))
 
 
 def error(rmse: float) -> str:

@@ -101,7 +101,7 @@ def summarize(results: str, rows: Sequence[Row]) -> FleetSummary:
         tuple(_odd(good)),
         tuple(drifts),
         tested,
-        sum(1 for row in good if _days(row) is None),
+        sum(1 for row in good if days_of(row) is None),
     )
 
 
@@ -123,12 +123,14 @@ def _bare(row: Row) -> str:
     return str(row["reason"]).replace(str(row["log"]), "").lstrip(":, ")
 
 
-def _measured(rows: Sequence[Row]) -> list[str]:
+def measured_columns(rows: Sequence[Row]) -> list[str]:
+    """Columns in which a log may stand out."""
     names = dict.fromkeys(name for row in rows for name in row)
     return [name for name in names if name in MEASURES or name.startswith("value.")]
 
 
-def _numbers(rows: Sequence[Row], column: str) -> Array:
+def numbers_of(rows: Sequence[Row], column: str) -> Array:
+    """The column, shape (rows,), NaN where a log has none."""
     values = (row.get(column) for row in rows)
     return np.array([float(value) if isinstance(value, int | float) else np.nan for value in values])
 
@@ -136,16 +138,15 @@ def _numbers(rows: Sequence[Row], column: str) -> Array:
 def _odd(rows: Sequence[Row]) -> list[Odd]:
     """Logs that stand out, farthest first; values count with their own standard errors."""
     found = []
-    for column in _measured(rows):
-        values = _numbers(rows, column)
+    for column in measured_columns(rows):
+        values = numbers_of(rows, column)
         known = np.isfinite(values)
         if known.sum() < USUAL_LOGS:
             continue
         usual = float(np.median(values[known]))
         spread = 1.4826 * float(np.median(np.abs(values[known] - usual)))
-        own = (
-            _numbers(rows, column.replace("value.", "error.")) if column.startswith("value.") else np.zeros(known.size)
-        )
+        fitted = column.startswith("value.")
+        own = numbers_of(rows, column.replace("value.", "error.")) if fitted else np.zeros(known.size)
         scale = np.sqrt(max(spread, AGREES * abs(usual)) ** 2 + np.where(np.isfinite(own), own, 0.0) ** 2)
         with np.errstate(divide="ignore", invalid="ignore"):
             away = np.where(known & (scale > 0.0), (values - usual) / scale, 0.0)
@@ -154,7 +155,7 @@ def _odd(rows: Sequence[Row]) -> list[Odd]:
     return sorted(found, key=lambda one: (-abs(one.away), one.log, one.column))
 
 
-def _days(row: Row) -> float | None:
+def days_of(row: Row) -> float | None:
     """Days since 1970 of the date of a log; None without one."""
     try:
         stamp = datetime.fromisoformat(str(row.get("date") or ""))
@@ -167,9 +168,9 @@ def _drifts(rows: Sequence[Row]) -> tuple[list[Drift], int]:
     """Values that drift, surest first, and how many were looked at."""
     machines: dict[str, list[Row]] = {}
     for row in rows:
-        if _days(row) is not None:
+        if days_of(row) is not None:
             machines.setdefault(str(row.get("machine") or ""), []).append(row)
-    columns = _measured(rows)
+    columns = measured_columns(rows)
     tested = [
         drift
         for machine, mine in machines.items()
@@ -185,8 +186,8 @@ def _matters(drift: Drift) -> bool:
 
 
 def _drift(machine: str, column: str, rows: Sequence[Row]) -> Drift | None:
-    days = np.array([_days(row) for row in rows], dtype=float)
-    values = _numbers(rows, column)
+    days = np.array([days_of(row) for row in rows], dtype=float)
+    values = numbers_of(rows, column)
     known = np.isfinite(values)
     days, values = days[known], values[known]
     if np.unique(days).size < DRIFT_LOGS or np.ptp(values) == 0.0:

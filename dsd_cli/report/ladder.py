@@ -224,14 +224,20 @@ def added_step(result: Addition) -> Step:
     return Step(1, result.effect, result.after, result.estimates, result.model)
 
 
+def addition_line(report: AdditionReport) -> str:
+    """What the effect brought."""
+    result = report.result
+    before, after = result.before.heldout_rmse, result.after.heldout_rmse
+    held = f"held-out {force_error(report.band_hz)}: {error(before)} -> {error(after)} {result.units.force}"
+    return f"{result.effect} added: {held} ({change_text(before, after)})"
+
+
 def print_addition(report: AdditionReport, file: Any) -> None:
     """For a person."""
     console = terminal.console(file)
     result = report.result
     before, after = result.before, result.after
-    fell = change_text(before.heldout_rmse, after.heldout_rmse)
-    held = f"held-out {force_error(report.band_hz)}: {error(before.heldout_rmse)} -> {error(after.heldout_rmse)}"
-    console.print(f"[bold]{escaped(f'{result.effect} added: {held} {result.units.force} ({fell})')}[/bold]")
+    console.print(f"[bold]{escaped(addition_line(report))}[/bold]")
     refitted = [] if result.refitted is None or result.effect in (INERTIA, DELAY) else [result.refitted]
     scores = [before, *refitted, after]
     table = plain_table("", "", "before", *(["own values refitted"] * len(refitted)), "after")

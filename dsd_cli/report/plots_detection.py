@@ -132,11 +132,12 @@ def _draw_axis(panel: Any, name: str, seen: Seen, grid: Grid, units: Units) -> N
     low, high = values[0], values[-1]
     room = 0.12 * (high - low) or 0.1 * max(abs(high), 1e-9)
     panel.set_ylim(low - room, high + room)
-    panel.set_ylabel(_axis_label(name, units))
+    panel.set_ylabel(axis_label(name, units))
     legend_above(panel, 4)
 
 
-def _axis_label(name: str, units: Units) -> str:
+def axis_label(name: str, units: Units) -> str:
+    """What stands beside an axis of the grid."""
     effect, _, parameter = name.partition(".")
     if not parameter:
         return channel_label(name, units)

@@ -48,10 +48,10 @@ def draw(report: DiagnosisReport, views: Sequence[ResidualView]) -> Any:
     bars, residual = rows[0].subplots(1, 2, width_ratios=[1.0, 1.1])
     headline(figure, verdict_line(result, report.given), 125)
     _draw_bars(bars, result, tested[:MOST_BARS])
-    _draw_residual(residual, views[0], result.units)
+    draw_residual(residual, views[0], result.units)
     if beside:
         for panel, view in zip(rows[1].subplots(1, len(beside), squeeze=False)[0], beside, strict=True):
-            _draw_residual(panel, view, result.units)
+            draw_residual(panel, view, result.units)
     return figure
 
 
@@ -92,7 +92,7 @@ def _of(result: Diagnosis) -> str:
     return f" of {', '.join(result.ceiling.on)}" if result.ceiling.on else ""
 
 
-def _draw_residual(axis: Any, view: ResidualView, units: Units) -> None:
+def draw_residual(axis: Any, view: ResidualView, units: Units) -> None:
     """Medians, so that one sample that is far off bends nothing; along the position by direction of motion."""
     zero(axis)
     if view.on == "t":

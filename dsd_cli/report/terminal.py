@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
+from textwrap import wrap
 from typing import Any
 
 from dsd_cli.errors import ORDERS, printable
@@ -21,6 +23,30 @@ def console(file: Any) -> Any:
     from rich.console import Console
 
     return Console(file=file, highlight=False, soft_wrap=not file.isatty())
+
+
+class Hanging:
+    """A cell of lines, broken between words where there is no room for one; what is broken off stands further in."""
+
+    def __init__(self, *lines: str) -> None:
+        self.lines = [printable(line) for text in lines for line in text.split("\n")]
+
+    def __rich_measure__(self, console: Any, options: Any) -> Any:
+        from rich.measure import Measurement
+
+        words = [len(word) + len(_further_in(line)) for line in self.lines for word in line.split()]
+        return Measurement(max(words, default=0), max(map(len, self.lines), default=0)).with_maximum(options.max_width)
+
+    def __rich_console__(self, console: Any, options: Any) -> Iterator[Any]:
+        from rich.text import Text
+
+        for line in self.lines:
+            for part in wrap(line, options.max_width, subsequent_indent=_further_in(line)) or [""]:
+                yield Text(part, no_wrap=True)
+
+
+def _further_in(line: str) -> str:
+    return " " * (len(line) - len(line.lstrip()) + 2)
 
 
 def json_text(result: Any, indent: int | None = None) -> str:

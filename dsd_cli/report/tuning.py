@@ -57,13 +57,19 @@ def print_lines(report: TuningReport, file: Any) -> None:
     for line in (
         f"rho         {old.rho:g} -> {now.rho:g}: the right states leave {tuning.noise:.3g}{_lasting(tuning)}",
         f"window      {old.window} -> {now.window} samples",
-        f"transition  {_shown(old)} -> {_shown(now)}: {tuning.changes} changes seen, one in {tuning.dwell:.3g} s",
+        f"transition  {transition_text(old)} -> {transition_text(now)}: {tuning.changes} changes seen, "
+        f"one in {tuning.dwell:.3g} s",
         *_grid_lines(tuning),
-        f"labels like the path that the whole log says: {100 * tuning.before.agreement:.1f} % -> "
-        f"{100 * tuning.after.agreement:.1f} %",
+        agreement_line(tuning),
         *_expected_lines(tuning),
     ):
         console.print(escaped(line))
+
+
+def agreement_line(tuning: Tuning) -> str:
+    """How well the labels follow, before and after."""
+    before, after = 100 * tuning.before.agreement, 100 * tuning.after.agreement
+    return f"labels like the path that the whole log says: {before:.1f} % -> {after:.1f} %"
 
 
 def _lasting(tuning: Tuning) -> str:
@@ -72,7 +78,8 @@ def _lasting(tuning: Tuning) -> str:
     return f", and it lasts: {tuning.correlation:.0f} samples count as one"
 
 
-def _shown(settings: DetectorSettings) -> str:
+def transition_text(settings: DetectorSettings) -> str:
+    """A in words."""
     if settings.transition.matrix is not None:
         return "a matrix"
     stay = settings.transition.stay

@@ -14,7 +14,7 @@ from dsd_cli.identify.fit.bank import Bank
 from dsd_cli.identify.fit.equations import equations_of
 from dsd_cli.identify.fit.values import coefficients_of, terms_of
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.identify.results import DELAY, INERTIA, Diagnosis
+from dsd_cli.identify.results import DELAY, INERTIA, Addition, Diagnosis
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.report.diagnosis import candidate
 from dsd_cli.signals.log import Array
@@ -80,6 +80,21 @@ def residual_views(result: Diagnosis, given: PlantModel, recordings: Sequence[Re
     if whole is None:
         return (first,)
     return (first, *(rows.partial(whole, name, result.found, recordings) for name in others[:MOST_BESIDE]))
+
+
+def addition_view(result: Addition, given: PlantModel, recordings: Sequence[Recording]) -> ResidualView:
+    """Residual of the model with the effect but for it, against the channel it needs, and what the effect takes of it.
+
+    Raises
+    ------
+    DataError : the recordings are too short for a balance.
+    """
+    without = _without(result.model, result.effect, given)
+    rows = Rows(recordings, [result.model, without])
+    residual = rows.balance(without)
+    explained = residual - rows.balance(result.model)
+    on = _first_of(["u"] if result.effect in (INERTIA, DELAY) else _needs(result.effect), recordings)
+    return rows.view(on, residual, effect=result.effect, explained=explained)
 
 
 class Rows:

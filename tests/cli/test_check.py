@@ -1,11 +1,14 @@
 """`dsd check`: verdict first, keys of the contract, exit codes, configs that lack sections, several logs."""
 
+import io
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from dsd_cli.identify.checks import CheckResult, Excitation, Parameter
+from dsd_cli.report.checks import print_table
 from tests.cli.rig import csv_text, done, dsd, refused, write
 from tests.identify.checks.rig import servo
 
@@ -47,6 +50,21 @@ def test_a_log_that_can_answer(rig):
     assert 0.0 < found["floor"] < 0.2
     assert found["unit"] == "u"
     assert found["can_answer"] is True
+
+
+def test_a_fit_below_zero_is_explained():
+    """A model without the axis' friction: inertia or delay make up for it."""
+
+    def shown(*parameters: Parameter) -> str:
+        result = CheckResult("a.csv", (), parameters, 30.0, 0.01, Excitation(None, 0, 0, None, None, 0.0), 1.0, 10)
+        out = io.StringIO()
+        print_table([result], out)
+        return " ".join(out.getvalue().split())
+
+    below, at = Parameter("delay", "weak", -0.004, 0.0008), Parameter("delay", "weak", -0.001, 0.0008)
+    assert "delay below 0 makes up for forces that the model lacks: `dsd diagnose` says which" in shown(below)
+    assert "below 0" not in shown(at)
+    assert "below 0" not in shown(Parameter("gravity.phase", "weak", -0.4, 0.01))
 
 
 def test_a_log_that_cannot(rig):

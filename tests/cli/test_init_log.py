@@ -71,7 +71,8 @@ def test_a_log_with_other_names_and_units_becomes_a_config_that_is_right(tmp_pat
     signals = config.signals
     assert (signals.time, signals.time_unit, signals.u) == ("Time [ms]", "ms", "i_q")
     assert (signals.velocity, signals.position) == ("speed [rpm]", "pos_rad")
-    assert signals.velocity_scale == pytest.approx(2 * math.pi / 60, rel=1e-5)
+    assert (signals.velocity_unit, signals.velocity_scale) == ("rpm", 1.0)
+    assert signals.factors() == {"velocity": pytest.approx(2 * math.pi / 60)}
     assert config.model.inertia == pytest.approx(0.02, rel=0.03)
     assert config.model.delay == pytest.approx(0.003, abs=0.0006)
     assert config.detector.window == 100
@@ -88,6 +89,30 @@ def test_a_log_with_other_names_and_units_becomes_a_config_that_is_right(tmp_pat
     assert (
         f"final: delay {config.states.delays[1]:g}, inertia {config.states.inertias[1]:g} (confident)" in label.stdout
     )
+
+
+@pytest.mark.parametrize(
+    ("u", "position", "velocity", "named", "factors"),
+    [
+        ("A", "turn", "turn/s", ("A", "turn", "turn/s"), {"position": 2 * math.pi, "velocity": 2 * math.pi}),
+        ("mNm", "deg", "rpm", ("N m", "deg", "rpm"), {"u": 1e-3, "position": math.pi / 180, "velocity": math.pi / 30}),
+        ("N", "mm", "m/s", ("N", "mm", "m/s"), {"position": 1e-3}),
+        ("V", "rad", "rad/s", ("V", "rad", "rad/s"), {}),
+        ("A", "deg", "m/s", ("A", "", "m/s"), {"position": math.pi / 180}),  # a belt: not two kinds in one config
+        ("A", "furlong", "rpm", ("A", "", "rpm"), {"velocity": math.pi / 30}),
+    ],
+)
+def test_units_of_the_log_are_named_in_the_config(u, position, velocity, named, factors, tmp_path: Path) -> None:
+    """So that every table and picture has them; the factors are those of a table of units."""
+    data = axis(1500)
+    table = {f"iq [{u}]": data["u"], f"pos [{position}]": data["position"], f"vel [{velocity}]": data["velocity"]}
+    (tmp_path / "a.csv").write_text(csv_text({"t": data["t"], **table}))
+    said = done("init", "a.csv", cwd=tmp_path).stderr
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.u_unit, signals.position_unit, signals.velocity_unit) == named
+    scales = {name: value for name, value in signals.factors().items() if name not in ("d_hat", "reference")}
+    assert scales == {name: pytest.approx(value, rel=1e-5) for name, value in factors.items()}
+    assert ("which is not known" in said) == (position == "furlong")
 
 
 @pytest.mark.parametrize("kind", ["mdf", "tdms", "mat5", "mcap_json"])

@@ -30,6 +30,8 @@ COMMANDS = {
     ),
     "simulation": ("compare", *KNOWN, "--horizon", "simulation"),
     "horizon": ("compare", *KNOWN, "--horizon", "0.1s"),
+    "tune": ("tune", *KNOWN),
+    "add": ("add", "servo-friction.csv", "coulomb_friction", "-c", "servo-bare.toml", "-o", "new.toml"),
     "versus": ("compare", *KNOWN, "-c", "servo-bare.toml"),
 }
 MAGIC = {"png": b"\x89PNG\r\n", "svg": b"<?xml", "pdf": b"%PDF-"}
@@ -53,6 +55,17 @@ def test_every_command_draws_what_the_ending_says(folder: Path, name: str) -> No
     assert len(content) > 20_000
 
 
+def test_a_fleet_is_drawn(folder: Path) -> None:
+    done("fleet", "detect", "servo-friction.csv", "servo-load-change.parquet", "-c", "servo-friction.toml", cwd=folder)
+    summary = ("fleet", "summary", "results.parquet")
+    drawn = done(*summary, "--plot", "out.svg", cwd=folder)
+    assert "out.svg: drawn" in drawn.stderr
+    assert (folder / "out.svg").read_bytes().startswith(MAGIC["svg"])
+    assert drawn.stdout == done(*summary, cwd=folder).stdout
+    refused(dsd(*summary, "--plot", "results.parquet", cwd=folder), 2, "cannot tell")
+    refused(dsd(*summary, "--plot", "out.jpg", cwd=folder), 2, ".svg")
+
+
 def test_a_failing_picture_keeps_the_result_and_the_exit_code(folder: Path) -> None:
     (folder / "full.png").symlink_to("/dev/full")
     for arguments, code in ((COMMANDS["detect"], 0), ((*COMMANDS["compare"], "--max-rmse", "1e-9"), 3)):
@@ -63,7 +76,7 @@ def test_a_failing_picture_keeps_the_result_and_the_exit_code(folder: Path) -> N
         assert "Traceback" not in drawn.stderr
 
 
-@pytest.mark.parametrize("command", ["simulate", "observe", "detect", "check", "compare"])
+@pytest.mark.parametrize("command", ["simulate", "observe", "detect", "check", "compare", "tune", "add"])
 def test_what_cannot_be_drawn_is_said_before_anything_is_done(folder: Path, command: str) -> None:
     for plot, code, text in (
         ("out.jpg", 2, ".svg"),
@@ -71,7 +84,7 @@ def test_what_cannot_be_drawn_is_said_before_anything_is_done(folder: Path, comm
         ("servo-friction.toml", 2, "cannot tell"),
     ):
         refused(dsd(*COMMANDS[command], "--plot", plot, cwd=folder), code, text)
-    assert not (folder / "new.csv").exists()
+    assert not [*folder.glob("new.*")]
     same = (*COMMANDS["observe"][:-1], "out.parquet", "--plot", "servo-friction.png")
     shutil.copy(folder / "servo-friction.csv", folder / "servo-friction.png")
     refused(

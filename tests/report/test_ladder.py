@@ -6,9 +6,11 @@ from dataclasses import replace
 from functools import partial
 
 import pytest
+from rich.console import Console
 
 from dsd_cli.identify.compare.evaluation import Force
-from dsd_cli.identify.results import Score, Step
+from dsd_cli.identify.results import Estimate, Score, Step
+from dsd_cli.report.diagnosis import named, plain_table
 from dsd_cli.report.figure import rendered
 from dsd_cli.report.ladder import (
     BAR,
@@ -171,3 +173,20 @@ def test_the_picture(steps: int) -> None:
     for name in ("a.csv", "$\\frac{$.csv", "$x$.csv", "a\x1b[2J.csv"):
         report = LadderReport(ladder, (name,))
         assert rendered(partial(draw, report), ".png").startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("width", [24, 27, 32, 80])
+def test_what_has_no_room_goes_on_further_in(width: int) -> None:
+    """The words of a cell in their order, none cut; what is broken off stands further in than what it is part of."""
+    out = io.StringIO()
+    values = {"amplitude": Estimate(0.2, 0.004, "{u}"), "phase": Estimate(0.1, 0.02, "rad")}
+    table = plain_table("", "step", "error")
+    table.add_row(named("gravity", values, ["a b [/x]"]), "0.402")
+    Console(file=out, width=width).print(table)
+    rows = [line.rstrip() for line in out.getvalue().replace("0.402", "").splitlines() if line.strip()][2:]
+    assert " ".join(" ".join(rows).split()) == "gravity amplitude 0.200 +- 0.004 u phase 0.10 +- 0.02 rad a b [/x]"
+    assert max(map(len, rows)) <= width
+    begins = {"gravity": 2, "amplitude": 4, "phase": 4, "a": 4}
+    for row in rows:
+        first = row.split()[0]
+        assert len(row) - len(row.lstrip()) == begins.get(first, 6), rows

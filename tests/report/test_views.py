@@ -22,10 +22,10 @@ from dsd_cli.report.plots_detection import likely_states, ribbon, unsure
 from dsd_cli.report.plots_ladder import Cell, values_by_step
 from dsd_cli.report.timeline import Part, gaps, timeline
 from dsd_cli.report.views_comparison import Forces, curves_over, directions, forces_of, spectrum_of
-from dsd_cli.report.views_diagnosis import residual_views
+from dsd_cli.report.views_diagnosis import addition_view, residual_views
 from dsd_cli.signals.log import Log
 from dsd_cli.signals.units import Units
-from tests.report.examples import DIAGNOSIS, FRICTION, GIVEN, LADDER, recording
+from tests.report.examples import ADDITION, DIAGNOSIS, FRICTION, GIVEN, recording
 
 T = 1e-3
 
@@ -164,6 +164,14 @@ def test_each_effect_of_the_set_has_its_own_view() -> None:
     assert np.array_equal(np.sign(beside_speed), first.way)
 
 
+def test_what_an_effect_that_is_added_takes_is_its_own_force() -> None:
+    view = addition_view(ADDITION, GIVEN, [recording()])
+    assert (view.on, view.effect, view.together) == ("velocity", "coulomb_friction", None)
+    fast = np.abs(view.x) > 2.0
+    np.testing.assert_allclose(view.explained[fast], 0.52 * np.sign(view.x[fast]), atol=0.02)
+    assert np.median((view.residual * np.sign(view.x))[fast]) == pytest.approx(0.52, abs=0.03)
+
+
 def test_the_values_that_moved() -> None:
     def step(k: int, effect: str, inertia: float, error: float, **effects: dict[str, float]) -> Step:
         estimates = {"inertia": Estimate(inertia, error, "kg")}
@@ -175,11 +183,12 @@ def test_the_values_that_moved() -> None:
         step(1, "coulomb_friction", 1.02, 0.01, coulomb_friction=friction),
         step(2, "refit", 1.2, 0.01, coulomb_friction=friction),
         step(3, "coulomb_friction", 0.9, 0.01),
+        step(4, "refit", 0.905, 0.0001),  # by fifty standard errors, but within what was known before
     )
-    table = values_by_step(replace(LADDER, steps=steps))
-    assert [cell.change for cell in table["inertia"]] == ["", "", "up", "down"]
-    assert [cell.text.split("\n")[0] for cell in table["inertia"]] == ["1", "1.020", "1.200", "0.900"]
-    assert [cell.change for cell in table["coulomb_friction.level"]] == ["", "new", "", ""]
+    table = values_by_step(steps)
+    assert [cell.change for cell in table["inertia"]] == ["", "", "up", "down", ""]
+    assert [cell.text.split("\n")[0] for cell in table["inertia"]] == ["1", "1.020", "1.200", "0.900", "0.90500"]
+    assert [cell.change for cell in table["coulomb_friction.level"]] == ["", "new", "", "", ""]
     assert table["coulomb_friction.level"][3] == Cell("")
 
 

@@ -35,6 +35,8 @@ class Tuning:
     visited : states of `grid` that the smoothed path has.
     before, after : the tuning of the config and the chosen one, with their agreement with the smoothed path.
     expected : of the chosen one, by simulation.
+    given, evidence, path : what it was made from: the recording with the grid of the config and with `grid`, and the
+        smoothed path on that.
     """
 
     samples: int
@@ -48,6 +50,9 @@ class Tuning:
     before: Choice
     after: Choice
     expected: Expected
+    given: Evidence
+    evidence: Evidence
+    path: Path
 
 
 def tune(evidence: Evidence, progress: Callable[[str, float], None] = lambda _what, _share: None) -> Tuning:
@@ -61,7 +66,7 @@ def tune(evidence: Evidence, progress: Callable[[str, float], None] = lambda _wh
     ------
     DataError : too few samples can be judged.
     """
-    now = evidence.engine.settings
+    now, given = evidence.engine.settings, evidence
     progress("fitting noise and dwell times", 0.0)
     fitted, path = _path(evidence)
     before = judged(evidence, now, path)
@@ -90,6 +95,9 @@ def tune(evidence: Evidence, progress: Callable[[str, float], None] = lambda _wh
         before=before,
         after=replace(chosen, settings=rounded(chosen.settings)),
         expected=expect(evidence, chosen.settings, path),
+        given=given,
+        evidence=evidence,
+        path=path,
     )
 
 

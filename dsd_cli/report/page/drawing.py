@@ -27,14 +27,14 @@ def drawing(story: Story) -> dict[str, Any]:
         return {"charts": {}, "logs": [], "end": 0, "steps": 1, "copies": copies}
     steps = max(len(views.predicted), 1)
     charts = _channels(views, story.units) | _fits(views, story.units) | _clouds(views, story.units)
-    charts |= _labels(views, story.detections)
+    charts |= _labels(views, story.detections, story.units)
     logs = [{"name": printable(one.name), "start": _time(one.start), "shift": one.shift} for one in views.base.logs]
     return {"charts": charts, "logs": logs, "end": _time(views.base.end), "steps": steps, "copies": copies}
 
 
 def _channels(views: Views, units: Units) -> dict[str, Any]:
     named = {"u": units.u, "velocity": units.of_velocity, "position": units.of_position}
-    named |= {"reference": "", "d_hat": units.force}
+    named |= {"reference": units.of_position, "d_hat": units.force}
     return {
         name: {"title": name, "unit": unit, "low": True, "series": [_series(name, "measured", [views.channels[name]])]}
         for name, unit in named.items()
@@ -106,7 +106,7 @@ def _cloud(cloud: Cloud, steps: int, unit: str, force: str, by_step: bool) -> di
     }
 
 
-def _labels(views: Views, detections: Iterable[tuple[str, Part[Labels]]]) -> dict[str, Any]:
+def _labels(views: Views, detections: Iterable[tuple[str, Part[Labels]]], units: Units) -> dict[str, Any]:
     """Label of each axis over time, faint where it is not confident."""
     placed = {one.name: one for one in views.base.logs}
     by_axis: dict[str, list[tuple[Array, ...]]] = {}
@@ -119,16 +119,19 @@ def _labels(views: Views, detections: Iterable[tuple[str, Part[Labels]]]) -> dic
         for axis, values in labels.axes.items():
             between = labels.between.get(axis, np.full(values.size, np.nan))
             by_axis.setdefault(axis, []).append((t, values[known], labels.confident[known], between[known]))
-    return {f"label-{axis}": _label_chart(axis, parts, views) for axis, parts in by_axis.items()}
+    known_units = {"delay": "s", "inertia": units.words("{u}/({v}/s)") if units.u and units.position else ""}
+    return {
+        f"label-{axis}": _label_chart(axis, known_units.get(axis, ""), parts, views) for axis, parts in by_axis.items()
+    }
 
 
-def _label_chart(axis: str, parts: list[tuple[Array, ...]], views: Views) -> dict[str, Any]:
+def _label_chart(axis: str, unit: str, parts: list[tuple[Array, ...]], views: Views) -> dict[str, Any]:
     t, values, confident, between = (np.concatenate(column) for column in zip(*parts, strict=True))
     sure = np.where(confident, values, np.nan)
     estimated = [_series("estimated", "model", [views.reduced(t, between)])] if np.isfinite(between).any() else []
     return {
         "title": f"{axis} of the label",
-        "unit": {"delay": "s"}.get(axis, ""),
+        "unit": unit,
         "stepped": True,
         "low": True,
         "series": [

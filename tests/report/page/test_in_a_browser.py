@@ -223,6 +223,9 @@ def test_nothing_is_wider_than_the_screen(opened, viewport):
         .filter(e => e.offsetParent && !e.closest(".scroll, pre, .plot") && e.getBoundingClientRect().right > w + 1)
         .map(e => e.outerHTML.slice(0, 80))"""
     assert page.evaluate(beyond, viewport["width"]) == []
+    rolled = """[...document.querySelectorAll(".scroll:has(.values, .rungs, .long)")]
+        .filter(e => e.scrollWidth > e.clientWidth + 1).map(e => e.querySelector("table").className)"""
+    assert page.evaluate(rolled) == []  # ladder, ranking and values fit, too: what is rolled out of view is not read
     widths = page.evaluate("dsd.charts.map(c => c.plot.root.getBoundingClientRect().right)")
     assert max(widths) <= viewport["width"]
 
