@@ -84,7 +84,7 @@ def _pulses(search: Search, fit: Fit) -> tuple[tuple[float, float], ...]:
 
 
 def _telling(fit: Fit, equations: Equations) -> NDArray[np.bool_]:
-    """Rows that can show a push, shape (N,): beside friction those in which its direction is known for the most part."""
+    """Rows that can show a push, shape (N,): beside friction those in which its direction is mostly known."""
     if not holds(fit.terms):
         return np.ones(sum(equations.lengths), dtype=bool)
     return uncertain(equations) <= POLICY.unsure_push
