@@ -22,7 +22,7 @@ class Policy:
     # -- rows --
     least_free: float = 0.3  # share of a row in which friction's direction is known
     unsure_share: float = 0.005  # of a row in which the axis may rest or turn, from which on it is weighed down
-    sure_majority: float = 0.5  # of the rows that count, in which the direction is sure: those tell what is missing
+    sure_part: float = 0.3  # of the rows that count, in which the direction is sure: those tell what is missing
     harmless_lean: float = 0.1  # of a row's noise, by which the friction in its unsure share may lean
     rows_per_value: int = 10  # of which the direction is sure, for each value; with fewer all rows count alike
     incomplete: float = 1.3  # of the noise's power; a fit that leaves more misses something, and its values err by it
@@ -102,6 +102,7 @@ class Policy:
 
     # -- vetoes --
     least_inertia: float = 0.01  # of the inertia first fitted; a set that leaves less explains u by itself
+    near_fall: float = 0.1  # share of the held-out error from which on an unconfirmed effect is mentioned
     few_rows: int = 150  # independent equations below which no verdict is surer than 80 %
 
     least_alone: float = 0.005  # share of the held-out error that an effect takes off alone, to be named

@@ -11,7 +11,7 @@ import numpy as np
 from dsd_cli.identify.fit.freeform import freeform_fits, loss_of
 from dsd_cli.identify.fit.noise import structured_share
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.sure import sure_rows
+from dsd_cli.identify.fit.sure import uncertain
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
@@ -61,15 +61,27 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
 
 
 def above_floor(search: Search, fit: Fit) -> bool:
-    """Whether more is left than the sensor alone leaves, and enough to matter: then something is missing."""
+    """Whether more is left than the sensor alone leaves, and enough to matter: then something is missing.
+
+    Rows in which the direction of the motion is not sure do not count, if the others are many.
+    """
+    return min(search.problem.errors.rmse(fit), _left_elsewhere(search, fit)) > _least(search)
+
+
+def beside_stops(search: Search, fit: Fit) -> bool:
+    """Whether a fit that leaves no more than noise was judged without stops and creeping, where it leaves more."""
+    return search.problem.errors.rmse(fit) > _least(search) or only_at_stops(search, fit)
+
+
+def _least(search: Search) -> float:
+    """rms of r from which on something is missing, if unknown; unit of u."""
     problem = search.problem
-    excess = problem.errors.rmse(fit) ** 2 - (POLICY.floor_factor * problem.floor) ** 2
-    return excess > (POLICY.floor_excess * problem.errors.force) ** 2 and not only_at_stops(search, fit)
+    return math.hypot(POLICY.floor_factor * problem.floor, POLICY.floor_excess * problem.errors.force)
 
 
 def only_at_stops(search: Search, fit: Fit) -> bool:
-    """Whether more than the sensor alone leaves is left only where friction's direction is not sure, as at a stop or in
-    a creep. What friction does there is known in part, so that it is no evidence for anything that is missing."""
+    """Whether more than the sensor alone leaves is left only at stops and in creeping. What friction does there is
+    known in part, and the error of a coarse sensor is not white: it is no evidence for anything that is missing."""
     elsewhere = _left_elsewhere(search, fit)
     limit = POLICY.floor_factor * search.problem.floor
     return elsewhere <= limit < search.problem.errors.rmse(fit)
@@ -81,15 +93,16 @@ def said_of_stops(search: Search, fit: Fit) -> tuple[str, ...]:
         return ()
     left, elsewhere = search.problem.errors.rmse(fit), _left_elsewhere(search, fit)
     return (
-        f"most of the error that is left, {left:.3g}, is from stops and creeping, where friction's direction is not"
-        f" sure and nothing can be told; elsewhere it is {elsewhere:.3g}",
+        f"most of the error that is left, {left:.3g}, is from stops and creeping, where the direction is not sure and"
+        f" nothing can be told; elsewhere it is {elsewhere:.3g}",
     )
 
 
 def _left_elsewhere(search: Search, fit: Fit) -> float:
-    """rms of what is left where friction's direction is sure, unit of u; inf where that is the smaller part or all."""
-    sure = sure_rows(fit.terms, search.equations)
-    if sure.all() or sure.sum() < POLICY.sure_majority * search.equations.kept.sum():
+    """rms of what is left where the direction of the motion is sure, unit of u; inf where few rows are so, or all."""
+    kept = search.equations.kept
+    sure = kept & (uncertain(search.equations) <= POLICY.unsure_share)
+    if sure.all() or sure.sum() < POLICY.sure_part * kept.sum():
         return math.inf
     return float(np.sqrt(np.mean(search.problem.errors.residual(fit, held_out=False)[sure] ** 2)))
 
