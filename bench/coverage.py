@@ -30,8 +30,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.oracle.rig import make
 from tests.oracle.rig_cases import RigCase
 
-#: Relative standard deviation of a prior's error; share that the intervals are to hold.
-SPREAD, SHARE = 0.02, 0.95
+#: Share that the intervals are to hold.
+SHARE = 0.95
 HIDDEN = ("coulomb_friction", "viscous_friction")
 
 
@@ -51,20 +51,24 @@ class Deviation:
 
 
 def deviations(seed: int, sensing: str = "speed40k", duration: float = 20.0) -> Iterator[Deviation]:
-    """Of one log: with nothing known, J held at its truth, and a prior of J that is off by a draw of its spread."""
+    """Of one log: with nothing known, J held at its truth, and a prior of J that is off by a draw of its spread.
+
+    That spread is the error that the log alone has, so that log and prior weigh alike.
+    """
     made = make([RigCase(HIDDEN, seed, sensing, duration=duration)])[0]
     truth = PlantModel(made.truth["inertia"], made.truth["delay"], made.truth["effects"])
-    draw = np.random.default_rng(seed).normal()
-    helps = {
-        "nothing known": Known(),
-        "J held": Known(fixed={"inertia": truth.inertia}),
-        "J with a prior": Known(priors={"inertia": (truth.inertia * (1.0 + SPREAD * draw), SPREAD * truth.inertia)}),
-    }
     observer = ObserverSettings(made.observer["nominal_inertia"], made.observer["time_constant"])
     recording = prepare(Log(made.channels, made.sample_time, "rig"), observer)
     problem = pose([recording], truth, Settings(effects=()))
     tap = round(truth.delay / problem.solver.bank.tap_time)
     problem = problem.measured_again(Search(problem).fit(terms_of(truth), tap))
+    alone = problem.values(Search(problem).fit(terms_of(truth), tap)).estimates["inertia"]
+    draw = np.random.default_rng(seed).normal()
+    helps = {
+        "nothing known": Known(),
+        "J held": Known(fixed={"inertia": truth.inertia}),
+        "J with a prior": Known(priors={"inertia": (truth.inertia + alone.std_error * draw, alone.std_error)}),
+    }
     for name, known in helps.items():
         yield from _deviations(_told(problem, known), truth, name, tap)
 

@@ -60,6 +60,7 @@ class Policy:
     most_pulses: int = 6  # of a stretch and of a log; more are a law
     shortest_pulse: int = 3  # rows
     pulse_deviations: float = 8.0  # standard errors of its mean: it is the best of very many windows
+    unsure_push: float = 0.25  # of a row in which the axis may rest or turn, from which on it shows no push
     weakest_pulse: float = 0.1  # of the strongest; less is part of its edges
     same_level: float = 0.2  # share of a level by which neighbours differ that are one pulse
     forgotten_travel: float = 0.25  # of the travel, after which the first state of effects with memory has no influence

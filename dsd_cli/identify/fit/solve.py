@@ -186,7 +186,10 @@ class Solver:
             found = rules.reduction(theta, held, pressed)
         # a row that a rule has solved for is not seen by the signs of the forward form, whose coefficients are others
         quiet, forward = without_noise(total_gram(design.rows), _of_columns(design), len(design.rows[0])), found
-        while below := self._below(quiet, design, forward):
+        for _ in design.signed:
+            below = [k for k in self._below(quiet, design, forward) if k not in pressed]
+            if not below:
+                break
             pressed = pressed + below[:1]
             forward = rules.reduction(theta, held, pressed)
         return Reductions(found, forward)

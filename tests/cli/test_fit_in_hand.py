@@ -1,0 +1,60 @@
+"""The fit in the user's hands, by the real command on a sample log whose truth is known: hold, compare, cut."""
+
+import json
+from pathlib import Path
+
+from tests.cli.rig import done
+
+SAMPLES = Path(__file__).parents[2] / "sample_logs"
+LOG, KNOWN, BARE = "servo-friction.csv", "servo-friction.toml", "servo-bare.toml"
+#: Of servo-friction.toml, with which the log was made.
+TRUTH = {"inertia": 0.01, "delay": 0.002, "viscous_friction.coefficient": 0.01, "coulomb_friction.level": 0.15}
+
+
+def test_a_held_model_is_not_fitted_and_is_judged_on_what_no_fit_saw(tmp_path):
+    units = ["--set", 'signals.u_unit="N m"', "--set", 'signals.position_unit="rad"']
+    held = ["--hold", "--auto", "--to", "2", "--holdout", LOG, *units]
+    out = done("improve", LOG, "-c", KNOWN, *held, "-o", tmp_path / "held.toml", cwd=SAMPLES).stdout
+    for name, value in TRUTH.items():
+        (line,) = [row for row in out.splitlines() if row.strip().startswith(name)]
+        assert line.split()[1] == f"{value:g}"
+        assert line.split()[-1] == "held"
+    assert "kg m^2" in out
+    assert "(N m)/(rad/s)" in out
+    assert "unit of u" not in out
+    assert "without its part up to 2 s), not fitted: force error" in out
+    assert "with levels of its own" in out
+    assert "free simulation, closed loop from the logged reference" in out
+
+
+def test_two_models_on_one_log(tmp_path):
+    out = done("compare", LOG, "-c", KNOWN, "-c", BARE, cwd=SAMPLES).stdout
+    assert f"{KNOWN} is better than {BARE}" in out
+    twin = tmp_path / "twin.toml"
+    twin.write_text((SAMPLES / KNOWN).read_text())
+    same = done("compare", LOG, "-c", KNOWN, "-c", twin, cwd=SAMPLES).stdout
+    assert "cannot be told apart" in same
+
+
+def test_a_horizon_in_seconds_begins_anew(tmp_path):
+    off = {}
+    for horizon in ("0.2s", "1s"):
+        made = done("compare", LOG, "-c", BARE, "--horizon", horizon, "--format", "json", cwd=SAMPLES)
+        off[horizon] = json.loads(made.stdout)["rmse"]
+    assert 0.0 < off["0.2s"] < off["1s"]
+
+
+def test_what_stops_on_a_bound_or_pulls_against_its_prior_is_said(tmp_path):
+    told = ["--bounds", "viscous_friction.coefficient=0:0.005", "--prior", "inertia=0.012+-0.0001"]
+    words = done("diagnose", LOG, "-c", KNOWN, *told, cwd=SAMPLES).stderr
+    assert "viscous_friction.coefficient stands on its upper bound, 0.005" in words
+    assert "pulls against its prior 0.012 +- 0.0001" in words
+
+
+def test_a_creep_at_the_end_of_a_log_is_no_push(tmp_path):
+    """Up to 2.95 s the log ends soon after a creep of 0.05 s, in which the logged speed does not tell the direction."""
+    made = done("diagnose", LOG, "-c", KNOWN, "--to", "2.95", "--format", "json", cwd=SAMPLES)
+    found = json.loads(made.stdout)
+    assert found["verdict"] == "none"
+    assert found["probability"] <= 0.8
+    assert "stops and creeping" in made.stderr
