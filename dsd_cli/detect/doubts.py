@@ -8,7 +8,7 @@ import numpy as np
 
 from dsd_cli.detect.coloured import spectrum, whitening
 from dsd_cli.detect.engine import Engine, Labels
-from dsd_cli.detect.goodness import Goodness
+from dsd_cli.detect.goodness import make_goodness
 from dsd_cli.detect.kernel import KernelSpec
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.rest import RestShare
@@ -29,8 +29,9 @@ class Doubts:
         effects = plan.settings.output == "d_hat" and any(model.effects for model in plan.effects)
         moves = effects and any(name in plan.columns for name in ("velocity", "position"))
         self._unknown = UnknownForces(spec) if moves else None
-        judged = plan.settings.method != "profile" and spec.settings.window >= BLOCKS
-        self._goodness = Goodness(spec, FORCES if moves else 0) if judged else None
+        window = spec.settings.window
+        judged = plan.settings.method != "profile" and window >= BLOCKS
+        self._goodness = make_goodness(spec, window, FORCES if moves else 0, plan.backend) if judged else None
         self._groups = len(spec.grid.delays) * len(spec.grid.combinations)
         self._doubted = 0
 
