@@ -136,6 +136,20 @@ static double gain(const Core *q, Py_ssize_t group, double a) {
     return (dd * (along * along) - 2.0 * zd * along * across + zz * (across * across)) / det * q->c;
 }
 
+/* whether no other group explains the window better than that of `group`, each with its best inertia */
+static int nearest(const Core *q, Py_ssize_t group, double slack) {
+    const double *zz = q->whole + q->at.zz, *zy = q->whole + q->at.zy;
+    double own = 0.0, others = 0.0;     /* what of yy each explains */
+    Py_ssize_t g;
+    if (!q->free_alpha) return 1;
+    for (g = 0; g < q->groups; g++) {
+        const double share = zz[g] > 0.0 && zy[g] > 0.0 ? zy[g] * zy[g] / zz[g] : 0.0;
+        if (g == group) own = share;
+        else others = larger(others, share);
+    }
+    return (others - own) * q->c <= slack;
+}
+
 /* a mean square of n values, in units of its expectation, less what chance may add */
 static double over_chance(double ratio, double n) { return ratio / (1.0 + CHANCE / sqrt(n)); }
 
@@ -198,7 +212,7 @@ static Verdict judged(Core *q, int32_t state) {
     ahead = lead(q, q->whole[q->at.yy], q->whole + q->at.zy, q->whole + q->at.zz, state, &mine);
     ahead = ahead + slack - larger(gain(q, group, a) - slack, 0.0);
     beyond = excess(q, group, a, larger(mine - slack / q->c, 0.0));
-    out.stands = ahead >= q->need * beyond;
+    out.stands = ahead >= q->need * beyond && nearest(q, group, slack);
     out.bad = beyond > 1.0;
     out.robust = -1;
     return out;

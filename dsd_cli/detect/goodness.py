@@ -8,7 +8,8 @@ noise:
 1. *The noise is what is left.* Of white noise the sums over m samples have the variance m rho^2, for every m. Where the
    residual of the label exceeds that on any time scale, the lead is divided by as much.
 2. *No value between or beyond the candidates is much better.* What the best inertia and delay near the label would
-   gain (the score test: two values, from the label's own residual) is subtracted from the lead.
+   gain (the score test: two values, from the label's own residual) is subtracted from the lead. No other delay of the
+   grid may explain the window better when both have their best inertia.
 3. *No force that the model lacks.* Where the model has effects, the lead must also stand with a constant, a viscous and
    a dry force of any size beside them, until the labels of this recording were within the noise for some windows.
 

@@ -186,7 +186,8 @@ class NumpyGoodness:
         lead, mine = self._lead(sums.yy, sums.zy, sums.zz, state)
         lead = lead + slack - np.maximum(self._gain(sums, state) - slack, 0.0)
         excess = self._excess(sums, state, np.maximum(mine - slack / self._c, 0.0))
-        stands, bad = lead >= need * excess, excess > 1.0
+        stands = (lead >= need * excess) & self._nearest(sums, state // self._alphas.size, slack)
+        bad = excess > 1.0
         if not self._forces:
             return stands, stands, bad
         robust, _ = self._lead(*_without_forces(sums), state)
@@ -215,6 +216,17 @@ class NumpyGoodness:
             det = zz * dd - zd * zd
             both = (dd * along**2 - 2.0 * zd * along * across + zz * across**2) / det
         return np.asarray(np.where(det > ROUNDING * zz * dd, both, alone[0])) * self._c
+
+    def _nearest(self, sums: _Sums, group: NDArray[np.int64], slack: Array) -> NDArray[np.bool_]:
+        """Whether no other group explains the window better than `group`, each with its best inertia; shape (n,)."""
+        if not self._free[0]:
+            return np.ones(len(group), dtype=np.bool_)
+        rows = np.arange(len(group))
+        with np.errstate(divide="ignore", invalid="ignore"):  # what of yy each explains
+            shares = np.where((sums.zz > 0.0) & (sums.zy > 0.0), sums.zy**2 / sums.zz, 0.0)
+        own = shares[rows, group].copy()
+        shares[rows, group] = 0.0
+        return np.asarray((shares.max(axis=1) - own) * self._c <= slack)
 
     def _excess(self, sums: _Sums, state: NDArray[np.int64], mine: Array) -> Array:
         """Variance of the residual's sums over that of white noise of rho, on the worst time scale; 1 or more."""
