@@ -25,7 +25,8 @@
 /* where the columns of a block begin; each of the second line has one number per group (delay and effect values) */
 typedef struct { Py_ssize_t y, yy, z, zz, zy, zd, dd, dy, xx, xy, xz, width; } Layout;
 
-typedef struct { int64_t block; int32_t state; int stands, bad, robust; } Verdict;     /* robust: -1 not asked yet */
+/* robust: -1 not asked yet; limit: what the lead has to be beside unknown forces */
+typedef struct { int64_t block; int32_t state; int stands, bad, robust; double limit; } Verdict;
 
 typedef struct {
     /* fixed */
@@ -204,27 +205,27 @@ static double slack_of(const Core *q) { return 1e-15 * (double)(q->size * BLOCKS
 static Verdict judged(Core *q, int32_t state) {
     const Py_ssize_t group = state / q->inertias;
     const double a = q->alpha[state % q->inertias];
-    Verdict out = {q->blocks, state, 0, 0, 0};
-    double ahead, mine, slack, beyond;
+    Verdict out = {q->blocks, state, 0, 0, 0, 0.0};
+    double ahead, mine, slack, beyond, better;
     if (q->blocks < BLOCKS) return out;
     sum_up(q);
     slack = slack_of(q);
     ahead = lead(q, q->whole[q->at.yy], q->whole + q->at.zy, q->whole + q->at.zz, state, &mine);
-    ahead = ahead + slack - larger(gain(q, group, a) - slack, 0.0);
+    better = larger(gain(q, group, a) - slack, 0.0);
     beyond = excess(q, group, a, larger(mine - slack / q->c, 0.0));
-    out.stands = ahead >= q->need * beyond && nearest(q, group, slack);
+    out.limit = q->need * beyond + better - slack;
+    out.stands = ahead >= out.limit && nearest(q, group, slack);
     out.bad = beyond > 1.0;
     out.robust = -1;
     return out;
 }
 
 /* whether the lead stands beside unknown forces, too */
-static int robust(Core *q, int32_t state) {
-    double slack, mine;
+static int robust(Core *q, int32_t state, double limit) {
+    double mine;
     sum_up(q);
-    slack = slack_of(q);
     take_forces_out(q);
-    return lead(q, q->whole[q->at.yy], q->whole + q->at.zy, q->whole + q->at.zz, state, &mine) + slack >= q->need;
+    return lead(q, q->whole[q->at.yy], q->whole + q->at.zy, q->whole + q->at.zz, state, &mine) >= limit;
 }
 
 /* see trust.py */
@@ -244,7 +245,7 @@ static int unfounded(Core *q, int32_t state) {
     if (q->in_block == 0) follow(q, q->last.bad);
     if (!q->last.stands) return 1;
     if (trusted(q)) return 0;
-    if (q->last.robust < 0) q->last.robust = robust(q, state);
+    if (q->last.robust < 0) q->last.robust = robust(q, state, q->last.limit);
     return !q->last.robust;
 }
 

@@ -184,14 +184,14 @@ class NumpyGoodness:
         # two sums of this size may differ by so many nats for no other reason than rounding
         slack = 1e-15 * (self._size * BLOCKS + 10.0) * sums.yy * self._c
         lead, mine = self._lead(sums.yy, sums.zy, sums.zz, state)
-        lead = lead + slack - np.maximum(self._gain(sums, state) - slack, 0.0)
         excess = self._excess(sums, state, np.maximum(mine - slack / self._c, 0.0))
-        stands = (lead >= need * excess) & self._nearest(sums, state // self._alphas.size, slack)
+        limit = need * excess + np.maximum(self._gain(sums, state) - slack, 0.0) - slack
+        stands = (lead >= limit) & self._nearest(sums, state // self._alphas.size, slack)
         bad = excess > 1.0
         if not self._forces:
             return stands, stands, bad
         robust, _ = self._lead(*_without_forces(sums), state)
-        return stands, robust + slack >= need, bad
+        return stands, robust >= limit, bad
 
     def _lead(self, yy: Array, zy: Array, zz: Array, state: NDArray[np.int64]) -> tuple[Array, Array]:
         """Nats by which `state` leads over every other, and its residual sum of squares; both shape (n,)."""

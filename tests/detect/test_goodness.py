@@ -57,7 +57,7 @@ def plain_verdict(model, x, k: int, state: int) -> tuple[bool, bool, bool]:
         sum((y - max(np.dot(z[:, g], y) / np.dot(z[:, g], z[:, g]), 0.0) * z[:, g]) ** 2) for g in range(z.shape[1])
     ]
     stands = plain_lead(y, z, state) - gain >= NEED * worst and free[group] == min(free)
-    return stands, plain_lead(y, z, state, x[begin:end]) >= NEED, worst > 1.0
+    return stands, plain_lead(y, z, state, x[begin:end]) - gain >= NEED * worst, worst > 1.0
 
 
 def random_case(seed: int):
