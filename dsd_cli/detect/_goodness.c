@@ -245,6 +245,7 @@ static int unfounded(Core *q, int32_t state) {
     if (q->in_block == 0) follow(q, q->last.bad);
     if (!q->last.stands) return 1;
     if (trusted(q)) return 0;
+    if (q->last.bad) return 1;
     if (q->last.robust < 0) q->last.robust = robust(q, state, q->last.limit);
     return !q->last.robust;
 }

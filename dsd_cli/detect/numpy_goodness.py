@@ -191,7 +191,7 @@ class NumpyGoodness:
         if not self._forces:
             return stands, stands, bad
         robust, _ = self._lead(*_without_forces(sums), state)
-        return stands, robust >= limit, bad
+        return stands, (robust >= limit) & ~bad, bad
 
     def _lead(self, yy: Array, zy: Array, zz: Array, state: NDArray[np.int64]) -> tuple[Array, Array]:
         """Nats by which `state` leads over every other, and its residual sum of squares; both shape (n,)."""

@@ -57,7 +57,7 @@ def plain_verdict(model, x, k: int, state: int) -> tuple[bool, bool, bool]:
         sum((y - max(np.dot(z[:, g], y) / np.dot(z[:, g], z[:, g]), 0.0) * z[:, g]) ** 2) for g in range(z.shape[1])
     ]
     stands = plain_lead(y, z, state) - gain >= NEED * worst and free[group] == min(free)
-    return stands, plain_lead(y, z, state, x[begin:end]) - gain >= NEED * worst, worst > 1.0
+    return stands, plain_lead(y, z, state, x[begin:end]) - gain >= NEED and worst == 1.0, worst > 1.0
 
 
 def random_case(seed: int):
@@ -143,7 +143,7 @@ def test_the_compiled_verdicts_are_those_of_numpy(grid: Grid, forces: int) -> No
         ]
         np.testing.assert_array_equal(*wrong)
         flips += [wrong[0].sum(), (confident & ~wrong[0]).sum()]
-    assert (flips > 1000).all(), flips
+    assert (flips > 300).all(), flips
 
 
 @pytest.mark.parametrize("aperture", [1, 2])
