@@ -17,7 +17,7 @@ from typing import Any
 
 from bench.outside_cases import Cell, chosen
 from dsd_cli.identify.checks import check_log
-from dsd_cli.identify.improve import improve
+from dsd_cli.identify.improve import REFIT, improve
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
@@ -100,7 +100,8 @@ def _single(log: RigLog) -> Row:
 def _ladder(log: RigLog) -> Row:
     recording, model, observer = _given(log)
     ladder = improve([recording], model, observer, Settings(), choose=lambda found: found.verdict)
-    steps = list(dict.fromkeys(s.effect for s in ladder.steps[1:]))
+    back = {s.effect for s in ladder.steps if s.kind == "taken back"}
+    steps = [name for name in dict.fromkeys(s.effect for s in ladder.steps[1:]) if name not in back]
     return {"steps": steps, "verdict": ladder.verdict, "probability": ladder.last.probability}
 
 
@@ -108,7 +109,7 @@ def _pair(log: RigLog) -> Row:
     """Values of the model are fitted along with every effect, so that they need no step of their own."""
     row = _ladder(log)
     effects = set(log.case.what) - {INERTIA, DELAY}
-    taken = set(row["steps"]) - {INERTIA, DELAY}
+    taken = set(row["steps"]) - {INERTIA, DELAY, REFIT}
     return row | {"right": taken == effects, "both": effects <= taken}
 
 
@@ -165,7 +166,7 @@ HEAD = """# Is it found on the logs of another laboratory?
 
 Logs of `tests/oracle/rig*.py`: servo axes with hidden effects, made with controllers, references, sensors and habits
 that the tool's own generator does not have (1 kHz, 20 s, delay 20 ms, if nothing else is said). Nothing of the package
-is used to make them. The tool gets the log and the model that the user believes, and nothing else. Seeds from 2000 on;
+is used to make them. The tool gets the log and the model that the user believes, and nothing else. Seeds from 3000 on;
 none of these logs was looked at while the search was written.
 
 "Right" is the name of what is hidden as the verdict; for two effects, a ladder with these two and no other (inertia and

@@ -9,8 +9,8 @@ from typing import Any
 from tests.oracle.rig import SINGLES, STRANGERS_SEEN, STRANGERS_UNSEEN, RigCase
 from tests.oracle.rig_cases import PAIRS
 
-#: First seed of the study; lower ones were looked at while the search was written, 1000-1043 after an earlier run of it.
-FROM = 2000
+#: First seed of the study; all lower ones were looked at while the search was written, or after an earlier run of it.
+FROM = 3000
 
 
 @dataclass(frozen=True)

@@ -55,7 +55,7 @@ class Ranges(NamedTuple):
 
     speed : rms speed while moving; top_speed : largest; travel : range of the position; drive : rms of u; top_drive :
     largest |u| but for rare spikes; sample_time and duration in s; resolution : the shortest way that the sensor of
-    the position tells.
+    the position tells; band_hz : up to which forces are balanced.
     """
 
     speed: float
@@ -66,6 +66,7 @@ class Ranges(NamedTuple):
     sample_time: float
     duration: float
     resolution: float = 0.0
+    band_hz: float = np.inf
 
 
 @dataclass(frozen=True)

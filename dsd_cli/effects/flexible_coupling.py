@@ -7,6 +7,8 @@ from typing import Any
 from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, SpectralLines, Values, log_spaced
 from dsd_cli.effects.memory import Coupling, Load, load_acceleration
 
+#: Own frequency of a load, times the end of the band, up to which a search starts; beyond it all is rigid to the band.
+HIGHEST = 2.0
 #: Damping ratio with which the search for a ringing load begins.
 RINGING = 0.05
 
@@ -25,7 +27,8 @@ def _coupling(shape: Shape) -> Coupling:
 def _starts(ranges: Ranges) -> list[Shape]:
     if not (ranges.duration > 0.0 and ranges.sample_time > 0.0):
         return []
-    frequencies = log_spaced(max(2.0 / ranges.duration, 1.0), 0.2 / ranges.sample_time, 10)
+    highest = min(0.2 / ranges.sample_time, HIGHEST * ranges.band_hz)
+    frequencies = log_spaced(min(max(2.0 / ranges.duration, 1.0), highest), highest, 10)
     return [{"frequency": f, "damping": zeta} for f, zeta in product(frequencies, (0.02, 0.2))]
 
 

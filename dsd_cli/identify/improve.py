@@ -246,5 +246,7 @@ def _why(last: Diagnosis, refused: Sequence[str]) -> str:
         return f"nothing lowers the held-out error any more ({', '.join(refused)} did not)"
     if last.verdict == NONE:
         return "nothing significant is left"
+    if last.nearest:
+        return f"something is left; {last.nearest} comes nearest, but the log does not confirm it"
     on = " and ".join(last.depends_on)
     return "something is left that no effect of the catalogue explains" + (f"; it depends on {on}" if on else "")

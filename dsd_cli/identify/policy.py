@@ -99,6 +99,7 @@ class Policy:
 
     # -- vetoes --
     least_inertia: float = 0.01  # of the inertia first fitted; a set that leaves less explains u by itself
+    near_fall: float = 0.1  # share of the held-out error from which on an unconfirmed effect is mentioned
     few_rows: int = 150  # independent equations below which no verdict is surer than 80 %
 
     least_alone: float = 0.005  # share of the held-out error that an effect takes off alone, to be named
@@ -134,6 +135,7 @@ class Policy:
     # -- nothing is missing --
     floor_factor: float = 1.6  # of the sensor's floor; what is left above it is no noise of the sensor
     least_unknown: float = 0.01  # share of u that a function explains; friction at turns is not known better
+    sure_rows: float = 0.3  # share of rows in which friction's direction is sure, from which on these alone are judged
     floor_excess: float = 0.03  # share of u that is left above that, from which on something is missing, if unknown
     unknown_fall: float = 0.04  # share of the held-out error that a free-form function takes off: something is unknown
     unknown_nats: float = 12.0  # and the nats that it gains: it is the best of some ten functions

@@ -121,7 +121,8 @@ class Diagnosis:
     model : with the verdict's effect in it; refitted_model : without, its values fitted; refitted_values : these, with
         their correlations. given : the model as given, with what is fixed in it.
     advice : what to do next, one sentence each.
-    depends_on : channels on which an unknown remainder depends.
+    depends_on : channels on which an unknown remainder depends. nearest : the effect that comes nearest to what is
+        unknown, though the log does not confirm it; "" if none does.
     noise : rms of r that no smooth function of anything explains, unit of u.
     found : the whole set of effects that the search found; the verdict is the one of them that is worth most alone.
     whole_model : with all of them; None where nothing was found.
@@ -155,6 +156,7 @@ class Diagnosis:
     refitted_values: Estimates = field(default_factory=dict)
     refitted_correlations: Correlations = ()
     whole_model: PlantModel | None = None
+    nearest: str = ""
 
 
 @dataclass(frozen=True)

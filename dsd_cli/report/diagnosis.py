@@ -47,6 +47,13 @@ def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:
     if result.verdict == UNKNOWN:
         on = f"; it depends on {listed(result.depends_on)}" if result.depends_on else ""
         left = f"{held} is {error(result.refitted.heldout_rmse)} ({unit})"
+        near = candidate(result, result.nearest)
+        if near is not None:
+            falls = percent(1.0 - near.heldout_rmse_after / near.heldout_rmse_before)
+            return (
+                f"something is missing, and this log does not confirm what{on} ({sure}): {left};"
+                f" {near.effect} comes nearest ({falls} less), but not in all parts of the log"
+            )
         return f"something is missing that no effect of the catalogue explains{on} ({sure}): {left}"
     winner = candidate(result, result.verdict)
     if winner is None:

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from dsd_cli.effects.memory import Coupling, driven_load
 from dsd_cli.identify.compare.evaluation import force_view
@@ -14,7 +15,7 @@ from dsd_cli.identify.improve import add_effect, improve
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.response import response_of
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.search.signals import BLOCKS, gains
+from dsd_cli.identify.search.signals import BLOCKS, gains, innovations
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
@@ -40,7 +41,7 @@ class Axis:
 
     def seen(self, doubtful=True):
         search = Search(pose([self.recording], self.model, Settings()))
-        return response_of(search, search.refit, LOADS, doubtful)
+        return response_of(search, search.refit, LOADS, doubtful).seen
 
     def diagnosed(self):
         return diagnose([self.recording], self.model, self.observer)
@@ -82,6 +83,7 @@ def test_play_behind_a_coarse_encoder(loose):
     [
         ((), 2, "enc4096"),
         ((), 2, "speed40k"),
+        ((), 2016, "enc4096"),  # long moves at constant speed: the encoder's error is a tone, fed back into u
         (("actuator_lag",), 2, "speedloud"),
         (("stribeck_friction",), 2, "speedloud"),
     ],
@@ -89,6 +91,28 @@ def test_play_behind_a_coarse_encoder(loose):
 def test_no_load_where_there_is_none(what, seed, sensing):
     """Even where play is looked for in any case."""
     assert Axis(what, seed, sensing).seen() is None
+
+
+def test_a_load_that_only_follows_the_noise_of_the_motion_is_none():
+    """The balance alone halves its error by play of less than a count, for the load then takes the sensor's noise."""
+    assert Axis((), 2090).diagnosed().verdict not in LOADS
+
+
+def test_the_response_knows_a_load_at_the_end_of_the_band_better_than_the_balance():
+    axis = Axis(("flexible_coupling",), 5)
+    found = axis.diagnosed()
+    assert found.verdict == "flexible_coupling"
+    errors = {n: (e.value, e.std_error) for n, e in found.ranking[0].parameters.items()}
+    assert not near(errors, axis.truth, 0.05)
+
+
+def test_noise_of_any_spectrum_becomes_white():
+    rng = np.random.default_rng(5)
+    tone = lfilter([1.0], [1.0, -1.8 * math.cos(1.0), 0.81], rng.standard_normal(20_000))
+    white = innovations(tone, 1e-3)(tone)
+    lagged = [float(white[lag:] @ white[:-lag]) / float(white @ white) for lag in range(1, 30)]
+    assert max(map(abs, lagged)) < 0.05  # about 5 standard errors; the tone has 0.8 after three samples
+    assert np.var(white) == pytest.approx(1.0, rel=0.05)
 
 
 def test_the_answer_is_the_load_and_the_error_in_the_band_falls(swinging):

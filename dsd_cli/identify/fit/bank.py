@@ -254,4 +254,5 @@ def ranges(equations: Equations) -> Ranges:
         sample_time=equations.sample_time,
         duration=sum(len(log) for log in logs) * equations.sample_time,
         resolution=POLICY.resolved_deviations * max(r.position_noise for r in equations.recordings),
+        band_hz=equations.band.hz,
     )

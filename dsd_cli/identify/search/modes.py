@@ -33,12 +33,13 @@ class Modes:
         self._spectra = [np.fft.rfft(x, n) for x, n in zip(signals.force, sizes, strict=True)]
         self._hz = [np.fft.rfftfreq(n, signals.step).astype(np.float64) for n in sizes]
 
-    def rigid(self) -> list[Array]:
-        """What a rigid axis leaves, and one behind a lag, for several lags."""
+    def rigid(self) -> Array:
+        """Columns, shape (n, 2), of a rigid axis, or of one behind the lag that leaves least."""
         times = np.geomspace(self.signals.step, _LONGEST_LAG, _LAGS).tolist()
         plain, shift = self._fixed
         lagged = [self._passed(_lag(float(time))) for time in times]
-        return [left(np.stack([x, shift], axis=1), self.signals.target) for x in (plain, *lagged)]
+        found = [np.stack([x, shift], axis=1) for x in (plain, *lagged)]
+        return min(found, key=lambda columns: float(np.sum(left(columns, self.signals.target) ** 2)))
 
     def best(self, lowest: float, highest: float) -> Array:
         """The mode between these frequencies (Hz) that leaves least; it may end beside them."""
@@ -49,11 +50,11 @@ class Modes:
 
     def left(self, at: Array) -> Array:
         """What the best rigid body and mode leave, shape (n,)."""
-        return left(self._columns(at), self.signals.target)
+        return left(self.columns(at), self.signals.target)
 
     def early(self, at: Array) -> float:
         """Samples by which u acts earlier than the signals have it."""
-        found = coefficients(self._columns(at), self.signals.target)
+        found = coefficients(self.columns(at), self.signals.target)
         return float(found[1] / found[0]) if found[0] > 0.0 else 0.0
 
     def values(self, at: Array, variance: float) -> tuple[dict[str, tuple[float, float]], float]:
@@ -61,9 +62,9 @@ class Modes:
 
         variance : of a row.
         """
-        columns = self._columns(at)
+        columns = self.columns(at)
         found = coefficients(columns, self.signals.target)
-        slopes = [(self._columns(at + _STEP * e) - columns) @ found / _STEP for e in np.eye(2)]
+        slopes = [(self.columns(at + _STEP * e) - columns) @ found / _STEP for e in np.eye(2)]
         jacobian = np.column_stack([*slopes, columns])
         size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
         scaled = jacobian / size
@@ -81,7 +82,8 @@ class Modes:
         pairs = zip(self._spectra, self._hz, self.signals.force, strict=True)
         return self.signals.rows([np.fft.irfft(x * response(f))[: len(force)] for x, f, force in pairs])
 
-    def _columns(self, at: Array) -> Array:
+    def columns(self, at: Array) -> Array:
+        """Rigid body, a sample of delay, and mode: shape (n, 3)."""
         frequency, damping = math.exp(at[0]), math.exp(at[1])
 
         def mode(f: Array) -> Array:

@@ -19,7 +19,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.modes import Modes
 from dsd_cli.identify.search.play import Play
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.search.signals import Signals, delay_of, gains, signals_of, variance_of
+from dsd_cli.identify.search.signals import Signals, delay_of, gains, innovations, left, signals_of, variance_of
 from dsd_cli.signals.log import Array
 
 #: The effects that a response shows.
@@ -49,8 +49,15 @@ class Seen:
     resonance_hz: float
 
 
-def response_of(search: Search, whole: Fit, asked: Sequence[str], doubtful: bool) -> Seen | None:
-    """The load that explains the response, beside a set of effects; None where there is none for certain.
+@dataclass(frozen=True)
+class Response:
+    """What a look at the response came to; seen : None where it shows no load for certain."""
+
+    seen: Seen | None
+
+
+def response_of(search: Search, whole: Fit, asked: Sequence[str], doubtful: bool) -> Response | None:
+    """The load that explains the response, beside a set of effects; None where the log has no such response.
 
     Effects of the set that are late, or loads themselves, may stand in for it and are left out.
 
@@ -60,11 +67,15 @@ def response_of(search: Search, whole: Fit, asked: Sequence[str], doubtful: bool
         even where no load swings.
     """
     found = _swinging(search, whole)
-    if found is None:
-        return None
-    signals, modes, at = found
+    return None if found is None else Response(_load_in(search, asked, doubtful, *found))
+
+
+def _load_in(
+    search: Search, asked: Sequence[str], doubtful: bool, signals: Signals, modes: Modes, at: Array
+) -> Seen | None:
     highest = POLICY.response_highest_share / signals.step
-    rival = min(modes.rigid(), key=_squares)
+    rigid = modes.rigid()
+    rival = left(rigid, signals.target)
     swinging = modes.left(at)
     over_rigid = gains(rival, swinging)
     play = None
@@ -77,6 +88,10 @@ def response_of(search: Search, whole: Fit, asked: Sequence[str], doubtful: bool
         return Seen(PLAY, values, (), nats, fall, highest, own / math.sqrt(1.0 - values["load_share"][0]))
     values, damping = modes.values(at, variance_of(swinging))
     if COUPLING not in asked or not (_agreed(over_rigid) and _a_load(values) and damping < POLICY.response_damping):
+        return None
+    fresh = innovations(rival, signals.step)
+    past = fresh(signals.target)
+    if not _enough(gains(left(fresh(rigid), past), left(fresh(modes.columns(at)), past))):
         return None
     rivals = (PLAY,) if play is not None and not _agreed(gains(play[2], swinging)) else ()
     fall = _fall(rival, swinging)
@@ -122,7 +137,9 @@ def _play(search: Search, signals: Signals, rival: Array) -> tuple[dict[str, tup
     values = play.values(at, variance_of(rest))
     (gap, spread), resolved = values["gap"], search.ranges.resolution / POLICY.resolved_deviations
     told = gap > POLICY.play_deviations * max(spread, 0.0) and gap > resolved
-    return values, told and _a_load(values) and _agreed(gains(rival, rest)), rest
+    certain = told and _a_load(values) and _agreed(gains(rival, rest))
+    fresh = innovations(rival, signals.step)
+    return values, certain and _enough(gains(fresh(rival), fresh(rest))), rest
 
 
 def _a_load(values: dict[str, tuple[float, float]]) -> bool:
@@ -133,7 +150,11 @@ def _a_load(values: dict[str, tuple[float, float]]) -> bool:
 def _agreed(by_block: Array) -> bool:
     """Whether the gain is certain: enough without the best block, and little lost in the others."""
     lost, won = (float(np.maximum(sign * by_block, 0.0).sum()) for sign in (-1.0, 1.0))
-    return float(by_block.sum() - by_block.max()) > POLICY.response_nats and lost < POLICY.response_lost * won
+    return _enough(by_block) and lost < POLICY.response_lost * won
+
+
+def _enough(by_block: Array) -> bool:
+    return float(by_block.sum() - by_block.max()) > POLICY.response_nats
 
 
 def _squares(x: Array) -> float:

@@ -29,6 +29,8 @@ _FORGOTTEN, _MOST_FORGOTTEN = 0.3, 0.2
 _LAGS, _FEWEST = 200, 1000
 #: Blocks that have to agree.
 BLOCKS = 40
+#: s of the past from which noise of any spectrum is predicted; ridge of its correlation, as a share of the variance.
+_PREDICTED, _RIDGE = 0.025, 1e-6
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,23 @@ def _whitener(kind: str, pole: float, keep: float) -> Callable[[Array], Array]:
         return x
 
     return white
+
+
+def innovations(rest: Array, step: float) -> Callable[[Array], Array]:
+    """The filter that takes out of rows, shape (n, ...), what the past of `rest`, shape (n,), predicts of it.
+
+    Linear prediction by Yule and Walker's equations. At constant speed an encoder's error is a tone, which a
+    controller feeds back into u: this noise is far from white, and a lightly damped load would explain it.
+    """
+    from scipy.linalg import solve_toeplitz
+    from scipy.signal import lfilter
+
+    order = max(int(_PREDICTED / step), 1)
+    power = np.abs(np.fft.rfft(rest, 2 * len(rest))) ** 2
+    correlation = np.fft.irfft(power)[: order + 1]
+    correlation[0] *= 1.0 + _RIDGE
+    taps = np.concatenate([[1.0], -solve_toeplitz(correlation[:order], correlation[1:])])
+    return lambda rows: np.asarray(lfilter(taps, 1.0, rows, axis=0)[order:])
 
 
 def left(columns: Array, target: Array) -> Array:

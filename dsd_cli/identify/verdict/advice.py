@@ -16,12 +16,15 @@ def advice_for(
     more_unknown: bool,
     depends_on: Sequence[str],
     provenance: Mapping[str, str],
+    nearest: str = "",
 ) -> tuple[str, ...]:
-    """Sentences, the most useful first."""
+    """Sentences, the most useful first; nearest : see `Diagnosis`."""
     lines = []
     rivals = named.indistinguishable_from if named is not None else ()
     for rival in rivals:
         lines.append(f"{verdict} or {rival}? {_experiment(verdict, rival)}")
+    if nearest:
+        lines.append(f"to see whether it is {nearest}, record a longer log: {_GENERAL}")
     if verdict == UNKNOWN:
         on = " and ".join(depends_on)
         lines.append(f"look at the residual over {on} (dsd compare --plot)" if on else "look at the residual over time")

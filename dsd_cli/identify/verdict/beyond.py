@@ -6,9 +6,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from dsd_cli.identify.fit.bank import holds
 from dsd_cli.identify.fit.freeform import freeform_fits, loss_of
 from dsd_cli.identify.fit.noise import structured_share
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.sure import uncertain
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
@@ -57,10 +61,31 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
 
 
 def above_floor(search: Search, fit: Fit) -> bool:
-    """Whether more is left than the sensor alone leaves, and enough to matter: then something is missing."""
+    """Whether more is left than the sensor alone leaves, and enough to matter: then something is missing.
+
+    Where the model has friction, rows in which its direction is not sure do not count, if the others are many.
+    """
+    return _left_over(search, fit) and not only_at_turns(search, fit)
+
+
+def only_at_turns(search: Search, fit: Fit) -> bool:
+    """Whether what stands above the sensor's floor is only in rows in which the direction of a friction is not sure."""
+    if not (_left_over(search, fit) and holds(search.base)):
+        return False
+    errors = search.problem.errors
+    kept, left = errors.equations.kept, errors.residual(fit)
+    sure = kept & (uncertain(errors.equations) <= POLICY.unsure_share)
+    return sure.sum() > POLICY.sure_rows * kept.sum() and float(np.mean(left[sure] ** 2)) <= _least(search)
+
+
+def _left_over(search: Search, fit: Fit) -> bool:
+    return search.problem.errors.rmse(fit) ** 2 > _least(search)
+
+
+def _least(search: Search) -> float:
+    """Mean square of r from which on something is missing, if unknown; unit of u squared."""
     problem = search.problem
-    excess = problem.errors.rmse(fit) ** 2 - (POLICY.floor_factor * problem.floor) ** 2
-    return excess > (POLICY.floor_excess * problem.errors.force) ** 2
+    return (POLICY.floor_factor * problem.floor) ** 2 + (POLICY.floor_excess * problem.errors.force) ** 2
 
 
 def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:

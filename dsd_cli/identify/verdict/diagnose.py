@@ -17,7 +17,7 @@ from dsd_cli.identify.search.pulses import event_effect
 from dsd_cli.identify.search.response import Seen
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
-from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beyond_of, pushed
+from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beyond_of, only_at_turns, pushed
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
 from dsd_cli.identify.verdict.own_values import Own, own_values
@@ -26,7 +26,6 @@ from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 __all__ = ["Settings", "diagnose"]
-
 
 Progress = Callable[[str, float], None]
 
@@ -112,16 +111,14 @@ class _Verdict:
 
     def verdict(self) -> tuple[str, float]:
         """(verdict, probability)."""
-        search, beyond = self.search, self.beyond
+        search, beyond, rmse = self.search, self.beyond, self.problem.errors.rmse
         if self.seen is not None:
             return self.seen.effect, POLICY.surest / (1.0 + len(self.seen.rivals))
         if self.members:
             best = self._first()
             if not self._lowers(best) or self._weightless(self.whole):
                 return UNKNOWN, 0.5
-            known = self._share_of_possible(
-                self.problem.errors.rmse(search.refit), self.problem.errors.rmse(self.whole)
-            )
+            known = self._share_of_possible(rmse(search.refit), rmse(self.whole))
             if known < POLICY.share_of_possible:
                 return UNKNOWN, min(1.0 - max(known, 0.0), POLICY.surest)
             group = (best, *self.members[best].alike)
@@ -192,27 +189,29 @@ class _Verdict:
         search = self.search
         useful = [o for o in self.options if search.practical(search.refit, o.fit)]
         narrow = self.search.equations.band.hz < POLICY.narrow_band_hz or self._short()
-        surest = POLICY.surest_in_part if self.problem.untestable or narrow else POLICY.surest
+        in_part = self.problem.untestable or narrow or only_at_turns(search, search.refit)
+        surest = POLICY.surest_in_part if in_part else POLICY.surest
         return min(0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING], surest)
 
     def diagnosis(self) -> Diagnosis:
         """The whole answer."""
         problem = self.problem
-        verdict, probability, score, refitted = self.named, self.sure, self.own.score, self.own.refitted
+        verdict, score, refitted = self.named, self.own.score, self.own.refitted
         ranking = self._ranking(score, refitted)
         named = next((c for c in ranking if c.effect == verdict), None)
         fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
-        known, refit = problem.values(fit), problem.values(self.search.refit)
+        known, refit, nearest = problem.values(fit), problem.values(self.search.refit), self._nearest()
+        unknown, source = self.beyond.unknown, problem.recordings[0].provenance
         return Diagnosis(
             logs=tuple(r.name for r in problem.recordings),
             samples=sum(r.samples for r in problem.recordings),
             verdict=verdict,
-            probability=probability,
+            probability=self.sure,
             score=score,
             refitted=refitted,
             ranking=ranking,
             ceiling=Ceiling(self.beyond.heldout_rmse, self.beyond.on),
-            advice=advice_for(verdict, named, self.beyond.unknown, self.beyond.on, problem.recordings[0].provenance),
+            advice=advice_for(verdict, named, unknown, self.beyond.on, source, nearest),
             estimates=known.estimates,
             correlations=known.correlations,
             given=problem.model,
@@ -225,10 +224,21 @@ class _Verdict:
             found=tuple(t.id for t in self.search.added(self.whole.terms)),
             band_hz=self.search.equations.band.hz,
             floor=problem.floor,
-            provenance=problem.recordings[0].provenance,
+            provenance=source,
             warnings=contradictions(self.search, fit, known.estimates),
-            depends_on=self.beyond.on if self.beyond.unknown else (),
+            depends_on=self.beyond.on if unknown else (),
+            nearest=nearest,
         )
+
+    def _nearest(self) -> str:
+        """The effect that would explain much of what is unknown, but is not confirmed block by block."""
+        if self.named != UNKNOWN or not self.options:
+            return ""
+        refit = self.search.refit
+        best = max(self.options, key=lambda o: o.evidence)
+        before, after = self.problem.errors.rmse(refit), self.problem.errors.rmse(best.fit)
+        likely = best.evidence > self.search.evidence(refit) and after < (1.0 - POLICY.near_fall) * before
+        return best.effect if likely else ""
 
     def _ranking(self, score: Score, refitted: Score) -> tuple[Candidate, ...]:
         found = [self._candidate(o, refitted) for o in self.alone.values()]

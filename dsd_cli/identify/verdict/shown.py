@@ -44,8 +44,9 @@ def with_response(
 ) -> Shown:
     """The search as it is, or with the load that only the response tells.
 
-    Where the balance finds the load itself, and its resonance lies within the band, nothing changes. Effects that are
-    found beside the load come first: it is the answer once nothing else is missing.
+    Where the balance finds the load itself, its resonance lies within the band and the response knows no better values,
+    nothing changes; where the response shows no load, the balance's is dropped. Effects that are found beside the load
+    come first: it is the answer once nothing else is missing.
     """
     unchanged = Shown(search, whole, settings, None)
     asked = [name for name in SHOWN if name in search.allowed or name in model.effects]
@@ -53,14 +54,19 @@ def with_response(
         return unchanged
     report("the response above the band", 0.7)
     found = {t.id for t in whole.terms}
-    seen = response_of(search, whole, asked, doubtful or PLAY in found)
-    in_band = seen is not None and seen.resonance_hz < POLICY.response_in_band * search.equations.band.hz
-    if seen is None or (in_band and seen.effect in found):
+    response = response_of(search, whole, asked, doubtful or PLAY in found)
+    if response is None:
         return unchanged
+    seen = response.seen
+    if seen is None:
+        return _without_load(unchanged, recordings, model, holdout, report)
     known = replace(settings, known=settings.known.seeing(seen.effect, seen.values))
     values = {name: value for name, (value, _) in seen.values.items()}
     there = model.changed(None, None, {seen.effect: values})
     beside, all_of_it = searched(recordings, there, known, holdout, report)
+    in_band = seen.resonance_hz < POLICY.response_in_band * search.equations.band.hz
+    if in_band and seen.effect in found and not _better(unchanged, beside, all_of_it):
+        return unchanged
     if seen.effect in model.effects:
         return Shown(beside, all_of_it, known, None)
     others = tuple(t.id for t in beside.added(all_of_it.terms))
@@ -70,11 +76,33 @@ def with_response(
     return Shown(*searched_with(recordings, there, model, known, holdout), known, seen)
 
 
+def _without_load(
+    found: Shown,
+    recordings: Sequence[Recording],
+    model: PlantModel,
+    holdout: Sequence[Recording],
+    report: Report,
+) -> Shown:
+    """A load that the balance found and the response does not show is none: it followed the noise of the sensor."""
+    if not any(t.id in SHOWN for t in found.search.added(found.whole.terms)):
+        return found
+    others = tuple(name for name in found.search.allowed if name not in SHOWN)
+    settings = replace(found.settings, effects=others)
+    return Shown(*searched(recordings, model, settings, holdout, report), settings, None)
+
+
+def _better(found: Shown, beside: Search, whole: Fit) -> bool:
+    """Whether the values that the response tells leave less than those of the balance, by what is of use."""
+    before, after = found.search.problem.errors.rmse(found.whole), beside.problem.errors.rmse(whole)
+    return after < (1.0 - POLICY.least_fall) * before
+
+
 def told_by_response(search: Search, effect_id: str, settings: Settings) -> Settings | None:
     """Settings with the values of an effect that only the response tells; None where the balance itself tells them."""
     if effect_id not in SHOWN or settings.known.concerns(effect_id):
         return None
-    seen = response_of(search, search.refit, (effect_id,), doubtful=True)
+    response = response_of(search, search.refit, (effect_id,), doubtful=True)
+    seen = response.seen if response is not None else None
     if seen is None or seen.resonance_hz < POLICY.response_in_band * search.equations.band.hz:
         return None
     return replace(settings, known=settings.known.seeing(effect_id, seen.values))
