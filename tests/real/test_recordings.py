@@ -198,7 +198,7 @@ def confident_and_right(tmp_path: Path, config: str, inertia: float) -> tuple[in
 
 @pytest.mark.parametrize(("effects", "inertia"), [(PUBLISHED, 0.07), (HONEST, 0.08)], ids=["published", "fitted"])
 def test_xl330_confident_labels_in_motion_are_right_with_a_model_of_gravity_and_friction(tmp_path, effects, inertia):
-    """With rho of what is left; by the lead alone one in six to twelve is wrong. Load-dependent friction is in no model."""
+    """With rho of what is left; by the lead alone 8 to 16 % are wrong. Load-dependent friction is in no model."""
     sure, right = confident_and_right(tmp_path, xl330_model(inertia, effects, 2.0), inertia)
     assert sure > 100
     assert right == sure
