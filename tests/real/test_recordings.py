@@ -233,4 +233,4 @@ def test_xl330_at_rest_nothing_is_confident(tmp_path):
         resting = [sum(moved[max(k - 199, 0) : k + 1]) < 100 for k in range(len(t))]
         assert not any(s and r for s, r in zip(sure, resting, strict=True)), name
         confident_in_motion += sum(sure)
-    assert confident_in_motion > 100
+    assert confident_in_motion > 50  # or there would be nothing to look at
