@@ -18,6 +18,7 @@
 /* as in numpy_goodness.py and trust.py */
 #define CHANCE 3.0
 #define ROUNDING 1e-9
+#define CHANCE_GAIN 0.5     /* nats that one free value gains by chance */
 #define EARNED BLOCKS
 #define REMEMBERED (16.0 * BLOCKS)
 #define MOST_BAD 0.05
@@ -148,7 +149,7 @@ static int nearest(const Core *q, Py_ssize_t group, double slack) {
         if (g == group) own = share;
         else others = larger(others, share);
     }
-    return (others - own) * q->c <= slack;
+    return (others - own) * q->c <= CHANCE_GAIN + slack;
 }
 
 /* a mean square of n values, in units of its expectation, less what chance may add */

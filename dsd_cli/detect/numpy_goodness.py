@@ -19,6 +19,8 @@ from dsd_cli.signals.log import Array
 SCALES = (1, 2, 4)
 #: Standard deviations of a mean square (of n sums: sqrt(2 / n)) that chance may add, in units of sqrt(1 / n).
 CHANCE = 3.0
+#: Nats that one free value gains by chance.
+CHANCE_GAIN = 0.5
 #: Share of a force's square below which it is a sum of the others.
 ROUNDING = 1e-9
 #: Numbers that one pass may hold in an array.
@@ -226,7 +228,7 @@ class NumpyGoodness:
             shares = np.where((sums.zz > 0.0) & (sums.zy > 0.0), sums.zy**2 / sums.zz, 0.0)
         own = shares[rows, group].copy()
         shares[rows, group] = 0.0
-        return np.asarray((shares.max(axis=1) - own) * self._c <= slack)
+        return np.asarray((shares.max(axis=1) - own) * self._c <= CHANCE_GAIN + slack)
 
     def _excess(self, sums: _Sums, state: NDArray[np.int64], mine: Array) -> Array:
         """Variance of the residual's sums over that of white noise of rho, on the worst time scale; 1 or more."""

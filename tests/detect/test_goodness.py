@@ -56,7 +56,7 @@ def plain_verdict(model, x, k: int, state: int) -> tuple[bool, bool, bool]:
     free = [
         sum((y - max(np.dot(z[:, g], y) / np.dot(z[:, g], z[:, g]), 0.0) * z[:, g]) ** 2) for g in range(z.shape[1])
     ]
-    stands = plain_lead(y, z, state) - gain >= NEED * worst and free[group] == min(free)
+    stands = plain_lead(y, z, state) - gain >= NEED * worst and nats(free[group] - min(free)) <= 0.5
     return stands, plain_lead(y, z, state, x[begin:end]) - gain >= NEED and worst == 1.0, worst > 1.0
 
 

