@@ -22,6 +22,8 @@ class Policy:
     # -- rows --
     least_free: float = 0.3  # share of a row in which friction's direction is known
     unsure_share: float = 0.005  # of a row in which the axis may rest or turn, from which on it is weighed down
+    sure_part: float = 0.3  # of the rows that count, in which the direction is sure: those tell what is missing
+    harmless_lean: float = 0.1  # of a row's noise, by which the friction in its unsure share may lean
     rows_per_value: int = 10  # of which the direction is sure, for each value; with fewer all rows count alike
     incomplete: float = 1.3  # of the noise's power; a fit that leaves more misses something, and its values err by it
     delay_step_share: float = 0.03  # of a row; a delay between two steps mixes both, exact enough to the band's end
@@ -135,7 +137,6 @@ class Policy:
     # -- nothing is missing --
     floor_factor: float = 1.6  # of the sensor's floor; what is left above it is no noise of the sensor
     least_unknown: float = 0.01  # share of u that a function explains; friction at turns is not known better
-    sure_rows: float = 0.3  # share of rows in which friction's direction is sure, from which on these alone are judged
     floor_excess: float = 0.03  # share of u that is left above that, from which on something is missing, if unknown
     unknown_fall: float = 0.04  # share of the held-out error that a free-form function takes off: something is unknown
     unknown_nats: float = 12.0  # and the nats that it gains: it is the best of some ten functions

@@ -34,6 +34,12 @@ def test_two_that_a_log_cannot_tell_apart_get_their_experiment_in_either_order(o
         assert experiment in lines[0]
 
 
+def test_an_effect_that_is_not_confirmed_gets_a_longer_log_first():
+    lines = advice_for(UNKNOWN, None, True, (), {}, nearest="coulomb_friction")
+    assert lines[0].startswith("to see whether it is coulomb_friction, record a longer log: ")
+    assert not any("to see whether" in line for line in advice_for(UNKNOWN, None, True, (), {}))
+
+
 def test_every_rival_has_a_line_and_a_pair_without_an_experiment_the_general_one():
     lines = advice("gravity", "stiffness", "cogging")
     assert lines[0].startswith("gravity or stiffness? ")

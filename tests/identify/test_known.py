@@ -232,3 +232,22 @@ def _deviations(clean, model, known, seed):
     found = fitted_values(solver.fit(terms, tap), solver, Scale(plain.bank.tap_time, 0.0, known), variance).estimates
     true = flat(model)
     return [(name, (e.value - true[name]) / e.std_error) for name, e in found.items() if not e.held]
+
+
+@pytest.mark.parametrize("coupled", [("backlash", {"gap": 0.01, "frequency": 60.0}), ("flexible_coupling", None)])
+def test_beside_a_held_inertia_a_load_is_no_negative_mass(problem, coupled):
+    """J0 a less as much of a load that hardly swings is 0 whatever acts: no share of the load below 0 is a fit.
+
+    Against every share from 0 up by plain least squares, the delay's own column with either sign.
+    """
+    name, shape = coupled
+    term = Term.of(name, shape or {"frequency": 120.0, "damping": 0.1})
+    held = float(_kept(problem).total[INERTIA])
+    fit = _with(problem, Known(fixed={"inertia": held})).fit((term,), TAP)
+    drive, acceleration, later, load = problem.solver.bank.design((term,), TAP).rows
+    least = np.inf
+    for share in np.linspace(0.0, 0.9, 91):
+        left = problem.solver.inertia * (acceleration + share / (1.0 - share) * load - drive / held / (1.0 - share))
+        least = min(least, np.sum((left - later * (later @ left) / (later @ later)) ** 2))
+    assert fit.forward[0] < 0.0 <= fit.forward[-1]
+    assert fit.squares > 0.8 * least  # the sensor's noise in both columns is left in here

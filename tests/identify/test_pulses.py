@@ -127,3 +127,25 @@ def test_a_level_is_that_of_all_rows_in_every_fold(pushed):
     fit = sharpened(pushed, with_pulses(pushed, pushed.refit))
     at = fit.columns_of(fit.terms[0])
     np.testing.assert_array_equal(fit.folds[:, at], np.tile(fit.total[at], (len(fit.folds), 1)))
+
+
+def test_rows_that_are_not_sure_show_no_pulse_of_their_own():
+    """12 seeds: a lean of 20 standard deviations there is none; a push that reaches beyond them keeps its level."""
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        x, sure = rng.normal(size=4000), np.ones(4000, dtype=bool)
+        x[1000:1080] += 20.0
+        sure[1000:1080] = False
+        assert _strongest(x, sure) == [], f"seed {seed}"
+        x[3000:3200] += 5.0
+        x[3050:3090] -= 20.0
+        sure[3050:3090] = False
+        ((a, b, level),) = _strongest(x, sure)
+        assert abs(a - 3000) <= 2
+        assert abs(b - 3199) <= 2
+        assert level == pytest.approx(5.0, abs=0.4)
+
+
+def test_where_no_row_is_sure_there_is_no_pulse():
+    x, _ = _planted(0, level=6.0)
+    assert _strongest(x, np.zeros(len(x), dtype=bool)) == []

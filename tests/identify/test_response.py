@@ -15,7 +15,7 @@ from dsd_cli.identify.improve import add_effect, improve
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.response import response_of
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.search.signals import BLOCKS, gains, innovations
+from dsd_cli.identify.search.signals import BLOCKS, delay_of, gains, innovations, signals_of, without_line
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
@@ -84,6 +84,7 @@ def test_play_behind_a_coarse_encoder(loose):
         ((), 2, "enc4096"),
         ((), 2, "speed40k"),
         ((), 2016, "enc4096"),  # long moves at constant speed: the encoder's error is a tone, fed back into u
+        (("periodic_disturbance",), 3001, "enc4096"),  # a line above the band, fed back into u
         (("actuator_lag",), 2, "speedloud"),
         (("stribeck_friction",), 2, "speedloud"),
     ],
@@ -104,6 +105,17 @@ def test_the_response_knows_a_load_at_the_end_of_the_band_better_than_the_balanc
     assert found.verdict == "flexible_coupling"
     errors = {n: (e.value, e.std_error) for n, e in found.ranking[0].parameters.items()}
     assert not near(errors, axis.truth, 0.05)
+
+
+def test_a_line_is_taken_out_between_the_bins_and_what_is_no_line_stays(swinging):
+    search = Search(pose([swinging.recording], swinging.model, Settings()))
+    signals = signals_of(search, search.refit, delay_of(search, search.refit))
+    rows = np.flatnonzero(np.concatenate(signals.kept))  # one stretch
+    noise = np.random.default_rng(6).standard_normal(len(rows))
+    line = 3.0 * np.cos(2.0 * np.pi * 13.6283 * signals.step * rows + 1.0)
+    calm = without_line(signals, noise + line)
+    assert np.std(calm(line)) < 0.02
+    assert np.std(calm(noise) - noise) < 5.0 * math.sqrt(4 / len(rows))
 
 
 def test_noise_of_any_spectrum_becomes_white():

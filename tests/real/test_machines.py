@@ -301,19 +301,29 @@ def test_xl330_lacks_gravity(xl330):
     assert effects(xl330[0])[0] == "gravity"
 
 
+def xl330_inertias(written: dict) -> list[float]:
+    """J of each step that has gravity, whose known weight sets the scale."""
+    weighed = [m for m in models(written) if "gravity" in m.get("effects", {})]
+    return [scaled_inertia(m["inertia"], m["effects"]["gravity"]["amplitude"]) for m in weighed]
+
+
 @slow
-@missed("beside a bare mass a delay of 0.51 s replaces friction and gravity: 9.4e-3 kg m2, and friction is not found")
 def test_xl330_inertia_scaled_by_the_known_weight_at_every_step(xl330):
-    _, written = xl330
-    found = [scaled_inertia(m["inertia"], m["effects"]["gravity"]["amplitude"]) for m in models(written)]
+    found = xl330_inertias(xl330[1])
+    assert len(found) >= 3
     assert found == pytest.approx([XL330_INERTIA] * len(found), rel=0.1)
 
 
 @slow
-@missed("the ladder stops after gravity: a delay of 0.51 s stands for the friction")
 def test_xl330_ladder_is_gravity_and_friction(xl330):
     assert {"viscous_friction"} < set(effects(xl330[0]))
     assert DRY & set(effects(xl330[0]))
+
+
+@slow
+def test_xl330_answer_is_that_something_is_left(xl330):
+    """Friction that depends on the load, the Stribeck effect and the limit of the PWM are not in the model."""
+    assert xl330[0]["verdict"] == "unknown"
 
 
 nearly_one_column = missed(
@@ -355,17 +365,18 @@ def ddp(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, dict]:
 
 
 @slow
-def test_ddp_lacks_gravity_then_dry_friction(ddp):
+def test_ddp_lacks_gravity_and_the_rest_is_not_called_complete(ddp):
+    """Six seconds: dry friction takes off a third of what is left, most of it in one block of five."""
     result, written = ddp
     assert effects(result)[0] == "gravity"
-    assert effects(result)[1] in DRY
     assert falls(held_out(result))
+    assert result["verdict"] == "unknown"
+    assert "coulomb_friction comes nearest" in result["stopped"]
     ratio = written["model"]["effects"]["gravity"]["amplitude"] / written["model"]["inertia"]
     assert ratio == pytest.approx(DFKI_MGL / DFKI_INERTIA, rel=0.1)  # the pendulum's own frequency
 
 
 @slow
-@missed("beside a bare mass a delay of 1 s replaces gravity: after the first step J is on its bound, 0")
 def test_ddp_frequency_is_right_at_every_step(ddp):
     for model in models(ddp[1]):
         ratio = model["effects"]["gravity"]["amplitude"] / model["inertia"]
@@ -377,7 +388,13 @@ def test_dircol_lacks_gravity(tmp_path):
     assert effects(result)[0] == "gravity"
 
 
-@missed("presliding friction is named (94 %) with a tie to Coulomb friction; load friction is at 0 %")
+def test_an_effect_that_six_seconds_do_not_confirm_is_named_as_the_nearest(tmp_path):
+    result = diagnose(tmp_path, [recording("dfki_pendulum/ddp.csv")], PENDULUM + GRAVITY)
+    assert result["verdict"] == "unknown"
+    assert "coulomb_friction" in result["advice"][0]
+
+
+@missed("unknown: dry friction is the nearest, in one block of five; nothing is said of load friction")
 def test_coulomb_or_load_friction_is_a_tie_that_is_stated(tmp_path):
     result = diagnose(tmp_path, [recording("dfki_pendulum/ddp.csv")], PENDULUM + GRAVITY)
     assert result["verdict"] in DRY

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,6 +31,8 @@ from dsd_cli.signals.log import Array
 _ROUNDS, _LEAST_ROUNDS = 16, 3
 #: Of the target, that a residual must hold of a column to be more than rounding.
 _ROUNDING = 1e-7
+#: Of the largest weight, below which one that was pressed onto 0 is there.
+_PRESSED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,13 @@ class Fit:
         return slice(at, at + self.widths[position])
 
 
+class Reductions(NamedTuple):
+    """Rules for both forms; None where nothing is known."""
+
+    inverse: Reduction | None
+    forward: Reduction | None
+
+
 class Solver:
     """Fits selections of effects out of a bank of columns.
 
@@ -101,7 +111,7 @@ class Solver:
         `keep` the columns that had to be made, for they will be asked for again.
         """
         design = self.bank.design(terms, tap, keep)
-        rules = self.reduction(terms, tap, design)
+        rules = self.reductions(terms, tap, design).forward
         gram = _with_priors(without_noise(total_gram(design.rows), _of_columns(design), len(design.rows[0])), rules)
         _, weights = _solved(gram[None], 1, _forward_signs(design), rules)
         return self._size(weights[0], gram) + self.pull(terms)
@@ -109,13 +119,13 @@ class Solver:
     def fit(self, terms: Terms, tap: int) -> Fit:
         """Cross-validated, at one whole-step delay."""
         design = self.bank.design(terms, tap)
-        rules = self.reduction(terms, tap, design)
+        rules, forwards = self.reductions(terms, tap, design)
         found = grams(design.rows, self.blocks)
         stack = np.concatenate([found.total[None], found.fitted])
         rows = np.array([len(design.rows[0]), *self.blocks.fitted_rows()])
         events = [i + 1 for i in _events(terms, design.widths)]
-        quiet = _with_priors(without_noise(stack, _of_columns(design), rows), rules)
-        _, forward = _solved(quiet, 1, _forward_signs(design), rules)
+        quiet = _with_priors(without_noise(stack, _of_columns(design), rows), forwards)
+        _, forward = _solved(quiet, 1, _forward_signs(design), forwards)
         ratio = forward[:, events] / np.where(forward[:, :1] != 0.0, forward[:, :1], 1.0)
         forward[:, events] = ratio[:1] * forward[:, :1]
         inverse, _ = _solved(_with_priors(without_noise(stack, design.noise, rows), rules), 0, _signs(design), rules)
@@ -155,10 +165,10 @@ class Solver:
             return 0.0
         return self.variance * sum(self.known.pull_of_shapes(t.id, t.shape) for t in terms)
 
-    def reduction(self, terms: Terms, tap: int, design: Design) -> Reduction | None:
-        """What is known of the values of these effects, as rules on the rows; None where nothing is."""
+    def reductions(self, terms: Terms, tap: int, design: Design) -> Reductions:
+        """What is known of the values of these effects, as rules on the rows."""
         if not self.known:
-            return None
+            return Reductions(None, None)
         rules = Rules(self.known, 0.0, terms, design.widths, tap, self.bank.tap_time)
         gram = without_noise(total_gram(design.rows), design.noise, len(design.rows[0]))[None]
         theta, held, pressed = np.zeros(len(design.rows) - 1), rules.held(None), list[int]()
@@ -174,7 +184,20 @@ class Solver:
                 break
             held, pressed = beyond, pressed + below[:1]
             found = rules.reduction(theta, held, pressed)
-        return found
+        # a row that a rule has solved for is not seen by the signs of the forward form, whose coefficients are others
+        quiet, forward = without_noise(total_gram(design.rows), _of_columns(design), len(design.rows[0])), found
+        while below := self._below(quiet, design, forward):
+            pressed = pressed + below[:1]
+            forward = rules.reduction(theta, held, pressed)
+        return Reductions(found, forward)
+
+    @staticmethod
+    def _below(gram: Array, design: Design, rules: Reduction) -> list[int]:
+        """Coefficients with the wrong sign in the forward form, of rows that these rules have solved for."""
+        weights = _solved(_with_priors(gram, rules)[None], 1, _forward_signs(design), rules)[1][0]
+        weights = weights / weights[1 + INERTIA]  # all that takes of the drive has the sign of J a
+        wrong = np.asarray(design.signed) & (weights[1:] < -_PRESSED * np.abs(weights[1:]).max())
+        return [k for k in np.flatnonzero(wrong).tolist() if 1 + k not in rules.left]
 
     def _variance(self, gram: Array, theta: Array, rows: int) -> float:
         """Of a row, per nat; what these coefficients leave beyond noise counts as correlated over many rows."""

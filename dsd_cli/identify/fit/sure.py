@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.identify.fit.bank import SHARE, Bank, holds
+from dsd_cli.effects import Role
+from dsd_cli.identify.fit.bank import SHARE, Bank, Terms, holds
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.policy import POLICY
@@ -63,8 +64,9 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     fit = _centred(fit, solver)
     equations = solver.bank.equations
     counted = equations.kept if holds(fit.terms) else np.ones(len(plain.acceleration), dtype=bool)
-    unsure = counted & (uncertain(equations) > POLICY.unsure_share) if holds(fit.terms) else ~counted
-    sure = counted & ~unsure
+    sure = sure_rows(fit.terms, equations)
+    sure &= uncertain(equations) <= _harmless(fit, solver.bank, sure)
+    unsure = counted & ~sure
     least = POLICY.rows_per_value * (len(fit.total) + sum(len(t.items) for t in fit.terms))
     if sure.sum() < least or not unsure.any():
         return Weighed(solver, fit, _residual(fit, solver.bank), float(counted.sum()))
@@ -102,6 +104,24 @@ def _centred(fit: Fit, solver: Solver) -> Fit:
             break
         fit = solver.fit(fit.terms, tap)
     return fit
+
+
+def _harmless(fit: Fit, bank: Bank, sure: NDArray[np.bool_]) -> float:
+    """Share of a row that may be unsure, for friction to lean by no more than a small part of the row's noise."""
+    rows, friction = bank.design(fit.terms, fit.tap).rows, np.zeros(len(bank.acceleration))
+    for term in fit.terms:
+        if term.effect.role is Role.FRICTION:
+            at = fit.columns_of(term)
+            friction += fit.total[at] @ np.stack(rows[1 + at.start : 1 + at.stop])
+    size, noise = (float(np.mean(x[sure] ** 2)) for x in (friction, _residual(fit, bank)))
+    return POLICY.harmless_lean * math.sqrt(noise / max(size, 1e-300)) if sure.any() else 0.0
+
+
+def sure_rows(terms: Terms, equations: Equations) -> NDArray[np.bool_]:
+    """Rows in which friction's direction is sure, shape (N,); all of them where there is no friction."""
+    if not holds(terms):
+        return np.ones(sum(equations.lengths), dtype=bool)
+    return np.asarray(equations.kept & (uncertain(equations) <= POLICY.unsure_share))
 
 
 def uncertain(equations: Equations) -> Array:

@@ -6,14 +6,17 @@ the recording, every edge is penalised, and it is accepted only if nothing unkno
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.sure import sure_rows
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array, Log
@@ -68,9 +71,11 @@ def _pulses(search: Search, fit: Fit) -> tuple[tuple[float, float], ...]:
     row_time = search.equations.band.step * search.equations.sample_time
     times = [s.frame.times for s in search.equations.stretches]
     at = search.equations.by_stretch(search.equations.of_rows(times))
+    # a stop or a creep looks like a push
+    sure = search.equations.by_stretch(sure_rows(fit.terms, search.equations).astype(np.float64))
     moved = _first_moves(search, fit)
-    for stamps, x, first in zip(at, search.equations.by_stretch(values), moved, strict=True):
-        for a, b, level in _strongest(np.where(stamps < first, 0.0, x)):
+    for stamps, x, clear, first in zip(at, search.equations.by_stretch(values), sure, moved, strict=True):
+        for a, b, level in _strongest(x, (clear > 0.0) & (stamps >= first)):
             found.append((float(stamps[a] - 0.5 * row_time), float(stamps[b] + 0.5 * row_time), abs(level)))
     top = max((level for *_, level in found), default=0.0)
     kept = sorted(found, key=lambda p: -p[2])[: POLICY.most_pulses]
@@ -107,31 +112,37 @@ def _without_pulses(fit: Fit) -> Fit:
     return replace(fit, forward=forward)
 
 
-def _strongest(x: Array) -> list[tuple[int, int, float]]:
-    """(first row, row behind the last, level) by matching pursuit over start and length."""
-    left = x - np.median(x)
-    noise = 1.4826 * float(np.median(np.abs(np.diff(left)))) / np.sqrt(2.0)
+def _strongest(x: Array, sure: NDArray[np.bool_] | None = None) -> list[tuple[int, int, float]]:
+    """(first row, row behind the last, level) by matching pursuit over start and length; rows that are not `sure`
+    count neither for a window nor against it."""
+    clear = np.ones(len(x), dtype=bool) if sure is None else sure
+    if clear.sum() <= POLICY.shortest_pulse:
+        return []
+    left = x - np.median(x[clear])
+    steps = np.abs(np.diff(left))[clear[1:] & clear[:-1]]
+    noise = 1.4826 * float(np.median(steps)) / np.sqrt(2.0) if steps.size else math.inf
     lengths = np.unique(
         np.geomspace(POLICY.shortest_pulse, max(len(x) // 3, POLICY.shortest_pulse + 1), 24).astype(int)
     )
     found = []
     for _ in range(POLICY.most_pulses):
-        a, b, strength = _best_window(left, lengths)
-        if strength < POLICY.pulse_deviations * noise or b - a < POLICY.shortest_pulse:
+        a, b, strength = _best_window(left, clear, lengths)
+        if strength < POLICY.pulse_deviations * noise or clear[a:b].sum() < POLICY.shortest_pulse:
             break
-        level = float(np.mean(left[a:b]))
+        level = float(np.mean(left[a:b][clear[a:b]]))
         left = left.copy()
         left[a:b] -= level
         found.append((a, b - 1, level))
     return found
 
 
-def _best_window(x: Array, lengths: Array) -> tuple[int, int, float]:
-    """(start, end, |mean| sqrt(length)) of the window that stands out most, its edges sharpened."""
-    sums = np.concatenate([[0.0], np.cumsum(x)])
+def _best_window(x: Array, clear: NDArray[np.bool_], lengths: Array) -> tuple[int, int, float]:
+    """(start, end, |mean| sqrt(length)) of the window that stands out most, its edges sharpened; of its clear rows."""
+    sums = np.concatenate([[0.0], np.cumsum(np.where(clear, x, 0.0))])
+    counts = np.concatenate([[0.0], np.cumsum(clear)])
     best = (0, 0, 0.0)
     for n in lengths:
-        score = np.abs(sums[n:] - sums[:-n]) / np.sqrt(n)
+        score = np.abs(sums[n:] - sums[:-n]) / np.sqrt(np.maximum(counts[n:] - counts[:-n], 1.0))
         k = int(np.argmax(score))
         if score[k] > best[2]:
             best = (k, k + int(n), float(score[k]))
@@ -139,7 +150,7 @@ def _best_window(x: Array, lengths: Array) -> tuple[int, int, float]:
     reach = min(max((b - a) // 4, 1), MOST_REACH)
     starts = np.arange(max(a - reach, 0), min(a + reach, b - 1) + 1)
     ends = np.arange(max(b - reach, a + reach + 1), min(b + reach, len(x)) + 1)
-    lengths2 = np.maximum(ends[None, :] - starts[:, None], 1)
+    lengths2 = np.maximum(counts[ends][None, :] - counts[starts][:, None], 1.0)
     score2 = np.abs(sums[ends][None, :] - sums[starts][:, None]) / np.sqrt(lengths2)
     i, j = np.unravel_index(int(np.argmax(score2)), score2.shape)
     return int(starts[i]), int(ends[j]), float(score2[i, j])

@@ -7,7 +7,7 @@ well, for its resonance is narrow, and the log is long.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,16 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.modes import Modes
 from dsd_cli.identify.search.play import Play
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.search.signals import Signals, delay_of, gains, innovations, left, signals_of, variance_of
+from dsd_cli.identify.search.signals import (
+    Signals,
+    delay_of,
+    gains,
+    innovations,
+    left,
+    signals_of,
+    variance_of,
+    without_line,
+)
 from dsd_cli.signals.log import Array
 
 #: The effects that a response shows.
@@ -89,9 +98,9 @@ def _load_in(
     values, damping = modes.values(at, variance_of(swinging))
     if COUPLING not in asked or not (_agreed(over_rigid) and _a_load(values) and damping < POLICY.response_damping):
         return None
-    fresh = innovations(rival, signals.step)
-    past = fresh(signals.target)
-    if not _enough(gains(left(fresh(rigid), past), left(fresh(modes.columns(at)), past))):
+    fresh = _whatever_the_noise(signals, rival)
+    target = fresh(signals.target)
+    if not _enough(gains(left(fresh(rigid), target), left(fresh(modes.columns(at)), target))):
         return None
     rivals = (PLAY,) if play is not None and not _agreed(gains(play[2], swinging)) else ()
     fall = _fall(rival, swinging)
@@ -138,8 +147,15 @@ def _play(search: Search, signals: Signals, rival: Array) -> tuple[dict[str, tup
     (gap, spread), resolved = values["gap"], search.ranges.resolution / POLICY.resolved_deviations
     told = gap > POLICY.play_deviations * max(spread, 0.0) and gap > resolved
     certain = told and _a_load(values) and _agreed(gains(rival, rest))
-    fresh = innovations(rival, signals.step)
+    fresh = _whatever_the_noise(signals, rival)
     return values, certain and _enough(gains(fresh(rival), fresh(rest))), rest
+
+
+def _whatever_the_noise(signals: Signals, rival: Array) -> Callable[[Array], Array]:
+    """Takes out of rows what a line, and noise of any spectrum, explain of what the rival leaves."""
+    calm = without_line(signals, rival)
+    fresh = innovations(calm(rival), signals.step)
+    return lambda rows: fresh(calm(rows))
 
 
 def _a_load(values: dict[str, tuple[float, float]]) -> bool:

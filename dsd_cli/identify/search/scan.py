@@ -88,7 +88,7 @@ class Scan:
 def _under_rules(solver: Solver, terms: Terms, tap: int) -> tuple[Array, Array]:
     """(what the forward form leaves, basis of what may change it), rows and further equations; shapes (n,), (k, n)."""
     design = solver.bank.design(terms, tap)
-    rules = solver.reduction(terms, tap, design)
+    rules = solver.reductions(terms, tap, design).forward
     assert rules is not None
     rows = rules.expand.T @ np.concatenate([np.stack(design.rows), rules.priors.T], axis=1)
     acceleration = 1 + INERTIA

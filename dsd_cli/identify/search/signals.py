@@ -31,6 +31,8 @@ _LAGS, _FEWEST = 200, 1000
 BLOCKS = 40
 #: s of the past from which noise of any spectrum is predicted; ridge of its correlation, as a share of the variance.
 _PREDICTED, _RIDGE = 0.025, 1e-6
+#: Frequencies that are looked at for a line, per bin of the spectrum.
+_FINER = 8
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,33 @@ def _whitener(kind: str, pole: float, keep: float) -> Callable[[Array], Array]:
         return x
 
     return white
+
+
+def without_line(signals: Signals, rest: Array) -> Callable[[Array], Array]:
+    """Takes out of rows, shape (n, ...), the strongest line in the spectrum of `rest`, shape (n,), stretch by stretch.
+
+    What pushes the axis at one frequency is fed back into u, and a lightly damped load would explain it.
+    """
+    size = _FINER * (1 << (max(len(k) for k in signals.kept) - 1).bit_length())
+    ends = np.cumsum([int(k.sum()) for k in signals.kept])[:-1]
+    power = np.zeros(size // 2 + 1)
+    for k, part in zip(signals.kept, np.split(rest, ends), strict=True):
+        whole = np.zeros(len(k))
+        whole[k] = part
+        power += np.abs(np.fft.rfft(whole, size)) ** 2
+    angle = 2.0 * np.pi * int(np.argmax(power)) / size
+    bases = []
+    for k in signals.kept:
+        n = np.flatnonzero(k)
+        tone = np.exp(1j * angle * n)
+        drift = n / max(len(k), 1) * tone  # the frequency lies between two that were looked at
+        bases.append(np.linalg.qr(np.stack([tone.real, tone.imag, drift.real, drift.imag], axis=1))[0])
+
+    def calm(rows: Array) -> Array:
+        parts = zip(np.split(rows, ends), bases, strict=True)
+        return np.concatenate([part - basis @ (basis.T @ part) for part, basis in parts])
+
+    return calm
 
 
 def innovations(rest: Array, step: float) -> Callable[[Array], Array]:

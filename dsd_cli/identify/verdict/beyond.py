@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.identify.fit.bank import holds
 from dsd_cli.identify.fit.freeform import freeform_fits, loss_of
 from dsd_cli.identify.fit.noise import structured_share
 from dsd_cli.identify.fit.solve import Fit
@@ -57,35 +56,55 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
     large = math.sqrt(max(plain**2 - reached**2, 0.0)) > POLICY.least_unknown * errors.force
     structured = share > POLICY.structured_share and math.sqrt(share) * plain > POLICY.least_unknown * errors.force
     on = best.on if reached < plain else ()
-    return Beyond(on, min(reached, plain), (certain and large) or structured, noise)
+    unknown = ((certain and large) or structured) and not only_at_stops(search, fit)
+    return Beyond(on, min(reached, plain), unknown, noise)
 
 
 def above_floor(search: Search, fit: Fit) -> bool:
     """Whether more is left than the sensor alone leaves, and enough to matter: then something is missing.
 
-    Where the model has friction, rows in which its direction is not sure do not count, if the others are many.
+    Rows in which the direction of the motion is not sure do not count, if the others are many.
     """
-    return _left_over(search, fit) and not only_at_turns(search, fit)
+    return min(search.problem.errors.rmse(fit), _left_elsewhere(search, fit)) > _least(search)
 
 
-def only_at_turns(search: Search, fit: Fit) -> bool:
-    """Whether what stands above the sensor's floor is only in rows in which the direction of a friction is not sure."""
-    if not (_left_over(search, fit) and holds(search.base)):
-        return False
-    errors = search.problem.errors
-    kept, left = errors.equations.kept, errors.residual(fit)
-    sure = kept & (uncertain(errors.equations) <= POLICY.unsure_share)
-    return sure.sum() > POLICY.sure_rows * kept.sum() and float(np.mean(left[sure] ** 2)) <= _least(search)
-
-
-def _left_over(search: Search, fit: Fit) -> bool:
-    return search.problem.errors.rmse(fit) ** 2 > _least(search)
+def beside_stops(search: Search, fit: Fit) -> bool:
+    """Whether a fit that leaves no more than noise was judged without stops and creeping, where it leaves more."""
+    return search.problem.errors.rmse(fit) > _least(search) or only_at_stops(search, fit)
 
 
 def _least(search: Search) -> float:
-    """Mean square of r from which on something is missing, if unknown; unit of u squared."""
+    """rms of r from which on something is missing, if unknown; unit of u."""
     problem = search.problem
-    return (POLICY.floor_factor * problem.floor) ** 2 + (POLICY.floor_excess * problem.errors.force) ** 2
+    return math.hypot(POLICY.floor_factor * problem.floor, POLICY.floor_excess * problem.errors.force)
+
+
+def only_at_stops(search: Search, fit: Fit) -> bool:
+    """Whether more than the sensor alone leaves is left only at stops and in creeping. What friction does there is
+    known in part, and the error of a coarse sensor is not white: it is no evidence for anything that is missing."""
+    elsewhere = _left_elsewhere(search, fit)
+    limit = POLICY.floor_factor * search.problem.floor
+    return elsewhere <= limit < search.problem.errors.rmse(fit)
+
+
+def said_of_stops(search: Search, fit: Fit) -> tuple[str, ...]:
+    """A warning that what is left is not judged, if it is left there."""
+    if not only_at_stops(search, fit):
+        return ()
+    left, elsewhere = search.problem.errors.rmse(fit), _left_elsewhere(search, fit)
+    return (
+        f"most of the error that is left, {left:.3g}, is from stops and creeping, where the direction is not sure and"
+        f" nothing can be told; elsewhere it is {elsewhere:.3g}",
+    )
+
+
+def _left_elsewhere(search: Search, fit: Fit) -> float:
+    """rms of what is left where the direction of the motion is sure, unit of u; inf where few rows are so, or all."""
+    kept = search.equations.kept
+    sure = kept & (uncertain(search.equations) <= POLICY.unsure_share)
+    if sure.all() or sure.sum() <= POLICY.sure_part * kept.sum():
+        return math.inf
+    return float(np.sqrt(np.mean(search.problem.errors.residual(fit, held_out=False)[sure] ** 2)))
 
 
 def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:

@@ -17,7 +17,7 @@ from dsd_cli.identify.search.pulses import event_effect
 from dsd_cli.identify.search.response import Seen
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
-from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beyond_of, only_at_turns, pushed
+from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beside_stops, beyond_of, pushed, said_of_stops
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
 from dsd_cli.identify.verdict.own_values import Own, own_values
@@ -189,7 +189,7 @@ class _Verdict:
         search = self.search
         useful = [o for o in self.options if search.practical(search.refit, o.fit)]
         narrow = self.search.equations.band.hz < POLICY.narrow_band_hz or self._short()
-        in_part = self.problem.untestable or narrow or only_at_turns(search, search.refit)
+        in_part = self.problem.untestable or narrow or beside_stops(search, search.refit)
         surest = POLICY.surest_in_part if in_part else POLICY.surest
         return min(0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING], surest)
 
@@ -225,7 +225,7 @@ class _Verdict:
             band_hz=self.search.equations.band.hz,
             floor=problem.floor,
             provenance=source,
-            warnings=contradictions(self.search, fit, known.estimates),
+            warnings=(*contradictions(self.search, fit, known.estimates), *said_of_stops(self.search, self.whole)),
             depends_on=self.beyond.on if unknown else (),
             nearest=nearest,
         )
