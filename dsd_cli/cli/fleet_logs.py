@@ -16,6 +16,7 @@ from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.fleet_table import PART
 from dsd_cli.files.formats.known import is_bag
 from dsd_cli.files.table_source import SIDECAR
+from dsd_cli.files.tables_in import is_stream
 
 _TABLES = (".csv", ".parquet", ".pq")
 
@@ -123,6 +124,8 @@ def _lines(listing: Path) -> list[dict[str, Any]]:
 def _table(listing: Path) -> list[dict[str, Any]]:
     import pyarrow as pa
 
+    if is_stream(listing):  # Arrow would wait for its writer, and not even a signal would end that
+        raise UsageError(f"{listing}: is a FIFO or a device", "a table of logs is a file; lines may come out of a pipe")
     try:
         if listing.suffix.lower() == ".csv":
             import pyarrow.csv as pc

@@ -113,8 +113,9 @@ def is_url(log: str) -> bool:
 def _on_disk(path: str) -> Iterator[str]:
     """The file itself, or a copy of what the URL names for as long as it is read."""
     if not is_url(path):
-        if os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path)):
-            raise DataError(f"{path}: is a FIFO or a device, which a fleet does not wait for")
+        of_this_process = path == "/dev/stdin" or path.startswith("/dev/fd/")  # in a worker another thing, or nothing
+        if of_this_process or (os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path))):
+            raise DataError(f"{path}: is a FIFO or a device, which a fleet does not wait for", "save it as a file")
         yield path
         return
     import fsspec

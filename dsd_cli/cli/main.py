@@ -117,6 +117,8 @@ def run(arguments: list[str]) -> int:
         except Exception as error:
             if (ended := _ended_behind(error)) is not None:
                 return 128 + ended.number
+            if isinstance(error, ImportError) and _memory_is_limited():
+                return _fail(f"not enough memory to load a library ({error}): raise the limit of memory (ulimit -v)", 1)
             return _fail_unexpectedly(error)
     except BrokenPipeError:
         return _leave_pipe()
@@ -128,6 +130,14 @@ def run(arguments: list[str]) -> int:
         return 128 + ended.number
     except KeyboardInterrupt:
         return INTERRUPTED
+
+
+def _memory_is_limited() -> bool:
+    try:
+        import resource
+    except ImportError:  # Windows
+        return False
+    return resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY
 
 
 def _ended_behind(error: BaseException | None) -> Ended | None:

@@ -205,6 +205,6 @@ def _read_matrix(path: Path) -> np.ndarray:
     try:
         return np.loadtxt(path, delimiter=",", ndmin=2, encoding="utf-8-sig")
     except OSError as error:
-        raise UsageError(f"{path}: the transition matrix cannot be read ({error.strerror})") from None
+        raise UsageError(f"{path}: the transition matrix cannot be read ({error.strerror or 'no such file'})") from None
     except ValueError as error:
         raise UsageError(f"{path}: not a matrix of numbers ({error})", "one row per state, commas between") from None

@@ -25,8 +25,8 @@ def choose(cost: Array, best: float, last: int, axes: Array, hold: float) -> int
     if not cost[last] - best > near:
         return last
     candidates = np.flatnonzero(cost - best <= near)
-    if candidates.size == 0:
-        return last
+    if candidates.size <= 1:
+        return int(candidates[0]) if candidates.size else last
     same = (axes[:, candidates] == axes[:, [last]]).sum(axis=0)
     nearest = candidates[same == same.max()]
     first = nearest[cost[nearest].argmin()]

@@ -96,10 +96,10 @@ class Whitened:
         self._last = 0.0
         self._unknown = np.zeros(max(len(found.bound), 2) - 1)
 
-    def step(self, u: float, d_hat: float) -> tuple[float, Array, bool]:
+    def step(self, u: float, d_hat: float) -> tuple[float, list[float], bool]:
         """(y, z, warm) of one sample."""
         y, z, warm = self.run(np.array([u]), np.array([d_hat]), None, None, None, None)
-        return float(y[0]), z[0], bool(warm)
+        return float(y[0]), z[0].tolist(), bool(warm)
 
     def run(self, u: Any, d: Any, t: Any, force: Any, budget: Any, sign: Any) -> tuple[Array, Array, int]:
         """(y of shape (n,), z of shape (n, groups), number of rows at the end that are past the warm-up)."""

@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import inf, isfinite
+from operator import add, itemgetter, mul
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,8 @@ from dsd_cli.signals.log import Array
 
 #: Rows decided at once: a change of label makes the rest of its block be looked at again.
 BLOCK = 2048
+#: Up to so many states plain floats are faster than arrays in `step`.
+FEW = 24
 
 
 class NumpyKernel:
@@ -28,13 +32,17 @@ class NumpyKernel:
         self._spec = spec
         self._states = len(grid)
         self._alphas = np.asarray(spec.alphas)
+        self._few = self._states <= FEW
+        self._plain_alphas = self._alphas.tolist()
         self._c = 0.5 / (settings.rho * settings.rho)
         self._constant, self._floor = spec.log_likelihood_constant, spec.log_likelihood_floor
         # a uniform A adds the same to every cost: left out, as in _kernel.c, or what counts as a tie would differ
         uniform, shape = settings.transition.uniform, (self._states, self._states)
         self._log_a = np.broadcast_to(0.0, shape) if uniform else settings.transition.log_matrix(self._states)
+        self._uniform = uniform
         self._axes = grid.axis_indices()
         self._others: dict[int, list[list[int]]] = {}
+        self._pickers: dict[int, list[Callable[[list[float]], tuple[float, ...]]]] = {}
         self._label = settings.initial
         self.restart()
 
@@ -42,7 +50,7 @@ class NumpyKernel:
         """Forget history and window, keep the label."""
         self._prediction = make_prediction(self._spec)
         self._seen = 0  # samples in windows
-        self._prefix = np.zeros(self._states)
+        self._prefix: Any = np.zeros(self._states)
         self._ring = np.zeros((self._spec.settings.window + 1, self._states))
 
     # -- one sample ------------------------------------------------------------------------------------------------
@@ -53,27 +61,51 @@ class NumpyKernel:
         y, z, warm = self._prediction.step(u, d_hat)
         if not warm:
             return self._label, np.nan, np.nan, False
-        settings, ring = self._spec.settings, self._ring
+        settings = self._spec.settings
         slot = self._seen % settings.window
-        square = np.zeros(self._states) if missing else np.square(y - (z[:, None] * self._alphas).ravel())
-        self._prefix = self._prefix + square
-        dist = self._prefix + ring[slot + 1]
-        ring[slot] = square
+        distances, costs, below = (self._plain if self._few else self._arrays)(y, z, slot, missing)
         self._turn(slot)
         if missing:
             return self._label, np.nan, np.nan, False
-        cost = dist * self._c - self._log_a[self._label]
-        costs = cost.tolist()  # single numbers are faster out of a list
         best = min(costs)
         if costs[self._label] - best > settings.hold:
-            self._label = choose(cost, best, self._label, self._axes, settings.hold)
+            self._label = choose(below, best, self._label, self._axes, settings.hold)
         label = self._label
-        mine = costs[label]
-        probability = float(np.exp(best - mine) / np.exp(best - cost).sum()) if best < inf else 0.0
-        distances = dist.tolist()
+        weights = np.exp(best - below)
+        probability = float(weights[label] / np.add.reduce(weights)) if best < inf else 0.0
         ll = self._constant - self._c * distances[label]
         sure = self._seen >= settings.window and ll >= self._floor
         return label, ll, probability, bool(sure and self._leads_one(distances, label))
+
+    def _plain(self, y: float, z: list[float], slot: int, missing: bool) -> tuple[list[float], list[float], Array]:
+        """The squared distances of one sample over its window and the costs of the states, as lists and an array."""
+        c, before = self._c, self._prefix
+        if not isinstance(before, list):  # `run` was here
+            before = before.tolist()
+        if missing:
+            square = [0.0] * self._states
+        else:
+            residual = [y - mean * alpha for mean in z for alpha in self._plain_alphas]
+            square = list(map(mul, residual, residual))
+        self._prefix = prefix = list(map(add, before, square))
+        distances = list(map(add, prefix, self._ring[slot + 1].tolist()))
+        self._ring[slot] = square
+        if self._uniform:
+            costs = [distance * c for distance in distances]
+        else:
+            costs = [a * c - b for a, b in zip(distances, self._log_a[self._label].tolist(), strict=True)]
+        return distances, costs, np.array(costs)
+
+    def _arrays(self, y: float, z: list[float], slot: int, missing: bool) -> tuple[list[float], list[float], Array]:
+        """`_plain` for many states."""
+        square = np.zeros(self._states)
+        if not missing:
+            np.square(y - (np.array(z)[:, None] * self._alphas).ravel(), out=square)
+        self._prefix = self._prefix + square
+        dist = self._prefix + self._ring[slot + 1]
+        self._ring[slot] = square
+        cost = dist * self._c - self._log_a[self._label]
+        return dist.tolist(), cost.tolist(), cost
 
     def _others_of(self, label: int) -> list[list[int]]:
         """Per axis the states that have another value there; kept per label, for all states they would be too many."""
@@ -83,19 +115,19 @@ class NumpyKernel:
 
     def _leads_one(self, distances: list[float], label: int) -> bool:
         """`_leads` of one sample."""
-        mine, c, confidence = distances[label], self._c, self._spec.settings.confidence
-        for others in self._others_of(label):
-            if not (min([distances[other] for other in others]) - mine) * c >= confidence:
-                return False
-        return True
+        if label not in self._pickers:  # of one item alone itemgetter makes no tuple
+            self._pickers[label] = [itemgetter(*others, others[0]) for others in self._others_of(label)]
+        nearest = min([min(pick(distances)) for pick in self._pickers[label]], default=inf)
+        return (nearest - distances[label]) * self._c >= self._spec.settings.confidence
 
     def _turn(self, slot: int) -> None:
         """Count the sample; when the block of M is complete, turn it into suffix sums."""
         self._seen += 1
         window = self._spec.settings.window
         if slot == window - 1:
-            self._ring[:window] = np.add.accumulate(self._ring[:window][::-1])[::-1]
-            self._prefix = np.zeros(self._states)
+            last_first = self._ring[window - 1 :: -1]
+            np.add.accumulate(last_first, out=last_first)
+            self._prefix = [0.0] * self._states if self._few else np.zeros(self._states)
 
     def _choose(self, cost: Array, best: float) -> None:
         self._label = choose(cost, best, self._label, self._axes, self._spec.settings.hold)

@@ -38,30 +38,32 @@ class RegularPrediction:
         self._pole, self._warmup = spec.pole, spec.warmup_rows
         self._lag = 1 if spec.settings.observer_filter else 0
         self._keep = max(n for n, _ in self._taps) + 2 + self._lag
+        self._newest = -1 - self._lag
+        self._places = [(self._newest - n, 1.0 - f, f) for n, f in self._taps]
         self._past: Array | None = None  # the last samples of u, shape (keep,)
         self._line: deque[float] | None = None  # the same, while `step` has it
         self._k = 0
-        groups = len(self._taps) * len(spec.grid.combinations)
-        self._z, self._raw = np.zeros(groups), np.zeros(groups)
+        self._groups = len(self._taps) * len(spec.grid.combinations)
+        self._z: Any = np.zeros(self._groups)  # a list while `step` has it
+        self._raw: Any = np.zeros(self._groups)
         self._w, self._u_mean = 0.0, 0.0
 
-    def step(self, u: float, d_hat: float) -> tuple[float, Array, bool]:
+    def step(self, u: float, d_hat: float) -> tuple[float, list[float], bool]:
         """(y, z, warm) of one sample without effects: `run` on plain floats, the same operations in the same order."""
         if self._past is None or self._spec.aperture == 2 or len(self._spec.grid.combinations) > 1:
             ys, zs, warm = self.run(np.array([u]), np.array([d_hat]), None, None, None, None)
-            return float(ys[0]), zs[0], bool(warm)
+            return float(ys[0]), zs[0].tolist(), bool(warm)
         if self._line is None:
             self._line = deque(self._past.tolist(), maxlen=self._keep)
-        line, lag, pole = self._line, self._lag, self._pole
+            self._z = np.asarray(self._z).tolist()
+        line, pole, gain = self._line, self._pole, 1.0 - self._pole
         line.append(u if isfinite(u) else line[-1])  # sample k - j is line[-1 - j] now
-        means = [(1.0 - f) * line[-1 - lag - n] + f * line[-2 - lag - n] for n, f in self._taps]
-        self._u_mean = float(line[-1 - lag])
-        self._raw = np.array(means)
-        if pole == 0.0:
-            self._w, self._z = line[-1 - lag], self._raw
-        else:
-            self._w = (1.0 - pole) * self._u_mean + pole * self._w
-            self._z = (1.0 - pole) * self._raw + pole * self._z
+        # what only an aperture of 2 looks back at (_raw, _u_mean) stays as it is
+        self._w = gain * line[self._newest] + pole * self._w
+        self._z = [
+            gain * (near * line[at] + far * line[at - 1]) + pole * z
+            for (at, near, far), z in zip(self._places, self._z, strict=True)
+        ]
         self._k += 1
         y = self._w + self._spec.sign * (d_hat if isfinite(d_hat) else 0.0)
         return y, self._z, self._k > self._warmup
@@ -77,7 +79,7 @@ class RegularPrediction:
         history = np.concatenate([self._past, u])
         self._past = history[n:]
         last = history[self._keep - self._lag : self._keep - self._lag + n]
-        raw = np.empty((n, self._z.size))
+        raw = np.empty((n, self._groups))
         combos = len(self._spec.grid.combinations)
         for g, (whole, fraction) in enumerate(self._taps):
             at = self._keep - self._lag - whole

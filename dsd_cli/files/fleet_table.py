@@ -217,6 +217,8 @@ def read_rows(path: str | Path) -> list[dict[str, Any]]:
     import pyarrow as pa
 
     table = rows_file(path)
+    if table.exists() and not table.is_file():
+        raise DataError(f"{path}: is no file", "name the table that dsd fleet has written")
     try:
         if table.name == Path(path).name + PART:
             with open(table, "rb") as file:

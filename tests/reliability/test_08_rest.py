@@ -174,3 +174,18 @@ def test_what_happens_after_the_end_does_not_happen(rig, key):
     name = "paper-step" if "reference" in key else "paper-delay-change"
     done = dsd("simulate", "--template", name, "--set", f"{key}=1e100", "--duration", "1", "-o", "x.csv", cwd=rig)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_transition_that_is_not_there_is_said_so(rig):
+    refused(dsd("detect", "log.csv", "--set", "detector.transition={file='a.csv'}", cwd=rig), 2, "read (no such file)")
+
+
+def test_a_library_that_finds_no_memory_is_one_line(rig):
+    """As a shared library that cannot be mapped says it: under `ulimit -v` an ImportError comes of it."""
+    code = (
+        "import sys, resource; resource.setrlimit(resource.RLIMIT_AS, (1 << 40, 1 << 40)); "
+        "from dsd_cli.cli import main; sys.modules['dsd_cli.cli.detect_job'] = None; "
+        "sys.exit(main.run(['detect', 'log.csv']))"
+    )
+    result = subprocess.run([DSD[0], "-c", code], cwd=rig, capture_output=True, text=True)
+    refused(result, 1, "not enough memory to load a library", "raise the limit of memory")
