@@ -1,6 +1,6 @@
-"""Only the compiled detection kernel and the recursions of effects live here; the rest is in pyproject.toml.
+"""Only the compiled detection kernels and the recursions of effects live here; the rest is in pyproject.toml.
 
-Both are optional: without a compiler `dsd` runs on their Python twins, and `dsd --version` says so.
+All are optional: without a compiler `dsd` runs on their Python twins, and `dsd --version` says so.
 """
 
 from setuptools import Extension, setup
@@ -13,6 +13,14 @@ setup(
             define_macros=[("Py_LIMITED_API", "0x030B0000")],
             # -ffp-contract=off: no fused multiply-add, so that labels equal those of the NumPy twin
             extra_compile_args=["-O3", "-ffp-contract=off", "-Wno-psabi"],
+            py_limited_api=True,
+            optional=True,
+        ),
+        Extension(
+            "dsd_cli.detect._goodness",
+            sources=["dsd_cli/detect/_goodness.c"],
+            define_macros=[("Py_LIMITED_API", "0x030B0000")],
+            extra_compile_args=["-O3", "-ffp-contract=off"],  # as above
             py_limited_api=True,
             optional=True,
         ),

@@ -9,13 +9,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from dsd_cli.cli.plan import detector_settings
+from dsd_cli.cli.plan import detection_plan, detector_settings
 from dsd_cli.cli.simulate import simulation_settings
 from dsd_cli.detect import DetectorSettings, Engine, Grid, Labels
 from dsd_cli.detect.engine import Measurement
+from dsd_cli.detect.rows import Rows
+from dsd_cli.detect.session import Session
 from dsd_cli.files.config import Config, Observer, States
 from dsd_cli.files.template import load_template
 from dsd_cli.plant.simulation import simulate
+from dsd_cli.signals.cleaning import Cleaner
 from dsd_cli.signals.log import Array, Log
 
 #: s, of the logs made here.
@@ -51,6 +54,16 @@ def labelled(config: Config, log: Log, noise: float, seed: int, *overrides: str)
     )
     d_hat = np.array(log["d_hat"]) + noise * np.random.default_rng(seed).normal(size=len(log))
     return grid, engine.run(np.array(log["u"]), d_hat)
+
+
+def detected(config: Config, log: Log, noise: float, seed: int, *overrides: str) -> Rows:
+    """The same as `dsd detect` has it, with what it asks of a confident label."""
+    config = config.override(overrides)
+    d_hat = np.array(log["d_hat"]) + noise * np.random.default_rng(seed).normal(size=len(log))
+    columns = {"t": np.array(log["t"]), "u": np.array(log["u"]), "d_hat": d_hat}
+    session = Session(detection_plan(config, {name: name for name in columns}, {}, "log"), Cleaner(None))
+    parts = [*session.feed(columns["t"], columns), *session.finish()]
+    return Rows(*(np.concatenate([part[i] for part in parts]) for i in range(6)))
 
 
 class State(NamedTuple):

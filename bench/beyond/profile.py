@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.beyond._runs import labelled, percent, simulated, table
+from bench.beyond._runs import detected, labelled, percent, simulated, table
+from dsd_cli.files.config import Config, States
+from dsd_cli.signals.log import Array, Log
 
 INERTIAS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 MOVING = ("paper-delay-change", 'simulate.reference={kind="sine", frequency=20.0}')
@@ -27,12 +29,17 @@ FOLLOW = 0.1
 
 def section(pictures: Path) -> str:
     rows = [row(name, noise, rho) for name in RUNS for noise, rho in NOISES]
-    head = ("run", "noise", "rho", "dsd: confident", "wrong", "profile: confident", "wrong", "label at the end right")
+    head = ("run", "noise", "rho", "dsd alone: confident", "wrong", "dsd: confident", "wrong")
+    head += ("profile: confident", "wrong", "label at the end right")
     _picture(pictures / "beyond-profile.png")
     return table(head, rows) + "\n\n![Fig. 6 with J = 0.7](beyond-profile.png)"
 
 
-def counts(template: tuple[str, ...], method: str, noise: float, rho: float, seeds: int = SEEDS) -> tuple[float, ...]:
+#: The engine of method dsd by itself; what `dsd detect` asks beside its lead; method profile.
+WAYS = ("alone", "dsd", "profile")
+
+
+def counts(template: tuple[str, ...], way: str, noise: float, rho: float, seeds: int = SEEDS) -> tuple[float, ...]:
     """Over six inertias: share of confident labels, number of confident ones with a wrong delay, and right at the end.
 
     The samples in which a window still holds the old state are left out.
@@ -46,20 +53,29 @@ def counts(template: tuple[str, ...], method: str, noise: float, rho: float, see
             [~((log["t"] >= c) & (log["t"] < c + FOLLOW)) for c in changes] or [np.ones(len(log), bool)], axis=0
         )
         for seed in range(seeds if noise else 1):
-            tuning = (f"detector.method={method}", f"detector.rho={rho}", "detector.hold=3")
-            _, labels = labelled(config, log, noise, seed, *tuning)
-            sure = labels.estimates[4] if labels.estimates else labels.confident
+            sure, delay = _labels(config, log, way, noise, seed, f"detector.rho={rho}", "detector.hold=3")
             confident += int(sure.sum())
-            wrong += int((sure & use & (labels.delay != truth)).sum())
+            wrong += int((sure & use & (delay != truth)).sum())
             total += len(log)
-            end.append(bool(labels.delay[-1] == truth[-1]))
+            end.append(bool(delay[-1] == truth[-1]))
     return confident / total, wrong, float(np.mean(end))
 
 
+def _labels(config: Config, log: Log, way: str, noise: float, seed: int, *tuning: str) -> tuple[Array, Array]:
+    """Whether the delay is confident, and which it is."""
+    if way == "dsd":
+        rows = detected(config, log, noise, seed, *tuning)
+        return rows.confident, np.array(config.require(States).delays)[
+            rows.state // len(config.require(States).inertias)
+        ]
+    _, labels = labelled(config, log, noise, seed, f"detector.method={'dsd' if way == 'alone' else way}", *tuning)
+    return labels.estimates[4] if labels.estimates else labels.confident, labels.delay
+
+
 def row(name: str, noise: float, rho: float) -> tuple[str, ...]:
-    dsd, profile = (counts(RUNS[name], method, noise, rho) for method in ("dsd", "profile"))
-    found = (percent(dsd[0]), str(dsd[1]), percent(profile[0]), str(profile[1]), percent(profile[2]))
-    return (name, f"{noise:g}", f"{rho:g}", *found)
+    found = [counts(RUNS[name], way, noise, rho) for way in WAYS]
+    shown = [text for one in found for text in (percent(one[0]), str(one[1]))]
+    return (name, f"{noise:g}", f"{rho:g}", *shown, percent(found[-1][2]))
 
 
 def _picture(path: Path) -> None:

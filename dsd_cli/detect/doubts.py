@@ -5,14 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.detect.coloured import spectrum, whitening
 from dsd_cli.detect.engine import Engine, Labels
-from dsd_cli.detect.goodness import Goodness
+from dsd_cli.detect.goodness import make_goodness
 from dsd_cli.detect.kernel import KernelSpec
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.rest import RestShare
 from dsd_cli.detect.rows import Inputs, without_confidence
+from dsd_cli.detect.settings import OFFLINE
 from dsd_cli.detect.spikes import Spikes
 from dsd_cli.detect.trust import BLOCKS
 from dsd_cli.plant.filtering import lowpass_irregular, poles_of
@@ -29,8 +31,11 @@ class Doubts:
         effects = plan.settings.output == "d_hat" and any(model.effects for model in plan.effects)
         moves = effects and any(name in plan.columns for name in ("velocity", "position"))
         self._unknown = UnknownForces(spec) if moves else None
-        judged = plan.settings.method != "profile" and spec.settings.window >= BLOCKS
-        self._goodness = Goodness(spec, FORCES if moves else 0) if judged else None
+        # methods whose recursion is the memory, and short windows: a label that is confident has stood for a while
+        self._window = max(plan.settings.window, BLOCKS)
+        judged, forces = plan.settings.method != "profile", FORCES if moves else 0
+        self._goodness = make_goodness(spec, self._window, forces, plan.backend) if judged else None
+        self._afterwards = plan.settings.method in OFFLINE
         self._groups = len(spec.grid.delays) * len(spec.grid.combinations)
         self._doubted = 0
 
@@ -67,8 +72,23 @@ class Doubts:
             labels = without_confidence(labels, self._rest.unfounded(inputs.resting))
         if self._goodness is not None and model is not None:
             forces = None if self._unknown is None else self._unknown.response(inputs)
-            labels = without_confidence(labels, self._goodness.unfounded(model, labels.state, labels.confident, forces))
+            wrong = self._goodness.unfounded(model, labels.state, labels.confident, forces)
+            if self._afterwards:
+                wrong &= ~in_a_window_of(labels.state, labels.confident & ~wrong, self._window)
+            labels = without_confidence(labels, wrong)
         return labels
+
+
+def in_a_window_of(state: NDArray[Any], founded: NDArray[np.bool_], window: int) -> NDArray[np.bool_]:
+    """Samples in the window of a founded label that is theirs too, with no other label between; shape (n,).
+
+    Who labels afterwards may judge a sample by a window that holds it and ends later.
+    """
+    n = state.size
+    at = np.arange(n)
+    later = np.minimum.accumulate(np.where(founded, at, n + window)[::-1])[::-1]
+    run = np.cumsum(np.diff(state, prepend=state[:1]) != 0)
+    return np.asarray((later - at < window) & (run[np.minimum(later, n - 1)] == run))
 
 
 #: A constant, a viscous and a dry force.

@@ -8,80 +8,34 @@ noise:
 1. *The noise is what is left.* Of white noise the sums over m samples have the variance m rho^2, for every m. Where the
    residual of the label exceeds that on any time scale, the lead is divided by as much.
 2. *No value between or beyond the candidates is much better.* What the best inertia and delay near the label would
-   gain (the score test: two values, from the label's own residual) is subtracted from the lead.
-3. *No force that the model lacks.* Where the model has effects, the lead must also stand with a constant, a viscous and
-   a dry force of any size beside them, until the labels of this recording were within the noise for some windows.
+   gain (the score test: two values, from the label's own residual) is subtracted from the lead. No other delay of the
+   grid may explain the window better, by more than half a nat, when both have their best inertia.
+3. *No force that the model lacks.* Where the model has effects, the label must leave no more than the noise, and its
+   lead stand with a constant, a viscous and a dry force of any size beside it, until the labels of this recording were
+   within the noise for some windows.
 
-The sums are of blocks, a sixteenth of the window each; a verdict stands for the next block.
+The sums are of blocks, a sixteenth of the window each; a verdict stands for the next block. `_goodness.c` computes
+them, numpy_goodness.py where there was no compiler.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.detect.kernel import KernelSpec
-from dsd_cli.detect.trust import BLOCKS, Trust
+from dsd_cli.detect.kernel import Backend, active_backend
+from dsd_cli.detect.spec import KernelSpec
+from dsd_cli.detect.trust import BLOCKS
 from dsd_cli.signals.log import Array
 
-#: Blocks whose sums are looked at together.
-SCALES = (1, 2, 4)
-#: Standard deviations of a mean square (of n sums: sqrt(2 / n)) that chance may add, in units of sqrt(1 / n).
-CHANCE = 3.0
-#: Share of a force's square below which it is a sum of the others.
-ROUNDING = 1e-9
-#: Numbers that one pass may hold in an array.
-PASS = 1 << 19
 
-
-class _Sums(NamedTuple):
-    """Sums over the windows that end at n blocks; groups are delays x combinations of effect values.
-
-    y, z : of the blocks, shape (n, BLOCKS) and (n, groups, BLOCKS). yy : (n,). zz, zy, zd, dd, dy : (n, groups), with
-    d the slope of z by the delay. xx (n, k, k), xy (n, k), xz (n, k, groups) : of the unknown forces, k may be 0.
-    """
-
-    y: Array
-    z: Array
-    yy: Array
-    zz: Array
-    zy: Array
-    zd: Array
-    dd: Array
-    dy: Array
-    xx: Array
-    xy: Array
-    xz: Array
-
-
-class Goodness:
-    """Fed with y and z of every sample (`Engine.run`), it says which labels do not explain their window.
-
-    Parameters
-    ----------
-    spec : what the kernel works with.
-    forces : how many unknown forces each sample comes with.
-    """
-
-    def __init__(self, spec: KernelSpec, forces: int) -> None:
-        self._spec, self._forces = spec, forces
-        self._size = max(spec.settings.window // BLOCKS, 1)
-        self._groups = len(spec.grid.delays) * len(spec.grid.combinations)
-        self._alphas = np.asarray(spec.alphas, dtype=np.float64)
-        self._free = (self._alphas.size > 1, len(spec.grid.delays) > 1)
-        self._c = 0.5 / spec.settings.rho**2
-        self._wanted = self._layout()
-        self.restart()
+class Goodness(Protocol):
+    """Fed with y and z of every sample (`Engine.run`), it says which labels do not explain their window."""
 
     def restart(self) -> None:
         """Forget the window."""
-        self._left: Array | None = None  # rows of a block that is not whole yet
-        self._past: Array | None = None  # the last BLOCKS sums of blocks
-        self._before = np.zeros(self._groups)  # z of the sample before
-        self._started = False
-        self._trust = Trust()
 
     def unfounded(
         self, model: Array, state: NDArray[np.int32], confident: NDArray[np.bool_], forces: Array | None
@@ -93,180 +47,58 @@ class Goodness:
         model : y and z, shape (n, 1 + groups); y is NaN where nothing is judged.
         forces : what unknown forces would do to y, shape (n, k).
         """
-        wrong = np.zeros(state.size, dtype=np.bool_)
-        rows = max(PASS // (2 + 7 * self._groups), self._size)
-        for begin in range(0, state.size, rows):
-            part = slice(begin, begin + rows)
-            x = np.zeros((len(model[part]), 0)) if forces is None else forces[part]
-            wrong[part] = self._part(model[part], state[part], confident[part], x)
-        return wrong
 
-    def _part(
-        self, model: Array, state: NDArray[np.int32], confident: NDArray[np.bool_], x: Array
+
+def make_goodness(spec: KernelSpec, window: int, forces: int, backend: Backend | None = None) -> Goodness:
+    """The checks for these states.
+
+    Parameters
+    ----------
+    window : samples that a label must explain, `BLOCKS` or more.
+    forces : how many unknown forces each sample comes with.
+    """
+    compiled = _compiled_class() if (backend or active_backend()) == "compiled" else None
+    if compiled is not None:
+        return CompiledGoodness(compiled, spec, window, forces)
+    from dsd_cli.detect.numpy_goodness import NumpyGoodness
+
+    return NumpyGoodness(spec, window, forces)
+
+
+def _compiled_class() -> Any | None:
+    try:
+        from dsd_cli.detect._goodness import Goodness as Compiled  # type: ignore[import-not-found, unused-ignore]
+    except ImportError:
+        return None
+    return Compiled
+
+
+class CompiledGoodness:
+    """`_goodness.c` behind the interface of `Goodness`."""
+
+    def __init__(self, compiled: Any, spec: KernelSpec, window: int, forces: int) -> None:
+        grid, settings = spec.grid, spec.settings
+        self._core = compiled(
+            np.ascontiguousarray(spec.alphas, dtype=np.float64),
+            len(grid.delays) * len(grid.combinations),
+            max(window // BLOCKS, 1),
+            forces,
+            0.5 / settings.rho**2,
+            settings.confidence,
+            len(spec.alphas) > 1,
+            len(grid.delays) > 1,
+        )
+
+    def restart(self) -> None:
+        """Forget the window."""
+        self._core.restart()
+
+    def unfounded(
+        self, model: Array, state: NDArray[np.int32], confident: NDArray[np.bool_], forces: Array | None
     ) -> NDArray[np.bool_]:
-        wrong = np.zeros(state.size, dtype=np.bool_)
-        judged = np.isfinite(model[:, 0])
-        cold = 0 if self._started else int(judged.argmax()) if judged.any() else len(model)
-        self._started |= cold < len(model)
-        left = 0 if self._left is None else len(self._left)
-        rows = self._rows(model[cold:], judged[cold:], x[cold:])
-        blocks, had = self._blocks(rows)
-        at = cold + np.flatnonzero(confident[cold:])
-        if at.size == 0:
-            return wrong
-        # a label rests on the blocks that are whole by then; `had` of them were before these samples
-        block = (left + at - cold + 1) // self._size + had - BLOCKS
-        # runs of samples that share blocks and label share the verdict
-        new = np.concatenate([[True], (np.diff(block) != 0) | (np.diff(state[at]) != 0)])
-        inverse, block, label = np.cumsum(new) - 1, block[new], state[at][new]
-        known = block >= 0
-        stands, robust, bad = (np.zeros(block.size, dtype=np.bool_) for _ in range(3))
-        if known.any():
-            sums = self._sums(blocks, block[known])
-            stands[known], robust[known], bad[known] = self._verdicts(sums, label[known])
-        if self._forces:
-            ends = (left + at - cold + 1) % self._size == 0
-            trusted = self._trust.follow(bad[inverse[ends]])[np.cumsum(ends)]
-            wrong[at] = ~(stands[inverse] & (trusted | robust[inverse]))
-        else:
-            wrong[at] = ~stands[inverse]
+        """See `Goodness`."""
+        wrong = np.empty(state.size, dtype=np.bool_)
+        x = None if forces is None else np.ascontiguousarray(forces)
+        columns = (np.ascontiguousarray(model), np.ascontiguousarray(state, dtype=np.int32))
+        self._core.run(*columns, np.ascontiguousarray(confident), x, wrong)
         return wrong
-
-    # -- sums ------------------------------------------------------------------------------------------------------
-
-    def _rows(self, model: Array, judged: NDArray[np.bool_], x: Array) -> Array:
-        """y, z, d, x and 1 of every sample, shape (n, 2 + 2 groups + k); one that is not judged adds nothing."""
-        groups = self._groups
-        rows = np.empty((len(model), 2 + 2 * groups + self._forces))
-        rows[:, : 1 + groups] = model
-        slope = rows[:, 1 + groups : 1 + 2 * groups]
-        if len(model):
-            np.subtract(model[:-1, 1:], model[1:, 1:], out=slope[1:])
-            slope[0] = self._before - model[0, 1:]
-            self._before = model[-1, 1:].copy()
-        rows[:, 1 + 2 * groups : -1] = x
-        rows[:, -1] = 1.0
-        if not judged.all():
-            rows[~judged] = 0.0
-        return rows
-
-    def _blocks(self, rows: Array) -> tuple[Array, int]:
-        """Sums of blocks, shape (blocks, columns), and how many of them were before these samples."""
-        if self._left is not None:
-            rows = np.concatenate([self._left, rows])
-        whole, width = len(rows) // self._size, rows.shape[1]
-        cut = rows[: whole * self._size].reshape(whole, self._size, width)
-        self._left = rows[whole * self._size :].copy()
-        blocks = (cut.swapaxes(1, 2) @ cut).reshape(whole, width * width)[:, self._wanted]
-        if self._past is not None:
-            blocks = np.concatenate([self._past, blocks])
-        self._past = blocks[-BLOCKS:].copy()
-        return blocks, len(blocks) - whole
-
-    def _layout(self) -> NDArray[np.intp]:
-        """Which products of two columns of `_rows` are needed: y1, z1, yy, zz, zy, zd, dd, dy, xx, xy, xz."""
-        groups, k = self._groups, self._forces
-        z = 1 + np.arange(groups)
-        d, x, y = z + groups, 1 + 2 * groups + np.arange(k), np.zeros(1, dtype=np.intp)
-        one = y + 1 + 2 * groups + k
-        pairs = [
-            (y, one),
-            (z, one),
-            (y, y),
-            (z, z),
-            (z, y),
-            (z, d),
-            (d, d),
-            (d, y),
-            (np.repeat(x, k), np.tile(x, k)),
-            (x, y),
-        ]
-        pairs.append((np.repeat(x, groups), np.tile(z, k)))
-        width = 2 + 2 * groups + k
-        return np.concatenate([np.broadcast_to(a * width + b, np.maximum(a.size, b.size)) for a, b in pairs if a.size])
-
-    def _sums(self, blocks: Array, at: NDArray[np.intp]) -> _Sums:
-        """The sums over the windows that begin at these blocks, by name."""
-        n, groups, k, last = len(at), self._groups, self._forces, len(blocks)
-        whole, length = blocks[:, 1 + groups :], 1
-        while length < BLOCKS:  # of 2, 4, 8, 16 blocks
-            whole = whole[: last - 2 * length + 1] + whole[length : last - length + 1]
-            length *= 2
-        whole = whole[at]
-        linear = np.lib.stride_tricks.sliding_window_view(blocks[:, : 1 + groups], BLOCKS, axis=0)[at]
-        zz, zy, zd, dd, dy = (whole[:, 1 + i * groups : 1 + (i + 1) * groups] for i in range(5))
-        rest = whole[:, 1 + 5 * groups :]
-        xx, xy = rest[:, : k * k].reshape(n, k, k), rest[:, k * k : k * k + k]
-        xz = rest[:, k * k + k :].reshape(n, k, groups)
-        return _Sums(linear[:, 0], linear[:, 1:], whole[:, 0], zz, zy, zd, dd, dy, xx, xy, xz)
-
-    # -- verdicts --------------------------------------------------------------------------------------------------
-
-    def _verdicts(self, sums: _Sums, state: NDArray[np.int64]) -> tuple[NDArray[np.bool_], ...]:
-        """At every window, each of shape (n,): whether the lead of `state` stands; whether it does so beside unknown
-        forces; whether it left more than the noise."""
-        need = self._spec.settings.confidence
-        # two sums of this size may differ by so many nats for no other reason than rounding
-        slack = 1e-15 * (self._size * BLOCKS + 10.0) * sums.yy * self._c
-        lead, mine = self._lead(sums.yy, sums.zy, sums.zz, state)
-        lead = lead + slack - np.maximum(self._gain(sums, state) - slack, 0.0)
-        excess = self._excess(sums, state, np.maximum(mine - slack / self._c, 0.0))
-        stands, bad = lead >= need * excess, excess > 1.0
-        if not self._forces:
-            return stands, stands, bad
-        robust, _ = self._lead(*_without_forces(sums), state)
-        return stands, robust + slack >= need, bad
-
-    def _lead(self, yy: Array, zy: Array, zz: Array, state: NDArray[np.int64]) -> tuple[Array, Array]:
-        """Nats by which `state` leads over every other, and its residual sum of squares; both shape (n,)."""
-        a = self._alphas
-        distances = yy[:, None, None] - 2.0 * a * zy[:, :, None] + a**2 * zz[:, :, None]
-        distances = distances.reshape(len(yy), -1)
-        rows = np.arange(len(yy))
-        mine = distances[rows, state].copy()
-        distances[rows, state] = np.inf
-        return (distances.min(axis=1) - mine) * self._c, mine
-
-    def _gain(self, sums: _Sums, state: NDArray[np.int64]) -> Array:
-        """Nats that the best inertia and delay near `state` would gain: the score test, shape (n,)."""
-        rows, group, a = np.arange(len(state)), state // self._alphas.size, self._alphas[state % self._alphas.size]
-        zz, zy, zd, dd, dy = (column[rows, group] for column in sums[3:8])
-        along = (zy - a * zz) * self._free[0]  # residual along z: another alpha
-        across = (dy - a * zd) * self._free[1]  # and along d: another delay
-        with np.errstate(divide="ignore", invalid="ignore"):
-            alone = [np.where(s > 0.0, c * c / s, 0.0) for c, s in ((along, zz), (across, dd))]
-            if not all(self._free):
-                return np.asarray(sum(alone)) * self._c
-            det = zz * dd - zd * zd
-            both = (dd * along**2 - 2.0 * zd * along * across + zz * across**2) / det
-        return np.asarray(np.where(det > ROUNDING * zz * dd, both, alone[0])) * self._c
-
-    def _excess(self, sums: _Sums, state: NDArray[np.int64], mine: Array) -> Array:
-        """Variance of the residual's sums over that of white noise of rho, on the worst time scale; 1 or more."""
-        rows, group, a = np.arange(len(state)), state // self._alphas.size, self._alphas[state % self._alphas.size]
-        residual = sums.y - a[:, None] * sums.z[rows, group]
-        samples = self._size * BLOCKS
-        worst = np.maximum(1.0, _over_chance(mine * 2.0 * self._c / samples, samples))
-        for scale in SCALES:
-            n = BLOCKS // scale
-            summed = residual.reshape(len(state), n, scale).sum(axis=2)
-            mean = (summed**2).mean(axis=1) / (scale * self._size)
-            worst = np.maximum(worst, _over_chance(mean * 2.0 * self._c, n))
-        return worst
-
-
-def _over_chance(ratio: Array, n: int) -> Array:
-    """A mean square of n values, in units of its expectation, less what chance may add."""
-    return ratio / (1.0 + CHANCE / np.sqrt(n))
-
-
-def _without_forces(sums: _Sums) -> tuple[Array, Array, Array]:
-    """yy, zy and zz of what is left of y and z when any combination of the unknown forces is taken out."""
-    scale = np.sqrt(np.maximum(np.einsum("nkk->nk", sums.xx), 1e-300))
-    values, vectors = np.linalg.eigh(sums.xx / (scale[:, :, None] * scale[:, None, :]))
-    inverse = np.where(values > ROUNDING, 1.0 / np.maximum(values, ROUNDING), 0.0)
-    root = np.swapaxes(vectors, 1, 2) * np.sqrt(inverse)[:, :, None] / scale[:, None, :]  # root' root = xx^-1
-    y = (root * sums.xy[:, None, :]).sum(axis=2)
-    z = (root[:, :, :, None] * sums.xz[:, None, :, :]).sum(axis=2)
-    yy = np.maximum(sums.yy - (y * y).sum(axis=1), 0.0)
-    return yy, sums.zy - (z * y[:, :, None]).sum(axis=1), np.maximum(sums.zz - (z * z).sum(axis=1), 0.0)

@@ -109,7 +109,7 @@ def test_emps_with_its_friction_has_no_delay_and_95_kg(tmp_path):
     assert result["d_hat"] == "position"
     assert result["clock"] == "regular"
     assert len(labels) == 1 + result["samples"] == 24842
-    assert result["confident_share"] > 0.5
+    assert result["confident_share"] > 0.25  # 0.70 before forces that the model may lack were asked for
     assert confident_share(result, delay=0.0) > 0.95
     assert confident_share(result, inertia=95) > 0.95
     assert result["residual_rms"] < result["rho"]
@@ -198,26 +198,26 @@ def confident_and_right(tmp_path: Path, config: str, inertia: float) -> tuple[in
 
 @pytest.mark.parametrize(("effects", "inertia"), [(PUBLISHED, 0.07), (HONEST, 0.08)], ids=["published", "fitted"])
 def test_xl330_confident_labels_in_motion_are_right_with_a_model_of_gravity_and_friction(tmp_path, effects, inertia):
-    """With rho of what is left, 35 to 50 % of them were wrong; load-dependent friction is in no model."""
-    sure, right = confident_and_right(tmp_path, xl330_model(inertia, effects, 1.0), inertia)
-    assert sure > 300
-    assert right >= 0.98 * sure
+    """With rho of what is left; by the lead alone 8 to 16 % are wrong. Load-dependent friction is in no model."""
+    sure, right = confident_and_right(tmp_path, xl330_model(inertia, effects, 2.0), inertia)
+    assert sure > 100
+    assert right == sure
 
 
 @pytest.mark.parametrize("effects", ["", forces(gravity=6.5)], ids=["nothing", "gravity"])
 def test_xl330_with_a_model_that_lacks_friction_nothing_is_confident(tmp_path, effects):
-    """12 to 27 % of the samples were, all of them wrong."""
+    """By the lead alone 12 to 27 % of the samples are, all of them wrong."""
     sure, _ = confident_and_right(tmp_path, xl330_model(0.08, effects, 1.0), 0.08)
     assert sure == 0
 
 
 def test_xl330_at_rest_nothing_is_confident(tmp_path):
-    """Also with a rho that is too small: the servo sticks by a friction that depends on its load.
+    """Also with a rho that is too small: the servo sticks by a friction that depends on its load. In motion some are.
 
     Rest is judged here from the recorded position alone: less than half of the last 200 samples, the window, moved by
     three steps of the encoder within 0.12 s.
     """
-    config = xl330_model(0.07, PUBLISHED, 0.6)
+    config = xl330_model(0.07, PUBLISHED, 1.0)
     confident_in_motion = 0
     for name in ("kp200_up_and_down", "kp400_lift_and_drop", "kp400_sin_sin", "kp200_sin_time_square"):
         path = recording(f"bam_xl330/{name}.csv")
@@ -233,4 +233,4 @@ def test_xl330_at_rest_nothing_is_confident(tmp_path):
         resting = [sum(moved[max(k - 199, 0) : k + 1]) < 100 for k in range(len(t))]
         assert not any(s and r for s, r in zip(sure, resting, strict=True)), name
         confident_in_motion += sum(sure)
-    assert confident_in_motion > 100
+    assert confident_in_motion > 50  # or there would be nothing to look at

@@ -7,6 +7,7 @@ thus a linear regression of y on (z, D), solved in closed form.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -71,16 +72,23 @@ class Peak(NamedTuple):
     alpha_unit: Array
 
 
-def fit(sums: Sums, rho: float, confidence: float, known_alpha: float | None) -> Fit:
+#: By how much more than white noise of this variance the residual of the fits varies; shapes (n,).
+Excess = Callable[[Peak, NDArray[np.intp], Array], Array]
+
+
+def fit(sums: Sums, rho: float, confidence: float, known_alpha: float | None, excess_of: Excess | None = None) -> Fit:
     """Profile likelihood of every window.
 
-    `known_alpha` : where the grid has one inertia, so that only the delay is estimated.
+    `known_alpha` : where the grid has one inertia, so that only the delay is estimated. `excess_of` : takes peak,
+    combination and variance.
     """
     n, delays, _ = sums.zz.shape
     peak, combination, alphas, squares = best(sums, known_alpha)
     rows = np.arange(n)
     free = (delays > 1) + (known_alpha is None)
     variance = np.maximum(rho * rho, peak.square / np.maximum(sums.votes - free, 1.0))
+    if excess_of is not None:
+        variance = variance * excess_of(peak, combination, variance)
     reach = np.sqrt(2.0 * confidence)
     sigma = np.sqrt(variance)
     lag_std, alpha_std = peak.lag_unit * sigma, peak.alpha_unit * sigma
