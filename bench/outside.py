@@ -159,6 +159,7 @@ def _figures(cell: Cell) -> list[str]:
         unseen = [r for r in rows if r.get("unseen")]
         said.append(f"{sum(r['right'] for r in unseen)} of {len(unseen)} of kinds never looked at before")
     said.append(f"{sum(r['seconds'] for r in rows) / max(n, 1):.1f} s CPU")
+    said.append(f"seeds from {min((r['seed'] for r in rows), default=0)}")
     return [f"{right} of {n}", f"{100 * right / max(n, 1):.0f} %", wanted, ", ".join(said)]
 
 
@@ -166,8 +167,9 @@ HEAD = """# Is it found on the logs of another laboratory?
 
 Logs of `tests/oracle/rig*.py`: servo axes with hidden effects, made with controllers, references, sensors and habits
 that the tool's own generator does not have (1 kHz, 20 s, delay 20 ms, if nothing else is said). Nothing of the package
-is used to make them. The tool gets the log and the model that the user believes, and nothing else. Seeds from 3000 on;
-none of these logs was looked at while the search was written.
+is used to make them. The tool gets the log and the model that the user believes, and nothing else. No log was looked at
+before it was asked; after a run its failures are, so that the next version gets new seeds: rows with seeds from 2000
+were made by the version before the one whose rows have seeds from 3000.
 
 "Right" is the name of what is hidden as the verdict; for two effects, a ladder with these two and no other (inertia and
 delay are fitted along with any step); for effects of no catalogue, "unknown" at the end. "Wrong and sure": another

@@ -108,13 +108,15 @@ def _centred(fit: Fit, solver: Solver) -> Fit:
 
 def _harmless(fit: Fit, bank: Bank, sure: NDArray[np.bool_]) -> float:
     """Share of a row that may be unsure, for friction to lean by no more than a small part of the row's noise."""
+    if not sure.any():
+        return 0.0
     rows, friction = bank.design(fit.terms, fit.tap).rows, np.zeros(len(bank.acceleration))
     for term in fit.terms:
         if term.effect.role is Role.FRICTION:
             at = fit.columns_of(term)
             friction += fit.total[at] @ np.stack(rows[1 + at.start : 1 + at.stop])
     size, noise = (float(np.mean(x[sure] ** 2)) for x in (friction, _residual(fit, bank)))
-    return POLICY.harmless_lean * math.sqrt(noise / max(size, 1e-300)) if sure.any() else 0.0
+    return POLICY.harmless_lean * math.sqrt(noise / max(size, 1e-300))
 
 
 def sure_rows(terms: Terms, equations: Equations) -> NDArray[np.bool_]:
