@@ -99,6 +99,12 @@ def test_a_load_that_only_follows_the_noise_of_the_motion_is_none():
     assert Axis((), 2090).diagnosed().verdict not in LOADS
 
 
+def test_a_gain_without_a_value_is_not_sure():
+    """An actuator lag of 1.2 +- 1.7 ms, beside friction on irregular stamps, gained enough to be named with 99 %."""
+    found = Axis((), 3006, "enc8192jitter500").diagnosed()
+    assert found.verdict in ("none", "unknown") or found.probability <= 0.5
+
+
 def test_the_response_knows_a_load_at_the_end_of_the_band_better_than_the_balance():
     axis = Axis(("flexible_coupling",), 5)
     found = axis.diagnosed()

@@ -78,12 +78,22 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     alike = [o.effect for o in options if alike_to(o)]
     found = dict.fromkeys([*alike, *(o.effect for o in options if rivals(o))])
     shares = probabilities(search, rest, [own, *options])
+    surest = 1.0 if _told(search, whole, effect_id) else POLICY.surest_untold
     if not any("reconstructed" in r.provenance.get("position", "") for r in search.problem.recordings):
-        return Membership(effect_id, shares, tuple(found), tuple(alike))
+        return Membership(effect_id, shares, tuple(found), tuple(alike), surest)
     if not _of_position(effect_id):
-        return Membership(effect_id, shares, tuple(found), tuple(alike), POLICY.drift_surest)
+        return Membership(effect_id, shares, tuple(found), tuple(alike), min(surest, POLICY.drift_surest))
     afloat = [o.effect for o in options if _of_position(o.effect)]
-    return Membership(effect_id, shares, tuple(dict.fromkeys([*found, *afloat])), tuple(alike), POLICY.afloat_surest)
+    surest = min(surest, POLICY.afloat_surest)
+    return Membership(effect_id, shares, tuple(dict.fromkeys([*found, *afloat])), tuple(alike), surest)
+
+
+def _told(search: Search, whole: Fit, effect_id: str) -> bool:
+    """Whether any value of an effect, beside all that was found, is away from 0 by more than its standard error makes
+    likely: a gain without a value comes from what the errors count as unknown."""
+    estimates = search.problem.values(whole).estimates
+    own = [e for name, e in estimates.items() if name.startswith(f"{effect_id}.")]
+    return not own or any(e.held or abs(e.value) > POLICY.told_deviations * e.std_error for e in own)
 
 
 def _of_position(effect_id: str) -> bool:
