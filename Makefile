@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup demo test check figures bench bench-hidden beyond clean
+.PHONY: setup demo test lint check figures bench bench-hidden beyond clean
 
 setup: $(STAMP)
 
@@ -22,10 +22,13 @@ demo: setup
 test: setup
 	$(BIN)/python -m pytest -n 2
 
-check: setup
+lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# quick: the layers and the docs, without all other tests
+check: lint
 	$(BIN)/python -m pytest tests/architecture tests/docs
 
 bench: setup
