@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NoReturn
 
+#: s until a signal that came where no exception can be raised is raised again.
+_SOON = 0.005
 #: Signals that end a command in good order.
 ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
@@ -23,15 +25,31 @@ class Ended(KeyboardInterrupt):
 
 
 def end_in_order() -> None:
-    """The first of the signals raises `Ended`; another one ends the process at once, whatever it does."""
+    """The first of the signals raises `Ended`; another one ends the process at once, whatever it does.
 
-    def leave(number: int, _: object) -> None:
-        at_once()
-        raise Ended(number)
+    In a callback of the interpreter (of a weak reference, in `__del__`) Python swallows what is raised, and the
+    signal would be lost: it comes once more, a little later.
+    """
+    swallowed = sys.unraisablehook
 
+    def once_more(lost: sys.UnraisableHookArgs) -> None:
+        if not isinstance(lost.exc_value, Ended):
+            swallowed(lost)
+            return
+        signal.signal(lost.exc_value.number, _raise)
+        again = threading.Timer(_SOON, os.kill, (os.getpid(), lost.exc_value.number))
+        again.daemon = True
+        again.start()
+
+    sys.unraisablehook = once_more
     for number in ENDING:
         if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):  # ignored ones stay ignored
-            signal.signal(number, leave)
+            signal.signal(number, _raise)
+
+
+def _raise(number: int, _: object) -> None:
+    at_once()
+    raise Ended(number)
 
 
 def at_once() -> None:

@@ -116,3 +116,31 @@ def test_a_library_that_fails_because_it_was_interrupted_is_no_failure_of_its_ow
     monkeypatch.setattr(main, "_invoke", interrupted)
     assert main.run([]) == 128 + signal.SIGTERM
     assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("number", fuzz_kills.ANSWERED, ids=lambda n: signal.Signals(n).name)
+@pytest.mark.parametrize("where", ["weak reference", "finalizer"])
+def test_a_signal_in_a_callback_of_the_interpreter_is_not_lost(number, where):
+    code = f"""
+import os, sys, time, weakref
+import dsd_cli.cli.main as main
+
+def work(arguments):
+    class Thing:
+        if {where!r} == "finalizer":
+            def __del__(self):
+                os.kill(os.getpid(), {int(number)})
+                len("until the handler has run")
+    thing = Thing()
+    watch = weakref.ref(thing, lambda _: {where!r} == "finalizer" or os.kill(os.getpid(), {int(number)}))
+    del thing
+    print("goes on", flush=True)
+    for _ in range(3000):
+        time.sleep(0.01)
+    return 0
+
+main._invoke = work
+main.main()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
+    assert (done.returncode, done.stdout, done.stderr) == (128 + number, "goes on\n", "")
