@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ from dsd_cli.plant.forces import IntervalChannels
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Array, Log
 
+_Kind = TypeVar("_Kind", bound=np.generic)
 #: Seed of the synthetic sensor noise that calibrates the errors-in-variables correction.
 _SEED = 20261121
 #: Standard deviations of the speed's noise beyond which the direction is certain.
@@ -148,7 +150,7 @@ class Equations:
             white = np.concatenate([np.convolve(np.pad(x, HALF, mode="edge"), self.whitening, "valid") for x in parts])
         return white if self.trust is None else white * self.trust
 
-    def by_stretch(self, rows: Array) -> list[Array]:
+    def by_stretch(self, rows: NDArray[_Kind]) -> list[NDArray[_Kind]]:
         """Rows as one array per stretch."""
         return list(np.split(rows, np.cumsum(self.lengths)[:-1]))
 

@@ -64,7 +64,7 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     fit = _centred(fit, solver)
     equations = solver.bank.equations
     counted = equations.kept if holds(fit.terms) else np.ones(len(plain.acceleration), dtype=bool)
-    sure = sure_rows(fit.terms, equations)
+    sure = counted & sure_rows(fit.terms, equations, POLICY.unsure_share)
     sure &= uncertain(equations) <= _harmless(fit, solver.bank, sure)
     unsure = counted & ~sure
     least = POLICY.rows_per_value * (len(fit.total) + sum(len(t.items) for t in fit.terms))
@@ -119,11 +119,11 @@ def _harmless(fit: Fit, bank: Bank, sure: NDArray[np.bool_]) -> float:
     return POLICY.harmless_lean * math.sqrt(noise / max(size, 1e-300))
 
 
-def sure_rows(terms: Terms, equations: Equations) -> NDArray[np.bool_]:
-    """Rows in which friction's direction is sure, shape (N,); all of them where there is no friction."""
+def sure_rows(terms: Terms, equations: Equations, most: float) -> NDArray[np.bool_]:
+    """Rows at most so `uncertain`, shape (N,): friction's direction is sure there; all where there is no friction."""
     if not holds(terms):
         return np.ones(sum(equations.lengths), dtype=bool)
-    return np.asarray(equations.kept & (uncertain(equations) <= POLICY.unsure_share))
+    return np.asarray(uncertain(equations) <= most)
 
 
 def uncertain(equations: Equations) -> Array:

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.effects import get_effect
-from dsd_cli.identify.fit.bank import Term, holds
-from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.sure import uncertain
+from dsd_cli.identify.fit.sure import sure_rows
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array, Log
@@ -73,21 +72,14 @@ def _pulses(search: Search, fit: Fit) -> tuple[tuple[float, float], ...]:
     times = [s.frame.times for s in search.equations.stretches]
     at = search.equations.by_stretch(search.equations.of_rows(times))
     # a stop or a creep looks like a push
-    sure = search.equations.by_stretch(_telling(fit, search.equations).astype(np.float64))
+    sure = search.equations.by_stretch(sure_rows(fit.terms, search.equations, POLICY.unsure_push))
     moved = _first_moves(search, fit)
     for stamps, x, clear, first in zip(at, search.equations.by_stretch(values), sure, moved, strict=True):
-        for a, b, level in _strongest(x, (clear > 0.0) & (stamps >= first)):
+        for a, b, level in _strongest(x, clear & (stamps >= first)):
             found.append((float(stamps[a] - 0.5 * row_time), float(stamps[b] + 0.5 * row_time), abs(level)))
     top = max((level for *_, level in found), default=0.0)
     kept = sorted(found, key=lambda p: -p[2])[: POLICY.most_pulses]
     return _apart(sorted((a, b) for a, b, level in kept if level > POLICY.weakest_pulse * top))
-
-
-def _telling(fit: Fit, equations: Equations) -> NDArray[np.bool_]:
-    """Rows that can show a push, shape (N,): beside friction those in which its direction is mostly known."""
-    if not holds(fit.terms):
-        return np.ones(sum(equations.lengths), dtype=bool)
-    return uncertain(equations) <= POLICY.unsure_push
 
 
 def _first_moves(search: Search, fit: Fit) -> list[float]:

@@ -234,8 +234,7 @@ class _Verdict:
         """The effect that would explain much of what is unknown, but is not confirmed block by block."""
         if self.named != UNKNOWN or not self.options:
             return ""
-        refit = self.search.refit
-        best = max(self.options, key=lambda o: o.evidence)
+        refit, best = self.search.refit, self.options[0]
         before, after = self.problem.errors.rmse(refit), self.problem.errors.rmse(best.fit)
         likely = best.evidence > self.search.evidence(refit) and after < (1.0 - POLICY.near_fall) * before
         return best.effect if likely else ""

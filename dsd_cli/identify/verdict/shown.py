@@ -64,8 +64,7 @@ def with_response(
     values = {name: value for name, (value, _) in seen.values.items()}
     there = model.changed(None, None, {seen.effect: values})
     beside, all_of_it = searched(recordings, there, known, holdout, report)
-    in_band = seen.resonance_hz < POLICY.response_in_band * search.equations.band.hz
-    if in_band and seen.effect in found and not _better(unchanged, beside, all_of_it):
+    if _in_band(seen, search) and seen.effect in found and not _better(unchanged, beside, all_of_it):
         return unchanged
     if seen.effect in model.effects:
         return Shown(beside, all_of_it, known, None)
@@ -97,13 +96,18 @@ def _better(found: Shown, beside: Search, whole: Fit) -> bool:
     return after < (1.0 - POLICY.least_fall) * before
 
 
+def _in_band(seen: Seen, search: Search) -> bool:
+    """Whether the balance itself can tell this load."""
+    return seen.resonance_hz < POLICY.response_in_band * search.equations.band.hz
+
+
 def told_by_response(search: Search, effect_id: str, settings: Settings) -> Settings | None:
     """Settings with the values of an effect that only the response tells; None where the balance itself tells them."""
     if effect_id not in SHOWN or settings.known.concerns(effect_id):
         return None
     response = response_of(search, search.refit, (effect_id,), doubtful=True)
     seen = response.seen if response is not None else None
-    if seen is None or seen.resonance_hz < POLICY.response_in_band * search.equations.band.hz:
+    if seen is None or _in_band(seen, search):
         return None
     return replace(settings, known=settings.known.seeing(effect_id, seen.values))
 
