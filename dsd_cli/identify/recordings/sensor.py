@@ -47,7 +47,7 @@ def with_acceleration(pieces: Sequence[Log], observer: ObserverSettings) -> tupl
     angle = np.array([2.0 * np.pi * min(COMPARED_SHARE, COMPARED_HZ * pieces[0].sample_time)])
     for kind in _kinds(pieces[0]):
         measured = [_acceleration(piece, kind, observer) for piece in pieces]
-        noise = sensor_noise(kind, measured, pole)
+        noise = sensor_noise(kind, measured, pole, [piece["white"] for piece in pieces if "white" in piece])
         two = kind == "position" or (kind == "d_hat" and pieces[0].d_hat_source == "position")
         worth = float(noise.density(angle)[0]) / PREFERENCE[kind]
         found.append((worth, measured, Sensor(noise, two)))
