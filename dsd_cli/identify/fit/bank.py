@@ -114,7 +114,7 @@ class Bank:
         return Design(rows, signed, tuple(widths), self._noise_of(terms, tuple(widths), keep))
 
     def _drive_and_step(self, inputs: Terms, tap: int, keep: bool, held: bool) -> tuple[Array, Array]:
-        """(drive, its change over one more step of delay), so that drive - share x change is the drive between steps."""
+        """(drive, its change over one more step of delay): drive - share x change is the drive between steps."""
         if self._around is None:
             drive, later = (self.drive(inputs, n, keep, held) for n in (tap, tap + 1))
             return drive, drive - later
@@ -168,7 +168,7 @@ class Bank:
         return self.equations.whitened(rows)
 
     def drive(self, inputs: Terms, tap: float, keep: bool = True, held: bool = False) -> Array:
-        """The command after these input effects, `tap` steps late, exact between steps; `held`: see `Stretch.acting`."""
+        """The command after these input effects, `tap` steps late, also between; `held`: see `Stretch.acting`."""
         key = (inputs, tap, held)
         if key in self._known:
             return self._known[key][0]

@@ -102,7 +102,9 @@ class Stretch:
         whole, part = delay_taps(delay, step)
 
         def late(samples: float) -> Array:
-            return self.acting(self.frame.mean_u(command, max(samples, 0) * step), not self.stepping, held)
+            mean = self.frame.mean_u(command, max(samples, 0) * step)
+            mean = mean if samples >= 0 else np.append(mean[1:], mean[-1])
+            return self.acting(mean, not self.stepping, held)
 
         if part == 0.0:
             return late(whole)
@@ -111,7 +113,9 @@ class Stretch:
             return np.asarray(sum(weight * late(whole + k) for weight, k in nodes))
         if not self.two_intervals:
             return late(whole + part)
-        ends, knot = (self.frame.mean_u(command, x * step) * (self.free if held else 1.0) for x in (whole + part, whole))
+        ends, knot = (
+            self.frame.mean_u(command, x * step) * (self.free if held else 1.0) for x in (whole + part, whole)
+        )
         return 0.5 * (part * ends + knot + (1.0 - part) * np.append(ends[1:], ends[-1]))
 
     def averaged(self, x: Array, smooth: bool) -> Array:

@@ -73,8 +73,6 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     least = POLICY.rows_per_value * (len(fit.total) + sum(len(t.items) for t in fit.terms))
     if sure.sum() < least or not unsure.any():
         return Weighed(solver, fit, _residual(fit, solver.bank), float(counted.sum()))
-    if not clear_of_noise(solver.bank, sure):
-        return Weighed(solver, fit, _residual(fit, solver.bank), float(counted.sum()))
     for _ in range(_ROUNDS):
         left = _residual(fit, solver.bank) ** 2
         quiet, loud = float(np.mean(left[sure])), float(np.mean(left[unsure]))
@@ -109,7 +107,11 @@ def _exact(fit: Fit, solver: Solver, plain: Bank) -> tuple[Fit, Solver]:
         tap = tap if tap in solver.taps(tap) else fit.tap
         around = min(max(delay - tap, 0.0), MOST_SHARE)
         solver = Solver(
-            Bank(bank.equations, plain, bank.variance, around), solver.blocks, solver.inertia, solver.known, solver.variance
+            Bank(bank.equations, plain, bank.variance, around),
+            solver.blocks,
+            solver.inertia,
+            solver.known,
+            solver.variance,
         )
         fit = solver.fit(fit.terms, tap)
         if abs(float(fit.total[SHARE]) - around) < _SETTLED and around > 0.0:
@@ -154,15 +156,6 @@ def uncertain(equations: Equations) -> Array:
         rows = np.pad(band.rows(doubt.astype(np.float64), equations.startup), reach, mode="edge")
         shares.append(np.convolve(rows, white / white.sum(), mode="valid"))
     return np.concatenate(shares)
-
-
-def clear_of_noise(bank: Bank, rows: NDArray[np.bool_]) -> bool:
-    """Whether the acceleration in these rows stands as high above its sensor's noise as it must at the band's end.
-
-    Else what is wrong with the noise that is taken out of the normal equations pulls the inertia.
-    """
-    power = float(np.mean(bank.acceleration[rows] ** 2))
-    return power > POLICY.signal_over_noise * bank.variance or power >= float(np.mean(bank.acceleration**2))
 
 
 def _shortest_run(marks: NDArray[np.bool_]) -> int:
