@@ -10,9 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dsd_cli.effects import Effect, Ranges, Role, Shape, get_effect
+from dsd_cli.effects.memory import Coupling, driven_load
 from dsd_cli.identify.fit.equations import Equations, Stretch, mean_of_middles
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
+
+#: Longest Runge-Kutta step of a load that a force drives, radians of the free vibration.
+_STEP = 0.05
 
 
 @dataclass(frozen=True)
@@ -211,9 +215,7 @@ def noisy_load(equations: Equations, term: Term) -> list[Array]:
     found = []
     for s in equations.stretches:
         unused = s.log["u"]
-        (plain, *_), _ = term.effect.run(s.channels(unused, term.effect), term.shape)
-        noisy = replace(s, integrated=s.with_noise)
-        (more, *_), _ = term.effect.run(noisy.channels(unused, term.effect), term.shape)
+        (plain, *_), (more, *_) = (_columns(x, term, unused) for x in (s, replace(s, integrated=s.with_noise)))
         found.append(np.nan_to_num(more - plain))
     return found
 
@@ -248,6 +250,8 @@ def raw_columns(equations: Equations, term: Term, delay: float) -> list[list[Arr
 
 def _columns(stretch: Stretch, term: Term, u: Array) -> list[Array]:
     effect = term.effect
+    if "push" in stretch.log and effect.coupling is not None:
+        return [_pushed_load(stretch, effect.coupling(term.shape))]
     found, _ = effect.run(stretch.channels(u, effect), term.shape)
     columns = [np.broadcast_to(c, len(u)) for c in found]
     if effect.role is Role.FRICTION:
@@ -255,6 +259,11 @@ def _columns(stretch: Stretch, term: Term, u: Array) -> list[Array]:
     if effect.role is Role.STRUCTURE:
         return columns
     return [-c if effect.memory else -mean_of_middles(c) for c in columns]
+
+
+def _pushed_load(stretch: Stretch, coupling: Coupling) -> Array:
+    """Mean acceleration of a load behind a motor that the model's force drives (`fit.driven`)."""
+    return driven_load(stretch.log["push"], stretch.log.sample_time, coupling, stretch.load_share, _STEP)
 
 
 def ranges(equations: Equations) -> Ranges:

@@ -54,13 +54,13 @@ class Stretch:
     middle, mean : motion in the middle of each interval, and its mean over the interval.
     integrated : mean motion out of the measured acceleration, noise and all, but for a constant speed. A load that
         is coupled to the motor is driven by it: with a smoother motion it would imitate a noise-free acceleration.
-        Where the recording has "driven" (`fit.driven`), out of that instead, and there is no noise in it.
     noise : a synthetic realisation of the sensor noise in the acceleration; with_noise : `integrated` plus that.
     free : 1 where the axis slides, so that friction's direction is known, 0 where friction holds.
     sign : mean of sgn v, 0 where it is not known.
     acceleration : as measured.
     two_intervals : the acceleration is a mean over both intervals beside a sample.
     stepping : the command jumps at samples alone; not where it was measured, or put on a regular clock.
+    load_share : see `Recording`.
     """
 
     log: Log
@@ -75,6 +75,7 @@ class Stretch:
     acceleration: Array
     two_intervals: bool
     stepping: bool
+    load_share: float
 
     def channels(self, drive: Array, effect: Effect) -> Channels:
         """What an effect looks at under that delayed u: means over the interval, or the values in the middle of it."""
@@ -232,21 +233,20 @@ def _stretch(log: Log, recording: Recording) -> Stretch:
     speed = log["velocity"]
     known = ~resting(speed, log["rest_speed"])
     noise = sensor.noise.made(len(log), np.random.default_rng(_SEED))
-    driven = "driven" in log
-    drives = log["driven" if driven else "acceleration"]
     return Stretch(
         log=log,
         frame=frame,
         middle=_motion(log, motion, _MIDDLE_OF_FOUR),
         mean=_motion(log, motion, MEAN_OF_FOUR),
-        integrated=_integrated(drives, log.sample_time, motion, sensor),
+        integrated=_integrated(log["acceleration"], log.sample_time, motion, sensor),
         noise=noise,
-        with_noise=_integrated(drives if driven else drives + noise, log.sample_time, motion, sensor),
+        with_noise=_integrated(log["acceleration"] + noise, log.sample_time, motion, sensor),
         free=known.astype(np.float64),
         sign=np.where(known, direction(speed, log["speed_noise"]), 0.0),
         acceleration=log["acceleration"],
         two_intervals=sensor.two_intervals,
         stepping=log.u_hold == "held" and "white" not in log,
+        load_share=recording.load_share,
     )
 
 

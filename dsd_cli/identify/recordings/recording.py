@@ -40,6 +40,7 @@ class Recording:
         from velocity" (d_hat).
     missing : channel -> why it cannot be had.
     rest_speed : speed up to which the plant may be at rest, as far as the measurement can tell.
+    load_share : of the inertia, the load's that "push" of the pieces drives (`fit.driven`); 0 where the motion does.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Recording:
     position_noise: float
     walk: float
     sensor: Sensor
+    load_share: float = 0.0
 
     @property
     def samples(self) -> int:
