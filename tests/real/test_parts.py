@@ -9,6 +9,7 @@ import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.recordings import recording
@@ -159,3 +160,33 @@ def test_other_runs_of_the_servo_are_predicted(servo, run):
 @pytest.mark.parametrize("run", OTHER_RUNS)
 def test_other_runs_of_the_servo_are_predicted_to_ten_per_cent(servo, run):
     assert _judged(servo, run) < 10.0
+
+
+def _integrated(log: Path) -> float:
+    """rms in m that the published model is off EMPS in open loop, by small steps of its own; friction holds at 0."""
+    rows = np.genfromtxt(log, delimiter=",", names=True)
+    t, u, q = rows["t_s"], rows["force_N"], rows["position_m"]
+    mass, viscous, level, load = EMPS_PUBLISHED.values()
+    first = (t[:20] - t[0]) / (t[19] - t[0])
+    place, speed = float(q[0]), float(np.polyfit(first, q[:20], 2)[1] / (t[19] - t[0]))
+    off, step = [0.0], float(t[1] - t[0]) / 10.0
+    for force, measured in zip(u[:-1].tolist(), q[1:].tolist(), strict=True):
+        for _ in range(10):
+            push = force + load - viscous * speed
+            drag = math.copysign(level, speed) if speed else max(-level, min(level, push))
+            after = speed + step * (push - drag) / mass
+            after = 0.0 if speed * after < 0.0 else after
+            place, speed = place + step * 0.5 * (speed + after), after
+        off.append(place - measured)
+    return float(np.sqrt(np.mean(np.square(off))))
+
+
+def test_the_simulation_of_a_whole_recording_is_that_of_a_separate_integrator(tmp_path):
+    """24.8 s of double integral in open loop: whoever starts it at the edge's noisy speed is millimetres off."""
+    log, text = recording("emps/emps_train.csv"), EMPS
+    starts = {"inertia": "60", "coefficient": "100", "level": "10", "force": "1"}
+    for (key, start), value in zip(starts.items(), EMPS_PUBLISHED.values(), strict=True):
+        text = text.replace(f"\n{key} = {start}\n", f"\n{key} = {value}\n")
+    (tmp_path / "published.toml").write_text(text, encoding="utf-8")
+    found = _dsd("compare", log, "-c", "published.toml", "--horizon", "simulation", cwd=tmp_path)
+    assert found["rmse"] == pytest.approx(_integrated(log), rel=0.02)
