@@ -136,7 +136,9 @@ def test_many_states_with_a_uniform_transition_take_no_matrix():
     assert log_a[3, 7] == log_a[0, 0] == np.log(1.0 / 20_000)
 
 
-@pytest.mark.parametrize(("kernel", "method"), [("", "dsd"), ("numpy", "dsd"), *(("", name) for name in ("imm", "viterbi", "smooth"))])
+@pytest.mark.parametrize(
+    ("kernel", "method"), [("", "dsd"), ("numpy", "dsd"), *(("", name) for name in ("imm", "viterbi", "smooth"))]
+)
 def test_twenty_thousand_states_in_little_memory(rig, kernel, method):
     """A matrix of all pairs would take 3.2 GB; the process and its libraries may have 2.5."""
     write(rig, "log.csv", make_log(80))
