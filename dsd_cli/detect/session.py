@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,6 @@ from dsd_cli.detect.doubts import Doubts
 from dsd_cli.detect.engine import Engine, Forces, Labels, Measurement
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.profile.cells import Estimates
-from dsd_cli.detect.profile.changes import Change
 from dsd_cli.detect.rest import FrictionMarks
 from dsd_cli.detect.rows import (
     Inputs,
@@ -32,6 +32,9 @@ from dsd_cli.plant.observer import DisturbanceObserver
 from dsd_cli.signals.cleaning import Cleaner, Piece
 from dsd_cli.signals.clock import clock_window
 from dsd_cli.signals.log import Array
+
+if TYPE_CHECKING:
+    from dsd_cli.detect.profile.changes import Change
 
 
 class Session:
