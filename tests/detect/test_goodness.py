@@ -26,14 +26,25 @@ def nats(square: float) -> float:
     return square / (2.0 * RHO**2)
 
 
-def plain_lead(y, z, state: int, x=None) -> float:
-    """Lead over the best of the others; with x, of what least squares on x leaves of y and of every z."""
-    if x is not None:
-        base = np.linalg.lstsq(x, np.column_stack([y, z]), rcond=1e-6)[0]
-        left = np.column_stack([y, z]) - x @ base
-        y, z = left[:, 0], left[:, 1:]
+def plain_lead(y, z, state: int) -> float:
+    """Lead over the best of the others."""
     squares = [sum((y - alpha * z[:, g]) ** 2) for g in range(z.shape[1]) for alpha in (2.0, 1.0, 0.5)]
     return nats(min(s for i, s in enumerate(squares) if i != state) - squares[state])
+
+
+def plain_gain(y, z, slope, state: int) -> float:
+    """What another inertia and delay near the label would gain."""
+    residual = y - (2.0, 1.0, 0.5)[state % 3] * z[:, state // 3]
+    columns = np.column_stack([z[:, state // 3], slope])
+    return nats(sum(residual**2) - sum((residual - columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]) ** 2))
+
+
+def plain_nearest(y, z, group: int) -> bool:
+    """No other delay does better by more than half a nat, both with their best inertia."""
+    free = [
+        sum((y - max(np.dot(z[:, g], y) / np.dot(z[:, g], z[:, g]), 0.0) * z[:, g]) ** 2) for g in range(z.shape[1])
+    ]
+    return nats(free[group] - min(free)) <= 0.5
 
 
 def plain_verdict(model, x, k: int, state: int) -> tuple[bool, bool, bool]:
@@ -51,13 +62,14 @@ def plain_verdict(model, x, k: int, state: int) -> tuple[bool, bool, bool]:
     slope = np.array([model[i - 1, 1 + group] - model[i, 1 + group] for i in range(begin, end)])
     if begin == 0:
         slope[0] = -model[0, 1 + group]
-    fitted = np.linalg.lstsq(np.column_stack([z[:, group], slope]), residual, rcond=None)[0]
-    gain = nats(sum(residual**2) - sum((residual - np.column_stack([z[:, group], slope]) @ fitted) ** 2))
-    free = [
-        sum((y - max(np.dot(z[:, g], y) / np.dot(z[:, g], z[:, g]), 0.0) * z[:, g]) ** 2) for g in range(z.shape[1])
-    ]
-    stands = plain_lead(y, z, state) - gain >= NEED * worst and nats(free[group] - min(free)) <= 0.5
-    return stands, plain_lead(y, z, state, x[begin:end]) - gain >= NEED and worst == 1.0, worst > 1.0
+    gain = plain_gain(y, z, slope, state)
+    stands = plain_lead(y, z, state) - gain >= NEED * worst and plain_nearest(y, z, group)
+    all_columns = np.column_stack([y, z, slope])
+    left = all_columns - x[begin:end] @ np.linalg.lstsq(x[begin:end], all_columns, rcond=1e-6)[0]
+    y, z, slope = left[:, 0], left[:, 1:-1], left[:, -1]
+    gain = max(gain, plain_gain(y, z, slope, state))
+    robust = plain_lead(y, z, state) - gain >= NEED * worst and plain_nearest(y, z, group)
+    return stands, robust, worst > 1.0
 
 
 def random_case(seed: int):
