@@ -19,7 +19,7 @@
 #define CHANCE 3.0
 #define ROUNDING 1e-9
 #define CHANCE_GAIN 0.5     /* nats that one free value gains by chance */
-#define EARNED BLOCKS
+#define EARNED (4 * BLOCKS)
 #define REMEMBERED (16.0 * BLOCKS)
 #define MOST_BAD 0.05
 

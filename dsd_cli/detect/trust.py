@@ -10,7 +10,7 @@ from dsd_cli.effects.memory import one_pole
 #: Blocks per window.
 BLOCKS = 16
 #: Blocks whose label was confident: so many are needed before a model is trusted, so many are looked back on.
-EARNED, REMEMBERED = BLOCKS, 16 * BLOCKS
+EARNED, REMEMBERED = 4 * BLOCKS, 16 * BLOCKS
 #: Share of them that may leave more than the noise.
 MOST_BAD = 0.05
 

@@ -95,7 +95,7 @@ def plain_unfounded(model, x, state, confident) -> tuple[list[bool], set]:
         if (k + 1) % SIZE == 0:
             bad.append(more)
         weights = (1.0 - 1.0 / 256.0) ** np.arange(len(bad))[::-1]
-        trusted = len(bad) >= 16 and sum(weights * bad) <= 0.05 * sum(weights)
+        trusted = len(bad) >= 64 and sum(weights * bad) <= 0.05 * sum(weights)
         expected.append(not (stands and (trusted or robust)))
         kinds.add((stands, robust, more, trusted))
     return expected, kinds
