@@ -88,7 +88,7 @@ def transition_text(settings: DetectorSettings) -> str:
 
 def _grid_lines(tuning: Tuning) -> list[str]:
     lines = [
-        f"{a.axis:<11} {a.value:g} added: from {a.start:g} s on the nearest candidate leaves {a.rms_before:.3g}, "
+        f"{a.axis:<11} {a.value:g} +- {a.std_error:.1g} added: from {a.start:g} s on the nearest candidate leaves {a.rms_before:.3g}, "
         f"this one {a.rms_after:.3g}"
         for a in tuning.added
     ]
