@@ -21,7 +21,7 @@
 #define CHANCE_GAIN 0.5     /* nats that one free value gains by chance */
 #define EARNED (4 * BLOCKS)
 #define REMEMBERED (16.0 * BLOCKS)
-#define MOST_BAD 0.05
+#define MOST_BAD 0.2
 
 /* where the columns of a block begin; each of the second line has one number per group (delay and effect values) */
 typedef struct { Py_ssize_t y, yy, z, zz, zy, zd, dd, dy, xx, xy, xz, xd, width; } Layout;
