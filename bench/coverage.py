@@ -1,8 +1,8 @@
 """How often the +- of a fit holds the truth: the outside rig, all that is in a log fitted, with help and without.
 
-`python -m bench coverage [--logs 200] [--first SEED] [--sensing NAME ...]`: the logs take turns with the sensings. One
-standard error comes out of a jackknife over the blocks of a log, so that 95 % are a t quantile with one degree of
-freedom less than blocks.
+`python -m bench coverage [--logs 200] [--first SEED] [--sensing NAME ...] [--delay SECONDS]`: the logs take turns with
+the sensings; without `--delay` each draws one of 0 to 25 ms, of no whole number of samples. One standard error comes
+out of a jackknife over the blocks of a log, so that 95 % are a t quantile with one degree of freedom less than blocks.
 """
 
 from __future__ import annotations
@@ -50,12 +50,14 @@ class Deviation:
         return abs(self.sigma) < float(stats.t.ppf(0.5 + 0.5 * SHARE, self.blocks - 1))
 
 
-def deviations(seed: int, sensing: str = "speed40k", duration: float = 20.0) -> Iterator[Deviation]:
+def deviations(
+    seed: int, sensing: str = "speed40k", duration: float = 20.0, delay: float | None = None
+) -> Iterator[Deviation]:
     """Of one log: with nothing known, J held at its truth, and a prior of J that is off by a draw of its spread.
 
-    That spread is the error that the log alone has, so that log and prior weigh alike.
+    That spread is the error that the log alone has, so that log and prior weigh alike. delay : s; None draws it.
     """
-    made = make([RigCase(HIDDEN, seed, sensing, duration=duration)])[0]
+    made = make([RigCase(HIDDEN, seed, sensing, duration=duration, delay=delay)])[0]
     truth = PlantModel(made.truth["inertia"], made.truth["delay"], made.truth["effects"])
     observer = ObserverSettings(made.observer["nominal_inertia"], made.observer["time_constant"])
     recording = prepare(Log(made.channels, made.sample_time, "rig"), observer)
@@ -106,11 +108,12 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--sensing", nargs="+", default=["speed40k"])
     parser.add_argument("--duration", type=float, default=20.0)
+    parser.add_argument("--delay", type=float)
     wanted = parser.parse_args(arguments)
     found: list[Deviation] = []
     for i in range(wanted.logs):
         sensing = wanted.sensing[i % len(wanted.sensing)]
-        found += deviations(wanted.first + i, sensing, wanted.duration)
+        found += deviations(wanted.first + i, sensing, wanted.duration, wanted.delay)
         print(f"\r{i + 1} of {wanted.logs} logs", end="", file=sys.stderr, flush=True)
     print(f"\n{wanted.logs} logs from {wanted.first}, {', '.join(wanted.sensing)}, {wanted.duration:g} s")
     for line in table(found):

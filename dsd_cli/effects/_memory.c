@@ -65,47 +65,69 @@ typedef struct { double position, velocity, slope, interval; } Motor;  /* motion
 /* how deep in contact the damping is fully there, as a share of gap/2 */
 #define FULL_DAMPING 0.1
 
-static double contact(const Coupling *c, double depth, double closing) {
+/* laws of the coupling, bits: no force; the damping fades in, or is fully there, on either flank */
+enum { NO_FORCE = 1, FADING = 2, IN_CONTACT = 4, OTHER_FLANK = 2 };
+
+static double contact(const Coupling *c, double depth, double closing, int *laws, int flank) {
     const double share = depth / (FULL_DAMPING * c->half_gap);
     const double a = c->square * depth + c->drag * closing * (share < 1.0 ? share : 1.0);
+    *laws |= a > 0.0 ? (share < 1.0 ? FADING : IN_CONTACT) << flank : NO_FORCE;
     return a > 0.0 ? a : 0.0;
 }
 
-/* acceleration of the load: `apart` = motor less load, `closing` = its rate; a contact pushes and never pulls */
-static double pull(const Coupling *c, double apart, double closing) {
+/* acceleration of the load: `apart` = motor less load, `closing` = its rate; a contact pushes and never pulls.
+ * The law that holds is added to the laws */
+static double pull(const Coupling *c, double apart, double closing, int *laws) {
     if (c->half_gap == 0.0) return c->square * apart + c->drag * closing;
-    if (apart > c->half_gap) return contact(c, apart - c->half_gap, closing);
-    if (apart < -c->half_gap) return -contact(c, -apart - c->half_gap, -closing);
+    if (apart > c->half_gap) return contact(c, apart - c->half_gap, closing, laws, 0);
+    if (apart < -c->half_gap) return -contact(c, -apart - c->half_gap, -closing, laws, OTHER_FLANK);
+    *laws |= NO_FORCE;
     return 0.0;
 }
 
-static double pull_at(const Coupling *c, const Motor *m, double s, double position, double velocity) {
+static double pull_at(const Coupling *c, const Motor *m, double s, double position, double velocity, int *laws) {
     const double place = m->position + m->velocity * (s - 0.5 * m->interval) + 0.5 * m->slope * s * (s - m->interval);
     const double speed = m->velocity + m->slope * (s - 0.5 * m->interval);
-    return pull(c, place - position, speed - velocity);
+    return pull(c, place - position, speed - velocity, laws);
 }
 
-/* one interval by classical Runge-Kutta steps of at most so many radians of the load's own oscillation; a contact begins
- * and ends within a step, so a gap needs shorter ones */
+/* one classical Runge-Kutta step from s; the laws that hold on its way */
+static int step(const Coupling *c, const Motor *m, double s, double h, Load *load) {
+    int laws = 0;
+    const double q = load->position, v = load->velocity;
+    const double a1 = pull_at(c, m, s, q, v, &laws);
+    const double v2 = v + 0.5 * h * a1, a2 = pull_at(c, m, s + 0.5 * h, q + 0.5 * h * v, v2, &laws);
+    const double v3 = v + 0.5 * h * a2, a3 = pull_at(c, m, s + 0.5 * h, q + 0.5 * h * v2, v3, &laws);
+    const double v4 = v + h * a3, a4 = pull_at(c, m, s + h, q + h * v3, v4, &laws);
+    load->position = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4);
+    load->velocity = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
+    pull_at(c, m, s + h, load->position, load->velocity, &laws);
+    return laws;
+}
+
+/* one interval by steps of at most so many radians of the load's own oscillation; a step within which one law ends and
+ * another begins is cut into PARTS */
 #define STEP 0.2
-#define STEP_WITH_GAP 0.0125
+#define STEP_WITH_GAP 0.1
+#define PARTS 8
 #define MOST_STEPS 10000.0
 
 static void advance(const Coupling *c, const Motor *m, Load *load) {
     double count = ceil(c->rate * m->interval / (c->half_gap > 0.0 ? STEP_WITH_GAP : STEP)), h;
-    Py_ssize_t i, steps;
+    Py_ssize_t i, j, steps;
     if (!(count >= 1.0)) count = 1.0;
     if (count > MOST_STEPS) count = MOST_STEPS;
     steps = (Py_ssize_t)count;
     h = m->interval / count;
     for (i = 0; i < steps; i++) {
-        const double s = (double)i * h, q = load->position, v = load->velocity;
-        const double a1 = pull_at(c, m, s, q, v);
-        const double v2 = v + 0.5 * h * a1, a2 = pull_at(c, m, s + 0.5 * h, q + 0.5 * h * v, v2);
-        const double v3 = v + 0.5 * h * a2, a3 = pull_at(c, m, s + 0.5 * h, q + 0.5 * h * v2, v3);
-        const double v4 = v + h * a3, a4 = pull_at(c, m, s + h, q + h * v3, v4);
-        load->position = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4);
-        load->velocity = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
+        const double s = (double)i * h;
+        Load end = *load;
+        const int laws = step(c, m, s, h, &end);
+        if (laws & (laws - 1)) {
+            end = *load;
+            for (j = 0; j < PARTS; j++) step(c, m, s + (double)j * h / PARTS, h / PARTS, &end);
+        }
+        *load = end;
     }
 }
 
@@ -150,6 +172,7 @@ static PyObject *driven_rows(PyObject *module, PyObject *args) {
     Coupling k;
     double interval, own, apart = 0.0, closing = 0.0;
     Py_ssize_t i, j, steps;
+    int laws = 0;
     (void)module;
     if (!PyArg_ParseTuple(args, "O(dddd)ddnO", &objects[0], &k.square, &k.drag, &k.half_gap, &k.rate, &own, &interval,
                           &steps, &objects[1])) return NULL;
@@ -163,10 +186,10 @@ static PyObject *driven_rows(PyObject *module, PyObject *args) {
             double sum = 0.0;
             for (j = 0; j < steps; j++) {
                 const double q = apart, v = closing;
-                const double p1 = pull(&k, q, v), a1 = push[i] - p1 / own;
-                const double v2 = v + 0.5 * h * a1, p2 = pull(&k, q + 0.5 * h * v, v2), a2 = push[i] - p2 / own;
-                const double v3 = v + 0.5 * h * a2, p3 = pull(&k, q + 0.5 * h * v2, v3), a3 = push[i] - p3 / own;
-                const double v4 = v + h * a3, p4 = pull(&k, q + h * v3, v4), a4 = push[i] - p4 / own;
+                const double p1 = pull(&k, q, v, &laws), a1 = push[i] - p1 / own;
+                const double v2 = v + 0.5 * h * a1, p2 = pull(&k, q + 0.5 * h * v, v2, &laws), a2 = push[i] - p2 / own;
+                const double v3 = v + 0.5 * h * a2, p3 = pull(&k, q + 0.5 * h * v2, v3, &laws), a3 = push[i] - p3 / own;
+                const double v4 = v + h * a3, p4 = pull(&k, q + h * v3, v4, &laws), a4 = push[i] - p4 / own;
                 apart = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4);
                 closing = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
                 sum += (p1 + 2.0 * p2 + 2.0 * p3 + p4) / 6.0;

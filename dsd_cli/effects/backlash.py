@@ -10,6 +10,8 @@ from dsd_cli.effects.memory import Coupling, Load, load_acceleration
 #: Damping ratio of the contact: with it the load comes to rest after a few bounces. It is not a parameter, because a
 #: log hardly tells it. With less damping a load that rattles between the flanks cannot be followed from samples.
 CONTACT_DAMPING = 0.3
+#: Contacts are searched up to so many times the band in which forces are balanced: stiffer ones look as rigid.
+HIGHEST = 4.0
 
 
 def _columns(channels: Channels, shape: Shape, state: Load | None) -> tuple[tuple[Any, ...], Load]:
@@ -27,7 +29,8 @@ def _starts(ranges: Ranges) -> list[Shape]:
     if not (ranges.duration > 0.0 and ranges.sample_time > 0.0):
         return []
     gaps = log_spaced(1e-4 * ranges.travel, 0.2 * ranges.travel, 6)
-    frequencies = log_spaced(max(5.0 / ranges.duration, 2.0), 0.1 / ranges.sample_time, 3)
+    highest = min(0.1 / ranges.sample_time, HIGHEST * ranges.band_hz)
+    frequencies = log_spaced(min(max(5.0 / ranges.duration, 2.0), highest), highest, 3)
     return [{"gap": gap, "frequency": f} for gap, f in product(gaps, frequencies)]
 
 

@@ -29,8 +29,8 @@ COMPILED = _find_compiled()
 FULL_DAMPING = 0.1
 #: Runge-Kutta steps of the load are at most this long, in radians of its own oscillation.
 STEP = 0.2
-#: And with a gap: a contact begins and ends within a step.
-STEP_WITH_GAP = 0.0125
+#: And with a gap; a step within which a contact begins or ends is cut into so many.
+STEP_WITH_GAP, PARTS = 0.1, 8
 #: And no interval is cut into more steps than this.
 MOST_STEPS = 10_000
 
@@ -80,6 +80,13 @@ class Coupling(NamedTuple):
         if apart < -self.half_gap:
             return -self._contact(-apart - self.half_gap, -closing)
         return 0.0
+
+    def regime(self, apart: float, closing: float) -> int:
+        """The law that holds: 0 no force, +-1 the damping fades in, +-2 it is fully there; the sign is the flank."""
+        depth = abs(apart) - self.half_gap
+        if self.half_gap == 0.0 or depth <= 0.0 or self.pull(apart, closing) == 0.0:
+            return 0
+        return (1 if apart > 0.0 else -1) * (1 if depth < FULL_DAMPING * self.half_gap else 2)
 
     def _contact(self, depth: float, closing: float) -> float:
         share = depth / (FULL_DAMPING * self.half_gap)
@@ -150,26 +157,40 @@ def _load_row(
 
 def _run(coupling: Coupling, motor: Motor, q: float, v: float) -> tuple[float, float]:
     """Position and speed of the load after the interval, by classical Runge-Kutta steps."""
-    step = STEP_WITH_GAP if coupling.half_gap > 0.0 else STEP
-    steps = min(max(math.ceil(coupling.rate * motor.interval / step), 1), MOST_STEPS)
+    longest = STEP_WITH_GAP if coupling.half_gap > 0.0 else STEP
+    steps = min(max(math.ceil(coupling.rate * motor.interval / longest), 1), MOST_STEPS)
     h = motor.interval / steps
+    for i in range(steps):
+        s = i * h
+        q_end, v_end, smooth = _step(coupling, motor, s, h, q, v)
+        if not smooth:
+            q_end, v_end = q, v
+            for j in range(PARTS):
+                q_end, v_end, _ = _step(coupling, motor, s + j * h / PARTS, h / PARTS, q_end, v_end)
+        q, v = q_end, v_end
+    return q, v
+
+
+def _step(coupling: Coupling, motor: Motor, s: float, h: float, q: float, v: float) -> tuple[float, float, bool]:
+    """(position, speed) of the load h later, and whether one law of the coupling holds throughout."""
+    laws = set()
 
     def pull(s: float, position: float, speed: float) -> float:
         place, rate = motor.at(s)
+        laws.add(coupling.regime(place - position, rate - speed))
         return coupling.pull(place - position, rate - speed)
 
-    for i in range(steps):
-        s = i * h
-        a1 = pull(s, q, v)
-        v2 = v + 0.5 * h * a1
-        a2 = pull(s + 0.5 * h, q + 0.5 * h * v, v2)
-        v3 = v + 0.5 * h * a2
-        a3 = pull(s + 0.5 * h, q + 0.5 * h * v2, v3)
-        v4 = v + h * a3
-        a4 = pull(s + h, q + h * v3, v4)
-        q = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
-        v = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-    return q, v
+    a1 = pull(s, q, v)
+    v2 = v + 0.5 * h * a1
+    a2 = pull(s + 0.5 * h, q + 0.5 * h * v, v2)
+    v3 = v + 0.5 * h * a2
+    a3 = pull(s + 0.5 * h, q + 0.5 * h * v2, v3)
+    v4 = v + h * a3
+    a4 = pull(s + h, q + h * v3, v4)
+    q = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
+    v = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+    pull(s + h, q, v)
+    return q, v, len(laws) == 1
 
 
 def driven_motor(push: Array, interval: float, coupling: Coupling, share: float, step: float) -> Array:

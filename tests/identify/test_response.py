@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from dsd_cli.effects.memory import Coupling, driven_load
+from dsd_cli.effects.memory import Coupling, driven_load, load_acceleration
 from dsd_cli.identify.compare.evaluation import force_view
 from dsd_cli.identify.fit.asked import Settings
+from dsd_cli.identify.fit.bank import raw_columns
 from dsd_cli.identify.fit.driven import with_driven_load
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.improve import add_effect, improve
@@ -168,20 +169,26 @@ def test_a_model_without_a_load_drives_none(swinging):
     assert same is swinging.recording
 
 
-def test_the_motor_of_a_model_with_a_load_moves_as_the_axis_did():
-    """Against the exact motion, which no log tells: the encoder's own second difference is noise."""
-    log, exact = make_exact(RigCase(what=("backlash",), seed=0, sensing="enc4096"))
-    axis = Axis(("backlash",), 0)
-    (driven,) = with_driven_load(
-        [axis.recording], PlantModel(log.truth["inertia"], log.truth["delay"], log.truth["effects"])
-    )
-    moved = driven.pieces[0]["driven"]
-    measured = driven.pieces[0]["acceleration"]
-    logged = exact.motion.t >= 0.0
-    true = np.gradient(exact.motion.v, exact.motion.t)[logged][: len(moved)]
-    half = slice(500, None)
-    assert np.std(moved[half] - true[half]) < 0.2 * np.std(true[half])
-    assert np.std(measured[half] - true[half]) > np.std(true[half])
+@pytest.mark.parametrize(("seed", "sensing"), [(0, "enc4096"), (8, "speed40k")])
+def test_the_load_of_a_model_moves_as_that_of_the_axis_did(seed, sensing):
+    """Against the exact motion of the load, which no log tells: with play a sampled motor would not tell it either."""
+    log, exact = make_exact(RigCase(what=("backlash",), seed=seed, sensing=sensing))
+    model = PlantModel(log.truth["inertia"], log.truth["delay"], log.truth["effects"])
+    problem = pose([Axis(("backlash",), seed, sensing).recording], model, Settings())
+    (term,) = [t for t in problem.base if t.id == "backlash"]
+    stretch = problem.errors.bank.equations.stretches[0]
+    moved = raw_columns(problem.errors.bank.equations, term, log.truth["delay"])[0][0]
+    first = int(np.searchsorted(exact.motion.t, -1e-9))  # the log begins here
+    true = np.diff(exact.motion.load_v[first - 1 :])[: len(moved)] / log.sample_time  # the interval that ends there
+    late = slice(500, None)
+    assert "push" in stretch.log
+    by_motion, _ = load_acceleration(
+        *(exact.motion.q[first:], exact.motion.v[first:], np.full(len(true), log.sample_time)),
+        term.effect.coupling(term.shape), None,
+    )  # fmt: skip
+    error, other = (np.std(x[late] - true[late]) / np.std(true[late]) for x in (moved, by_motion))
+    assert error < 0.1
+    assert other > error
 
 
 def test_blocks_hold_equal_parts_of_what_tells_two_residuals_apart():

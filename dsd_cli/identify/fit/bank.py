@@ -10,9 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dsd_cli.effects import Effect, Ranges, Role, Shape, get_effect
+from dsd_cli.effects.memory import Coupling, driven_load
 from dsd_cli.identify.fit.equations import Equations, Stretch, mean_of_middles
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
+
+#: Longest Runge-Kutta step of a load that a force drives, radians of the free vibration.
+_STEP = 0.05
 
 
 @dataclass(frozen=True)
@@ -84,11 +88,15 @@ class Bank:
     plain : a bank of the same rows in the unit of u, whose rows this one whitens; None: the rows are as `equations`
         has them without whitening.
     variance : of the sensor's noise in a row of the acceleration. It would pull the inertia down (errors in variables).
+    around : share of a step of delay at which the drive is exact, and linear beside it; None mixes two whole steps,
+        which takes up to an eighth of (w step)^2 off the drive.
     delay_step : samples from one whole-step delay ("tap") to the next.
     """
 
-    def __init__(self, equations: Equations, plain: Bank | None = None, variance: float = 0.0) -> None:
-        self.equations, self._plain, self.variance = equations, plain, variance
+    def __init__(
+        self, equations: Equations, plain: Bank | None = None, variance: float = 0.0, around: float | None = None
+    ) -> None:
+        self.equations, self._plain, self.variance, self._around = equations, plain, variance, around
         self.delay_step = max(1, int(equations.band.step * POLICY.delay_step_share))
         self._known: dict[Any, list[Array]] = {}
 
@@ -100,14 +108,24 @@ class Bank:
     def design(self, terms: Terms, tap: int, keep: bool = True) -> Design:
         """The equations of these effects at a delay of `tap` steps; `keep` caches new columns."""
         inputs, held = inputs_of(terms), holds(terms)
-        drive, later = (self.drive(inputs, n, keep, held) for n in (tap, tap + 1))
-        rows, signed, widths = [drive, self.acceleration, drive - later], [True, True], []
+        drive, step = self._drive_and_step(inputs, tap, keep, held)
+        rows, signed, widths = [drive, self.acceleration, step], [True, True], []
         for term in terms:
             columns = [] if term.effect.role is Role.INPUT else self.columns(term, tap, keep, held)
             rows += columns
             signed += [not_negative(term, len(columns))] * len(columns)
             widths.append(len(columns))
         return Design(rows, signed, tuple(widths), self._noise_of(terms, tuple(widths), keep))
+
+    def _drive_and_step(self, inputs: Terms, tap: int, keep: bool, held: bool) -> tuple[Array, Array]:
+        """(drive, its change over one more step of delay): drive - share x change is the drive between steps."""
+        if self._around is None:
+            drive, later = (self.drive(inputs, n, keep, held) for n in (tap, tap + 1))
+            return drive, drive - later
+        ends = max(tap + self._around - 0.5, 0.0), tap + self._around + 0.5
+        early, late = (self.drive(inputs, n, keep, held) for n in ends)
+        step = (early - late) / (ends[1] - ends[0])
+        return self.drive(inputs, tap + self._around, keep, held) + self._around * step, step
 
     @cached_property
     def acceleration(self) -> Array:
@@ -153,15 +171,15 @@ class Bank:
         rows = self.equations.plain([s.noise for s in self.equations.stretches])
         return self.equations.whitened(rows)
 
-    def drive(self, inputs: Terms, tap: int, keep: bool = True, held: bool = False) -> Array:
-        """The command after these input effects, `tap` steps late; `held`: see `Stretch.acting`."""
+    def drive(self, inputs: Terms, tap: float, keep: bool = True, held: bool = False) -> Array:
+        """The command after these input effects, `tap` steps late, also between; `held`: see `Stretch.acting`."""
         key = (inputs, tap, held)
         if key in self._known:
             return self._known[key][0]
         if self._plain is not None:
             made = self.equations.whitened(self._plain.drive(inputs, tap, keep, held))
         else:
-            made = self.equations.acting(drive(self.equations, inputs, tap * self.tap_time), smooth=False, held=held)
+            made = self.equations.commanded(commands(self.equations, inputs), tap * self.tap_time, held)
         if keep:
             self._known[key] = [made]
         return made
@@ -197,21 +215,25 @@ def noisy_load(equations: Equations, term: Term) -> list[Array]:
     found = []
     for s in equations.stretches:
         unused = s.log["u"]
-        (plain, *_), _ = term.effect.run(s.channels(unused, term.effect), term.shape)
-        noisy = replace(s, integrated=s.with_noise)
-        (more, *_), _ = term.effect.run(noisy.channels(unused, term.effect), term.shape)
+        (plain, *_), (more, *_) = (_columns(x, term, unused) for x in (s, replace(s, integrated=s.with_noise)))
         found.append(np.nan_to_num(more - plain))
     return found
 
 
 def drive(equations: Equations, inputs: Terms, delay: float) -> list[Array]:
     """The command after these input effects, `delay` s late: mean per interval, by stretch."""
+    changed = zip(equations.stretches, commands(equations, inputs), strict=True)
+    return [s.frame.mean_u(command, delay) for s, command in changed]
+
+
+def commands(equations: Equations, inputs: Terms) -> list[Array]:
+    """The command after these input effects, by stretch."""
     found = []
     for s in equations.stretches:
         command = s.log["u"]
         for term in inputs:
             command = s.frame.changed_command(term.id, term.shape, command)
-        found.append(s.frame.mean_u(command, delay))
+        found.append(command)
     return found
 
 
@@ -228,6 +250,8 @@ def raw_columns(equations: Equations, term: Term, delay: float) -> list[list[Arr
 
 def _columns(stretch: Stretch, term: Term, u: Array) -> list[Array]:
     effect = term.effect
+    if "push" in stretch.log and effect.coupling is not None:
+        return [_pushed_load(stretch, effect.coupling(term.shape))]
     found, _ = effect.run(stretch.channels(u, effect), term.shape)
     columns = [np.broadcast_to(c, len(u)) for c in found]
     if effect.role is Role.FRICTION:
@@ -235,6 +259,11 @@ def _columns(stretch: Stretch, term: Term, u: Array) -> list[Array]:
     if effect.role is Role.STRUCTURE:
         return columns
     return [-c if effect.memory else -mean_of_middles(c) for c in columns]
+
+
+def _pushed_load(stretch: Stretch, coupling: Coupling) -> Array:
+    """Mean acceleration of a load behind a motor that the model's force drives (`fit.driven`)."""
+    return driven_load(stretch.log["push"], stretch.log.sample_time, coupling, stretch.load_share, _STEP)
 
 
 def ranges(equations: Equations) -> Ranges:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -55,7 +56,7 @@ class Rules:
     tap: int
     tap_time: float
 
-    @property
+    @cached_property
     def names(self) -> list[str]:
         """Values that depend on coefficients, and of which something is known."""
         here = {t.id: t for t in self.terms}
@@ -68,7 +69,7 @@ class Rules:
                     found.append(name)
         return found
 
-    @property
+    @cached_property
     def whole(self) -> dict[str, tuple[float, ...]]:
         """Effect -> its coefficients (per J for a load), where all that its columns carry is held."""
         found = {}

@@ -1,9 +1,10 @@
 """A load on the motor driven by what the model says, not by what a noisy sensor measured.
 
 The acceleration of a load follows from the motor's motion. A coarse sensor's noise moves a simulated load that no motor
-ever moved: it would pick up play at every count. So a model that has a load already may also drive it by its own force,
+ever moved: it would pick up play at every count; and of a stiff contact samples of any motion tell too little. So a
+model that has a load already may also drive it by its own force,
 
-    F = u(t - L) + forces,    both masses by `effects.memory.driven_motor`,
+    F = u(t - L) + forces,    the load by `effects.memory.driven_load` of F / (s_m J),
 
 and that is taken where it leaves clearly less of the balance: else the values may be wrong, and a load that hangs on
 them could not be fitted.
@@ -18,8 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from dsd_cli.effects import Role
-from dsd_cli.effects.memory import driven_motor
-from dsd_cli.identify.fit.bank import Bank, Term, Terms, drive, holds, inputs_of, raw_columns
+from dsd_cli.identify.fit.bank import Bank, Terms, drive, holds, inputs_of, raw_columns
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.values import coefficients_of, terms_of
 from dsd_cli.identify.policy import POLICY
@@ -27,21 +27,24 @@ from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array, with_channels
 
-#: Longest Runge-Kutta step, radians of the free vibration.
-_STEP = 0.05
-
 
 def with_driven_load(recordings: Sequence[Recording], model: PlantModel) -> tuple[Recording, ...]:
-    """The recordings with "driven", the acceleration of the motor of a model with a load, if that leaves less."""
+    """The recordings with "push", what a model with a load does to the motor alone, if that leaves less."""
     terms = terms_of(model)
     loads = [t for t in terms if t.effect.coupling is not None]
     if len(loads) != 1 or not recordings:
         return tuple(recordings)
+    (share,), _ = loads[0].effect.to_columns(model.effects[loads[0].id], model.inertia)
     startup = math.ceil(model.delay / recordings[0].sample_time) + 3
     measured = equations_of([_bare(r) for r in recordings], startup)
-    moved = {id(s.log): x for s, x in zip(measured.stretches, _motor(measured, model, terms, loads[0]), strict=True)}
+    pushes = _pushes(measured, model, terms, share)
+    by_piece = {id(s.log): x for s, x in zip(measured.stretches, pushes, strict=True)}
     driven = tuple(
-        replace(r, pieces=tuple(with_channels(p, driven=moved[id(p)]) if id(p) in moved else p for p in r.pieces))
+        replace(
+            r,
+            pieces=tuple(with_channels(p, push=by_piece[id(p)]) if id(p) in by_piece else p for p in r.pieces),
+            load_share=share,
+        )
         for r in measured.recordings
     )
     own = equations_of(driven, startup, measured.band)
@@ -51,19 +54,16 @@ def with_driven_load(recordings: Sequence[Recording], model: PlantModel) -> tupl
 
 def _bare(recording: Recording) -> Recording:
     """Without what an earlier model drove."""
-    if not any("driven" in p for p in recording.pieces):
+    if not any("push" in p for p in recording.pieces):
         return recording
     pieces = (
-        replace(p, channels={name: x for name, x in p.channels.items() if name != "driven"}) for p in recording.pieces
+        replace(p, channels={name: x for name, x in p.channels.items() if name != "push"}) for p in recording.pieces
     )
-    return replace(recording, pieces=tuple(pieces))
+    return replace(recording, pieces=tuple(pieces), load_share=0.0)
 
 
-def _motor(equations: Equations, model: PlantModel, terms: Terms, load: Term) -> list[Array]:
-    """Acceleration of the motor under the model's forces, as the sensor averages it, by stretch."""
-    coupling = load.effect.coupling
-    assert coupling is not None
-    (share,), _ = load.effect.to_columns(model.effects[load.id], model.inertia)
+def _pushes(equations: Equations, model: PlantModel, terms: Terms, share: float) -> list[Array]:
+    """F / (s_m J), mean per interval, by stretch."""
     forces = drive(equations, inputs_of(terms), model.delay)
     for term in terms:
         if term.effect.role in (Role.INPUT, Role.STRUCTURE):
@@ -71,13 +71,8 @@ def _motor(equations: Equations, model: PlantModel, terms: Terms, load: Term) ->
         given, _ = term.effect.to_columns(model.effects[term.id], model.inertia)
         for c, by_stretch in zip(given, raw_columns(equations, term, model.delay), strict=True):
             forces = [force - c * x for force, x in zip(forces, by_stretch, strict=True)]
-    found = []
-    for s, force in zip(equations.stretches, forces, strict=True):
-        free = s.free if holds(terms) else 1.0
-        push = np.nan_to_num(force) * free / ((1.0 - share) * model.inertia)
-        moved = driven_motor(push, equations.sample_time, coupling(load.shape), share, _STEP)
-        found.append(s.averaged(moved, False))
-    return found
+    free = [s.free if holds(terms) else 1.0 for s in equations.stretches]
+    return [np.nan_to_num(f) * x / ((1.0 - share) * model.inertia) for f, x in zip(forces, free, strict=True)]
 
 
 def _left(equations: Equations, model: PlantModel, terms: Terms) -> float:

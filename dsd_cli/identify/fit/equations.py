@@ -27,6 +27,7 @@ from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.recordings.regular import MEAN_OF_FOUR
 from dsd_cli.identify.recordings.rest import resting
 from dsd_cli.identify.recordings.sensor import Sensor
+from dsd_cli.plant.filtering import delay_taps
 from dsd_cli.plant.forces import IntervalChannels
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Array, Log
@@ -38,6 +39,8 @@ _SEED = 20261121
 _CERTAIN = 4.0
 #: Value in the middle of the interval between the inner two of four samples (exact for cubics).
 _MIDDLE_OF_FOUR = np.array([-1.0, 9.0, 9.0, -1.0]) / 16.0
+#: Cubic through the values at -1, 0, 1 and 2: the powers (columns) in the weight of each.
+_CUBIC = np.array([[0.0, -2.0, 3.0, -1.0], [6.0, -3.0, -6.0, 3.0], [0.0, 6.0, 3.0, -3.0], [0.0, -1.0, 0.0, 1.0]]) / 6.0
 #: Mean over an interval out of the values in the middle of it and of its neighbours.
 _MEAN_OF_MIDDLES = np.array([1.0, 22.0, 1.0]) / 24.0
 
@@ -51,12 +54,13 @@ class Stretch:
     middle, mean : motion in the middle of each interval, and its mean over the interval.
     integrated : mean motion out of the measured acceleration, noise and all, but for a constant speed. A load that
         is coupled to the motor is driven by it: with a smoother motion it would imitate a noise-free acceleration.
-        Where the recording has "driven" (`fit.driven`), out of that instead, and there is no noise in it.
     noise : a synthetic realisation of the sensor noise in the acceleration; with_noise : `integrated` plus that.
     free : 1 where the axis slides, so that friction's direction is known, 0 where friction holds.
     sign : mean of sgn v, 0 where it is not known.
     acceleration : as measured.
     two_intervals : the acceleration is a mean over both intervals beside a sample.
+    stepping : the command jumps at samples alone; not where it was measured, or put on a regular clock.
+    load_share : see `Recording`.
     """
 
     log: Log
@@ -70,6 +74,8 @@ class Stretch:
     sign: Array
     acceleration: Array
     two_intervals: bool
+    stepping: bool
+    load_share: float
 
     def channels(self, drive: Array, effect: Effect) -> Channels:
         """What an effect looks at under that delayed u: means over the interval, or the values in the middle of it."""
@@ -86,6 +92,32 @@ class Stretch:
         held : there is friction, so that at rest all forces balance and count as 0.
         """
         return self.averaged(x * self.free if held else x, smooth)
+
+    def commanded(self, command: Array, delay: float, held: bool) -> Array:
+        """A command, `delay` s late, as the acceleration averages it; held: see `acting`.
+
+        Between whole samples the mean of a held u over one interval is linear in the delay, and that under the hat is
+        its integral: by trapezoids from knot to knot. A u that is not held there follows a cubic through four samples.
+        """
+        step = self.frame.log.sample_time
+        whole, part = delay_taps(delay, step)
+
+        def late(samples: float) -> Array:
+            mean = self.frame.mean_u(command, max(samples, 0) * step)
+            mean = mean if samples >= 0 else np.append(mean[1:], mean[-1])
+            return self.acting(mean, not self.stepping, held)
+
+        if part == 0.0:
+            return late(whole)
+        if not self.stepping:
+            nodes = zip(_CUBIC @ part ** np.arange(4.0), range(-1, 3), strict=True)
+            return np.asarray(sum(weight * late(whole + k) for weight, k in nodes))
+        if not self.two_intervals:
+            return late(whole + part)
+        ends, knot = (
+            self.frame.mean_u(command, x * step) * (self.free if held else 1.0) for x in (whole + part, whole)
+        )
+        return 0.5 * (part * ends + knot + (1.0 - part) * np.append(ends[1:], ends[-1]))
 
     def averaged(self, x: Array, smooth: bool) -> Array:
         """x per interval -> as the acceleration averages it."""
@@ -136,6 +168,10 @@ class Equations:
     def acting(self, raw: Sequence[Array], smooth: bool, held: bool) -> Array:
         """Forces per interval of every stretch -> rows in the unit of u; see `Stretch.acting`."""
         return self.plain([s.acting(x, smooth, held) for s, x in zip(self.stretches, raw, strict=True)])
+
+    def commanded(self, commands: Sequence[Array], delay: float, held: bool) -> Array:
+        """A command of every stretch, `delay` s late -> rows in the unit of u; see `Stretch.commanded`."""
+        return self.plain([s.commanded(u, delay, held) for s, u in zip(self.stretches, commands, strict=True)])
 
     def acceleration(self) -> Array:
         """Rows of the measured acceleration."""
@@ -197,20 +233,20 @@ def _stretch(log: Log, recording: Recording) -> Stretch:
     speed = log["velocity"]
     known = ~resting(speed, log["rest_speed"])
     noise = sensor.noise.made(len(log), np.random.default_rng(_SEED))
-    driven = "driven" in log
-    drives = log["driven" if driven else "acceleration"]
     return Stretch(
         log=log,
         frame=frame,
         middle=_motion(log, motion, _MIDDLE_OF_FOUR),
         mean=_motion(log, motion, MEAN_OF_FOUR),
-        integrated=_integrated(drives, log.sample_time, motion, sensor),
+        integrated=_integrated(log["acceleration"], log.sample_time, motion, sensor),
         noise=noise,
-        with_noise=_integrated(drives if driven else drives + noise, log.sample_time, motion, sensor),
+        with_noise=_integrated(log["acceleration"] + noise, log.sample_time, motion, sensor),
         free=known.astype(np.float64),
         sign=np.where(known, direction(speed, log["speed_noise"]), 0.0),
         acceleration=log["acceleration"],
         two_intervals=sensor.two_intervals,
+        stepping=log.u_hold == "held" and "white" not in log,
+        load_share=recording.load_share,
     )
 
 

@@ -198,7 +198,7 @@ def asked_of_all(problem: Problem, recordings: Sequence[Recording], holdout: Seq
     few = problem.equations
     recordings, holdout = (with_driven_load(some, problem.model) for some in (recordings, holdout))
     equations = equations_of(recordings, few.startup, few.band)
-    plain = Bank(equations, variance=passed_variance(np.ones(1), few.band, _sensor(recordings)))
+    plain = Bank(equations, variance=passed_variance(np.ones(1), few.band, _sensor(recordings, sure=True)))
     blocks = lay_blocks(equations.lengths, POLICY.gap_rows, recordings[0].name)
     white = Bank(equations.with_whitening(few.whitening), plain, problem.solver.bank.variance)
     known = problem.solver.known
@@ -236,7 +236,7 @@ def _bank(recordings: Sequence[Recording], longest: float, widened: float) -> tu
     startup = math.ceil(longest / recordings[0].sample_time) + 3
     equations = equations_of(recordings, startup, widened=widened)
     check_used(recordings, equations)
-    bank = Bank(equations, variance=passed_variance(np.ones(1), equations.band, _sensor(recordings)))
+    bank = Bank(equations, variance=passed_variance(np.ones(1), equations.band, _sensor(recordings, sure=True)))
     return bank, max(int(longest / bank.tap_time) - 1, 1)
 
 
@@ -289,11 +289,12 @@ def _with_noise(problem: Problem, fit: Fit) -> Problem:
     equations = plain.equations.with_whitening(taps)
     white = equations.whitened(residual)[equations.kept]
     noise = Noise(float(np.mean(white**2)), inflation(white), residual)
-    bank, known = Bank(equations, plain, passed_variance(taps, band, sensor)), problem.solver.known
+    variance = passed_variance(taps, band, _sensor(problem.recordings, sure=True))
+    bank, known = Bank(equations, plain, variance), problem.solver.known
     solver = Solver(bank, blocks, inertia, known, noise.variance * noise.inflation)
     return replace(problem, solver=solver, noise=noise)
 
 
-def _sensor(recordings: Sequence[Recording]) -> SensorNoise:
-    """The noise of the noisiest sensor."""
-    return max((r.sensor.noise for r in recordings), key=lambda noise: noise.scale)
+def _sensor(recordings: Sequence[Recording], sure: bool = False) -> SensorNoise:
+    """The noise of the noisiest sensor; `sure`: what is taken out of the normal equations of it."""
+    return max((r.sensor.sure if sure else r.sensor.noise for r in recordings), key=lambda noise: noise.scale)

@@ -18,11 +18,14 @@ from dsd_cli.effects import Role
 from dsd_cli.identify.fit.bank import SHARE, Bank, Terms, holds
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.solve import Fit, Solver
+from dsd_cli.identify.fit.values import MOST_SHARE
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
 
-#: Mean of sgn v from which on the direction is sure; rounds in which the weights are found, and the delay's step.
-_SURE, _ROUNDS, _STEPS = 0.999, 3, 4
+#: Mean of sgn v from which on the direction is sure; rounds in which the weights are found, and the delay.
+_SURE, _ROUNDS, _DELAYS = 0.999, 3, 4
+#: Share of a step of delay that is the least aimed at, and the change of it that ends the rounds.
+_CLEAR, _SETTLED = 0.25, 0.01
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     ----------
     plain : the bank of the same rows in the unit of u.
     """
-    fit = _centred(fit, solver)
+    fit, solver = _exact(fit, solver, plain)
     equations = solver.bank.equations
     counted = equations.kept if holds(fit.terms) else np.ones(len(plain.acceleration), dtype=bool)
     sure = counted & sure_rows(fit.terms, equations, POLICY.unsure_share)
@@ -69,8 +72,6 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     unsure = counted & ~sure
     least = POLICY.rows_per_value * (len(fit.total) + sum(len(t.items) for t in fit.terms))
     if sure.sum() < least or not unsure.any():
-        return Weighed(solver, fit, _residual(fit, solver.bank), float(counted.sum()))
-    if not clear_of_noise(solver.bank, sure):
         return Weighed(solver, fit, _residual(fit, solver.bank), float(counted.sum()))
     for _ in range(_ROUNDS):
         left = _residual(fit, solver.bank) ** 2
@@ -81,7 +82,8 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
         bank = Bank(replace(equations, trust=trust), plain, solver.bank.variance * size / len(trust))
         nats = min(quiet, solver.variance)
         trusting = Solver(bank, solver.blocks, solver.inertia, solver.known, nats)
-        fit = _centred(trusting.fit(fit.terms, fit.tap), trusting)
+        fit, trusting = _exact(trusting.fit(fit.terms, fit.tap), trusting, plain)
+        bank = trusting.bank
     return Weighed(trusting, fit, _residual(fit, bank), size)
 
 
@@ -93,17 +95,28 @@ def inflation(white: Array, most: int = POLICY.correlated_rows) -> float:
     return float(max(1.0, 1.0 + 2.0 * np.sum(products[1:]) / max(products[0], 1e-300))) if lags else 1.0
 
 
-def _centred(fit: Fit, solver: Solver) -> Fit:
-    """The same at the whole-step delay below which, and beyond which, the fitted one may still lie.
+def _exact(fit: Fit, solver: Solver, plain: Bank) -> tuple[Fit, Solver]:
+    """The same with the drive at the fitted delay itself: a mix of two whole steps is low-passed.
 
-    Between whole steps two delays are mixed; a share that stands on 0 or beyond 1 would hold the other values.
+    The share beyond the whole steps stays clear of 0 and of where it ends: there it would hold the other values.
     """
-    for _ in range(_STEPS):
-        tap = max(round(fit.tap + float(fit.total[SHARE])) - 1, 0)
-        if tap == fit.tap or tap not in solver.taps(tap):
-            break
+    bank = solver.bank
+    for _ in range(_DELAYS):
+        delay = fit.tap + float(fit.total[SHARE])
+        tap = max(math.floor(delay - _CLEAR), 0)
+        tap = tap if tap in solver.taps(tap) else fit.tap
+        around = min(max(delay - tap, 0.0), MOST_SHARE)
+        solver = Solver(
+            Bank(bank.equations, plain, bank.variance, around),
+            solver.blocks,
+            solver.inertia,
+            solver.known,
+            solver.variance,
+        )
         fit = solver.fit(fit.terms, tap)
-    return fit
+        if abs(float(fit.total[SHARE]) - around) < _SETTLED and around > 0.0:
+            break
+    return fit, solver
 
 
 def _harmless(fit: Fit, bank: Bank, sure: NDArray[np.bool_]) -> float:
@@ -143,15 +156,6 @@ def uncertain(equations: Equations) -> Array:
         rows = np.pad(band.rows(doubt.astype(np.float64), equations.startup), reach, mode="edge")
         shares.append(np.convolve(rows, white / white.sum(), mode="valid"))
     return np.concatenate(shares)
-
-
-def clear_of_noise(bank: Bank, rows: NDArray[np.bool_]) -> bool:
-    """Whether the acceleration in these rows stands as high above its sensor's noise as it must at the band's end.
-
-    Else what is wrong with the noise that is taken out of the normal equations pulls the inertia.
-    """
-    power = float(np.mean(bank.acceleration[rows] ** 2))
-    return power > POLICY.signal_over_noise * bank.variance or power >= float(np.mean(bank.acceleration**2))
 
 
 def _shortest_run(marks: NDArray[np.bool_]) -> int:

@@ -17,7 +17,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.reconstruction import drift
 from dsd_cli.identify.recordings.regular import regularised
 from dsd_cli.identify.recordings.sensor import Sensor, net_force, with_acceleration
-from dsd_cli.identify.recordings.smoothing import Smoothed, noise_of, smooth
+from dsd_cli.identify.recordings.smoothing import Smoothed, channel_noise, noise_of, smooth
 from dsd_cli.plant.filtering import SETTLED
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.observer import observe_log
@@ -40,6 +40,7 @@ class Recording:
         from velocity" (d_hat).
     missing : channel -> why it cannot be had.
     rest_speed : speed up to which the plant may be at rest, as far as the measurement can tell.
+    load_share : of the inertia, the load's that "push" of the pieces drives (`fit.driven`); 0 where the motion does.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Recording:
     position_noise: float
     walk: float
     sensor: Sensor
+    load_share: float = 0.0
 
     @property
     def samples(self) -> int:
@@ -78,10 +80,10 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
     if "u" not in log:
         raise DataError(f"{log.source}: no u", "set signals.u to the column with the control input")
     edges = [0, *(at for at in restarts if 0 < at < len(log)), len(log)]
-    pieces = [_part(log, a, b) for a, b in pairwise(edges) if b - a >= _SHORTEST]
-    if not pieces:
+    parts = [_part(log, a, b) for a, b in pairwise(edges) if b - a >= _SHORTEST]
+    if not parts:
         raise DataError(f"{log.source}: {len(log)} samples without a stretch of {_SHORTEST}", "a longer log is needed")
-    pieces = [regularised(piece) for piece in pieces]
+    pieces = [regularised(part) for part in parts]
     provenance = {"u": "logged"}
     if "d_hat" in log:
         provenance["d_hat"] = "logged" if log.d_hat_source == "logged" else f"computed from {log.d_hat_source}"
@@ -94,7 +96,7 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
     if "d_hat" in log:
         _check_signs(pieces, replace(observer, sign=1), log.source)
     pieces, sensor = with_acceleration(pieces, observer)
-    pieces, noise, margin, missing = _with_motion(pieces, observer, provenance)
+    pieces, noise, margin, missing = _with_motion(pieces, parts, observer, provenance)
     creep = POLICY.creep_share * max(
         (float(np.sqrt(np.mean(p["velocity"] ** 2))) for p in pieces if "velocity" in p), default=0.0
     )
@@ -140,12 +142,15 @@ def _part(log: Log, a: int, b: int) -> Log:
 
 
 def _with_motion(
-    pieces: list[Log], observer: ObserverSettings, provenance: dict[str, str]
+    pieces: list[Log], parts: Sequence[Log], observer: ObserverSettings, provenance: dict[str, str]
 ) -> tuple[list[Log], float, int, dict[str, str]]:
-    """(pieces with the motion that can be had, noise of the speed, half width of its smoothing, what cannot be had)."""
+    """(pieces with the motion that can be had, noise of the speed, half width of its smoothing, what cannot be had).
+
+    parts : the pieces before they were put on a regular clock.
+    """
     logged = pieces[0].channels
     if "position" in logged and "velocity" not in logged:
-        found = [smooth(piece["position"], piece["t"]) for piece in pieces]
+        found = _smoothed(pieces, parts, "position")
         provenance |= {"velocity": "from position", "position": _word(found)}
         done = [
             with_channels(p, velocity=s.slope, position=s.value, speed_noise=s.slope_spread)
@@ -153,19 +158,30 @@ def _with_motion(
         ]
         return done, max(s.slope_noise for s in found), _widest(found), {}
     if "velocity" in logged:
-        return _with_velocity(pieces, provenance)
+        return _with_velocity(pieces, parts, provenance)
     return _reconstructed(pieces, observer, provenance)
 
 
-def _with_velocity(pieces: list[Log], provenance: dict[str, str]) -> tuple[list[Log], float, int, dict[str, str]]:
+def _smoothed(pieces: Sequence[Log], parts: Sequence[Log], name: str) -> list[Smoothed]:
+    """A channel of every piece, smoothed by the noise that it had when it was logged."""
+    found = []
+    for piece, part in zip(pieces, parts, strict=True):
+        known = channel_noise(piece[name], part[name], piece["white"]) if "white" in piece else None
+        found.append(smooth(piece[name], piece["t"], known))
+    return found
+
+
+def _with_velocity(
+    pieces: list[Log], parts: Sequence[Log], provenance: dict[str, str]
+) -> tuple[list[Log], float, int, dict[str, str]]:
     """As `_with_motion` where the speed is logged; the slope of the position takes its place where that is quieter."""
-    found = [smooth(piece["velocity"], piece["t"]) for piece in pieces]
+    found = _smoothed(pieces, parts, "velocity")
     if "position" not in pieces[0]:
         provenance |= {"velocity": _word(found), "position": "integrated from velocity"}
         pieces = _with_speed(pieces, [(s.value, s.value_spread) for s in found])
         pieces = [with_channels(p, position=_integral(p["velocity"], p["t"])) for p in pieces]
         return pieces, max(s.value_noise for s in found), _widest(found), {}
-    slopes = [smooth(piece["position"], piece["t"]) for piece in pieces]
+    slopes = _smoothed(pieces, parts, "position")
     provenance["position"] = "logged"
     if max(s.slope_noise for s in slopes) < POLICY.quieter_slope * max(s.value_noise for s in found):
         provenance["velocity"] = "from position"

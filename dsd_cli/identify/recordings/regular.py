@@ -2,6 +2,9 @@
 
 On irregular stamps position and speed are taken from a cubic spline through the samples, and the command from its
 integral, which is exact. A command that was measured (`u_hold = "sampled"`) becomes its mean over each interval.
+
+A spline takes off the highest frequencies of white noise a quarter and more, and those are where noise is read. So a
+synthetic noise goes the same way, as "white" of the log: what is lost of it is lost of the sensor's.
 """
 
 from __future__ import annotations
@@ -15,10 +18,12 @@ from dsd_cli.signals.log import Array, Log
 
 #: Mean of a smooth signal over the interval between the inner two of four samples (exact for cubics).
 MEAN_OF_FOUR = np.array([-1.0, 13.0, 13.0, -1.0]) / 24.0
+#: Seed of the white noise that is interpolated as the channels are.
+_SEED = 20261122
 
 
 def regularised(piece: Log) -> Log:
-    """The piece on a regular clock, with u held from each sample to the next."""
+    """The piece on a regular clock, u its mean from each sample to the next; with "white" where it was interpolated."""
     stamps = irregular_stamps(piece)
     if piece.u_hold == "sampled":
         piece = replace(piece, channels={**piece.channels, "u": mean_ahead(piece["u"])})
@@ -28,7 +33,9 @@ def regularised(piece: Log) -> Log:
 
     step = float(stamps[-1] - stamps[0]) / max(round((stamps[-1] - stamps[0]) / piece.sample_time), 1)
     grid = stamps[0] + step * np.arange(int((stamps[-1] - stamps[0]) / step * (1.0 + 1e-12)) + 1)
-    channels = {name: CubicSpline(stamps, x)(grid) for name, x in piece.channels.items() if name not in ("t", "u")}
+    kept = {name: x for name, x in piece.channels.items() if name not in ("t", "u")}
+    kept["white"] = np.random.default_rng(_SEED).normal(size=len(stamps))
+    channels = {name: CubicSpline(stamps, x)(grid) for name, x in kept.items()}
     channels |= {"t": grid, "u": _mean_held(piece["u"], stamps, np.append(grid, grid[-1] + step))}
     return replace(piece, channels=channels, sample_time=step)
 

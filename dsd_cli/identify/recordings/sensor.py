@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dsd_cli.identify.recordings.smoothing import noise_of
 from dsd_cli.identify.recordings.spectrum import SensorKind, SensorNoise, sensor_noise
 from dsd_cli.plant.filtering import poles_of
 from dsd_cli.plant.model import ObserverSettings
@@ -27,11 +28,13 @@ class Sensor:
     Attributes
     ----------
     noise : of the acceleration, by frequency.
+    sure : the part of it that is no motion: what most samples show, too. Jolts reach as far up as noise does.
     two_intervals : each value is a mean over both intervals beside its sample, weighted by a hat (a second difference
         of the position); else over the interval that ends there.
     """
 
     noise: SensorNoise
+    sure: SensorNoise
     two_intervals: bool
 
     @property
@@ -47,12 +50,20 @@ def with_acceleration(pieces: Sequence[Log], observer: ObserverSettings) -> tupl
     angle = np.array([2.0 * np.pi * min(COMPARED_SHARE, COMPARED_HZ * pieces[0].sample_time)])
     for kind in _kinds(pieces[0]):
         measured = [_acceleration(piece, kind, observer) for piece in pieces]
-        noise = sensor_noise(kind, measured, pole)
+        noise = sensor_noise(kind, measured, pole, [piece["white"] for piece in pieces if "white" in piece])
+        sure = noise._replace(scale=min(noise.scale, max(_of_samples(piece, kind, observer) for piece in pieces)))
         two = kind == "position" or (kind == "d_hat" and pieces[0].d_hat_source == "position")
         worth = float(noise.density(angle)[0]) / PREFERENCE[kind]
-        found.append((worth, measured, Sensor(noise, two)))
+        found.append((worth, measured, Sensor(noise, sure, two)))
     _, measured, sensor = min(found, key=lambda f: f[0])
     return [with_channels(p, acceleration=a) for p, a in zip(pieces, measured, strict=True)], sensor
+
+
+def _of_samples(piece: Log, kind: SensorKind, observer: ObserverSettings) -> float:
+    """Scale of the noise by the high differences of most samples, (rad/s2)^2 or (m/s2)^2."""
+    size = noise_of(piece[kind]) / (noise_of(piece["white"]) if "white" in piece else 1.0)
+    step = piece.sample_time
+    return (size / {"position": step**2, "velocity": step, "d_hat": observer.nominal_inertia}[kind]) ** 2
 
 
 def _kinds(piece: Log) -> list[SensorKind]:

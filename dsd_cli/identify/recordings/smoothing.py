@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ from dsd_cli.signals.log import Array
 HALF_WIDTHS = (0, 2, 3, 4, 6, 8, 11, 15, 20, 28)
 #: Steps of the stamps that differ by less than this share are a regular clock, rounded when printed.
 _REGULAR = 0.02
+#: Of the noise, by which an encoder at rest may change from sample to sample where a spline went through it.
+_RESTING = 1e-3
 _ORDER = 3
 #: Differences of these orders remove what is smooth and leave white noise, amplified by a known factor; what is not
 #: smooth only adds, so that the smallest answer is the best.
@@ -42,20 +45,41 @@ class Smoothed:
     slope_spread: Array
 
 
-def smooth(x: Array, t: Array) -> Smoothed:
+class ChannelNoise(NamedTuple):
+    """size : standard deviation of white noise on a channel. quantised : it is that of an encoder's steps."""
+
+    size: float
+    quantised: bool
+
+
+def channel_noise(x: Array, logged: Array | None = None, white: Array | None = None) -> ChannelNoise:
+    """The noise of a channel.
+
+    Parameters
+    ----------
+    x : shape (n,). logged, white : where x was interpolated, the channel as it was, shape (m,), and white noise of
+        variance 1 that was interpolated alike, shape (n,): neither steps nor highest frequencies are left in x.
+    """
+    quantised = encoder_step(x if logged is None else logged) > 0.0
+    if logged is None or white is None:
+        return ChannelNoise(noise_of(x), quantised)
+    return ChannelNoise(noise_of(logged) if quantised else noise_of(x) / noise_of(white), quantised)
+
+
+def smooth(x: Array, t: Array, known: ChannelNoise | None = None) -> Smoothed:
     """Local cubics over the widest window that takes out no more than noise.
 
     Parameters
     ----------
-    x, t : shape (n,); t in s may be irregular.
+    x, t : shape (n,); t in s may be irregular. known : None reads the noise from x.
     """
-    noise, quantised = noise_of(x), encoder_step(x) > 0.0
+    noise, quantised = known or channel_noise(x)
     chosen, value, least = 0, x, POLICY.noise_misjudged
     for half in HALF_WIDTHS[1:]:
         if 2 * half + 1 > len(x) // 4 or not noise > 0.0:
             break
         candidate, _ = _local(x, t, half)
-        removed = (x - candidate)[_moving(x)]
+        removed = (x - candidate)[_moving(x, noise)]
         size = (_rms(removed) if quantised else _robust(removed)) / (noise * _kept(half))
         if size > POLICY.smoothing_growth * least:
             break
@@ -125,10 +149,10 @@ def encoder_step(x: Array) -> float:
     return step if small.size > 0.3 * changes.size and np.mean(whole) > 0.98 else 0.0
 
 
-def _moving(x: Array) -> Array:
-    """Rows where the channel changes: an encoder at rest shows no quantisation noise."""
+def _moving(x: Array, noise: float) -> Array:
+    """Rows where the channel changes: an encoder at rest shows no quantisation noise (interpolated, hardly any)."""
     moving = np.ones(len(x), dtype=bool)
-    moving[1:] = np.diff(x) != 0.0
+    moving[1:] = np.abs(np.diff(x)) > _RESTING * noise
     return moving if moving.sum() > 10 else np.ones(len(x), dtype=bool)
 
 

@@ -64,7 +64,10 @@ class SensorNoise(NamedTuple):
 
     def made(self, count: int, random: np.random.Generator) -> Array:
         """Noise of this kind, shape (count,)."""
-        white = random.normal(size=count + 2)
+        return self.of_white(random.normal(size=count + 2))
+
+    def of_white(self, white: Array) -> Array:
+        """What white noise of variance 1 on the channel, shape (n + 2,), adds to the acceleration, shape (n,)."""
         if self.kind == "position":
             found = np.diff(white, 2)
         elif self.kind == "velocity":
@@ -82,9 +85,21 @@ class SensorNoise(NamedTuple):
         return (np.square(1.0 - self.pole) + self.pole * d) / np.square(1.0 - self.pole)
 
 
-def sensor_noise(kind: SensorKind, accelerations: Sequence[Array], pole: float = 0.0) -> SensorNoise:
-    """The noise of the sensor behind these accelerations, from where motion has ended in their spectrum."""
+def sensor_noise(
+    kind: SensorKind, accelerations: Sequence[Array], pole: float = 0.0, white: Sequence[Array] = ()
+) -> SensorNoise:
+    """The noise of the sensor behind these accelerations, from where motion has ended in their spectrum.
+
+    Parameters
+    ----------
+    white : noise of variance 1, interpolated as the channel was; () if it was not. Less of it is left up there.
+    """
+    unit = SensorNoise(kind, pole, 1.0)
+    scale = _read(unit, accelerations)
+    return unit._replace(scale=scale / (_read(unit, [unit.of_white(x) for x in white]) if white else 1.0))
+
+
+def _read(unit: SensorNoise, accelerations: Sequence[Array]) -> float:
     found = density(accelerations)
     top = found.angle >= POLICY.noise_from_share * np.pi
-    unit = SensorNoise(kind, pole, 1.0)
-    return unit._replace(scale=float(np.median(found.power[top] / unit.density(found.angle[top]))))
+    return float(np.median(found.power[top] / unit.density(found.angle[top])))

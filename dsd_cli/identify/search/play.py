@@ -2,6 +2,10 @@
 
 The motion of motor against load follows from the force alone, and does not drift: so the play is simulated, and only
 its output is compared with a noisy sensor. Driven by the measured motion instead, noise would pick the load up.
+
+The time of each contact hangs on every value, so the squares have many valleys. They are wide for the speed, with
+amplitude and delay of the motion left free: there the play is looked for first. Then all values are fitted together,
+those of the other forces too, which were fitted without the play.
 """
 
 from __future__ import annotations
@@ -12,67 +16,86 @@ import numpy as np
 
 from dsd_cli.effects.backlash import CONTACT_DAMPING
 from dsd_cli.effects.memory import Coupling, driven_motor
-from dsd_cli.identify.search.signals import Signals
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.search.signals import Signals, left, softened, variance_of
 from dsd_cli.signals.log import Array
 
 #: Longest Runge-Kutta step, radians of the free vibration: while searching, and for what is judged.
 _COARSE, _FINE = 0.2, 0.05
+#: Hz, above which the acceleration is softened while the play is looked for.
+_SOFT = 10.0
 #: Grid: own frequencies of the load in Hz (the last: times the sample rate), gaps per travel, shares.
-_LOWEST, _HIGHEST, _FREQUENCIES = 3.0, 0.08, 8
-_SMALLEST, _LARGEST, _GAPS = 3e-4, 0.15, 8
-_SHARES = (0.25, 0.5, 0.75)
-#: Starts that are refined, evaluations for each, and for the best one.
-_STARTS, _EVALUATIONS, _LAST = 3, 90, 300
-#: Edges of the first simplex: log frequency, log gap, logit of the share, log inertia, samples of delay.
-_EDGES = (0.2, 0.3, 0.5, 0.05, 0.3)
+_LOWEST, _HIGHEST, _FREQUENCIES = 4.0, 0.07, 8
+_SMALLEST, _LARGEST, _GAPS = 7e-4, 0.12, 12
+_SHARES = (0.12, 0.25, 0.45)
+#: Starts that are refined, how far apart they are (log frequency, log gap, logit), edges of the first simplex.
+_STARTS, _APART, _EDGES = 3, 0.5, (0.25, 0.25, 0.4)
+#: Evaluations for a start, for all of its values, and for the best one.
+_EVALUATIONS, _TOGETHER, _LAST = 60, 100, 200
+#: Which of the values is the delay.
+LATE = 4
+#: Typical size of a step: log frequency, log gap, logit of the share, log inertia, samples of delay; of other forces,
+#: as a share of all forces.
+_SCALES, _SCALE_OF_FORCES = (0.1, 0.1, 0.3, 0.05, 0.3), 0.05
 #: Fastest free vibration, times the sample rate, and samples of delay that are looked at.
-_FASTEST, _LATEST = 0.25, 5.0
+_FASTEST, _LATEST = 0.25, 8.0
 #: Of a share: 1e-4 and 1 - 1e-4.
 _MOST_LOGIT = 9.2
-#: Step of a derivative.
-_STEP = 1e-3
+#: Step of a derivative, and what a load that samples cannot tell leaves, times the signal.
+_STEP, _SENSELESS = 1e-3, 1e3
 
 
 class Play:
-    """Fits of a gap; `at` : (log own frequency in Hz, log gap, logit of the share, log inertia, samples of delay)."""
+    """Fits of a gap.
+
+    `at` : (log own frequency in Hz, log gap, logit of the share, log inertia, samples of delay, and of each coefficient
+    of the other forces its change, as a share of the net force), shape (5 + p,).
+    """
 
     def __init__(self, signals: Signals, travel: float) -> None:
         self.signals, self.travel = signals, travel
+        size = _rms(signals.force)
+        self._units = np.array([size / max(_rms(x), 1e-300) for x in signals.given])
 
-    def best(self) -> Array:
-        """The play that leaves least, shape (5,)."""
-        from scipy.optimize import minimize
+    def best(self) -> Array | None:
+        """The play that leaves least, shape (5 + p,); None where none leaves clearly less than a rigid axis."""
+        soft = Play(softened(self.signals, _SOFT), self.travel)
+        shapes = soft._shapes()
+        if not soft._worth_a_fit(shapes[0]):
+            return None
+        found = [self.fitted(soft.fitted(soft._at(x), _TOGETHER, _COARSE), _TOGETHER, _COARSE) for x in shapes]
+        return self.fitted(min(found, key=self._squares), _LAST, _FINE)
 
-        def squares(at: Array, step: float = _COARSE) -> float:
-            if not self._sensible(at):
-                return math.inf
-            rest = self.left(at, step)
-            found = float(rest @ rest)
-            return found if math.isfinite(found) else math.inf
+    def fitted(self, at: Array, evaluations: int = _LAST, step: float = _FINE) -> Array:
+        """All values from there on, by Levenberg and Marquardt's method, shape (5 + p,)."""
+        from scipy.optimize import least_squares
 
-        starts = sorted(self._grid(), key=squares)
-        distinct = [starts[0]]
-        for at in starts[1:]:
-            if len(distinct) < _STARTS and all(np.abs(at[1] - d[1]) > 0.5 for d in distinct):
-                distinct.append(at)
-
-        def settled(at: Array, evaluations: int, step: float) -> Array:
-            simplex = np.vstack([at, at + np.diag(_EDGES)])
-            limits = {"maxfev": evaluations, "initial_simplex": simplex, "xatol": 1e-5, "fatol": 0.0, "adaptive": True}
-            return np.asarray(minimize(squares, at, args=(step,), method="Nelder-Mead", options=limits).x)
-
-        best = min((settled(at, _EVALUATIONS, _COARSE) for at in distinct), key=squares)
-        return settled(best, _LAST, _FINE)
+        scales = np.concatenate([_SCALES, np.full(len(self._units), _SCALE_OF_FORCES)])
+        with np.errstate(all="ignore"):
+            found = least_squares(
+                lambda x: self.left(x, step), at, method="lm", x_scale=scales, diff_step=_STEP, max_nfev=evaluations
+            )
+        return np.asarray(found.x)
 
     def left(self, at: Array, step: float = _FINE) -> Array:
         """What remains of the whitened acceleration, shape (n,), unit of u."""
+        if not self._sensible(at):
+            return _SENSELESS * self.signals.target
         signals, (frequency, gap, share, inertia, late) = self.signals, _plain(at)
-        coupling = Coupling.of(frequency, CONTACT_DAMPING, gap)
+        coupling, changes = Coupling.of(frequency, CONTACT_DAMPING, gap), self.changes(at)
         moved = []
-        for force, shift in zip(signals.force, signals.shift, strict=True):
-            push = (force + late * shift) / ((1.0 - share) * inertia)
-            moved.append(driven_motor(push, signals.step, coupling, share, step))
+        for i, (force, shift) in enumerate(zip(signals.force, signals.shift, strict=True)):
+            net = force + late * shift - sum(c * x[i] for c, x in zip(changes, signals.given, strict=True))
+            moved.append(driven_motor(net / ((1.0 - share) * inertia), signals.step, coupling, share, step))
         return np.asarray(signals.target - signals.inertia * signals.rows(moved))
+
+    def changes(self, at: Array) -> Array:
+        """Of the coefficients of the other forces, shape (p,)."""
+        return np.asarray(at[5:] * self._units)
+
+    def inertia(self, at: Array) -> float:
+        """J of both masses."""
+        return _plain(at)[3]
 
     def values(self, at: Array, variance: float) -> dict[str, tuple[float, float]]:
         """{parameter of the effect: (value, standard error)}; `variance` of a row."""
@@ -85,6 +108,56 @@ class Play:
         names = ("gap", "load_share", "stiffness")
         return {n: (float(v), float(s)) for n, v, s in zip(names, given, spread, strict=True)}
 
+    def _squares(self, at: Array) -> float:
+        rest = self.left(at, _COARSE)
+        found = float(rest @ rest)
+        return found if math.isfinite(found) else math.inf
+
+    def _shapes(self) -> list[Array]:
+        """(log frequency, log gap, logit) of the best plays of a grid that are unlike each other, refined; best first.
+
+        Amplitude and delay of the motion are left free.
+        """
+        from scipy.optimize import minimize
+
+        ranked = sorted(self._grid(), key=lambda shape: self._explained(shape)[0])
+        distinct: list[Array] = []
+        for shape in ranked:
+            if len(distinct) < _STARTS and all(np.abs(shape - d).max() > _APART for d in distinct):
+                distinct.append(shape)
+        found = []
+        for shape in distinct:
+            limits = {"maxfev": _EVALUATIONS, "initial_simplex": np.vstack([shape, shape + np.diag(_EDGES)])}
+            better = minimize(lambda x: self._explained(x)[0], shape, method="Nelder-Mead", options=limits)
+            found.append((float(better.fun), np.asarray(better.x)))
+        return [shape for _, shape in sorted(found, key=lambda f: f[0])]
+
+    def _at(self, shape: Array) -> Array:
+        """All values: what makes the motion smaller by a factor is an inertia and a gap that are."""
+        shift = math.log(min(max(self._explained(shape)[1], 0.2), 5.0))
+        own = [shape[0], shape[1] + shift, shape[2], math.log(self.signals.inertia) - shift, 0.0]
+        return np.concatenate([own, np.zeros(len(self._units))])
+
+    def _explained(self, shape: Array) -> tuple[float, float, Array]:
+        """(squares that it leaves, factor on its motion, what it leaves), amplitude and delay being free."""
+        at = np.concatenate([shape, [math.log(self.signals.inertia), 0.0], np.zeros(len(self._units))])
+        target = self.signals.target
+        moved = target - self.left(at, _COARSE)
+        if not np.all(np.isfinite(moved)):
+            return math.inf, 1.0, target
+        rows = np.stack([moved, np.gradient(moved)])
+        weights = np.linalg.lstsq(rows @ rows.T, rows @ target, rcond=1e-12)[0]
+        rest = target - weights @ rows
+        return float(rest @ rest), float(weights[0]), rest
+
+    def _worth_a_fit(self, shape: Array) -> bool:
+        """Whether it gains over a rigid axis half of what an answer must."""
+        signals, rest = self.signals, self._explained(shape)[2]
+        columns = [signals.rows(x) for x in (signals.force, signals.shift, *signals.given)]
+        rigid = left(np.stack(columns, axis=1), signals.target)
+        nats = (float(rigid @ rigid) - float(rest @ rest)) / (2.0 * variance_of(rest))
+        return nats > 0.5 * POLICY.response_nats
+
     def _sensible(self, at: Array) -> bool:
         """Whether samples can tell such a load at all: far outside, a step of the integration takes ages."""
         frequency, gap, share, _, late = _plain(at)
@@ -95,18 +168,20 @@ class Play:
         top = _HIGHEST / self.signals.step
         frequencies = np.geomspace(_LOWEST, max(top, 2.0 * _LOWEST), _FREQUENCIES)
         gaps = np.geomspace(_SMALLEST, _LARGEST, _GAPS) * self.travel
-        inertia = self.signals.inertia
         return [
-            np.array([math.log(f), math.log(gap), math.log(s / (1.0 - s)), math.log(j), 0.0])
+            np.array([math.log(f), math.log(gap), math.log(s / (1.0 - s))])
             for f in frequencies
             for gap in gaps
             for s in _SHARES
-            for j in (inertia, inertia / (1.0 - 0.5 * s))  # between the motor's alone and that of both
         ]
 
 
+def _rms(parts: list[Array]) -> float:
+    return math.sqrt(sum(float(x @ x) for x in parts) / max(sum(len(x) for x in parts), 1))
+
+
 def _plain(at: Array) -> tuple[float, float, float, float, float]:
-    f, gap, s, j, late = (float(x) for x in np.clip(at, -60.0, 60.0))
+    f, gap, s, j, late = (float(x) for x in np.clip(np.nan_to_num(at[:5]), -60.0, 60.0))
     s = min(max(s, -_MOST_LOGIT), _MOST_LOGIT)
     return math.exp(f), math.exp(gap), 1.0 / (1.0 + math.exp(-s)), math.exp(j), late
 

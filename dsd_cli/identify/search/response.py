@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.modes import Modes
-from dsd_cli.identify.search.play import Play
+from dsd_cli.identify.search.play import LATE, Play
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.signals import (
     Signals,
@@ -29,6 +29,7 @@ from dsd_cli.identify.search.signals import (
     variance_of,
     without_line,
 )
+from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
 #: The effects that a response shows.
@@ -46,7 +47,7 @@ class Seen:
     values : {parameter: (value, standard error)}. rivals : what explains the response as well.
     nats : gained over a rigid axis and over one behind a lag.
     fall : share of the whitened output error that it takes off. highest_hz : up to which frequency was looked.
-    resonance_hz : of motor against load.
+    resonance_hz : of motor against load. model : what it is of, with the values of the other forces that belong to it.
     """
 
     effect: str
@@ -56,6 +57,7 @@ class Seen:
     fall: float
     highest_hz: float
     resonance_hz: float
+    model: PlantModel
 
 
 @dataclass(frozen=True)
@@ -75,13 +77,31 @@ def response_of(search: Search, whole: Fit, asked: Sequence[str], doubtful: bool
     asked : effects that may be the answer. doubtful : the set leaves something unexplained, so that play is looked for
         even where no load swings.
     """
-    found = _swinging(search, whole)
-    return None if found is None else Response(_load_in(search, asked, doubtful, *found))
+    look = _swinging(search, whole)
+    return None if look is None else Response(_load_in(search, asked, doubtful, look))
 
 
-def _load_in(
-    search: Search, asked: Sequence[str], doubtful: bool, signals: Signals, modes: Modes, at: Array
-) -> Seen | None:
+@dataclass(frozen=True)
+class _Look:
+    """Signals beside a fit, u so late (s), and the mode that explains them best."""
+
+    part: Search
+    fit: Fit
+    delay: float
+    signals: Signals
+    modes: Modes
+    at: Array
+
+    def later(self, samples: float) -> tuple[float, Signals]:
+        """(delay, signals) with u so much later."""
+        delay = max(self.delay + samples * self.signals.step, 0.0)
+        moved = signals_of(self.part, self.fit, delay)
+        assert moved is not None  # the same rows as before
+        return delay, moved
+
+
+def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) -> Seen | None:
+    signals, modes, at = look.signals, look.modes, look.at
     highest = POLICY.response_highest_share / signals.step
     rigid = modes.rigid()
     rival = left(rigid, signals.target)
@@ -89,12 +109,9 @@ def _load_in(
     over_rigid = gains(rival, swinging)
     play = None
     if PLAY in asked and (doubtful or float(over_rigid.sum()) > POLICY.response_nats):
-        play = _play(search, signals, min(rival, swinging, key=_squares))
-    if play is not None and play[1]:
-        values, _, rest = play
-        fall, nats = _fall(rival, rest), float(gains(rival, rest).sum())
-        own = math.sqrt(values["stiffness"][0] / (values["load_share"][0] * signals.inertia)) / (2.0 * math.pi)
-        return Seen(PLAY, values, (), nats, fall, highest, own / math.sqrt(1.0 - values["load_share"][0]))
+        play = _play(search, look, (rigid, modes.columns(at)))
+    if play is not None and play.certain:
+        return play.seen(highest)
     values, damping = modes.values(at, variance_of(swinging))
     if COUPLING not in asked or not (_agreed(over_rigid) and _a_load(values) and damping < POLICY.response_damping):
         return None
@@ -102,13 +119,15 @@ def _load_in(
     target = fresh(signals.target)
     if not _enough(gains(left(fresh(rigid), target), left(fresh(modes.columns(at)), target))):
         return None
-    rivals = (PLAY,) if play is not None and not _agreed(gains(play[2], swinging)) else ()
-    fall = _fall(rival, swinging)
-    return Seen(COUPLING, values, rivals, float(over_rigid.sum()), fall, highest, values["frequency"][0])
+    rivals = (PLAY,) if play is not None and not _agreed(gains(play.rest, swinging)) else ()
+    given = {name: value for name, (value, _) in values.items()}
+    model = look.part.problem.model.changed(effects={COUPLING: given})
+    fall, nats = _fall(rival, swinging), float(over_rigid.sum())
+    return Seen(COUPLING, values, rivals, nats, fall, highest, values["frequency"][0], model)
 
 
-def _swinging(search: Search, whole: Fit) -> tuple[Signals, Modes, Array] | None:
-    """The signals, and the mode that explains them best, with the delay brought to where it belongs beside the mode."""
+def _swinging(search: Search, whole: Fit) -> _Look | None:
+    """The mode that explains the signals best, with the delay brought to where it belongs beside the mode."""
     part = search.excerpt or search
     shown = (COUPLING, PLAY)
     terms = tuple(t for t in whole.terms if t.id not in shown and (t in search.base or not _stands_in(t)))
@@ -119,36 +138,79 @@ def _swinging(search: Search, whole: Fit) -> tuple[Signals, Modes, Array] | None
     if signals is None or not lowest < highest:
         return None
     modes = Modes(signals)
-    at = modes.best(lowest, highest)
+    look = _Look(part, fit, delay, signals, modes, modes.best(lowest, highest))
     for _ in range(_ROUNDS):
-        early = min(max(modes.early(at), -_MOST_MOVED), _MOST_MOVED)
+        early = min(max(look.modes.early(look.at), -_MOST_MOVED), _MOST_MOVED)
         if abs(early) < _NEAR:
             break
-        delay = max(delay - early * step, 0.0)
-        moved = signals_of(part, fit, delay)
-        assert moved is not None  # the same rows as before
-        signals, modes = moved, Modes(moved)
-        at = modes.refined(at)
-    return signals, modes, at
+        delay, signals = look.later(-early)
+        modes = Modes(signals)
+        look = _Look(part, fit, delay, signals, modes, modes.refined(look.at))
+    return look
 
 
 def _stands_in(term: Term) -> bool:
     return term.effect.role is Role.STRUCTURE or term.effect.lateness is not None
 
 
-def _play(search: Search, signals: Signals, rival: Array) -> tuple[dict[str, tuple[float, float]], bool, Array] | None:
-    """(values of the play that explains most, whether it is there for certain, what it leaves)."""
+@dataclass(frozen=True)
+class _Found:
+    """The play that explains most, its model, what it leaves and what its rival does, and whether it is certain."""
+
+    values: dict[str, tuple[float, float]]
+    model: PlantModel
+    rest: Array
+    rival: Array
+    certain: bool
+
+    def seen(self, highest: float) -> Seen:
+        share, stiffness = self.values["load_share"][0], self.values["stiffness"][0]
+        own = math.sqrt(stiffness / (share * self.model.inertia)) / (2.0 * math.pi)
+        nats = float(gains(self.rival, self.rest).sum())
+        fall = _fall(self.rival, self.rest)
+        return Seen(PLAY, self.values, (), nats, fall, highest, own / math.sqrt(1.0 - share), self.model)
+
+
+def _play(search: Search, look: _Look, others: Sequence[Array]) -> _Found | None:
+    """The play that explains most; `others` : columns of the explanations without play, shape (n, k)."""
     if not search.ranges.travel > 0.0:
         return None
+    signals = look.signals
     play = Play(signals, search.ranges.travel)
     at = play.best()
+    if at is None:
+        return None
+    delay = look.delay
+    for _ in range(_ROUNDS):
+        if abs(at[LATE]) < _NEAR:
+            break
+        delay, signals = look.later((delay - look.delay) / signals.step - float(at[LATE]))
+        play = Play(signals, search.ranges.travel)
+        at = play.fitted(np.where(np.arange(len(at)) == LATE, 0.0, at))
     rest = play.left(at)
     values = play.values(at, variance_of(rest))
     (gap, spread), resolved = values["gap"], search.ranges.resolution / POLICY.resolved_deviations
     told = gap > POLICY.play_deviations * max(spread, 0.0) and gap > resolved
+    free = [signals.rows(x) for x in signals.given]
+    rival = min((left(np.column_stack([x, *free]), signals.target) for x in others), key=_squares)
     certain = told and _a_load(values) and _agreed(gains(rival, rest))
     fresh = _whatever_the_noise(signals, rival)
-    return values, certain and _enough(gains(fresh(rival), fresh(rest))), rest
+    certain = certain and _enough(gains(fresh(rival), fresh(rest)))
+    return _Found(values, _told_model(look, play, at, delay, values), rest, rival, certain)
+
+
+def _told_model(look: _Look, play: Play, at: Array, delay: float, values: dict[str, tuple[float, float]]) -> PlantModel:
+    """The model with the play, and with the inertia, delay and other forces that were fitted beside it."""
+    total = look.fit.total.copy()
+    changes = iter(play.changes(at))
+    for t in look.fit.terms:
+        if t.effect.role not in (Role.INPUT, Role.STRUCTURE):
+            for i in range(*look.fit.columns_of(t).indices(len(total))):
+                total[i] += next(changes)
+    model = look.part.problem.scale.model(replace(look.fit, total=total))
+    given = {name: value for name, (value, _) in values.items()}
+    late = float(at[LATE]) * play.signals.step
+    return model.changed(max(delay - late, 0.0), play.inertia(at), {PLAY: given})
 
 
 def _whatever_the_noise(signals: Signals, rival: Array) -> Callable[[Array], Array]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,13 +42,15 @@ class Signals:
     Attributes
     ----------
     force, shift : F = u(t - L) + forces per interval, and its change over a sample of delay; unit of u.
-    target : whitened J a, kept rows of all stretches. inertia : that J.
+    given : per coefficient of the other effects, what F loses with it. target : whitened J a, kept rows of all
+        stretches. inertia : that J.
     kept : rows that count. white : the causal filter. step : s.
     """
 
     stretches: tuple[Stretch, ...]
     force: list[Array]
     shift: list[Array]
+    given: list[list[Array]]
     target: Array
     inertia: float
     kept: list[NDArray[np.bool_]]
@@ -73,6 +75,8 @@ def signals_of(search: Search, fit: Fit, delay: float) -> Signals | None:
     held, inputs = holds(fit.terms), inputs_of(fit.terms)
     u, before, after = (drive(equations, inputs, d) for d in (delay, max(delay - step, 0.0), delay + step))
     columns = {t: raw_columns(equations, t, delay) for t in fit.terms if t.effect.role is not Role.INPUT}
+    others = [x for t, c in columns.items() if t.effect.role is not Role.STRUCTURE for x in c]
+    given: list[list[Array]] = [[] for _ in others]
     force, shift, kept = [], [], []
     for i, s in enumerate(equations.stretches):
         net = u[i]
@@ -80,6 +84,8 @@ def signals_of(search: Search, fit: Fit, delay: float) -> Signals | None:
             net = net - sum(c * x[i] for c, x in zip(fit.coefficients(t), by_coefficient, strict=True))
         free = s.free if held else np.ones(len(net))
         force.append(np.nan_to_num(net) * free)
+        for x, by_stretch in zip(given, others, strict=True):
+            x.append(by_stretch[i] * free)
         shift.append(np.nan_to_num(0.5 * (before[i] - after[i])) * free)
         rows = np.arange(len(net))
         kept.append((rows >= equations.startup + min(_FORGOTTEN / step, _MOST_FORGOTTEN * len(rows))) & (free > 0.0))
@@ -87,9 +93,25 @@ def signals_of(search: Search, fit: Fit, delay: float) -> Signals | None:
     if sum(int(k.sum()) for k in kept) < _FEWEST or not inertia > 0.0:  # u turned round leaves no inertia
         return None
     white = _whitener(noise.kind, noise.pole, math.exp(-2.0 * math.pi * equations.band.hz * step))
-    accelerations = [s.acceleration for s in equations.stretches]
-    target = np.concatenate([inertia * white(a)[k] for a, k in zip(accelerations, kept, strict=True)])
-    return Signals(equations.stretches, force, shift, target, inertia, kept, white, step)
+    target = _target(equations.stretches, kept, white, inertia)
+    return Signals(equations.stretches, force, shift, given, target, inertia, kept, white, step)
+
+
+def softened(signals: Signals, hz: float) -> Signals:
+    """The same with less of what lies above that frequency."""
+    keep = math.exp(-2.0 * math.pi * hz * signals.step)
+
+    def white(x: Array) -> Array:
+        return one_pole(np.full(len(x), keep), (1.0 - keep) * signals.white(x), 0.0)
+
+    target = _target(signals.stretches, signals.kept, white, signals.inertia)
+    return replace(signals, white=white, target=target)
+
+
+def _target(
+    stretches: Sequence[Stretch], kept: Sequence[NDArray[np.bool_]], white: Callable[[Array], Array], inertia: float
+) -> Array:
+    return np.concatenate([inertia * white(s.acceleration)[k] for s, k in zip(stretches, kept, strict=True)])
 
 
 def _whitener(kind: str, pole: float, keep: float) -> Callable[[Array], Array]:

@@ -62,8 +62,9 @@ def with_response(
         return _without_load(unchanged, recordings, model, holdout, report)
     known = replace(settings, known=settings.known.seeing(seen.effect, seen.values))
     values = {name: value for name, (value, _) in seen.values.items()}
-    there = model.changed(None, None, {seen.effect: values})
-    beside, all_of_it = searched(recordings, there, known, holdout, report)
+    there = model.changed(None, None, {seen.effect: values}) if seen.effect in model.effects else seen.model
+    rest = replace(known, effects=tuple(name for name in search.allowed if name not in SHOWN))
+    beside, all_of_it = searched(recordings, there, rest, holdout, report)
     if _in_band(seen, search) and seen.effect in found and not _better(unchanged, beside, all_of_it):
         return unchanged
     if seen.effect in model.effects:
