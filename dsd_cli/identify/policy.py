@@ -97,6 +97,8 @@ class Policy:
     response_share: float = 0.03  # least share of the inertia that swings; and that does not
     response_damping: float = 0.4  # of the free vibration; above, nothing swings
     response_in_band: float = 0.8  # of the band's end; a resonance below is told by the balance itself
+    load_leaves: float = 3.0  # times the floor, at most, with a load that the balance alone finds
+    load_takes: float = 3.0  # times as much must be left without it; by following the sensor's noise it can halve that
 
     response_rise: float = 0.02  # of the held-out error in the band, that such a load may cost there
     driven_gain: float = 0.7  # of the error with a load that the sensor drives, that one driven by the model may leave

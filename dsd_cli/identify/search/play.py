@@ -11,6 +11,7 @@ those of the other forces too, which were fitted without the play.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -28,10 +29,16 @@ _SOFT = 10.0
 _LOWEST, _HIGHEST, _FREQUENCIES = 4.0, 0.07, 8
 _SMALLEST, _LARGEST, _GAPS = 7e-4, 0.12, 12
 _SHARES = (0.12, 0.25, 0.45)
-#: Starts that are refined, how far apart they are (log frequency, log gap, logit), edges of the first simplex.
-_STARTS, _APART, _EDGES = 3, 0.5, (0.25, 0.25, 0.4)
+#: Starts that are refined, and how far apart they are; edges of the first simplex around a start, and later (log
+#: frequency, log gap, logit).
+_STARTS, _APART = 3, 0.5
+_EDGES, _WIDE = (0.25, 0.25, 0.4), (0.3, 0.1, 0.6)
+#: Share of its squares by which the best play may lead those that count for its error.
+_NEARLY = 0.05
 #: Evaluations for a start, for all of its values, and for the best one.
-_EVALUATIONS, _TOGETHER, _LAST = 60, 100, 200
+_EVALUATIONS, _TOGETHER, _LAST = 80, 100, 200
+#: Step of its derivatives, as a share of those, and where its unknowns begin.
+_SHARE_OF_SCALE, _FAR = 0.01, 100.0
 #: Which of the values is the delay.
 LATE = 4
 #: Typical size of a step: log frequency, log gap, logit of the share, log inertia, samples of delay; of other forces,
@@ -57,25 +64,35 @@ class Play:
         size = _rms(signals.force)
         self._units = np.array([size / max(_rms(x), 1e-300) for x in signals.given])
 
-    def best(self) -> Array | None:
-        """The play that leaves least, shape (5 + p,); None where none leaves clearly less than a rigid axis."""
+    def best(self) -> tuple[Array, list[Array]] | None:
+        """(the play that leaves least, plays that leave nearly as little), each of shape (5 + p,).
+
+        None where none leaves clearly less than a rigid axis.
+        """
         soft = Play(softened(self.signals, _SOFT), self.travel)
         shapes = soft._shapes()
         if not soft._worth_a_fit(shapes[0]):
             return None
         found = [self.fitted(soft.fitted(soft._at(x), _TOGETHER, _COARSE), _TOGETHER, _COARSE) for x in shapes]
-        return self.fitted(min(found, key=self._squares), _LAST, _FINE)
+        found += [self.fitted(self._at(self._lowest(at[:3], _WIDE)), _TOGETHER, _COARSE) for at in found]
+        squares = [self._squares(at) for at in found]
+        near = [at for at, x in zip(found, squares, strict=True) if x < (1.0 + _NEARLY) * min(squares)]
+        return self.fitted(found[int(np.argmin(squares))], _LAST, _FINE), near
 
     def fitted(self, at: Array, evaluations: int = _LAST, step: float = _FINE) -> Array:
         """All values from there on, by Levenberg and Marquardt's method, shape (5 + p,)."""
         from scipy.optimize import least_squares
 
         scales = np.concatenate([_SCALES, np.full(len(self._units), _SCALE_OF_FORCES)])
-        with np.errstate(all="ignore"):
+
+        def left(x: Array) -> Array:
+            return self.left(at + scales * (x - _FAR), step)
+
+        with np.errstate(all="ignore"):  # steps are shares of x, which is far from 0 for that
             found = least_squares(
-                lambda x: self.left(x, step), at, method="lm", x_scale=scales, diff_step=_STEP, max_nfev=evaluations
+                left, np.full(len(at), _FAR), method="lm", diff_step=_SHARE_OF_SCALE / _FAR, max_nfev=evaluations
             )
-        return np.asarray(found.x)
+        return np.asarray(at + scales * (found.x - _FAR))
 
     def left(self, at: Array, step: float = _FINE) -> Array:
         """What remains of the whitened acceleration, shape (n,), unit of u."""
@@ -97,14 +114,24 @@ class Play:
         """J of both masses."""
         return _plain(at)[3]
 
-    def values(self, at: Array, variance: float) -> dict[str, tuple[float, float]]:
-        """{parameter of the effect: (value, standard error)}; `variance` of a row."""
+    def values(self, at: Array, variance: float, near: Sequence[Array]) -> dict[str, tuple[float, float]]:
+        """{parameter of the effect: (value, standard error)}.
+
+        The error is that of the curvature, or the scatter of the plays that leave nearly as little, if it is larger: in
+        which of the valleys a fit ends is chance, of which the curvature knows nothing.
+
+        Parameters
+        ----------
+        variance : of a row. near : as `best`.
+        """
         slopes = [(self.left(at + _STEP * e) - self.left(at - _STEP * e)) / (2.0 * _STEP) for e in np.eye(len(at))]
         jacobian = np.stack(slopes, axis=1)
         covariance = variance * np.linalg.pinv(jacobian.T @ jacobian)
         given = _of_effect(at)
         rates = np.stack([(_of_effect(at + 1e-6 * e) - given) / 1e-6 for e in np.eye(len(at))], axis=1)
-        spread = np.sqrt(np.maximum(np.diag(rates @ covariance @ rates.T), 0.0))
+        curved = np.maximum(np.diag(rates @ covariance @ rates.T), 0.0)
+        scatter = np.mean([(_of_effect(x) - given) ** 2 for x in (at, *near)], axis=0)
+        spread = np.sqrt(np.maximum(curved, scatter))
         names = ("gap", "load_share", "stiffness")
         return {n: (float(v), float(s)) for n, v, s in zip(names, given, spread, strict=True)}
 
@@ -118,37 +145,40 @@ class Play:
 
         Amplitude and delay of the motion are left free.
         """
-        from scipy.optimize import minimize
-
         ranked = sorted(self._grid(), key=lambda shape: self._explained(shape)[0])
         distinct: list[Array] = []
         for shape in ranked:
             if len(distinct) < _STARTS and all(np.abs(shape - d).max() > _APART for d in distinct):
                 distinct.append(shape)
-        found = []
-        for shape in distinct:
-            limits = {"maxfev": _EVALUATIONS, "initial_simplex": np.vstack([shape, shape + np.diag(_EDGES)])}
-            better = minimize(lambda x: self._explained(x)[0], shape, method="Nelder-Mead", options=limits)
-            found.append((float(better.fun), np.asarray(better.x)))
-        return [shape for _, shape in sorted(found, key=lambda f: f[0])]
+        return sorted((self._lowest(x, _EDGES) for x in distinct), key=lambda shape: self._explained(shape)[0])
+
+    def _lowest(self, shape: Array, edges: Sequence[float]) -> Array:
+        """The best shape near one, by a simplex with these edges."""
+        from scipy.optimize import minimize
+
+        limits = {"maxfev": _EVALUATIONS, "initial_simplex": np.vstack([shape, shape + np.diag(edges)])}
+        found = minimize(lambda x: self._explained(x)[0], shape, method="Nelder-Mead", options=limits)
+        return np.asarray(found.x)
 
     def _at(self, shape: Array) -> Array:
-        """All values: what makes the motion smaller by a factor is an inertia and a gap that are."""
-        shift = math.log(min(max(self._explained(shape)[1], 0.2), 5.0))
-        own = [shape[0], shape[1] + shift, shape[2], math.log(self.signals.inertia) - shift, 0.0]
+        """All values: what makes the motion smaller by a factor is an inertia and a gap that are larger and smaller."""
+        size, change = self._explained(shape)[1]
+        factor = math.log(min(max(size, 0.2), 5.0))
+        early = min(max(change / max(size, 0.2), 1.0 - _LATEST), _LATEST - 1.0)
+        own = [shape[0], shape[1] + factor, shape[2], math.log(self.signals.inertia) - factor, early]
         return np.concatenate([own, np.zeros(len(self._units))])
 
-    def _explained(self, shape: Array) -> tuple[float, float, Array]:
-        """(squares that it leaves, factor on its motion, what it leaves), amplitude and delay being free."""
+    def _explained(self, shape: Array) -> tuple[float, tuple[float, float], Array]:
+        """(squares left, factors on its motion and on the change of that over a sample, what is left)."""
         at = np.concatenate([shape, [math.log(self.signals.inertia), 0.0], np.zeros(len(self._units))])
         target = self.signals.target
         moved = target - self.left(at, _COARSE)
         if not np.all(np.isfinite(moved)):
-            return math.inf, 1.0, target
+            return math.inf, (1.0, 0.0), target
         rows = np.stack([moved, np.gradient(moved)])
         weights = np.linalg.lstsq(rows @ rows.T, rows @ target, rcond=1e-12)[0]
         rest = target - weights @ rows
-        return float(rest @ rest), float(weights[0]), rest
+        return float(rest @ rest), (float(weights[0]), float(weights[1])), rest
 
     def _worth_a_fit(self, shape: Array) -> bool:
         """Whether it gains over a rigid axis half of what an answer must."""

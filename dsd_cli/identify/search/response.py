@@ -47,7 +47,8 @@ class Seen:
     values : {parameter: (value, standard error)}. rivals : what explains the response as well.
     nats : gained over a rigid axis and over one behind a lag.
     fall : share of the whitened output error that it takes off. highest_hz : up to which frequency was looked.
-    resonance_hz : of motor against load. model : what it is of, with the values of the other forces that belong to it.
+    resonance_hz : of motor against load.
+    model : what it is of, with all other effects that were found, and their values beside it.
     """
 
     effect: str
@@ -121,7 +122,7 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
         return None
     rivals = (PLAY,) if play is not None and not _agreed(gains(play.rest, swinging)) else ()
     given = {name: value for name, (value, _) in values.items()}
-    model = look.part.problem.model.changed(effects={COUPLING: given})
+    model = look.part.problem.scale.model(look.fit).changed(effects={COUPLING: given})
     fall, nats = _fall(rival, swinging), float(over_rigid.sum())
     return Seen(COUPLING, values, rivals, nats, fall, highest, values["frequency"][0], model)
 
@@ -177,9 +178,10 @@ def _play(search: Search, look: _Look, others: Sequence[Array]) -> _Found | None
         return None
     signals = look.signals
     play = Play(signals, search.ranges.travel)
-    at = play.best()
-    if at is None:
+    best = play.best()
+    if best is None:
         return None
+    at, near = best
     delay = look.delay
     for _ in range(_ROUNDS):
         if abs(at[LATE]) < _NEAR:
@@ -188,7 +190,7 @@ def _play(search: Search, look: _Look, others: Sequence[Array]) -> _Found | None
         play = Play(signals, search.ranges.travel)
         at = play.fitted(np.where(np.arange(len(at)) == LATE, 0.0, at))
     rest = play.left(at)
-    values = play.values(at, variance_of(rest))
+    values = play.values(at, variance_of(rest), near)
     (gap, spread), resolved = values["gap"], search.ranges.resolution / POLICY.resolved_deviations
     told = gap > POLICY.play_deviations * max(spread, 0.0) and gap > resolved
     free = [signals.rows(x) for x in signals.given]

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from dsd_cli.identify.fit.asked import Settings
+from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
@@ -69,11 +70,27 @@ def with_response(
         return unchanged
     if seen.effect in model.effects:
         return Shown(beside, all_of_it, known, None)
-    others = tuple(t.id for t in beside.added(all_of_it.terms))
-    if others:
-        first = replace(settings, effects=others)
-        return Shown(*searched(recordings, model, first, holdout, report), first, None)
-    return Shown(*searched_with(recordings, there, model, known, holdout), known, seen)
+    others = _needed(beside, all_of_it, model)
+    belongs = {*model.effects, *others, seen.effect}
+    whole_model = beside.problem.scale.model(all_of_it)
+    there = replace(
+        there, effects={n: v for n, v in whole_model.effects.items() if n in belongs} | {seen.effect: values}
+    )
+    return Shown(*searched_with(recordings, there, model, known, holdout), known, None if others else seen)
+
+
+def _needed(beside: Search, whole: Fit, model: PlantModel) -> tuple[str, ...]:
+    """Effects that the model lacks beside a load.
+
+    What was found without the load is in the base of this search, for the load is driven by it: it is asked for anew.
+    """
+
+    def needed(term: Term) -> bool:
+        rest = tuple(t for t in whole.terms if t != term)
+        return term not in beside.base or beside.matters(beside.fit(rest, whole.tap), whole)
+
+    lacking = [t for t in whole.terms if t.id not in model.effects and t.id not in SHOWN]
+    return tuple(t.id for t in lacking if needed(t))
 
 
 def _without_load(
@@ -83,8 +100,17 @@ def _without_load(
     holdout: Sequence[Recording],
     report: Report,
 ) -> Shown:
-    """A load that the balance found and the response does not show is none: it followed the noise of the sensor."""
-    if not any(t.id in SHOWN for t in found.search.added(found.whole.terms)):
+    """A load that the balance found and the response does not show is none: it followed the noise of the sensor.
+
+    Unless far more than noise is left without it, and next to nothing with it.
+    """
+    search, whole = found.search, found.whole
+    loads = [t for t in search.added(whole.terms) if t.id in SHOWN]
+    if not loads:
+        return found
+    rmse, floor = search.problem.errors.rmse, search.problem.floor
+    rest = search.fit(tuple(t for t in whole.terms if t not in loads), whole.tap)
+    if rmse(whole) < POLICY.load_leaves * floor and rmse(rest) > POLICY.load_takes * rmse(whole):
         return found
     others = tuple(name for name in found.search.allowed if name not in SHOWN)
     settings = replace(found.settings, effects=others)
