@@ -85,7 +85,7 @@ def add(
         progress(f"fitting with {effect}")
         added, force = _added(given, effect)
     report = AdditionReport(added, (log,), tuple(apart), output, force)
-    text = with_steps(origin.text, added.before, [added_step(added)], [log])
+    text = with_steps(origin.text, added.before, [added_step(added)], [log], added.units)
     put_config(output, text, origin)
     warn(quiet, (*given.warnings, *added.warnings))
     if form is Format.JSON:

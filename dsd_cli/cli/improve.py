@@ -180,7 +180,7 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
         held_out = validated(given, ladder) if given.holdout else ()
     moved = transferred(settings, ladder) if wanted.transfer else ()
     report = LadderReport(ladder, wanted.logs, output, given.dropped, given.warnings, held_out, moved)
-    text = with_steps(origin.text, ladder.steps[0].score, ladder.steps[1:], wanted.logs)
+    text = with_steps(origin.text, ladder.steps[0].score, ladder.steps[1:], wanted.logs, ladder.last.units)
     if output is not None:
         put_config(output, text, origin)
     warn(quiet, report.warnings)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from dsd_cli.cli.options import Format
 from dsd_cli.errors import UsageError, printable
-from dsd_cli.identify.results import NONE, UNKNOWN, Diagnosis, Score, Step, in_units
+from dsd_cli.identify.results import NONE, UNKNOWN, Diagnosis, Estimates, Score, Step, in_units
 
 if TYPE_CHECKING:
     from dsd_cli.cli.progress import Progress
@@ -52,19 +52,19 @@ def put_config(output: str, text: str, origin: Origin | None = None) -> None:
         write_text(output, text, origin)
 
 
-def with_steps(text: str, start: Score, steps: Sequence[Step], logs: Sequence[str]) -> str:
-    """The config after these steps, each in its history."""
+def with_steps(text: str, start: Score, steps: Sequence[Step], logs: Sequence[str], units: Units) -> str:
+    """The config after these steps, each in its history; `units` are those that their estimates are in."""
     from dsd_cli.files.config.edit import with_model, with_step
 
     score = start
     for step in steps:
         changed = with_model(text, step.model, step.estimates)
-        text = with_step(changed, _record(step, score, logs), before=text)
+        text = with_step(changed, _record(step, score, logs, units), before=text)
         score = step.score
     return text
 
 
-def _record(step: Step, before: Score, logs: Sequence[str]) -> History:
+def _record(step: Step, before: Score, logs: Sequence[str], units: Units) -> History:
     from dsd_cli.files.config import History
     from dsd_cli.files.config.edit import now, rounded
     from dsd_cli.report.ladder import own
@@ -91,7 +91,15 @@ def _record(step: Step, before: Score, logs: Sequence[str]) -> History:
         fitted_errors={
             name: rounded(e.std_error, e.std_error) for name, e in step.estimates.items() if number_or_none(e.std_error)
         },
+        units=_units(step.estimates, units),
     )
+
+
+def _units(estimates: Estimates, units: Units) -> dict[str, str]:
+    """Of the errors and of the values that have one; none where the user did not name his."""
+    if units.legend:
+        return {}
+    return {"rmse": units.force} | {name: e.unit for name, e in estimates.items() if e.unit not in ("", "1")}
 
 
 def follow(diagnosis: Diagnosis) -> str | None:

@@ -80,7 +80,7 @@ def tell(
         ladder=ladder,
         views=curves,
         config_name=str(origin.path),
-        config_text=with_steps(origin.text, steps[0].score, steps[1:], logs) if steps else "",
+        config_text=with_steps(origin.text, steps[0].score, steps[1:], logs, config.signals.units) if steps else "",
         command=shlex.join(["dsd", *sys.argv[1:]]),
         made=now(),
         units=config.signals.units,

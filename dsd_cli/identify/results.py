@@ -123,6 +123,7 @@ class Diagnosis:
     advice : what to do next, one sentence each.
     depends_on : channels on which an unknown remainder depends. nearest : the effect that comes nearest to what is
         unknown, though the log does not confirm it; "" if none does.
+    at_stops : most of what is left is from stops and creeping, where it is not judged.
     noise : rms of r that no smooth function of anything explains, unit of u.
     found : the whole set of effects that the search found; the verdict is the one of them that is worth most alone.
     whole_model : with all of them; None where nothing was found.
@@ -157,6 +158,7 @@ class Diagnosis:
     refitted_correlations: Correlations = ()
     whole_model: PlantModel | None = None
     nearest: str = ""
+    at_stops: bool = False
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,10 @@ def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:
     sure = f"probability {percent(result.probability)}"
     held, unit = f"the held-out {force_error(result.band_hz)}", result.units.force
     if result.verdict == NONE:
-        return f"nothing is missing ({sure}): {held}, {error(result.refitted.heldout_rmse)} ({unit}), is noise"
+        left = f"{held}, {error(result.refitted.heldout_rmse)} ({unit}),"
+        if result.at_stops:
+            return f"nothing is missing ({sure}) but what stops and creeping hide: most of {left} is from there"
+        return f"nothing is missing ({sure}): {left} is noise"
     if result.verdict == UNKNOWN:
         on = f"; it depends on {listed(result.depends_on)}" if result.depends_on else ""
         left = f"{held} is {error(result.refitted.heldout_rmse)} ({unit})"

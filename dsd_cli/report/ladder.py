@@ -106,8 +106,8 @@ def _count(steps: int) -> str:
 def step_line(step: Step, before: Step | None) -> str:
     """One rung, as it is taken."""
     fell = f" ({change_text(before.score.heldout_rmse, step.score.heldout_rmse)})" if before else ""
-    values = values_text(own(step)) if before else ""
-    return f"step {step.step}: {step.effect}: held-out force error {error(step.score.heldout_rmse)}{fell}" + (
+    values = values_text(own(step)) if before and step.kind != "taken back" else ""
+    return f"step {step.step}: {_done(step)}: held-out force error {error(step.score.heldout_rmse)}{fell}" + (
         f"; {values}" if values else ""
     )
 
@@ -267,12 +267,20 @@ def print_history(config: str, steps: Sequence[Mapping[str, Any]], file: Any) ->
     table = plain_table(f"{config}: steps, newest last", "step", "date", "held-out error")
     for step in steps:
         before, after = (_given(step.get(f"heldout_rmse_{when}")) for when in ("before", "after"))
+        gone = " taken back" if step.get("taken_back") else ""
         table.add_row(
-            named(str(step["effect"]), _recorded(step), [f"from {log}" for log in step.get("logs", ())]),
+            named(
+                str(step["effect"]) + gone, {} if gone else _recorded(step), [f"from {x}" for x in step.get("logs", ())]
+            ),
             escaped(str(step["date"]).replace("T", " ")[:16]),
-            f"{error(before)} -> {error(after)} ({change_text(before, after)})",
+            f"{error(before)} -> {error(after)}{_of_errors(step)} ({change_text(before, after)})",
         )
     console.print(table)
+
+
+def _of_errors(step: Mapping[str, Any]) -> str:
+    unit = step.get("units", {}).get("rmse", "")
+    return f" {unit}" if unit else ""
 
 
 def _given(value: float | None) -> float:
@@ -282,4 +290,6 @@ def _given(value: float | None) -> float:
 def _recorded(step: Mapping[str, Any]) -> dict[str, Estimate]:
     errors = step.get("std_errors", {})
     numbers = {name: v for name, v in step.get("values", {}).items() if isinstance(v, int | float)}
-    return {name: Estimate(v, errors.get(name, math.nan), "") for name, v in numbers.items()}
+    units, effect = step.get("units", {}), step["effect"]
+    unit = {name: units.get(name, units.get(f"{effect}.{name}", "")) for name in numbers}
+    return {name: Estimate(v, errors.get(name, math.nan), unit[name]) for name, v in numbers.items()}

@@ -125,3 +125,42 @@ def test_the_observer_does_not_change_what_we_measure(tau, factor):
     for name in ("acceleration", "velocity", "position"):
         np.testing.assert_array_equal(other.pieces[0][name], usual.pieces[0][name])
     assert other.rest_speed == usual.rest_speed
+
+
+# -- noise is read where it is: not where a spline took it off, nor where jolts are ----------------------------------
+
+
+def _jittered(share=0.3):
+    return np.cumsum(T * (1.0 + share * np.random.default_rng(8).uniform(-1, 1, ROWS)))
+
+
+def test_an_encoder_on_irregular_stamps_keeps_its_noise_and_is_smoothed_as_on_regular_ones():
+    """A spline takes half off its highest frequencies: read there, the noise seemed small, and a window of five
+    samples already too wide, so that the speed was 35 times as loud and a quarter of the log a rest."""
+    step, at = 2.0 * np.pi / 8192.0, _jittered()
+    regular = prepare(_log(position=step * np.round(_motion(0) / step)), OBSERVER)
+    log = Log({"t": at, "u": u, "position": step * np.round(_motion(0, at) / step)}, T, "log.csv")
+    found = prepare(log, OBSERVER)
+    assert found.sensor.noise.scale * T**4 == pytest.approx(step**2 / 12.0, rel=0.2)
+    assert found.speed_noise < 2.0 * regular.speed_noise
+    assert found.rest_speed < 2.0 * regular.rest_speed
+
+
+def test_white_noise_on_irregular_stamps_is_read_as_it_was_logged():
+    at, size = _jittered(), 0.05
+    log = Log(
+        {"t": at, "u": u, "velocity": _motion(1, at) + size * np.random.default_rng(2).normal(size=ROWS)}, T, "log.csv"
+    )
+    found = prepare(log, OBSERVER).sensor
+    assert found.noise.scale * T**2 == pytest.approx(size**2, rel=0.15)
+    assert found.sure.scale * T**2 == pytest.approx(size**2, rel=0.15)
+
+
+def test_jolts_are_no_noise_of_the_sensor():
+    """Ten sudden changes of the speed, as a kick makes them, reach as far up as noise does; most samples show none."""
+    size, speed = 1e-3, _motion(1)
+    for k in range(10):
+        speed[300 + 550 * k :] += 0.2 * (-1) ** k
+    found = prepare(_log(velocity=speed + size * np.random.default_rng(3).normal(size=ROWS)), OBSERVER).sensor
+    assert found.noise.scale * T**2 > 3.0 * size**2
+    assert found.sure.scale * T**2 == pytest.approx(size**2, rel=0.2)

@@ -32,6 +32,10 @@ def test_the_verdict_is_one_sentence() -> None:
     assert verdict_line(NOTHING) == (
         "nothing is missing (probability 93 %): the held-out force error below 31.4 Hz, 0.113 (unit of u), is noise"
     )
+    assert verdict_line(replace(NOTHING, at_stops=True)) == (
+        "nothing is missing (probability 93 %) but what stops and creeping hide: most of the held-out force error below"
+        " 31.4 Hz, 0.113 (unit of u), is from there"
+    )
     assert "the held-out force error falls" in verdict_line(replace(DIAGNOSIS, band_hz=NAN))
     assert verdict_line(UNKNOWN) == (
         "something is missing that no effect of the catalogue explains; it depends on velocity and position"

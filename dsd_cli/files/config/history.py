@@ -42,6 +42,12 @@ def _read_numbers(value: Any, at: Place) -> Values:
     return MappingProxyType(found)
 
 
+def _read_units(value: Any, at: Place) -> Mapping[str, str]:
+    if not isinstance(value, Mapping):
+        raise at.wrong(value, "a table of texts")
+    return MappingProxyType({name: text().read(item, at.child(name)) for name, item in value.items()})
+
+
 def _read_before(value: Any, at: Place) -> Mapping[str, Any]:
     read_section(Model, value, at)  # what --undo would put back must be a valid [model]
     return MappingProxyType(dict(value))
@@ -70,6 +76,11 @@ class History(Section):
     taken_back: bool = key(flag(), "the effect was taken out again: it had become needless", default=False)
     fitted: Values = _values("all values of the model after the step")
     fitted_errors: Values = _values("their standard errors; none where they are held or not told")
+    units: Mapping[str, str] = key(
+        Rule("a table of texts", _read_units),
+        "units of the fitted values and of the errors, where they are known",
+        default=_NOTHING,
+    )
     before: Mapping[str, Any] | None = key(
         Rule("a table as [model]", _read_before), "[model] before the step, for `dsd improve --undo`", default=None
     )

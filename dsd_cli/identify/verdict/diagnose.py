@@ -195,8 +195,8 @@ class _Verdict:
 
     def diagnosis(self) -> Diagnosis:
         """The whole answer."""
-        problem = self.problem
-        verdict, score, refitted = self.named, self.own.score, self.own.refitted
+        problem, verdict, score, refitted = self.problem, self.named, self.own.score, self.own.refitted
+        stops = said_of_stops(self.search, self.whole)
         ranking = self._ranking(score, refitted)
         named = next((c for c in ranking if c.effect == verdict), None)
         fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
@@ -225,7 +225,8 @@ class _Verdict:
             band_hz=self.search.equations.band.hz,
             floor=problem.floor,
             provenance=source,
-            warnings=(*contradictions(self.search, fit, known.estimates), *said_of_stops(self.search, self.whole)),
+            warnings=(*contradictions(self.search, fit, known.estimates), *stops),
+            at_stops=bool(stops),
             depends_on=self.beyond.on if unknown else (),
             nearest=nearest,
         )

@@ -1,0 +1,137 @@
+"""What a fit says, by the real command: units of the user's columns, a sister machine, a rung that is taken back."""
+
+import csv
+import json
+import math
+import shlex
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from tests.cli.rig import DSD, done
+from tests.cli.terminal import terminal
+
+SAMPLES = Path(__file__).parents[2] / "sample_logs"
+#: What the columns are called and multiplied by in the disguise, and the keys of [signals] that undo it.
+COLUMNS = {"t": ("t", 1.0), "u": ("u", 1.0), "velocity": ("rpm", 30.0 / math.pi), "position": ("deg", 180.0 / math.pi)}
+SIGNALS = """[signals]
+u_unit = "N m"
+position = "deg"
+position_unit = "deg"
+velocity = "rpm"
+velocity_unit = "rpm"
+"""
+#: Of servo-friction.toml, SI; of its sister, whose friction is a third larger.
+TRUTH = {"inertia": 0.01, "delay": 0.002, "viscous_friction.coefficient": 0.01, "coulomb_friction.level": 0.15}
+SISTER = 0.2
+UNITS = {
+    "inertia": "kg m^2",
+    "delay": "s",
+    "coulomb_friction.level": "N m",
+    "viscous_friction.coefficient": "(N m)/(rad/s)",
+}
+
+
+def disguised(log: Path, name: Path, seconds: float) -> None:
+    """The same log in degrees and revolutions per minute."""
+    with log.open(newline="") as file, name.open("w", newline="") as out:
+        writer = csv.writer(out)
+        writer.writerow([column for column, _ in COLUMNS.values()])
+        for row in csv.DictReader(file):
+            if float(row["t"]) <= seconds:
+                writer.writerow([float(row[channel]) * factor for channel, (_, factor) in COLUMNS.items()])
+
+
+@pytest.fixture(scope="module")
+def learnt(tmp_path_factory):
+    """(folder with log, config and what was learnt, what the command printed)."""
+    folder = tmp_path_factory.mktemp("told")
+    disguised(SAMPLES / "servo-friction.csv", folder / "a.csv", 1.0)
+    (folder / "bare.toml").write_text(SIGNALS + (SAMPLES / "servo-bare.toml").read_text())
+    made = done("improve", "a.csv", "-c", "bare.toml", "--auto", "-o", "a.toml", cwd=folder)
+    return folder, made.stdout
+
+
+def test_the_values_at_the_end_have_the_users_units_and_are_si(learnt):
+    folder, out = learnt
+    assert "force error below" in out.splitlines()[0]
+    assert out.splitlines()[0].endswith("(N m)")
+    for name, unit in UNITS.items():
+        (line,) = [row for row in out.splitlines() if row.strip().startswith(name)]
+        assert f" {unit} " in line
+        assert float(line.split()[1]) == pytest.approx(TRUTH[name], rel=0.01)
+    assert "unit of u" not in out
+    text = (folder / "a.toml").read_text()
+    assert "# B, force per speed [(N m)/(rad/s)]" in text
+    assert "# Fc, the friction force while moving [N m]" in text
+
+
+def test_the_history_keeps_values_errors_and_units(learnt):
+    folder, _ = learnt
+    last = tomllib.loads((folder / "a.toml").read_text())["history"][-1]
+    assert last["units"] == {"rmse": "N m", **UNITS}
+    assert set(last["fitted"]) == set(last["fitted_errors"]) == set(TRUTH)
+    shown = done("improve", "--history", "-c", "a.toml", cwd=folder, COLUMNS="200").stdout
+    assert "(N m)/(rad/s)" in shown
+    assert "N m (-" in shown
+
+
+def test_other_commands_name_the_units(learnt):
+    folder, _ = learnt
+    checked = done("check", "a.csv", "-c", "a.toml", cwd=folder).stdout
+    assert "rad/s, travel" in checked
+    assert "kg m^2" in checked
+    compared = json.loads(done("compare", "a.csv", "-c", "a.toml", "--format", "json", cwd=folder).stdout)
+    assert compared["force"]["unit"] == "N m"
+    beside = done("compare", "-c", "bare.toml", "-c", "a.toml", cwd=folder).stdout
+    assert "kg m^2" in beside
+
+
+def test_a_sister_machine_says_which_values_moved_and_by_how_many_sigma(learnt):
+    """Its Coulomb friction is 0.2 instead of 0.15 N m; all else is the same."""
+    folder, _ = learnt
+    other = (SAMPLES / "servo-friction.toml").read_text().replace("level = 0.15", f"level = {SISTER}")
+    (folder / "sister.toml").write_text(other.replace("duration = 4.0", "duration = 1.0"))
+    done("simulate", "-c", "sister.toml", "-o", "plain.csv", cwd=folder)
+    disguised(folder / "plain.csv", folder / "b.csv", 1.0)
+    made = done("improve", "b.csv", "-c", "a.toml", "--from-prior", "--auto", "--format", "json", cwd=folder)
+    told = json.loads(made.stdout)
+    moved = {one["name"]: one for one in told["moved"]}
+    assert {name: one["unit"] for name, one in moved.items()} == UNITS
+    learnt_of = tomllib.loads((folder / "a.toml").read_text())["history"][-1]
+    for name, one in moved.items():
+        assert one["first"] == pytest.approx(learnt_of["fitted"][name], rel=1e-6)
+        spread = math.hypot(learnt_of["fitted_errors"][name], one["second_error"])
+        assert one["sigma"] == pytest.approx((one["second"] - one["first"]) / spread, rel=0.01)
+    assert moved["coulomb_friction.level"]["second"] == pytest.approx(SISTER, rel=0.01)
+    assert abs(moved["coulomb_friction.level"]["sigma"]) > 20.0
+    pulls = {name: abs(one["prior_sigma"]) for name, one in told["values"].items() if "prior_sigma" in one}
+    assert pulls["coulomb_friction.level"] == pytest.approx(0.05 / 0.015, rel=0.05)
+    assert all(pull < 1.0 for name, pull in pulls.items() if name != "coulomb_friction.level")
+    assert "coulomb_friction.level = 0.2 pulls against its prior 0.15 +- 0.015" in made.stderr
+
+
+def test_a_needless_effect_is_taken_back_in_a_rung_of_its_own(tmp_path):
+    """A person adds drag before friction; drag then has nothing left to explain."""
+    words = ["improve", SAMPLES / "servo-friction.csv", "-c", SAMPLES / "servo-bare.toml", "--to", "1.0"]
+    command = shlex.join([*DSD, *map(str, words), "--format", "json", "-o", "back.toml"])
+    answers = ("quadratic_drag", "coulomb_friction", "viscous_friction")
+    with terminal(cwd=tmp_path, columns=150, lines=100, command=["sh", "-c", f"{command} > ladder.json"]) as person:
+        for i, answer in enumerate(answers):
+            person.until(lambda: person.raw.count(b"effect: ") > i, wait=240.0)  # noqa: B023
+            person.type(answer + "\n")
+        assert person.finish(wait=240.0) == 0
+        assert "step 4: quadratic_drag taken back: held-out force error" in person.text
+    ladder = json.loads((tmp_path / "ladder.json").read_text())["ladder"]
+    assert [(rung["effect"], rung["kind"]) for rung in ladder] == [
+        ("as given", "given"),
+        *((name, "added") for name in answers),
+        ("quadratic_drag", "taken_back"),
+    ]
+    assert "quadratic_drag.coefficient" not in ladder[-1]["values"]
+    assert ladder[-1]["heldout_rmse"] < 1.01 * ladder[-2]["heldout_rmse"]
+    config = tomllib.loads((tmp_path / "back.toml").read_text())
+    assert set(config["model"]["effects"]) == {"coulomb_friction", "viscous_friction"}
+    assert [step.get("taken_back", False) for step in config["history"]] == [False, False, False, True]
+    assert "quadratic_drag taken back" in done("improve", "--history", "-c", "back.toml", cwd=tmp_path).stdout
