@@ -81,7 +81,7 @@ def _detect(log: Path, states: int, out: Path) -> tuple[str, ...]:
 
 def lines(folder: Path, rows: int, repeats: int) -> Iterator[Line]:
     """Throughput and memory."""
-    targets = {("parquet", 9): 1.3, ("parquet", 100): 1.7, ("csv", 9): 1.2}
+    targets = {("parquet", 9): 1.3, ("parquet", 100): 1.4, ("csv", 9): 1.2, ("csv", 100): 1.4}
     for (kind, states), target in targets.items():
         count = rows if kind == "parquet" else rows // 5
         log, out = make(folder / f"log{count}.{kind}", count), folder / f"labels.{kind}"

@@ -9,6 +9,7 @@ where they may not be, or a run beyond its limits.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import multiprocessing
 import os
@@ -25,7 +26,7 @@ from typing import NamedTuple
 
 from bench import fuzz_cases
 
-#: Limits of one run: bytes beyond what the process has, s of CPU, s.
+#: Limits of one run: bytes beyond what the process has, s of CPU, s in which it may do nothing.
 MEMORY, CPU, PATIENCE = 2 << 30, 20, 60
 #: What the runs would import one by one, each again.
 WARM = (
@@ -98,6 +99,8 @@ def _run(number: int, parent: Path, show: bool = False) -> Outcome:
         process = multiprocessing.get_context("fork").Process(target=_child, args=(arguments, folder))
         process.start()
         process.join(PATIENCE)
+        while process.exitcode is None and _would_run(process.pid):
+            process.join(1.0)  # CPU ends what has no end
         if process.exitcode is None:
             process.kill()
             process.join()
@@ -109,6 +112,15 @@ def _run(number: int, parent: Path, show: bool = False) -> Outcome:
         return Outcome(process.exitcode, _finding(process.exitcode, said, folder, before, arguments))
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _would_run(pid: int | None) -> bool:
+    """Whether a thread of the process waits for a processor or a disk: on a busy machine it only is not done yet."""
+    states = set()
+    for path in Path(f"/proc/{pid}/task").glob("*/stat"):
+        with contextlib.suppress(OSError):  # the thread has ended
+            states.add(path.read_text().rpartition(")")[2].split()[0])
+    return bool({"R", "D"} & states)
 
 
 def _child(arguments: list[str], folder: Path) -> None:

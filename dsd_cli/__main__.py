@@ -2,19 +2,54 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import os
 import signal
 import sys
+from typing import NoReturn
+
+#: Objects that a start makes and keeps, about: garbage is first looked for when there are more.
+KEPT = 100_000
 
 
-def main() -> None:
+def main() -> NoReturn:
     """Run `dsd` with the arguments of the process and exit."""
+    _spare_the_start()
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C while starting ends it without a traceback
     _open_standard_streams()
     from dsd_cli.cli.main import main as run_and_exit
 
-    run_and_exit()
+    try:
+        run_and_exit()
+    except SystemExit as leaving:
+        if not isinstance(leaving.code, int):
+            raise
+        _leave(leaving.code)
+
+
+def _spare_the_start() -> None:
+    """What a start makes is not looked through for garbage a hundred times; after that everything is as usual."""
+    usual = gc.get_threshold()
+
+    def as_usual(phase: str, _: object) -> None:
+        gc.callbacks.remove(as_usual)
+        gc.set_threshold(*usual)
+
+    gc.set_threshold(KEPT, *usual[1:])
+    gc.callbacks.append(as_usual)
+
+
+def _leave(code: int) -> NoReturn:
+    """Exit without taking all modules to pieces, which takes as long as loading some of them; the system frees them."""
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except (OSError, ValueError):
+            continue
+    os._exit(code)
 
 
 def _open_standard_streams() -> None:

@@ -45,7 +45,10 @@ CASES = (
     Case("rho twice the noise", rho=0.2),
     Case("noise of a velocity, white rho", noise=0.02, rho=0.1, velocity=0.0005),
     Case("the same, told to the detector", noise=0.02, rho=0.02, velocity=0.0005, told=True),
-    Case("noise correlated over 10 samples, white rho", slow=0.9),
+    Case("noise 2 %, correlated over 2 samples, white rho", noise=0.02, slow=0.5),
+    Case("noise 2 %, correlated over 10 samples", noise=0.02, slow=0.9),
+    Case("noise 10 %, correlated over 10 samples", slow=0.9),
+    Case("the same, window 300", slow=0.9, window=300),
     Case("delay 0, the edge of what is possible", State(0.0, 1.3), noise=0.02),
 )
 

@@ -28,7 +28,6 @@ from dsd_cli.cli.truth import Truth
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import active_backend
 from dsd_cli.detect.plan import Plan
-from dsd_cli.detect.profile.alarms import false_alarms_per_hour
 from dsd_cli.detect.rows import Rows
 from dsd_cli.detect.session import Session
 from dsd_cli.detect.settings import ESTIMATING, OFFLINE
@@ -280,6 +279,8 @@ def _changes(session: Session) -> Changes | None:
     settings, sample_time = session.plan.settings, session.cleaner.sample_time
     if settings.method != "profile" or settings.change <= 0.0 or sample_time is None:
         return None
+    from dsd_cli.detect.profile.alarms import false_alarms_per_hour
+
     free = sum(len(set(values.tolist())) > 1 for values in session.plan.grid.axes.values())
     tau = session.plan.observer.time_constant
     expected = false_alarms_per_hour(settings.change, settings.window, sample_time, tau, free)

@@ -148,7 +148,7 @@ class LiveView:
         from rich.console import Console
         from rich.live import Live
 
-        console = Console(file=sys.stderr, highlight=False)
+        console = Console(file=sys.stderr, highlight=False, emoji=False)
         try:
             with Live(console=console, auto_refresh=False, transient=True, redirect_stdout=False) as live:
                 console.show_cursor(True)  # so that no way to end leaves the terminal without one

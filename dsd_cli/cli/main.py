@@ -6,7 +6,7 @@ import io
 import os
 import sys
 import warnings
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 from typer.main import get_command
@@ -76,7 +76,7 @@ def dsd(
     """Disturbance State Distinction: which delay, which inertia explains a servo axis' log."""
 
 
-def main() -> None:
+def main() -> NoReturn:
     """Run `dsd` with the arguments of the process and exit."""
     try:
         end_in_order()

@@ -96,7 +96,7 @@ def _observed(loaded: LoadedLog, settings: ObserverSettings) -> Log:
 
     import numpy as np
 
-    from dsd_cli.files.logs import OWN_CHANNELS
+    from dsd_cli.files.table_source import OWN_CHANNELS
     from dsd_cli.plant.observer import observe_log
 
     log = loaded.log

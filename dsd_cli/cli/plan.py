@@ -32,7 +32,7 @@ TRUTH = ("true_delay", "true_inertia")
 
 def as_logged(config: Config, log: str) -> Config:
     """The config for that log: one that `dsd observe` wrote has the tool's names and units, whatever [signals] says."""
-    from dsd_cli.files.logs import OWN_CHANNELS
+    from dsd_cli.files.table_source import OWN_CHANNELS
     from dsd_cli.files.tables_in import metadata_of
 
     if OWN_CHANNELS not in metadata_of(log):

@@ -19,15 +19,15 @@
 #define CHANCE 3.0
 #define ROUNDING 1e-9
 #define CHANCE_GAIN 0.5     /* nats that one free value gains by chance */
-#define EARNED BLOCKS
+#define EARNED (4 * BLOCKS)
 #define REMEMBERED (16.0 * BLOCKS)
-#define MOST_BAD 0.05
+#define MOST_BAD 0.2
 
 /* where the columns of a block begin; each of the second line has one number per group (delay and effect values) */
-typedef struct { Py_ssize_t y, yy, z, zz, zy, zd, dd, dy, xx, xy, xz, width; } Layout;
+typedef struct { Py_ssize_t y, yy, z, zz, zy, zd, dd, dy, xx, xy, xz, xd, width; } Layout;
 
-/* robust: -1 not asked yet; limit: what the lead has to be beside unknown forces */
-typedef struct { int64_t block; int32_t state; int stands, bad, robust; double limit; } Verdict;
+/* robust: -1 not asked yet; beyond, better, slack: excess of the residual and nats that it is asked with */
+typedef struct { int64_t block; int32_t state; int stands, bad, robust; double beyond, better, slack; } Verdict;
 
 typedef struct {
     /* fixed */
@@ -43,6 +43,7 @@ typedef struct {
     double bad, weight;             /* of the trust in the model */
     double *before, *sum, *past;    /* z of the sample before; this block; a ring of the last BLOCKS blocks */
     double *whole;                  /* sums over a window */
+    double *had;                    /* zz and dd of them before the unknown forces were taken out */
     Verdict last;
 } Core;
 
@@ -53,7 +54,8 @@ static Layout layout(Py_ssize_t groups, Py_ssize_t k) {
     at.y = 0; at.yy = 1; at.z = 2;
     at.zz = at.z + groups; at.zy = at.zz + groups; at.zd = at.zy + groups; at.dd = at.zd + groups;
     at.dy = at.dd + groups; at.xx = at.dy + groups; at.xy = at.xx + k * k; at.xz = at.xy + k;
-    at.width = at.xz + k * groups;
+    at.xd = at.xz + k * groups;
+    at.width = at.xd + k * groups;
     return at;
 }
 
@@ -83,6 +85,7 @@ static void add(Core *q, const double *row, const double *x) {
             for (j = 0; j < k; j++) sum[q->at.xx + i * k + j] += x[i] * x[j];
             sum[q->at.xy + i] += x[i] * y;
             for (g = 0; g < groups; g++) sum[q->at.xz + i * groups + g] += x[i] * all[g];
+            for (g = 0; g < groups; g++) sum[q->at.xd + i * groups + g] += x[i] * (before[g] - all[g]);
         }
     }
     memcpy(before, all, sizeof(double) * groups);
@@ -176,29 +179,40 @@ static double excess(const Core *q, Py_ssize_t group, double a, double mine) {
     return worst;
 }
 
-/* takes out of the window's yy, zy and zz whatever a combination of the unknown forces explains, one force after another */
+/* takes out of the window's products of y, z and d whatever a combination of the unknown forces explains, one force
+ * after another; what rounding leaves of z or d is nothing */
 static void take_forces_out(Core *q) {
     const Py_ssize_t k = q->forces, groups = q->groups;
     double *w = q->whole, *xx = w + q->at.xx, *xy = w + q->at.xy, first[MOST_FORCES];
+    double *zz = w + q->at.zz, *zy = w + q->at.zy, *zd = w + q->at.zd, *dd = w + q->at.dd, *dy = w + q->at.dy;
     Py_ssize_t i, j, l, g;
+    memcpy(q->had, zz, sizeof(double) * groups);
+    memcpy(q->had + groups, dd, sizeof(double) * groups);
     for (i = 0; i < k; i++) first[i] = xx[i * k + i];
     for (i = 0; i < k; i++) {
-        const double pivot = xx[i * k + i], *xz = w + q->at.xz + i * groups;
+        const double pivot = xx[i * k + i], *xz = w + q->at.xz + i * groups, *xd = w + q->at.xd + i * groups;
         if (!(pivot > ROUNDING * first[i])) continue;       /* a sum of the forces before it */
         w[q->at.yy] -= xy[i] * xy[i] / pivot;
         for (g = 0; g < groups; g++) {
-            w[q->at.zy + g] -= xz[g] * xy[i] / pivot;
-            w[q->at.zz + g] -= xz[g] * xz[g] / pivot;
+            zy[g] -= xz[g] * xy[i] / pivot;
+            zz[g] -= xz[g] * xz[g] / pivot;
+            zd[g] -= xz[g] * xd[g] / pivot;
+            dd[g] -= xd[g] * xd[g] / pivot;
+            dy[g] -= xd[g] * xy[i] / pivot;
         }
         for (j = i + 1; j < k; j++) {
             const double share = xx[i * k + j] / pivot;
             for (l = i + 1; l < k; l++) xx[j * k + l] -= share * xx[i * k + l];
             xy[j] -= share * xy[i];
             for (g = 0; g < groups; g++) w[q->at.xz + j * groups + g] -= share * xz[g];
+            for (g = 0; g < groups; g++) w[q->at.xd + j * groups + g] -= share * xd[g];
         }
     }
     w[q->at.yy] = larger(w[q->at.yy], 0.0);
-    for (g = 0; g < groups; g++) w[q->at.zz + g] = larger(w[q->at.zz + g], 0.0);
+    for (g = 0; g < groups; g++) {
+        if (!(zz[g] > ROUNDING * q->had[g])) zz[g] = zy[g] = zd[g] = 0.0;
+        if (!(dd[g] > ROUNDING * q->had[groups + g])) dd[g] = dy[g] = zd[g] = 0.0;
+    }
 }
 
 static double slack_of(const Core *q) { return 1e-15 * (double)(q->size * BLOCKS + 10) * q->whole[q->at.yy] * q->c; }
@@ -206,27 +220,29 @@ static double slack_of(const Core *q) { return 1e-15 * (double)(q->size * BLOCKS
 static Verdict judged(Core *q, int32_t state) {
     const Py_ssize_t group = state / q->inertias;
     const double a = q->alpha[state % q->inertias];
-    Verdict out = {q->blocks, state, 0, 0, 0, 0.0};
-    double ahead, mine, slack, beyond, better;
+    Verdict out = {q->blocks, state, 0, 0, 0, 1.0, 0.0, 0.0};
+    double ahead, mine;
     if (q->blocks < BLOCKS) return out;
     sum_up(q);
-    slack = slack_of(q);
+    out.slack = slack_of(q);
     ahead = lead(q, q->whole[q->at.yy], q->whole + q->at.zy, q->whole + q->at.zz, state, &mine);
-    better = larger(gain(q, group, a) - slack, 0.0);
-    beyond = excess(q, group, a, larger(mine - slack / q->c, 0.0));
-    out.limit = q->need * beyond + better - slack;
-    out.stands = ahead >= out.limit && nearest(q, group, slack);
-    out.bad = beyond > 1.0;
+    out.better = larger(gain(q, group, a) - out.slack, 0.0);
+    out.beyond = excess(q, group, a, larger(mine - out.slack / q->c, 0.0));
+    out.stands = ahead >= q->need * out.beyond + out.better - out.slack && nearest(q, group, out.slack);
+    out.bad = out.beyond > 1.0;
     out.robust = -1;
     return out;
 }
 
-/* whether the lead stands beside unknown forces, too */
-static int robust(Core *q, int32_t state, double limit) {
-    double mine;
+/* whether the label stands beside unknown forces, too */
+static int robust(Core *q, const Verdict *asked) {
+    const Py_ssize_t group = asked->state / q->inertias;
+    double ahead, mine, better;
     sum_up(q);
     take_forces_out(q);
-    return lead(q, q->whole[q->at.yy], q->whole + q->at.zy, q->whole + q->at.zz, state, &mine) >= limit;
+    ahead = lead(q, q->whole[q->at.yy], q->whole + q->at.zy, q->whole + q->at.zz, asked->state, &mine);
+    better = larger(asked->better, gain(q, group, q->alpha[asked->state % q->inertias]) - asked->slack);
+    return ahead >= q->need * asked->beyond + better - asked->slack && nearest(q, group, asked->slack);
 }
 
 /* see trust.py */
@@ -246,8 +262,7 @@ static int unfounded(Core *q, int32_t state) {
     if (q->in_block == 0) follow(q, q->last.bad);
     if (!q->last.stands) return 1;
     if (trusted(q)) return 0;
-    if (q->last.bad) return 1;
-    if (q->last.robust < 0) q->last.robust = robust(q, state, q->last.limit);
+    if (q->last.robust < 0) q->last.robust = robust(q, &q->last);
     return !q->last.robust;
 }
 
@@ -290,10 +305,11 @@ static int fill(Core *q, PyObject *alphas) {
     q->before = malloc(sizeof(double) * q->groups);
     q->sum = malloc(sizeof(double) * q->at.width);
     q->whole = malloc(sizeof(double) * q->at.width);
+    q->had = malloc(sizeof(double) * 2 * q->groups);
     q->past = calloc(BLOCKS * q->at.width, sizeof(double));
     if (q->alpha) memcpy(q->alpha, view.buf, view.len);
     PyBuffer_Release(&view);
-    if (!q->alpha || !q->before || !q->sum || !q->whole || !q->past) { PyErr_NoMemory(); return -1; }
+    if (!q->alpha || !q->before || !q->sum || !q->whole || !q->had || !q->past) { PyErr_NoMemory(); return -1; }
     if (q->inertias < 1) { PyErr_SetString(PyExc_ValueError, "goodness: no inertia"); return -1; }
     restart(q);
     return 0;
@@ -320,7 +336,7 @@ static void goodness_dealloc(PyObject *object) {
     Core *q = &((Goodness *)object)->core;
     PyTypeObject *type = Py_TYPE(object);
     freefunc release = (freefunc)PyType_GetSlot(type, Py_tp_free);
-    free(q->alpha); free(q->before); free(q->sum); free(q->whole); free(q->past);
+    free(q->alpha); free(q->before); free(q->sum); free(q->whole); free(q->had); free(q->past);
     release(object);
     Py_DECREF(type);
 }

@@ -7,7 +7,7 @@ import numpy as np
 from dsd_cli.signals.log import Array
 
 
-def choose(cost: Array, best: float, last: int, axes: Array, hold: float) -> int:
+def choose(cost: Array | list[float], best: float, last: int, axes: Array, hold: float) -> int:
     """The state of the smallest cost (-log p), or the last label.
 
     The last label stays unless another leads by more than `hold` nats. Of all states within `hold` (or a tie) of the
@@ -16,7 +16,7 @@ def choose(cost: Array, best: float, last: int, axes: Array, hold: float) -> int
 
     Parameters
     ----------
-    cost : shape (states,).
+    cost : shape (states,); of few states a list is faster.
     best : its minimum.
     axes : index of every state's value on every axis, shape (axes, states).
     """
@@ -24,10 +24,15 @@ def choose(cost: Array, best: float, last: int, axes: Array, hold: float) -> int
     near = max(hold, tie)
     if not cost[last] - best > near:
         return last
-    candidates = np.flatnonzero(cost - best <= near)
-    if candidates.size <= 1:
-        return int(candidates[0]) if candidates.size else last
+    if isinstance(cost, list):
+        candidates = [state for state, one in enumerate(cost) if one - best <= near]
+        if len(candidates) > 1:
+            cost = np.array(cost)
+    else:
+        candidates = np.flatnonzero(cost - best <= near).tolist()
+    if len(candidates) <= 1:
+        return candidates[0] if candidates else last
     same = (axes[:, candidates] == axes[:, [last]]).sum(axis=0)
-    nearest = candidates[same == same.max()]
+    nearest = np.array(candidates)[same == same.max()]
     first = nearest[cost[nearest].argmin()]
     return int(first) if (cost[nearest] - cost[first] <= tie).sum() == 1 else last

@@ -9,16 +9,14 @@ prediction alike, so that eq. 15 holds again as it is written.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from dsd_cli.signals.log import Array
 
 
-@dataclass(frozen=True)
-class SensorNoise:
+class SensorNoise(NamedTuple):
     """White noise of the channel that d_hat was made from, standard deviations; 0 is none.
 
     Attributes
@@ -34,8 +32,7 @@ class SensorNoise:
         return self.velocity > 0.0 or self.position > 0.0
 
 
-@dataclass(frozen=True)
-class Whitening:
+class Whitening(NamedTuple):
     """W and what it is used with.
 
     Attributes

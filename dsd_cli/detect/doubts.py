@@ -28,12 +28,10 @@ class Doubts:
         spec = engine.spec
         self._spikes = Spikes(spec, plan.settings.window, plan.d_hat_source == "logged")
         self._rest = RestShare(plan.settings.effective_window)
-        effects = plan.settings.output == "d_hat" and any(model.effects for model in plan.effects)
-        moves = effects and any(name in plan.columns for name in ("velocity", "position"))
-        self._unknown = UnknownForces(spec) if moves else None
+        self._unknown = UnknownForces(spec) if plan.has_motion else None
         # methods whose recursion is the memory, and short windows: a label that is confident has stood for a while
         self._window = max(plan.settings.window, BLOCKS)
-        judged, forces = plan.settings.method != "profile", FORCES if moves else 0
+        judged, forces = plan.settings.method != "profile", FORCES if plan.has_motion else 0
         self._goodness = make_goodness(spec, self._window, forces, plan.backend) if judged else None
         self._afterwards = plan.settings.method in OFFLINE
         self._groups = len(spec.grid.delays) * len(spec.grid.combinations)
@@ -115,7 +113,7 @@ class UnknownForces:
 
     def response(self, inputs: Inputs) -> Array:
         """Of the next samples, shape (n, FORCES)."""
-        assert inputs.motion is not None, "effects that need the motion come with it"
+        assert inputs.motion is not None, "rows that tell the motion come with it"
         n = len(inputs.u)
         poles = self._poles(inputs.t)
         columns = np.column_stack([np.ones(n), inputs.motion])

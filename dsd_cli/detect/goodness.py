@@ -10,9 +10,9 @@ noise:
 2. *No value between or beyond the candidates is much better.* What the best inertia and delay near the label would
    gain (the score test: two values, from the label's own residual) is subtracted from the lead. No other delay of the
    grid may explain the window better, by more than half a nat, when both have their best inertia.
-3. *No force that the model lacks.* Where the model has effects, the label must leave no more than the noise, and its
-   lead stand with a constant, a viscous and a dry force of any size beside it, until the labels of this recording were
-   within the noise for some windows.
+3. *No force that the model lacks.* Where the motion is known, the label must stand with a constant, a viscous and a
+   dry force of any size beside it: its lead, and all of the second correction. Until the labels of this recording were
+   within the noise for some windows (trust.py).
 
 The sums are of blocks, a sixteenth of the window each; a verdict stands for the next block. `_goodness.c` computes
 them, numpy_goodness.py where there was no compiler.

@@ -31,7 +31,7 @@ class _Sums(NamedTuple):
     """Sums over the windows that end at n blocks; groups are delays x combinations of effect values.
 
     y, z : of the blocks, shape (n, BLOCKS) and (n, groups, BLOCKS). yy : (n,). zz, zy, zd, dd, dy : (n, groups), with
-    d the slope of z by the delay. xx (n, k, k), xy (n, k), xz (n, k, groups) : of the unknown forces, k may be 0.
+    d the slope of z by the delay. xx (n, k, k), xy (n, k), xz, xd (n, k, groups) : of the unknown forces, k may be 0.
     """
 
     y: Array
@@ -45,6 +45,7 @@ class _Sums(NamedTuple):
     xx: Array
     xy: Array
     xz: Array
+    xd: Array
 
 
 class NumpyGoodness:
@@ -151,13 +152,14 @@ class NumpyGoodness:
         return blocks, len(blocks) - whole
 
     def _layout(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Which two columns of `_rows` are multiplied: y1, z1, yy, zz, zy, zd, dd, dy, xx, xy, xz."""
+        """Which two columns of `_rows` are multiplied: y1, z1, yy, zz, zy, zd, dd, dy, xx, xy, xz, xd."""
         groups, k = self._groups, self._forces
         z = 1 + np.arange(groups)
         d, x, y = z + groups, 1 + 2 * groups + np.arange(k), np.zeros(1, dtype=np.intp)
         one = y + 1 + 2 * groups + k
         pairs = [(y, one), (z, one), (y, y), (z, z), (z, y), (z, d), (d, d), (d, y)]
-        pairs += [(np.repeat(x, k), np.tile(x, k)), (x, y), (np.repeat(x, groups), np.tile(z, k))]
+        pairs += [(np.repeat(x, k), np.tile(x, k)), (x, y)]
+        pairs += [(np.repeat(x, groups), np.tile(column, k)) for column in (z, d)]
         both = [np.broadcast_arrays(a, b) for a, b in pairs if a.size]
         first, second = (np.concatenate(side) for side in zip(*both, strict=True))
         return first, second
@@ -174,33 +176,36 @@ class NumpyGoodness:
         zz, zy, zd, dd, dy = (whole[:, 1 + i * groups : 1 + (i + 1) * groups] for i in range(5))
         rest = whole[:, 1 + 5 * groups :]
         xx, xy = rest[:, : k * k].reshape(n, k, k), rest[:, k * k : k * k + k]
-        xz = rest[:, k * k + k :].reshape(n, k, groups)
-        return _Sums(linear[:, 0], linear[:, 1:], whole[:, 0], zz, zy, zd, dd, dy, xx, xy, xz)
+        crossed = rest[:, k * k + k :].reshape(n, 2, k, groups)
+        columns = (zz, zy, zd, dd, dy, xx, xy, crossed[:, 0], crossed[:, 1])
+        return _Sums(linear[:, 0], linear[:, 1:], whole[:, 0], *columns)
 
     # -- verdicts --------------------------------------------------------------------------------------------------
 
     def _verdicts(self, sums: _Sums, state: NDArray[np.int64]) -> tuple[NDArray[np.bool_], ...]:
-        """At every window, each of shape (n,): whether the lead of `state` stands; whether it does so beside unknown
-        forces; whether it left more than the noise."""
-        need = self._spec.settings.confidence
+        """At every window, each of shape (n,): whether `state` stands; whether it does so beside unknown forces;
+        whether it left more than the noise."""
+        need, group = self._spec.settings.confidence, state // self._alphas.size
         # two sums of this size may differ by so many nats for no other reason than rounding
         slack = 1e-15 * (self._size * BLOCKS + 10.0) * sums.yy * self._c
-        lead, mine = self._lead(sums.yy, sums.zy, sums.zz, state)
+        lead, mine = self._lead(sums, state)
         excess = self._excess(sums, state, np.maximum(mine - slack / self._c, 0.0))
-        limit = need * excess + np.maximum(self._gain(sums, state) - slack, 0.0) - slack
-        stands = (lead >= limit) & self._nearest(sums, state // self._alphas.size, slack)
-        bad = excess > 1.0
+        better = np.maximum(self._gain(sums, state) - slack, 0.0)
+        stands = (lead >= need * excess + better - slack) & self._nearest(sums, group, slack)
         if not self._forces:
-            return stands, stands, bad
-        robust, _ = self._lead(*_without_forces(sums), state)
-        return stands, (robust >= limit) & ~bad, bad
+            return stands, stands, excess > 1.0
+        left = _without_forces(sums)
+        lead, _ = self._lead(left, state)
+        better = np.maximum(better, self._gain(left, state) - slack)
+        robust = (lead >= need * excess + better - slack) & self._nearest(left, group, slack)
+        return stands, robust, excess > 1.0
 
-    def _lead(self, yy: Array, zy: Array, zz: Array, state: NDArray[np.int64]) -> tuple[Array, Array]:
+    def _lead(self, sums: _Sums, state: NDArray[np.int64]) -> tuple[Array, Array]:
         """Nats by which `state` leads over every other, and its residual sum of squares; both shape (n,)."""
-        a = self._alphas
-        distances = yy[:, None, None] - 2.0 * a * zy[:, :, None] + a**2 * zz[:, :, None]
-        distances = distances.reshape(len(yy), -1)
-        rows = np.arange(len(yy))
+        a, n = self._alphas, len(state)
+        distances = sums.yy[:, None, None] - 2.0 * a * sums.zy[:, :, None] + a**2 * sums.zz[:, :, None]
+        distances = distances.reshape(n, -1)
+        rows = np.arange(n)
         mine = distances[rows, state].copy()
         distances[rows, state] = np.inf
         return (distances.min(axis=1) - mine) * self._c, mine
@@ -249,19 +254,35 @@ def _over_chance(ratio: Array, n: int) -> Array:
     return ratio / (1.0 + CHANCE / np.sqrt(n))
 
 
-def _without_forces(sums: _Sums) -> tuple[Array, Array, Array]:
-    """yy, zy and zz of what is left of y and z when any combination of the unknown forces is taken out: Cholesky."""
-    yy, zy, zz, xx, xy, xz = (a.copy() for a in (sums.yy, sums.zy, sums.zz, sums.xx, sums.xy, sums.xz))
+def _without_forces(sums: _Sums) -> _Sums:
+    """The products of what is left of y, z and d when any combination of the unknown forces is taken out: Cholesky.
+
+    What rounding leaves of z or d is nothing.
+    """
+    out = _Sums(*(column.copy() for column in sums))
+    xx, xy, xz, xd = out.xx, out.xy, out.xz, out.xd
     for i in range(xy.shape[1]):
         pivot = xx[:, i, i]
         known = pivot > ROUNDING * sums.xx[:, i, i]  # else it is a sum of the forces before it
         inverse = np.divide(1.0, pivot, out=np.zeros_like(pivot), where=known)
-        yy -= xy[:, i] ** 2 * inverse
-        zy -= xz[:, i] * (xy[:, i] * inverse)[:, None]
-        zz -= xz[:, i] ** 2 * inverse[:, None]
+        y, scaled = (xy[:, i] * inverse)[:, None], inverse[:, None]
+        out.yy[:] -= xy[:, i] ** 2 * inverse
+        for product, left, right in (
+            (out.zy, xz[:, i], y),
+            (out.zz, xz[:, i], xz[:, i] * scaled),
+            (out.zd, xz[:, i], xd[:, i] * scaled),
+            (out.dd, xd[:, i], xd[:, i] * scaled),
+            (out.dy, xd[:, i], y),
+        ):
+            product[:] -= left * right
         for j in range(i + 1, xy.shape[1]):
             share = xx[:, i, j] * inverse
             xx[:, j, i + 1 :] -= share[:, None] * xx[:, i, i + 1 :]
             xy[:, j] -= share * xy[:, i]
             xz[:, j] -= share[:, None] * xz[:, i]
-    return np.maximum(yy, 0.0), zy, np.maximum(zz, 0.0)
+            xd[:, j] -= share[:, None] * xd[:, i]
+    for square, before, products in ((out.zz, sums.zz, (out.zy, out.zd)), (out.dd, sums.dd, (out.dy, out.zd))):
+        nothing = ~(square > ROUNDING * before)
+        for column in (square, *products):
+            column[nothing] = 0.0
+    return out._replace(yy=np.maximum(out.yy, 0.0))

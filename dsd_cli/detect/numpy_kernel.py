@@ -69,7 +69,7 @@ class NumpyKernel:
             return self._label, np.nan, np.nan, False
         best = min(costs)
         if costs[self._label] - best > settings.hold:
-            self._label = choose(below, best, self._label, self._axes, settings.hold)
+            self._label = choose(costs if self._few else below, best, self._label, self._axes, settings.hold)
         label = self._label
         weights = np.exp(best - below)
         probability = float(weights[label] / np.add.reduce(weights)) if best < inf else 0.0

@@ -52,6 +52,16 @@ class Plan:
         object.__setattr__(self, "effects", models)
 
     @property
+    def has_effects(self) -> bool:
+        """Whether any state has forces beside u."""
+        return any(model.effects for model in self.effects)
+
+    @property
+    def has_motion(self) -> bool:
+        """Whether the rows tell how the axis moves, so that forces which the model lacks can be asked for."""
+        return self.settings.output == "d_hat" and any(name in self.columns for name in ("velocity", "position"))
+
+    @property
     def has_friction(self) -> bool:
         """Whether a friction of the model acts where the speed turns (aperture 1: the speed is known there)."""
         roles = {get_effect(name).role for model in self.effects for name in model.effects}

@@ -155,38 +155,54 @@ class Mixed:
         return out
 
 
-def _forward_backward(log_b: Array, log_a: Array, first: Array) -> Array:
+def _forward_backward(log_b: Array, log_a: Array, first: Array, uniform: bool) -> Array:
     """log of the posterior of every state at every sample, shape (n, states)."""
     forward = np.empty_like(log_b)
     prior = first
     for i, row in enumerate(log_b):
         joint = prior + row
         forward[i] = joint - np.logaddexp.reduce(joint)
-        prior = np.logaddexp.reduce(forward[i][:, None] + log_a, axis=0)
+        if uniform:  # all columns are alike: one sum is all of them
+            prior = np.logaddexp.reduce(forward[i] + log_a[0])
+        else:
+            prior = np.logaddexp.reduce(forward[i][:, None] + log_a, axis=0)
     backward = np.zeros(log_b.shape[1])
-    for i in range(len(log_b) - 2, -1, -1):
+    for i in range(len(log_b) - 2, -1, -1) if not uniform else ():  # what comes after tells a uniform A nothing
         backward = np.logaddexp.reduce(log_a + (log_b[i + 1] + backward), axis=1)
         backward -= backward.max()
         forward[i] += backward
     return forward - np.logaddexp.reduce(forward, axis=1, keepdims=True)
 
 
-def _best_path(log_b: Array, log_a: Array, first: Array, choice: _Choice) -> NDArray[Any]:
+def _best_path(log_b: Array, log_a: Array, first: Array, choice: _Choice, uniform: bool) -> NDArray[Any]:
     """The most likely sequence of states (Viterbi), shape (n,); on a tie it stays, and ends as near as it began."""
     n, states = log_b.shape
     back = np.zeros((n, states), dtype=np.int32)
     score = first + log_b[0]
     columns = np.arange(states)
     for i in range(1, n):
-        joint = score[:, None] + log_a
         tie = 1e-9 * (1.0 + abs(score.max()))
-        back[i] = (joint + tie * np.eye(states)).argmax(axis=0)
-        score = joint[back[i], columns] + log_b[i]
+        if uniform:
+            back[i], best = _best_or_stay(score + log_a[0], tie)
+        else:
+            joint = score[:, None] + log_a
+            back[i] = (joint + tie * np.eye(states)).argmax(axis=0)
+            best = joint[back[i], columns]
+        score = best + log_b[i]
     path = np.zeros(n, dtype=np.int32)
     path[-1] = choice.choose(score)
     for i in range(n - 1, 0, -1):
         path[i - 1] = back[i, path[i]]
     return path
+
+
+def _best_or_stay(joint: Array, tie: float) -> tuple[NDArray[Any], Array]:
+    """Where each state comes from if every change is as likely, and the score: the best one, itself on a tie."""
+    best = int(joint.argmax())
+    own = np.arange(joint.size)
+    stays = joint + tie
+    back = np.where(stays > joint[best], own, np.where(stays == joint[best], np.minimum(own, best), best))
+    return back, joint[back]
 
 
 def whole_log(
@@ -200,11 +216,11 @@ def whole_log(
         return out
     log_b = log_likelihoods[use]
     log_a = settings.transition.log_matrix(log_b.shape[1])
-    first = log_a[settings.initial]
-    posterior = _forward_backward(log_b, log_a, first)
+    first, uniform = log_a[settings.initial], settings.transition.uniform
+    posterior = _forward_backward(log_b, log_a, first, uniform)
     choice = _Choice(settings, axes, floor)
     if settings.method == "viterbi":
-        states = _best_path(log_b, log_a, first, choice)
+        states = _best_path(log_b, log_a, first, choice, uniform)
     else:
         states = np.array([choice.choose(row) for row in posterior], dtype=np.int32)
     rows = np.flatnonzero(use)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,6 @@ from dsd_cli.detect.doubts import Doubts
 from dsd_cli.detect.engine import Engine, Forces, Labels, Measurement
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.profile.cells import Estimates
-from dsd_cli.detect.profile.changes import Change
 from dsd_cli.detect.rest import FrictionMarks
 from dsd_cli.detect.rows import (
     Inputs,
@@ -32,6 +32,9 @@ from dsd_cli.plant.observer import DisturbanceObserver
 from dsd_cli.signals.cleaning import Cleaner, Piece
 from dsd_cli.signals.clock import clock_window
 from dsd_cli.signals.log import Array
+
+if TYPE_CHECKING:
+    from dsd_cli.detect.profile.changes import Change
 
 
 class Session:
@@ -206,15 +209,15 @@ class Session:
         self.observed = piece.t, d_hat
         if self.plan.settings.output == "derivative":
             return self._derivatives(u, d_hat, piece.t)
-        forces = self._forces(piece) if any(model.effects for model in self.plan.effects) else None
+        forces = self._forces(piece) if self.plan.has_effects or self.plan.has_motion else None
         if forces is not None and self._friction is not None and self._friction.turning.any():
             d_hat = d_hat - self.plan.observer.sign * self._friction.turning
         self._last_t = float(piece.t[-1])
         resting = None if self._friction is None else self._friction.resting
-        return Inputs(u, d_hat, piece.t, forces, resting, self._motion if forces is not None else None)
+        return Inputs(u, d_hat, piece.t, forces, resting, self._motion)
 
-    def _forces(self, piece: Piece) -> Forces:
-        """Forces of every combination of effect values, per interval that ends at a sample."""
+    def _forces(self, piece: Piece) -> Forces | None:
+        """Forces of every combination of effect values, per interval that ends at a sample; beside them the motion."""
         velocity, position = piece.values.get("velocity"), piece.values.get("position")
         if self.plan.aperture == 2 and position is not None:
             velocity = None  # the speed then is the same difference of positions that d_hat was made from
@@ -233,6 +236,9 @@ class Session:
             self._before = Sample(
                 None if velocity is None else float(velocity[-1]), None if position is None else float(position[-1])
             )
+            self._motion = np.column_stack([means.velocity, means.sign])
+        if not self.plan.has_effects:
+            return None
         pairs = [interval_forces(model.effects, channels, model.inertia) for model in self.plan.effects]
         applied, budget = (np.column_stack([np.broadcast_to(pair[i], n) for pair in pairs]) for i in (0, 1))
         if means is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +29,7 @@ class StateShare:
     confident_share: float
 
 
-@dataclass(frozen=True)
-class Segment:
+class Segment(NamedTuple):
     """Consecutive samples with the same label; start and end are stamps, s."""
 
     start: float
@@ -39,8 +39,7 @@ class Segment:
     confident_share: float
 
 
-@dataclass(frozen=True)
-class Truth:
+class Truth(NamedTuple):
     """Share of the judged samples whose label is the candidate nearest to the log's own truth.
 
     Nearest in L for the delay and in 1/J for the inertia (that is how J enters eq. 13). None: the log does not say.
@@ -53,8 +52,7 @@ class Truth:
     samples: int
 
 
-@dataclass(frozen=True)
-class Check:
+class Check(NamedTuple):
     """One `--expect`: the share of judged samples with that value, and whether it is enough."""
 
     axis: str
@@ -89,8 +87,7 @@ class Summary:
     estimates: dict[str, Estimate] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Expectation:
+class Expectation(NamedTuple):
     """`--expect axis=value`."""
 
     axis: str

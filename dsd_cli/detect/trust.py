@@ -10,9 +10,10 @@ from dsd_cli.effects.memory import one_pole
 #: Blocks per window.
 BLOCKS = 16
 #: Blocks whose label was confident: so many are needed before a model is trusted, so many are looked back on.
-EARNED, REMEMBERED = BLOCKS, 16 * BLOCKS
-#: Share of them that may leave more than the noise.
-MOST_BAD = 0.05
+EARNED, REMEMBERED = 4 * BLOCKS, 16 * BLOCKS
+#: Share of them that may leave more than the noise: white noise of rho does so in 8 to 10 of 100 blocks, by chance, and
+#: in less than a fifth of those that are looked back on in 99 of 100 cases.
+MOST_BAD = 0.2
 
 
 class Trust:

@@ -164,15 +164,27 @@ static PyObject *load_rows(PyObject *module, PyObject *args) {
     return Py_BuildValue("(dddd)", load.position, load.velocity, load.motor_velocity, load.interval);
 }
 
-/* out = mean acceleration of the load per interval; push = acceleration of a free motor, constant in each interval.
- * apart and closing of the two: closing' = push - pull / own, own = the motor's share of the inertia */
+/* apart and closing of two masses: closing' = push - pull / own, own = the motor's share of the inertia. Returns the pull
+ * of the load in the mean over a step of h; the laws that hold on its way are added to the laws */
+static double pair_step(const Coupling *k, double push, double own, double h, double *apart, double *closing,
+                        int *laws) {
+    const double q = *apart, v = *closing;
+    const double p1 = pull(k, q, v, laws), a1 = push - p1 / own;
+    const double v2 = v + 0.5 * h * a1, p2 = pull(k, q + 0.5 * h * v, v2, laws), a2 = push - p2 / own;
+    const double v3 = v + 0.5 * h * a2, p3 = pull(k, q + 0.5 * h * v2, v3, laws), a3 = push - p3 / own;
+    const double v4 = v + h * a3, p4 = pull(k, q + h * v3, v4, laws), a4 = push - p4 / own;
+    *apart = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4);
+    *closing = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
+    return (p1 + 2.0 * p2 + 2.0 * p3 + p4) / 6.0;
+}
+
+/* out = mean acceleration of the load per interval; push = acceleration of a free motor, constant in each interval */
 static PyObject *driven_rows(PyObject *module, PyObject *args) {
     PyObject *objects[2];
     Columns c;
     Coupling k;
     double interval, own, apart = 0.0, closing = 0.0;
-    Py_ssize_t i, j, steps;
-    int laws = 0;
+    Py_ssize_t i, j, n, steps;
     (void)module;
     if (!PyArg_ParseTuple(args, "O(dddd)ddnO", &objects[0], &k.square, &k.drag, &k.half_gap, &k.rate, &own, &interval,
                           &steps, &objects[1])) return NULL;
@@ -185,14 +197,13 @@ static PyObject *driven_rows(PyObject *module, PyObject *args) {
         for (i = 0; i < c.rows; i++) {
             double sum = 0.0;
             for (j = 0; j < steps; j++) {
-                const double q = apart, v = closing;
-                const double p1 = pull(&k, q, v, &laws), a1 = push[i] - p1 / own;
-                const double v2 = v + 0.5 * h * a1, p2 = pull(&k, q + 0.5 * h * v, v2, &laws), a2 = push[i] - p2 / own;
-                const double v3 = v + 0.5 * h * a2, p3 = pull(&k, q + 0.5 * h * v2, v3, &laws), a3 = push[i] - p3 / own;
-                const double v4 = v + h * a3, p4 = pull(&k, q + h * v3, v4, &laws), a4 = push[i] - p4 / own;
-                apart = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4);
-                closing = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
-                sum += (p1 + 2.0 * p2 + 2.0 * p3 + p4) / 6.0;
+                int laws = 0;
+                double q = apart, v = closing, mean = pair_step(&k, push[i], own, h, &q, &v, &laws);
+                if (laws & (laws - 1)) {
+                    q = apart, v = closing, mean = 0.0;
+                    for (n = 0; n < PARTS; n++) mean += pair_step(&k, push[i], own, h / PARTS, &q, &v, &laws) / PARTS;
+                }
+                apart = q, closing = v, sum += mean;
             }
             out[i] = sum / (double)steps;
         }

@@ -208,7 +208,8 @@ def driven_load(
     Parameters
     ----------
     push : F / (s_m J), what the motor would do alone, constant in each interval, shape (n,), of equal intervals in s.
-    share : the load's, of the inertia J of both. step : longest Runge-Kutta step, radians of the free vibration.
+    share : the load's, of the inertia J of both. step : longest Runge-Kutta step, radians of the free vibration; one
+        within which a contact begins or ends is cut.
     """
     own = 1.0 - share
     steps = min(max(math.ceil(coupling.rate / math.sqrt(own) * interval / step), 1), MOST_STEPS)
@@ -217,24 +218,37 @@ def driven_load(
     if compiled is not None:
         compiled.driven(push, tuple(coupling), own, interval, steps, out)
         return out
-    h, apart, closing, pull = interval / steps, 0.0, 0.0, coupling.pull
+    h, apart, closing = interval / steps, 0.0, 0.0
     for k, f in enumerate(push.tolist()):
         total = 0.0
         for _ in range(steps):
-            q, v = apart, closing
-            p1 = pull(q, v)
-            a1 = f - p1 / own
-            v2 = v + 0.5 * h * a1
-            p2 = pull(q + 0.5 * h * v, v2)
-            a2 = f - p2 / own
-            v3 = v + 0.5 * h * a2
-            p3 = pull(q + 0.5 * h * v2, v3)
-            a3 = f - p3 / own
-            v4 = v + h * a3
-            p4 = pull(q + h * v3, v4)
-            a4 = f - p4 / own
-            apart = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
-            closing = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-            total += (p1 + 2.0 * p2 + 2.0 * p3 + p4) / 6.0
+            q, v, mean, smooth = _pair_step(coupling, f, own, h, apart, closing)
+            if not smooth:
+                q, v, mean = apart, closing, 0.0
+                for _ in range(PARTS):
+                    q, v, part, _ = _pair_step(coupling, f, own, h / PARTS, q, v)
+                    mean += part / PARTS
+            apart, closing, total = q, v, total + mean
         out[k] = total / steps
     return out
+
+
+def _pair_step(
+    coupling: Coupling, push: float, own: float, h: float, q: float, v: float
+) -> tuple[float, float, float, bool]:
+    """(motor less load, its rate, mean pull on the way, whether one law of the coupling holds throughout)."""
+    p1 = coupling.pull(q, v)
+    a1 = push - p1 / own
+    q2, v2 = q + 0.5 * h * v, v + 0.5 * h * a1
+    p2 = coupling.pull(q2, v2)
+    a2 = push - p2 / own
+    q3, v3 = q + 0.5 * h * v2, v + 0.5 * h * a2
+    p3 = coupling.pull(q3, v3)
+    a3 = push - p3 / own
+    q4, v4 = q + h * v3, v + h * a3
+    p4 = coupling.pull(q4, v4)
+    a4 = push - p4 / own
+    laws = {coupling.regime(*at) for at in ((q, v), (q2, v2), (q3, v3), (q4, v4))}
+    q = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
+    v = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+    return q, v, (p1 + 2.0 * p2 + 2.0 * p3 + p4) / 6.0, len(laws) == 1

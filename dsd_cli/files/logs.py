@@ -23,8 +23,6 @@ from dsd_cli.signals.outliers import Limits
 _D_HAT_SOURCES = ("logged", "velocity", "position")
 #: Metadata that `write_log` adds and `load_log` turns back into attributes.
 D_HAT_SOURCE, SAMPLE_TIME = "d_hat_source", "sample_time"
-#: Metadata that says: the columns have the tool's own names, and its units ([signals] has been applied to them).
-OWN_CHANNELS = "channels"
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,8 @@ from dsd_cli.signals.log import Array
 
 #: What the file with the metadata of a CSV file is called, after that one's name.
 SIDECAR = ".meta.json"
+#: Metadata that says: the columns have the tool's own names, and its units ([signals] has been applied to them).
+OWN_CHANNELS = "channels"
 #: Bytes; ours hold a config.
 LARGEST_SIDECAR = 1 << 24
 

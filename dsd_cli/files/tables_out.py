@@ -77,6 +77,8 @@ def check_output(path: str | Path, inputs: Sequence[str | Path] = ()) -> Path:
         raise UsageError(f"{path}: a Parquet file cannot go into a FIFO or a device", "end the name in .csv")
     if target.suffix.lower() == ".csv" and any(is_same(sidecar(target), source) for source in inputs):
         raise UsageError(f"{sidecar(target)}: is the input", "write to another file")
+    if target.suffix.lower() == ".csv" and sidecar(target).exists() and not sidecar(target).is_file():
+        raise UsageError(f"{sidecar(target)}: is no file, and belongs to what is written", "write to another file")
     return target
 
 

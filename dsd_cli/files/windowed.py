@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,7 @@ from dsd_cli.files.wrapped import WrappedTable
 from dsd_cli.signals.log import Array
 
 
-@dataclass(frozen=True)
-class Window:
+class Window(NamedTuple):
     """From `start` to `end`, both in it, s as the log's stamps count; `outside` is all the rest."""
 
     start: float = -math.inf
@@ -36,7 +35,7 @@ class Window:
     @property
     def rest(self) -> Window:
         """All that is not in it."""
-        return replace(self, outside=not self.outside)
+        return self._replace(outside=not self.outside)
 
     def holds(self, t: Array) -> Array:
         """Which stamps (s) are in it; one that is not finite is left to whoever drops such rows."""

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from dsd_cli.detect.profile.changes import Change, Side
+if TYPE_CHECKING:
+    from dsd_cli.detect.profile.changes import Change, Side
 
 #: Lines on the screen; the JSON has all.
 MOST_CHANGES = 10
 
 
-@dataclass(frozen=True)
-class Changes:
+class Changes(NamedTuple):
     """What was found, and what to expect of the test.
 
     Attributes

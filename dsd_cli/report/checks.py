@@ -95,7 +95,7 @@ def print_table(results: Sequence[CheckResult], file: Any) -> None:
     """For a person: the verdict of each log first."""
     from rich.console import Console
 
-    console = Console(file=file, highlight=False)  # wraps at the width of the terminal
+    console = Console(file=file, highlight=False, emoji=False)  # wraps at the width of the terminal
     for i, result in enumerate(results):
         if i:
             console.print()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from dsd_cli.detect.profile.summary import Estimate
@@ -70,11 +70,11 @@ def to_json(result: Detection) -> dict[str, Any]:
         "warnings": list(result.warnings),
     }
     if summary.estimates:
-        out["estimates"] = {name: asdict(estimate) for name, estimate in summary.estimates.items()}
+        out["estimates"] = {name: estimate._asdict() for name, estimate in summary.estimates.items()}
     if summary.truth is not None:
-        out["truth"] = asdict(summary.truth)
+        out["truth"] = summary.truth._asdict()
     if summary.checks:
-        out["checks"] = [asdict(check) for check in summary.checks]
+        out["checks"] = [check._asdict() for check in summary.checks]
     return out
 
 

@@ -22,7 +22,7 @@ def console(file: Any) -> Any:
     """Where tables are printed; on a terminal long lines are broken between words, elsewhere they stay lines."""
     from rich.console import Console
 
-    return Console(file=file, highlight=False, soft_wrap=not file.isatty())
+    return Console(file=file, highlight=False, emoji=False, soft_wrap=not file.isatty())
 
 
 class Hanging:

@@ -88,8 +88,8 @@ def transition_text(settings: DetectorSettings) -> str:
 
 def _grid_lines(tuning: Tuning) -> list[str]:
     lines = [
-        f"{a.axis:<11} {a.value:g} added: from {a.start:g} s on the nearest candidate leaves {a.rms_before:.3g}, "
-        f"this one {a.rms_after:.3g}"
+        f"{a.axis:<11} {a.value:g} +- {a.std_error:.1g} added: from {a.start:g} s on the nearest candidate leaves "
+        f"{a.rms_before:.3g}, this one {a.rms_after:.3g}"
         for a in tuning.added
     ]
     return lines or [f"grid        stays: {len(tuning.visited)} of {len(tuning.grid)} states seen, none is missing"]

@@ -8,6 +8,7 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.units import SHORTEST
 
 #: The clock is settled from this many rows with a finite stamp ...
 CLOCK_ROWS = 16
@@ -44,7 +45,7 @@ def settle_clock(stamps: Array) -> Clock:
 
     Raises
     ------
-    DataError : the stamps do not advance, so there is no sample time to be had from them.
+    DataError : the stamps do not advance, or by less than any sample time: there is none to be had from them.
     """
     finite = stamps[np.isfinite(stamps)]
     with np.errstate(over="ignore"):
@@ -57,6 +58,11 @@ def settle_clock(stamps: Array) -> Clock:
             "set signals.time to the right column, or signals.sample_time",
         )
     median = float(np.sort(steps)[(steps.size - 1) // 2])  # one of the steps, never the middle of two
+    if median < SHORTEST:
+        raise DataError(
+            f"no sample time can be found: the stamps are {median:g} s apart",
+            "set signals.time to the right column and signals.time_unit to its unit, or signals.sample_time",
+        )
     usual = steps[np.abs(steps - median) <= 0.5 * median]
     rounding = float(stamp_rounding(float(np.abs(finite).max())))
     mean = float(usual.mean())

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 #: What the words mean; for the foot of a table.
 LEGEND = "Units: u is the unit of the control input; v is rad/s or m/s; q is rad or m."
 
+#: s; no sample time is shorter, given or found: times in samples stay numbers that can be counted.
+SHORTEST = 1e-9
+
 #: Unit of a position column -> (the SI unit that it is read in, factor).
 POSITION = {
     "rad": ("rad", 1.0),

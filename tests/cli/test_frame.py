@@ -162,3 +162,26 @@ def test_plain_values_are_coerced_without_typers_own_machinery() -> None:
     assert not got[1][2]
     with pytest.raises(typer.BadParameter, match=r"'3\.5' is not a(n| valid) integer"):
         built.make_context("x", ["3.5"])
+
+
+def test_the_end_is_short_but_in_order(tmp_path: Path) -> None:
+    """What was registered for the exit is done, what was printed is out, and the exit code stands."""
+    effect = tmp_path / "mine.py"
+    effect.write_text("import atexit\natexit.register(lambda: print('registered'))\n")
+    done = dsd("effects", "--effects-from", str(effect))
+    assert done.returncode == 2
+    assert "defines no EFFECT" in done.stderr
+    assert done.stdout == "registered\n"
+
+
+def test_garbage_is_looked_for_as_ever_once_the_start_is_over() -> None:
+    code = """
+import gc
+from dsd_cli.__main__ import KEPT, _spare_the_start
+usual, callbacks = gc.get_threshold(), list(gc.callbacks)
+_spare_the_start()
+assert gc.get_threshold()[0] == KEPT
+kept = [[] for _ in range(KEPT + 1)]
+assert (gc.get_threshold(), gc.callbacks) == (usual, callbacks)
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -179,3 +179,15 @@ def test_large_amplitude_small_noise_does_not_cancel(backend):
     for k, row in enumerate(rows):
         if row is not None:
             assert got.log_likelihood[k] == pytest.approx(row[0][got.state[k]], abs=1e-3)
+
+
+@pytest.mark.parametrize("method", ["viterbi", "smooth"])
+@pytest.mark.parametrize("noise", [0.0, 0.5, 3.0])
+def test_a_uniform_transition_is_the_matrix_of_equal_entries(method, noise):
+    """The one takes the states one by one, the other all pairs of them; ties (no noise, a still u) included."""
+    _, u, d = recording(8, n=120, noise=noise)
+    u[40:80] = u[40]
+    every = Transition(matrix=np.full((len(STATES), len(STATES)), 1.0 / len(STATES)))
+    one, other = (engine("numpy", method=method, window=5, transition=a).run(u, d) for a in (Transition(), every))
+    for name in ("state", "log_likelihood", "probability", "confident"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)

@@ -164,6 +164,36 @@ def test_it_can_be_added_by_name(swinging):
     assert added.after.heldout_rmse < added.refitted.heldout_rmse
 
 
+@pytest.mark.parametrize("seed", [1, 3000])
+def test_play_behind_a_fine_sensor(seed):
+    """From the starts of a grid a simplex ended in another valley, beside forces that were fitted without the play."""
+    axis = Axis(("backlash",), seed, "speed40k")
+    found = axis.seen()
+    assert found.effect == "backlash"
+    assert near(found.values, axis.truth, 0.05) == {}
+    assert found.model.inertia == pytest.approx(axis.log.truth["inertia"], rel=0.01)
+    assert found.model.delay == pytest.approx(axis.log.truth["delay"], abs=1.5e-3)
+
+
+def test_a_saturated_drive_is_no_load():
+    """A load driven by the command as it was before its limit took the whole misfit of the limit."""
+    answer = Axis(("saturation",), 4000).diagnosed()
+    assert answer.verdict == "saturation"
+    assert set(answer.found) >= {"saturation"}
+
+
+def test_what_the_response_shows_beside_friction_is_part_of_the_answer():
+    answer = Axis(("backlash", "coulomb_friction"), 2, "speedloud").diagnosed()
+    assert set(answer.found) == {"backlash", "coulomb_friction"}
+    assert answer.verdict in answer.found
+
+
+def test_a_load_in_the_band_stays_where_the_response_does_not_show_it():
+    answer = Axis(("flexible_coupling", "coulomb_friction"), 1, "speed40k").diagnosed()
+    assert set(answer.found) == {"flexible_coupling", "coulomb_friction"}
+    assert answer.verdict in answer.found
+
+
 def test_a_model_without_a_load_drives_none(swinging):
     (same,) = with_driven_load([swinging.recording], swinging.model)
     assert same is swinging.recording

@@ -41,6 +41,14 @@ def test_parquet_cannot_go_into_a_fifo(rig):
     refused(dsd("detect", "log.csv", "-o", "fifo.parquet", cwd=rig), 2, "FIFO", ".csv")
 
 
+@pytest.mark.parametrize("command", ["detect", "observe"])
+def test_a_fifo_in_the_place_of_the_metadata_stays_one(rig, command):
+    beside = rig / "labels.csv.meta.json"
+    os.mkfifo(beside)
+    refused(dsd(command, "log.csv", "-o", "labels.csv", cwd=rig), 2, "labels.csv.meta.json: is no file")
+    assert stat.S_ISFIFO(beside.stat().st_mode)
+
+
 @pytest.mark.parametrize("name", ["dev.csv", "dev.toml", "dev.png"])
 def test_a_device_stays_one(rig, name):
     """The link has a name that the commands take; in its place a file would be found if the device were replaced."""

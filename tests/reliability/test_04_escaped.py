@@ -48,6 +48,13 @@ def test_names_of_files(rig):
         safe(result)
 
 
+def test_a_name_is_no_picture(rig):
+    """`:bomb:` is one to the library that prints tables."""
+    os.link(rig / "log.csv", rig / ":bomb:.csv")
+    for command in ("detect", "compare", "check"):
+        assert ":bomb:.csv" in safe(dsd(command, ":bomb:.csv", cwd=rig))
+
+
 def test_cells_and_names_of_columns(rig):
     text = csv_text(make_log(600))
     lines = text.splitlines()

@@ -61,6 +61,13 @@ def test_an_inertia_of_no_machine_is_one_line_of_diagnose_too(rig, value):
     refused(dsd("diagnose", "v.csv", "--set", f"model.inertia={value}", cwd=rig), 2, "model.inertia", "1e+100")
 
 
+@pytest.mark.parametrize(("command", "step"), [("detect", 1e-320), ("compare", 1e-30), ("check", 1e-11)])
+def test_stamps_closer_than_any_sample_time(rig, command, step):
+    columns = make_log(300)
+    write(rig, "log.csv", {**columns, "t": np.arange(300) * step, "velocity": columns["u"]})
+    refused(dsd(command, "log.csv", cwd=rig), 1, "log.csv: no sample time can be found: the stamps are")
+
+
 @pytest.mark.parametrize("stamp", ["", "inf", "-inf"])
 @pytest.mark.parametrize("row", [1, 100, 300])
 def test_a_segment_that_begins_or_ends_at_no_time(rig, stamp, row):
@@ -129,7 +136,9 @@ def test_many_states_with_a_uniform_transition_take_no_matrix():
     assert log_a[3, 7] == log_a[0, 0] == np.log(1.0 / 20_000)
 
 
-@pytest.mark.parametrize(("kernel", "method"), [("", "dsd"), ("numpy", "dsd"), ("", "imm")])
+@pytest.mark.parametrize(
+    ("kernel", "method"), [("", "dsd"), ("numpy", "dsd"), *(("", name) for name in ("imm", "viterbi", "smooth"))]
+)
 def test_twenty_thousand_states_in_little_memory(rig, kernel, method):
     """A matrix of all pairs would take 3.2 GB; the process and its libraries may have 2.5."""
     write(rig, "log.csv", make_log(80))

@@ -194,7 +194,7 @@ def test_irregular_stamps_are_used_as_they_are():
     assert cleaner.dropped == {"gap": 1}
 
 
-@pytest.mark.parametrize("t", [[0.0], [1.0] * 20, [np.nan] * 5])
+@pytest.mark.parametrize("t", [[0.0], [1.0] * 20, [np.nan] * 5, [0.0, 1e-320], [k * 1e-30 for k in range(20)]])
 def test_stamps_that_do_not_advance_are_refused(t):
     with pytest.raises(DataError, match="no sample time can be found"):
         clean(np.array(t), {"u": np.zeros(len(t))})

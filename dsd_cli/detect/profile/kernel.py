@@ -12,7 +12,7 @@ from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.numpy_prediction import make_prediction
 from dsd_cli.detect.profile.cells import Axis, Estimates, held, settled
 from dsd_cli.detect.profile.changes import Change, ChangeTest, Evidence, Found, Side
-from dsd_cli.detect.profile.colour import BlockSums
+from dsd_cli.detect.profile.colour import Colour
 from dsd_cli.detect.profile.lattice import make_lattice
 from dsd_cli.detect.profile.likelihood import Fit, Sums, fit
 from dsd_cli.detect.profile.windowed import WindowedSums
@@ -74,7 +74,7 @@ class ProfileKernel:
         """Forget the window; labels and estimates stand until there is new evidence."""
         self._prediction = make_prediction(self._fine)
         self._sums = WindowedSums(self._spec.settings.window, self._width)
-        self._blocks = BlockSums(self._spec.settings.window, self._shape)
+        self._colour = Colour(self._spec.settings.window, self._shape)
         self._changes.restart()
         self._seen = 0
 
@@ -145,9 +145,9 @@ class ProfileKernel:
     def _judge(self, clock: Array, y: Array, z: Array, missing: NDArray[np.bool_]) -> Profiled:
         settings, spec = self._spec.settings, self._spec
         summed = self._sums.feed(self._products(y, z, missing))
-        self._blocks.feed(y, z, missing)
+        self._colour.feed(y, z, missing)
         sums = self._as_sums(summed)
-        found = fit(sums, settings.rho, settings.confidence, self._known_alpha, self._blocks.excess)
+        found = fit(sums, settings.rho, settings.confidence, self._known_alpha, self._colour.excess)
         self._changes.feed(Evidence(clock, y, z, missing, summed, found), self._as_sums)
         full = self._seen + np.arange(1, len(y) + 1) >= settings.window
         self._seen += len(y)

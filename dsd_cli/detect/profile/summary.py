@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from dsd_cli.detect.rows import Rows
 
 
-@dataclass(frozen=True)
-class Estimate:
+class Estimate(NamedTuple):
     """The last well-founded estimate of an axis (None before the first), and the share of rows that founded it."""
 
     value: float | None

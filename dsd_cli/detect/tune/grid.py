@@ -13,7 +13,8 @@ from dsd_cli.detect.tune.choose import Path
 from dsd_cli.detect.tune.evidence import Evidence
 from dsd_cli.signals.log import Array
 
-#: A stretch has at least so many samples; a value is new if it is so many standard errors, and this share, away.
+#: A stretch has at least so many samples; a value is new if it is so many standard errors, and this share (of its own
+#: size, of the span of the delays), away.
 LEAST, SIGMAS, APART = 100, 4.0, 0.04
 #: The rms of a stretch must fall below this share with the new value.
 FALLS = 0.8
@@ -23,14 +24,15 @@ BETWEEN = 20
 
 @dataclass(frozen=True)
 class Addition:
-    """A candidate that is missing: `axis` "delay" or "inertia", its value, since when the log has it (s), and the rms
-    of that stretch with the nearest candidate and with this one (unit of u)."""
+    """A candidate that is missing: `axis` "delay" or "inertia", its value, since when the log has it (s), the rms of
+    that stretch with the nearest candidate and with this one (unit of u), and the standard error of the value."""
 
     axis: str
     value: float
     start: float
     rms_before: float
     rms_after: float
+    std_error: float
 
 
 def additions(evidence: Evidence, path: Path) -> list[Addition]:
@@ -78,20 +80,41 @@ def _of_stretch(evidence: Evidence, fine: Grid, path: Path, part: Any, y: Array,
     value, found = nominal / float(alpha[best]) if alpha[best] > 0.0 else np.nan, []
     away = abs(alpha[best] - nominal / inertia) > SIGMAS * error
     if away and min(abs(value / j - 1.0) for j in grid.inertias) > APART:
-        found.append(Addition("inertia", float(f"{value:.3g}"), start, before, float(rms[best])))
-    if best != now and min(abs(fine.delays[best] - x) for x in grid.delays) > 0.0:
-        found.append(Addition("delay", float(f"{fine.delays[best]:.6g}"), start, before, float(rms[best])))
+        size = value * error / float(alpha[best])
+        found.append(Addition("inertia", float(f"{value:.3g}"), start, before, float(rms[best]), size))
+    if best != now:
+        error = _delay_error(np.array(fine.delays), n * rms**2, best, n / path.correlation)
+        if _away(fine.delays[best], grid.delays, error, APART * _span(grid)):
+            found.append(Addition("delay", float(f"{fine.delays[best]:.6g}"), start, before, float(rms[best]), error))
     return found
 
 
+def _span(grid: Grid) -> float:
+    return max(grid.delays) - min(grid.delays)
+
+
+def _away(value: float, others: tuple[float, ...], error: float, apart: float) -> bool:
+    """Whether it is another value than all of these, by what the log can tell and by what is worth a candidate."""
+    return min(abs(value - x) for x in others) > max(SIGMAS * error, apart)
+
+
+def _delay_error(delays: Array, squares: Array, best: int, independent: float) -> float:
+    """Standard error of the best delay: from the curvature of the sum of squares over the delays, s."""
+    at = min(max(best, 1), delays.size - 2)
+    below, above = delays[at] - delays[at - 1], delays[at + 1] - delays[at]
+    slopes = (squares[at] - squares[at - 1]) / below, (squares[at + 1] - squares[at]) / above
+    curvature = 2.0 * (slopes[1] - slopes[0]) / (below + above)
+    return float(np.sqrt(2.0 * squares[best] / (curvature * independent))) if curvature > 0.0 else np.inf
+
+
 def _without_repeats(found: list[Addition], grid: Grid) -> list[Addition]:
-    """Of those of one axis that are closer than APART the one that gains most; at most as many as the axis has."""
+    """Of those of one axis that the log cannot tell apart the surest; at most as many as the axis has."""
     kept: list[Addition] = []
-    for one in sorted(found, key=lambda a: a.rms_after / a.rms_before):
+    for one in sorted(found, key=lambda a: a.std_error):
         same = [k for k in kept if k.axis == one.axis]
-        span = max(grid.delays) - min(grid.delays) if one.axis == "delay" else one.value
-        near = any(abs(k.value - one.value) <= APART * span for k in same)
-        if not near and len(same) < len(grid.delays if one.axis == "delay" else grid.inertias):
+        apart = APART * (_span(grid) if one.axis == "delay" else one.value)
+        new = all(_away(one.value, (k.value,), float(np.hypot(one.std_error, k.std_error)), apart) for k in same)
+        if new and len(same) < len(grid.delays if one.axis == "delay" else grid.inertias):
             kept.append(one)
     return kept
 

@@ -69,8 +69,8 @@ class Rule(NamedTuple):
     sections: tuple[type[Section], ...] = ()
 
 
-#: s; delays and time constants are not longer, sample times not shorter.
-LONGEST, SHORTEST = 1e4, 1e-9
+#: s; delays and time constants are not longer.
+LONGEST = 1e4
 #: No number is larger in size, none of those above 0 smaller: squares and ratios of two stay finite.
 SMALLEST, LARGEST = 1e-100, 1e100
 

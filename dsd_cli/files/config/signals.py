@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from dsd_cli.files.config.rules import SHORTEST, Place, Rule, Section, choice, factor, key, number, shown, text
-from dsd_cli.signals.units import POSITION, VELOCITY, Units
+from dsd_cli.files.config.rules import Place, Rule, Section, choice, factor, key, number, shown, text
+from dsd_cli.signals.units import POSITION, SHORTEST, VELOCITY, Units
 
 
 def _column(default: str, meaning: str) -> Any:

@@ -8,7 +8,6 @@ from dsd_cli.errors import UsageError
 from dsd_cli.files.config.effect_values import NONE, EffectValues, effect_values
 from dsd_cli.files.config.rules import (
     LONGEST,
-    SHORTEST,
     Place,
     Section,
     axis,
@@ -21,6 +20,7 @@ from dsd_cli.files.config.rules import (
     tables,
     text,
 )
+from dsd_cli.signals.units import SHORTEST
 
 #: They are held in memory.
 MOST_SAMPLES = 1e8

@@ -16,7 +16,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
 
 #: Longest Runge-Kutta step of a load that a force drives, radians of the free vibration.
-_STEP = 0.05
+_STEP = 0.1
 
 
 @dataclass(frozen=True)
@@ -152,6 +152,8 @@ class Bank:
 
     def _noise_of_load(self, term: Term, keep: bool) -> tuple[float, float]:
         """(variance by noise of a load's column, its covariance with the acceleration), per variance of the latter."""
+        if any(s.pushed is not None and s.pushed[0] == term.id for s in self.equations.stretches):
+            return 0.0, 0.0  # a force drives it
         key = ("noise", term)
         if key not in self._known:
             made = self.equations.whitened(
@@ -250,8 +252,8 @@ def raw_columns(equations: Equations, term: Term, delay: float) -> list[list[Arr
 
 def _columns(stretch: Stretch, term: Term, u: Array) -> list[Array]:
     effect = term.effect
-    if "push" in stretch.log and effect.coupling is not None:
-        return [_pushed_load(stretch, effect.coupling(term.shape))]
+    if stretch.pushed is not None and stretch.pushed[0] == term.id and effect.coupling is not None:
+        return [_pushed_load(stretch, effect.coupling(term.shape), stretch.pushed[1])]
     found, _ = effect.run(stretch.channels(u, effect), term.shape)
     columns = [np.broadcast_to(c, len(u)) for c in found]
     if effect.role is Role.FRICTION:
@@ -261,9 +263,9 @@ def _columns(stretch: Stretch, term: Term, u: Array) -> list[Array]:
     return [-c if effect.memory else -mean_of_middles(c) for c in columns]
 
 
-def _pushed_load(stretch: Stretch, coupling: Coupling) -> Array:
+def _pushed_load(stretch: Stretch, coupling: Coupling, share: float) -> Array:
     """Mean acceleration of a load behind a motor that the model's force drives (`fit.driven`)."""
-    return driven_load(stretch.log["push"], stretch.log.sample_time, coupling, stretch.load_share, _STEP)
+    return driven_load(stretch.log["push"], stretch.log.sample_time, coupling, share, _STEP)
 
 
 def ranges(equations: Equations) -> Ranges:

@@ -43,7 +43,7 @@ def with_driven_load(recordings: Sequence[Recording], model: PlantModel) -> tupl
         replace(
             r,
             pieces=tuple(with_channels(p, push=by_piece[id(p)]) if id(p) in by_piece else p for p in r.pieces),
-            load_share=share,
+            pushed=(loads[0].id, share),
         )
         for r in measured.recordings
     )
@@ -59,7 +59,7 @@ def _bare(recording: Recording) -> Recording:
     pieces = (
         replace(p, channels={name: x for name, x in p.channels.items() if name != "push"}) for p in recording.pieces
     )
-    return replace(recording, pieces=tuple(pieces), load_share=0.0)
+    return replace(recording, pieces=tuple(pieces), pushed=None)
 
 
 def _pushes(equations: Equations, model: PlantModel, terms: Terms, share: float) -> list[Array]:

@@ -60,7 +60,7 @@ class Stretch:
     acceleration : as measured.
     two_intervals : the acceleration is a mean over both intervals beside a sample.
     stepping : the command jumps at samples alone; not where it was measured, or put on a regular clock.
-    load_share : see `Recording`.
+    pushed : see `Recording`.
     """
 
     log: Log
@@ -75,7 +75,7 @@ class Stretch:
     acceleration: Array
     two_intervals: bool
     stepping: bool
-    load_share: float
+    pushed: tuple[str, float] | None
 
     def channels(self, drive: Array, effect: Effect) -> Channels:
         """What an effect looks at under that delayed u: means over the interval, or the values in the middle of it."""
@@ -246,7 +246,7 @@ def _stretch(log: Log, recording: Recording) -> Stretch:
         acceleration=log["acceleration"],
         two_intervals=sensor.two_intervals,
         stepping=log.u_hold == "held" and "white" not in log,
-        load_share=recording.load_share,
+        pushed=recording.pushed,
     )
 
 

@@ -40,7 +40,8 @@ class Recording:
         from velocity" (d_hat).
     missing : channel -> why it cannot be had.
     rest_speed : speed up to which the plant may be at rest, as far as the measurement can tell.
-    load_share : of the inertia, the load's that "push" of the pieces drives (`fit.driven`); 0 where the motion does.
+    pushed : (effect, share of the inertia) of the load that "push" of the pieces drives (`fit.driven`); None where the
+        motion drives every load.
     """
 
     name: str
@@ -52,7 +53,7 @@ class Recording:
     position_noise: float
     walk: float
     sensor: Sensor
-    load_share: float = 0.0
+    pushed: tuple[str, float] | None = None
 
     @property
     def samples(self) -> int:

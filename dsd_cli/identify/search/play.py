@@ -22,7 +22,7 @@ from dsd_cli.identify.search.signals import Signals, left, softened, variance_of
 from dsd_cli.signals.log import Array
 
 #: Longest Runge-Kutta step, radians of the free vibration: while searching, and for what is judged.
-_COARSE, _FINE = 0.2, 0.05
+_COARSE, _FINE = 0.2, 0.1
 #: Hz, above which the acceleration is softened while the play is looked for.
 _SOFT = 10.0
 #: Grid: own frequencies of the load in Hz (the last: times the sample rate), gaps per travel, shares.
@@ -33,8 +33,8 @@ _SHARES = (0.12, 0.25, 0.45)
 #: frequency, log gap, logit).
 _STARTS, _APART = 3, 0.5
 _EDGES, _WIDE = (0.25, 0.25, 0.4), (0.3, 0.1, 0.6)
-#: Share of its squares by which the best play may lead those that count for its error.
-_NEARLY = 0.05
+#: Share of its gain over a rigid axis by which the best play may lead those that count for its error.
+_NEARLY = 0.2
 #: Evaluations for a start, for all of its values, and for the best one.
 _EVALUATIONS, _TOGETHER, _LAST = 80, 100, 200
 #: Step of its derivatives, as a share of those, and where its unknowns begin.
@@ -76,7 +76,8 @@ class Play:
         found = [self.fitted(soft.fitted(soft._at(x), _TOGETHER, _COARSE), _TOGETHER, _COARSE) for x in shapes]
         found += [self.fitted(self._at(self._lowest(at[:3], _WIDE)), _TOGETHER, _COARSE) for at in found]
         squares = [self._squares(at) for at in found]
-        near = [at for at, x in zip(found, squares, strict=True) if x < (1.0 + _NEARLY) * min(squares)]
+        most = min(squares) + _NEARLY * (float(np.sum(self._rigid() ** 2)) - min(squares))
+        near = [at for at, x in zip(found, squares, strict=True) if x <= most]
         return self.fitted(found[int(np.argmin(squares))], _LAST, _FINE), near
 
     def fitted(self, at: Array, evaluations: int = _LAST, step: float = _FINE) -> Array:
@@ -182,11 +183,15 @@ class Play:
 
     def _worth_a_fit(self, shape: Array) -> bool:
         """Whether it gains over a rigid axis half of what an answer must."""
-        signals, rest = self.signals, self._explained(shape)[2]
-        columns = [signals.rows(x) for x in (signals.force, signals.shift, *signals.given)]
-        rigid = left(np.stack(columns, axis=1), signals.target)
+        rest, rigid = self._explained(shape)[2], self._rigid()
         nats = (float(rigid @ rigid) - float(rest @ rest)) / (2.0 * variance_of(rest))
         return nats > 0.5 * POLICY.response_nats
+
+    def _rigid(self) -> Array:
+        """What a rigid axis leaves with all forces free, shape (n,)."""
+        signals = self.signals
+        columns = [signals.rows(x) for x in (signals.force, signals.shift, *signals.given)]
+        return left(np.stack(columns, axis=1), signals.target)
 
     def _sensible(self, at: Array) -> bool:
         """Whether samples can tell such a load at all: far outside, a step of the integration takes ages."""

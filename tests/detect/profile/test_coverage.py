@@ -35,8 +35,16 @@ def test_noise_of_a_velocity_that_the_detector_is_told_of_covers_as_well() -> No
         assert 0.93 <= found.coverage <= 0.97
 
 
-def test_noise_that_is_correlated_breaks_the_intervals_as_the_page_says() -> None:
-    """White rho is an assumption: with noise correlated over 10 samples the intervals are too short."""
-    delay, inertia = score(Case("", slow=0.9), windows=1500, seed=13)
-    assert delay.coverage < 0.93
-    assert inertia.coverage < 0.93
+@pytest.mark.parametrize(("slow", "held"), [(0.5, 0.93), (0.9, 0.90)])
+def test_noise_that_lasts_for_some_samples_is_allowed_for(slow: float, held: float) -> None:
+    """Correlated over 2 and 10 samples, rho white: without that the intervals held 88 and 77 %."""
+    for found in score(Case("", noise=0.02, slow=slow), windows=1500, seed=13):
+        assert found.told > 0.9
+        assert held <= found.coverage <= 0.97
+
+
+def test_where_few_windows_are_told_correlated_noise_breaks_the_intervals_as_the_page_says() -> None:
+    """Those are told in which chance made little of the noise."""
+    for found in score(Case("", slow=0.9), windows=1500, seed=13):
+        assert found.told < 0.75
+        assert found.coverage < 0.93

@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -41,6 +42,18 @@ def test_an_inertia_between_the_candidates_is_added_and_no_other():
     assert tune(evidence).added == ()
 
 
+def test_a_delay_is_added_only_if_the_log_tells_it_from_the_candidates(tmp_path):
+    """With inertias of 10 and 20 g m2 the load of 15 gets labels of 4 ms; 1.9 ms would explain it, and so do the 2 ms
+    that are on the grid. Without those a delay is missing."""
+    log, config = (str(SAMPLES / f"servo-load-change.{kind}") for kind in ("parquet", "toml"))
+    run = ("tune", log, "-c", config, "--format", "json", "--set")
+    added = json.loads(done(*run, "states.inertias=[0.01, 0.02]", cwd=tmp_path).stdout)["added"]
+    assert [(one["axis"], one["value"]) for one in added] == [("inertia", pytest.approx(0.015, rel=0.02))]
+    added = json.loads(done(*run, "states.delays=[0.0, 0.004]", cwd=tmp_path).stdout)["added"]
+    assert [one["axis"] for one in added] == ["delay"]
+    assert abs(added[0]["value"] - 0.002) <= max(4.0 * added[0]["std_error"], 1e-4)  # the lattice has 0.2 ms
+
+
 def test_the_expected_detection_delay_is_that_of_logs_it_has_not_seen():
     """Median lag of the two first changes in 6 new logs with other noise, against what the tuning promised."""
     evidence, _ = runs.evidence("sine, loud", seed=1)
@@ -59,6 +72,7 @@ def test_the_expected_detection_delay_is_that_of_logs_it_has_not_seen():
     assert tuning.expected.false_per_hour < 100.0
 
 
+SAMPLES = Path(__file__).parents[3] / "sample_logs"
 RUN = ("simulate", "--template", "paper-sine", "--noise", "0.1", "--duration", "6", "--set", "model.inertia=0.8")
 
 
