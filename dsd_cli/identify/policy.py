@@ -24,7 +24,7 @@ class Policy:
     unsure_share: float = 0.005  # of a row in which the axis may rest or turn, from which on it is weighed down
     sure_part: float = 0.3  # of the rows that count, in which the direction is sure: those tell what is missing
     harmless_lean: float = 0.1  # of a row's noise, by which the friction in its unsure share may lean
-    rows_per_value: int = 3  # of which the direction is sure, for each value; with fewer all rows count alike
+    rows_per_value: int = 10  # of which the direction is sure, for each value; with fewer all rows count alike
     incomplete: float = 1.3  # of the noise's power; a fit that leaves more misses something, and its values err by it
     delay_step_share: float = 0.03  # of a row; a delay between two steps mixes both, exact enough to the band's end
     exercised: float = 0.99  # quantile of |u| that counts as its largest: one spike says nothing about a limit
