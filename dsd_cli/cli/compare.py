@@ -179,7 +179,7 @@ def _compare(settings: Config, wanted: Wanted) -> None:
     from dsd_cli.cli.identification import print_json, say
     from dsd_cli.cli.pictures import put_picture
     from dsd_cli.cli.progress import Progress
-    from dsd_cli.cli.recordings import believed_model, beyond_known, load_holdout, load_recording
+    from dsd_cli.cli.recordings import believed_model, beyond_known, load_holdout, load_recording, of_no_effect
     from dsd_cli.report.comparison import to_json
     from dsd_cli.report.comparison_table import print_table
 
@@ -198,7 +198,7 @@ def _compare(settings: Config, wanted: Wanted) -> None:
         else:
             progress("simulating")
             report = _simulated(settings, loaded, aside, wanted.max_rmse, wanted.horizon)
-    for line in beyond_known(settings):
+    for line in (*beyond_known(settings), *of_no_effect(settings)):
         say(quiet, f"dsd: warning: {line}")
     if wanted.form is Format.JSON:
         print_json(to_json(report))

@@ -105,6 +105,18 @@ def known_values(config: Config) -> Known:
     return config.fit.known(_written_model(config), config.name)
 
 
+def of_no_effect(settings: Config) -> list[str]:
+    """Values of [fit] fix whose effect [model] does not have: where no effect is added, nothing comes of them."""
+    here = _written_model(settings).effects
+    told = [(name.partition("."), value) for name, value in known_values(settings).fixed.items()]
+    return [
+        f"--fix {effect}.{parameter}={value:g} changes nothing here, for the model has no {effect}: "
+        f"--effect {effect}:{parameter}={value:g} puts it in"
+        for (effect, dot, parameter), value in told
+        if dot and effect not in here
+    ]
+
+
 def beyond_known(settings: Config) -> list[str]:
     """Values of [model] beyond their bounds, or far from their priors."""
     from dsd_cli.identify.fit.values import flat

@@ -27,6 +27,16 @@ def test_a_held_model_is_not_fitted_and_is_judged_on_what_no_fit_saw(tmp_path):
     assert "free simulation, closed loop from the logged reference" in out
 
 
+def test_a_value_of_an_effect_that_the_model_lacks_is_not_ignored_in_silence():
+    said = done("compare", LOG, "-c", BARE, "--fix", "coulomb_friction.level=0.1", cwd=SAMPLES).stderr
+    assert "--fix coulomb_friction.level=0.1 changes nothing here" in said
+    assert "--effect coulomb_friction:level=0.1 puts it in" in said
+    assert (
+        "changes nothing"
+        not in done("compare", LOG, "-c", KNOWN, "--fix", "coulomb_friction.level=0.1", cwd=SAMPLES).stderr
+    )
+
+
 def test_two_models_on_one_log(tmp_path):
     out = done("compare", LOG, "-c", KNOWN, "-c", BARE, cwd=SAMPLES).stdout
     assert f"{KNOWN} is better than {BARE}" in out
