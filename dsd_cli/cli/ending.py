@@ -6,8 +6,10 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import CodeType
 from typing import NoReturn
 
 #: s until a signal that came where no exception can be raised is raised again.
@@ -37,14 +39,25 @@ def end_in_order() -> None:
             swallowed(lost)
             return
         signal.signal(lost.exc_value.number, _raise)
-        again = threading.Timer(_SOON, os.kill, (os.getpid(), lost.exc_value.number))
-        again.daemon = True
-        again.start()
+        threading.Thread(target=_send, args=(lost.exc_value.number, once_more.__code__), daemon=True).start()
 
     sys.unraisablehook = once_more
     for number in ENDING:
         if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):  # ignored ones stay ignored
             signal.signal(number, _raise)
+
+
+def _send(number: int, hook: CodeType) -> None:
+    """The signal, to this process, once the main thread has left the hook: in there it would be swallowed again."""
+    main = threading.main_thread().ident or 0
+    inside = True
+    while inside:
+        time.sleep(_SOON)
+        frame, inside = sys._current_frames().get(main), False
+        while frame is not None:
+            inside = inside or frame.f_code is hook
+            frame = frame.f_back
+    os.kill(os.getpid(), number)
 
 
 def _raise(number: int, _: object) -> None:
