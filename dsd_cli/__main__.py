@@ -43,12 +43,10 @@ def _spare_the_start() -> None:
 
 def _leave(code: int) -> NoReturn:
     """Exit without taking all modules to pieces, which takes as long as loading some of them; the system frees them."""
+    from dsd_cli.cli.ending import flush_streams  # loaded by now
+
     atexit._run_exitfuncs()
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.flush()
-        except (OSError, ValueError):
-            continue
+    flush_streams()
     os._exit(code)
 
 

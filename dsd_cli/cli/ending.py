@@ -75,13 +75,18 @@ def at_once() -> None:
 def leave(code: int) -> NoReturn:
     """Exit; where a thread still reads or writes at once, for the interpreter would be taken down under it."""
     if threading.active_count() > 1:
-        for stream in (sys.stdout, sys.stderr):
-            try:
-                stream.flush()
-            except (OSError, ValueError):
-                continue
+        flush_streams()
         os._exit(code)
     sys.exit(code)
+
+
+def flush_streams() -> None:
+    """What stdout and stderr still hold is written, where anybody takes it: the last thing before `os._exit`."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except (OSError, ValueError):
+            continue
 
 
 @contextmanager
