@@ -22,7 +22,6 @@ from dsd_cli.cli.options import (
     SetOption,
     ToOption,
     effect_ids,
-    with_window,
 )
 from dsd_cli.cli.pictures import PlotOption
 
@@ -75,7 +74,7 @@ def add(
     apart = holdout or []
     use_effects(effects_from)
     origin = read_origin(config)
-    settings = load_config(config, with_window(override, start, end)).knowing(fix or (), bounds or (), prior or ())
+    settings = load_config(config, override or ()).within(start, end).knowing(fix or (), bounds or (), prior or ())
     check_logs([log], apart, settings.signals)
     read = [log, *apart, *settings.files, *(effects_from or ())]
     check_outputs(output, form, read)

@@ -17,7 +17,6 @@ from dsd_cli.cli.options import (
     QuietOption,
     SetOption,
     ToOption,
-    with_window,
 )
 from dsd_cli.cli.pictures import PlotOption
 
@@ -60,7 +59,7 @@ def check(
 
     check_logs(log, ())
     use_effects(effects_from)
-    settings = load_config(config, with_window(override, start, end))
+    settings = load_config(config, override or ()).within(start, end)
     check_plot(plot, [config, *log, *settings.files, *(effects_from or ())])
     with Progress(not quiet) as progress:
         checked = [checked_log(path, settings, quiet, progress) for path in log]

@@ -21,7 +21,6 @@ from dsd_cli.cli.options import (
     SetOption,
     ToOption,
     config_options,
-    with_window,
 )
 from dsd_cli.cli.pictures import PlotOption
 
@@ -100,10 +99,8 @@ def compare(
 
     configs, logs = config or [], log or []
     use_effects(effects_from)
-    texts = with_window(override, start, end)
-    all_settings = [
-        load_config(path, texts, effect or ()).knowing(fix or (), bounds or (), prior or ()) for path in configs
-    ]
+    read = [load_config(path, override or (), effect or ()).within(start, end) for path in configs]
+    all_settings = [one.knowing(fix or (), bounds or (), prior or ()) for one in read]
     wanted = Wanted(tuple(logs), holdout, seconds_of(horizon), plot, max_rmse, form, quiet)
     inputs = [*configs, *(file for settings in all_settings for file in settings.files), *(effects_from or ())]
     wanted.check(len(configs), inputs, all_settings[0].signals)

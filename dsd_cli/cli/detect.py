@@ -18,7 +18,6 @@ from dsd_cli.cli.options import (
     QuietOption,
     SetOption,
     ToOption,
-    with_window,
 )
 from dsd_cli.cli.pictures import PlotOption
 
@@ -98,7 +97,7 @@ def detect(
     judgement = Judgement(tuple(expect or ()), after, min_share, confident_only)
     lines = output is None and not live and (follow or log == "-")
     form = form or (DetectFormat.CSV if lines else DetectFormat.TABLE)
-    settings = load_config(config, with_window(override, start, end), effect or ())
+    settings = load_config(config, override or (), effect or ()).within(start, end)
     if method is not None:
         from dsd_cli.cli.detect_methods import parse_methods, side_by_side
 

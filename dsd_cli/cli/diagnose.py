@@ -18,7 +18,6 @@ from dsd_cli.cli.options import (
     QuietOption,
     SetOption,
     ToOption,
-    with_window,
 )
 from dsd_cli.cli.pictures import PlotOption
 
@@ -60,7 +59,7 @@ def diagnose(
 
     apart = holdout or []
     use_effects(effects_from)
-    settings = load_config(config, with_window(override, start, end)).knowing(fix or (), bounds or (), prior or ())
+    settings = load_config(config, override or ()).within(start, end).knowing(fix or (), bounds or (), prior or ())
     check_logs(log, apart, settings.signals)
     check_plot(plot, [config, *log, *apart, *settings.files, *(effects_from or ())])
     with Progress(not quiet) as progress:

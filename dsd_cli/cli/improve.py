@@ -22,7 +22,6 @@ from dsd_cli.cli.options import (
     QuietOption,
     SetOption,
     ToOption,
-    with_window,
 )
 from dsd_cli.cli.pictures import PlotOption
 
@@ -93,8 +92,8 @@ def improve(
         wanted.check_logs()
     use_effects(effects_from)
     origin = read_origin(config)
-    texts = [*with_window(override, start, end), *(["fit.hold=true"] if hold else [])]
-    settings = load_config(config, texts).knowing(fix or (), bounds or (), prior or ())
+    settings = load_config(config, override or ()).within(start, end)
+    settings = settings.knowing(fix or (), bounds or (), prior or (), hold)
     settings = with_priors(settings, spread) if from_prior else settings
     check_logs(wanted.logs, wanted.holdout, settings.signals)
     read = (*wanted.inputs, *settings.files, *(effects_from or ()))

@@ -14,7 +14,6 @@ from dsd_cli.cli.options import (
     QuietOption,
     SetOption,
     ToOption,
-    with_window,
 )
 from dsd_cli.cli.pictures import PlotOption
 
@@ -50,7 +49,7 @@ def observe(
     from dsd_cli.files.logs import load_log, write_log
     from dsd_cli.files.tables_out import check_output
 
-    settings = as_logged(load_config(config, with_window(override, start, end)), log)
+    settings = as_logged(load_config(config, override or ()).within(start, end), log)
     observer = observer_settings(settings)
     if output != "-":
         check_output(output, (log, config, *settings.files))

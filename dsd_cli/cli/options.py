@@ -137,9 +137,3 @@ EffectsFromOption = Annotated[
         help="Python file that defines an effect of your own (EFFECT = Effect(...)); it is run. Repeatable.",
     ),
 ]
-
-
-def with_window(override: list[str] | None, start: float | None, end: float | None) -> list[str]:
-    """The texts of --set with those of --from and --to."""
-    given = [("start", start), ("end", end)]
-    return [*(override or ()), *(f"signals.{name}={value!r}" for name, value in given if value is not None)]

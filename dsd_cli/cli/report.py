@@ -18,7 +18,6 @@ from dsd_cli.cli.options import (
     QuietOption,
     SetOption,
     ToOption,
-    with_window,
 )
 
 if TYPE_CHECKING:
@@ -66,8 +65,8 @@ def report(
     page = _checked_output(output, [config, *log, *apart, *(effects_from or ())])
     use_effects(effects_from)
     origin = read_origin(config)
-    texts = [*with_window(override, start, end), *(["fit.hold=true"] if hold else [])]
-    settings = load_config(config, texts).knowing(fix or (), bounds or (), prior or ())
+    settings = load_config(config, override or ()).within(start, end)
+    settings = settings.knowing(fix or (), bounds or (), prior or (), hold)
     check_logs(log, apart, settings.signals)
     _checked_output(output, settings.files)
     _refuse_streams([*log, *apart])

@@ -37,6 +37,10 @@ def with_priors(config: Config, spread: float) -> Config:
         effect, _, parameter = name.partition(".")
         angle = parameter and next(p.unit for p in get_effect(effect).parameters if p.name == parameter) == "rad"
         width = math.hypot(errors.get(name, 0.0), spread * (1.0 if angle else abs(value)))
+        low, high = config.fit.bounds.get(name, (-math.inf, math.inf))
+        if name not in said and not low <= value <= high:
+            hint = "as a prior it must be within: widen the bounds, or leave them out"
+            raise UsageError(f"--from-prior: {name} = {value:g} is outside of its bounds, {low:g} to {high:g}", hint)
         if name not in said and width > 0.0:
             texts.append(f"{name}={value!r}+-{width!r}")
     return config.knowing(prior=texts)

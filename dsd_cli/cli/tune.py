@@ -18,7 +18,6 @@ from dsd_cli.cli.options import (
     QuietOption,
     SetOption,
     ToOption,
-    with_window,
 )
 from dsd_cli.cli.pictures import PlotOption
 
@@ -69,7 +68,7 @@ def tune(
 
     use_effects(effects_from)
     origin = read_origin(config)
-    settings = load_config(config, with_window(override, start, end), effect or ())
+    settings = load_config(config, override or (), effect or ()).within(start, end)
     if output == "-" and form is Format.JSON:
         raise UsageError("-o - and --format json both want stdout", "write the config to a file")
     if output is not None:

@@ -79,7 +79,8 @@ class _Windowed(WrappedTable):
                 yield Batch(rows, {name: x[keep] for name, x in batch.columns.items()}, restart)
                 passed, restart = passed + rows, False
         if before and not passed:
-            raise DataError(f"{self.name}: no row {self._window}", f"it goes from {first:g} s to {last:g} s")
+            hint = f"it goes from {first:g} s to {last:g} s, and --from and --to count as its stamps do"
+            raise DataError(f"{self.name}: no row {self._window}", hint)
 
     def _stamps(self, batch: Batch, before: int) -> Array:
         if "t" in batch.columns:

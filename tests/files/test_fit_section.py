@@ -33,7 +33,8 @@ def test_file_and_command_line_say_the_same():
 
 
 def test_without_a_value_the_model_s_own_is_held():
-    assert _known(fix=["viscous_friction.coefficient"]).fixed == {"viscous_friction.coefficient": 0.3}
+    text = "[model.effects.viscous_friction]\ncoefficient = 0.3\n"
+    assert _known(text, fix=["viscous_friction.coefficient"]).fixed == {"viscous_friction.coefficient": 0.3}
     with pytest.raises(UsageError, match=r"has no coulomb_friction\.level"):
         _known(fix=["coulomb_friction.level"])
 
@@ -56,7 +57,7 @@ def test_hold_fixes_all_that_the_model_has():
         ({"fix": ["inertia=-1"]}, "above 0"),
         ({"fix": ["inertia=x"]}, "no number"),
         ({"bounds": ["inertia=1"]}, "LOW:HIGH"),
-        ({"bounds": ["inertia=3:1"]}, "smaller and a larger"),
+        ({"bounds": ["inertia=3:1"]}, "smaller number comes first"),
         ({"prior": ["inertia=1"]}, r"VALUE\+-SPREAD"),
         ({"prior": ["inertia=1+-0"]}, "standard deviation"),
         ({"fix": ["external_force.events=1"]}, "list"),

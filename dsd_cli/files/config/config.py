@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from dsd_cli.errors import UsageError
 from dsd_cli.files.config.effect_values import check_complete
-from dsd_cli.files.config.fitting import Fit, with_known
+from dsd_cli.files.config.fitting import Fit
 from dsd_cli.files.config.history import History
 from dsd_cli.files.config.overrides import with_effects, with_values
 from dsd_cli.files.config.rules import Place, Section, key, shown, table, tables
@@ -19,6 +19,7 @@ from dsd_cli.files.config.sections import Detector, Model, Observer, States
 from dsd_cli.files.config.signals import Signals
 from dsd_cli.files.config.simulation import Simulate
 from dsd_cli.files.config.text import read_text
+from dsd_cli.files.config.told import with_known, with_window
 
 S = TypeVar("S", bound=Section)
 
@@ -136,17 +137,31 @@ class Config(Section):
         """With these keys as [signals]."""
         return read_config({**self.written, "signals": dict(signals)}, self.name, self.folder)
 
-    def knowing(self, fix: Iterable[str] = (), bounds: Iterable[str] = (), prior: Iterable[str] = ()) -> Config:
-        """With `--fix`, `--bounds` and `--prior` in [fit].
+    def knowing(
+        self, fix: Iterable[str] = (), bounds: Iterable[str] = (), prior: Iterable[str] = (), hold: bool = False
+    ) -> Config:
+        """With `--fix`, `--bounds`, `--prior` and `--hold` in [fit].
 
         Raises
         ------
         UsageError : a text that cannot be read, or a [fit] that is wrong with it.
         """
-        fix, bounds, prior = tuple(fix), tuple(bounds), tuple(prior)
-        if not (fix or bounds or prior):
+        texts = {"fix": tuple(fix), "bounds": tuple(bounds), "prior": tuple(prior)}
+        if not (any(texts.values()) or hold):
             return self
-        return read_config(with_known(self.written, fix, bounds, prior), self.name, self.folder)
+        known = with_known(self.written, self.name, (self.fit, self.model), texts, hold)
+        return read_config(known, self.name, self.folder)
+
+    def within(self, start: float | None, end: float | None) -> Config:
+        """With `--from` and `--to` in [signals]; None leaves what the file says.
+
+        Raises
+        ------
+        UsageError : no finite numbers, or nothing between them.
+        """
+        if start is None and end is None:
+            return self
+        return read_config(with_window(self.written, self.signals, self.name, start, end), self.name, self.folder)
 
     def to_toml(self) -> str:
         """What the file and the command line said, as TOML; reading it gives the same config."""

@@ -9,23 +9,26 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from dsd_cli.errors import UsageError
-from dsd_cli.files.config.rules import Place, Rule, Section, flag, key, number
+from dsd_cli.files.config.rules import LONGEST, Place, Rule, Section, flag, key, number, suggestion
 
 if TYPE_CHECKING:
+    from dsd_cli.effects import Effect
     from dsd_cli.identify.fit.known import Known
     from dsd_cli.plant.model import PlantModel
 
 #: Name of a value ("inertia", "viscous_friction.coefficient") -> what is known of it.
 Named = Mapping[str, Any]
 _NOTHING: Named = MappingProxyType({})
-_PRIOR = re.compile(r"\s*([^\s±]+?)\s*(?:\+-|±)\s*(\S+)\s*")
+PRIOR = re.compile(r"\s*([^\s±]+?)\s*(?:\+-|\+/-|±)\s*(\S+)\s*")
 _PRIOR_FORM = 'a value and its standard deviation, such as "0.35+-0.02"'
 _BOUNDS_FORM = "a smaller and a larger number, such as [0, 5]"
 #: Of [model] itself; their bounds are those of [model].
-_OWN = {"inertia": (0.0, math.inf), "delay": (0.0, math.inf)}
+_OWN = {"inertia": (0.0, math.inf), "delay": (0.0, LONGEST)}
+#: What else they are called.
+_ALSO_CALLED = {"mass": "inertia", "m": "inertia", "j": "inertia", "l": "delay", "latency": "delay"}
 
 
-def _named(meaning: str, allowed: str, read: Callable[[Any, Place, float, float], Any]) -> Any:
+def _named(meaning: str, allowed: str, read: Callable[[Any, Place, str], Any]) -> Any:
     """A table of values by name, nested ({ viscous_friction = { coefficient = 1 } }) or dotted."""
 
     def tables(value: Any, at: Place) -> Named:
@@ -36,17 +39,17 @@ def _named(meaning: str, allowed: str, read: Callable[[Any, Place, float, float]
     return key(Rule(allowed, tables), meaning, default=_NOTHING)
 
 
-def _leaves(table: Mapping[str, Any], at: Place, read: Callable[[Any, Place, float, float], Any]) -> Any:
+def _leaves(table: Mapping[str, Any], at: Place, read: Callable[[Any, Place, str], Any]) -> Any:
     for name, value in table.items():
         if isinstance(value, Mapping):
             found: Any = {f"{name}.{inner}": one for inner, one in value.items()}
         else:
             found = {name: value}
         for full, one in found.items():
-            yield full, read(one, at.child(full), *_limits(full, at))
+            yield full, read(one, at.child(full), full)
 
 
-def _limits(name: str, at: Place) -> tuple[float, float]:
+def limits_of(name: str, at: Place) -> tuple[float, float]:
     """What [model] allows for a value of that name.
 
     Raises
@@ -60,60 +63,84 @@ def _limits(name: str, at: Place) -> tuple[float, float]:
     effect, dot, parameter = name.partition(".")
     known = catalogue()
     if effect not in known:
-        raise at.unknown(effect, [*_OWN, *known], what="value")
-    here = at.child(effect)
-    if not dot:
-        example = known[effect].parameters[0].name
-        raise UsageError(f"{at.file}: {here.path} names no value", f"write {effect}.{example}")
+        raise UsageError(f"{at.subject}: no value is called '{name}'", _nearest(name, known))
     specs = {p.name: p for p in known[effect].parameters}
+    if not dot:
+        names = " or ".join(f"{effect}.{one}" for one in specs)
+        raise UsageError(f"{at.subject}: {effect} is an effect, not a value", f"write {names}")
     if parameter not in specs:
-        raise here.unknown(parameter, specs, what="parameter")
+        raise UsageError(f"{at.subject}: {effect} has no '{parameter}'", f"it has {', '.join(specs)}")
     if specs[parameter].listed:
-        raise UsageError(f"{at.file}: {here.child(parameter).path} is a list", "it cannot be held or bounded")
+        raise UsageError(f"{at.subject}: {name} is a list", "it cannot be held or bounded")
     return float(specs[parameter].lower), float(specs[parameter].upper)
 
 
-def _read_fixed(value: Any, at: Place, low: float, high: float) -> float | None:
-    """None: as [model] has it."""
+def _nearest(name: str, known: Mapping[str, Effect]) -> str:
+    """What was meant by the name of a value that there is not."""
+    values = [f"{effect}.{p.name}" for effect, one in known.items() for p in one.parameters]
+    for choice in ([*_OWN, *values], known):
+        near = suggestion(_ALSO_CALLED.get(name.lower(), name), choice)
+        if near.startswith("did"):
+            return near
+    return "there are inertia, delay, and EFFECT.PARAMETER as `dsd effects` lists them"
+
+
+def read_fixed(value: Any, at: Place, name: str) -> float | None:
+    """A value that is held; None: as [model] has it."""
+    low, high = limits_of(name, at)
     if value is True:
         return None
-    if at.path.endswith(".inertia") and at.path.count(".") == 2:
-        return float(number(above=0.0).read(value, at))
-    return float(number(lower=low, upper=high).read(value, at))
+    allowed = number(above=low, upper=high) if name == "inertia" else number(lower=low, upper=high)
+    return float(allowed.read(value, at))
 
 
-def _read_bounds(value: Any, at: Place, low: float, high: float) -> tuple[float, float]:
+def read_bounds(value: Any, at: Place, name: str) -> tuple[float, float]:
+    """(smallest, largest), those of [model] where the user's go beyond them."""
+    low, high = limits_of(name, at)
     if not isinstance(value, list | tuple) or len(value) != 2:
         raise at.wrong(value, _BOUNDS_FORM)
     given = [x if isinstance(x, float) and math.isinf(x) else number().read(x, at.item(i)) for i, x in enumerate(value)]
+    if not given[0] < given[1]:
+        same = f"the two are the same (to hold a value: --fix {name}={given[0]:g})"
+        raise at.refused(value, same if given[0] == given[1] else "the smaller number comes first")
     lower, upper = max(given[0], low), min(given[1], high)
     if not lower < upper:
-        raise at.wrong(value, _BOUNDS_FORM + (f" within {low:g} to {high:g}" if given[0] < given[1] else ""))
+        raise at.refused(value, f"{name} cannot be there, it is {_range(name, low, high)}")
     return lower, upper
 
 
-def _read_prior(value: Any, at: Place, low: float, high: float) -> tuple[float, float]:
-    found = _PRIOR.fullmatch(value) if isinstance(value, str) else None
+def read_prior(value: Any, at: Place, name: str) -> tuple[float, float]:
+    """(mean, standard deviation)."""
+    low, high = limits_of(name, at)
+    found = PRIOR.fullmatch(value) if isinstance(value, str) else None
     try:
         mean, spread = (float(text) for text in found.groups()) if found else (math.nan, math.nan)
     except ValueError:
         raise at.wrong(value, _PRIOR_FORM) from None
-    if not (math.isfinite(mean) and math.isfinite(spread) and spread > 0.0):
+    if spread <= 0.0:
+        raise at.refused(value, f"the standard deviation must be above 0 (to hold a value: --fix {name}={mean:g})")
+    if not (math.isfinite(mean) and math.isfinite(spread)):
         raise at.wrong(value, _PRIOR_FORM)
-    if not low <= mean <= high:
-        raise at.wrong(value, f"{_PRIOR_FORM}, the value from {low:g} to {high:g}")
+    if not low <= mean <= high or (name == "inertia" and mean == 0.0):
+        raise at.refused(value, f"{name} cannot be there, it is {_range(name, low, high)}")
     return mean, spread
+
+
+def _range(name: str, low: float, high: float) -> str:
+    if name == "inertia":
+        return "above 0"
+    return f"at least {low:g}" if math.isinf(high) else f"from {low:g} to {high:g}"
 
 
 class Fit(Section):
     """[fit]: what a fit may change. Names are inertia, delay or <effect>.<parameter>, of [model] or of a candidate."""
 
     fix: Named = _named(
-        "values that no fit changes; true: as [model] has it", "a table of numbers (or true) by name", _read_fixed
+        "values that no fit changes; true: as [model] has it", "a table of numbers (or true) by name", read_fixed
     )
-    bounds: Named = _named("smallest and largest value", "a table of lists such as [0, 5] by name", _read_bounds)
+    bounds: Named = _named("smallest and largest value", "a table of lists such as [0, 5] by name", read_bounds)
     prior: Named = _named(
-        "what a data sheet says: one more equation", 'a table of texts such as "0.35+-0.02" by name', _read_prior
+        "what a data sheet says: one more equation", 'a table of texts such as "0.35+-0.02" by name', read_prior
     )
     hold: bool = key(flag(), "fit nothing that [model] has: a known machine", default=False)
 
@@ -146,62 +173,3 @@ class Fit(Section):
             fixed[name] = given[name] if value is None else value
         found = Known(fixed, dict(self.bounds), dict(self.prior))
         return found.holding(found.applied(model)) if self.hold else found
-
-
-def with_known(
-    written: Mapping[str, Any], fix: tuple[str, ...], bounds: tuple[str, ...], prior: tuple[str, ...]
-) -> dict[str, Any]:
-    """A copy of the tables of a config with `--fix`, `--bounds` and `--prior` in [fit].
-
-    Raises
-    ------
-    UsageError : a text of another form.
-    """
-    section: dict[str, Any] = {name: dict(x) if isinstance(x, Mapping) else x for name, x in _section(written).items()}
-    for text in fix:
-        name, equals, value = text.partition("=")
-        _put(section, "fix", name, _number(value, f"--fix {text}") if equals else True)
-    for text in bounds:
-        name, _, value = text.partition("=")
-        low, colon, high = value.partition(":")
-        if not colon:
-            raise UsageError(f"--bounds {text}", "write NAME=LOW:HIGH, such as viscous_friction.coefficient=0:5")
-        ends = [_number(low, f"--bounds {text}", -math.inf), _number(high, f"--bounds {text}", math.inf)]
-        _put(section, "bounds", name, ends)
-    for text in prior:
-        name, equals, value = text.partition("=")
-        if not equals or not _PRIOR.fullmatch(value):
-            raise UsageError(f"--prior {text}", "write NAME=VALUE+-SPREAD, such as inertia=0.35+-0.02")
-        _put(section, "prior", name, value)
-    return {**written, "fit": section} if section else dict(written)
-
-
-def _section(written: Mapping[str, Any]) -> Mapping[str, Any]:
-    found = written.get("fit", {})
-    return found if isinstance(found, Mapping) else {}
-
-
-def _put(section: dict[str, Any], kind: str, name: str, value: Any) -> None:
-    """What the command line says of a value replaces what the file says of it, of whatever kind."""
-    name = name.strip()
-    for other in ("fix", "bounds", "prior"):
-        table = section.get(other)
-        if isinstance(table, Mapping) and (other == kind or kind == "fix" or other == "fix"):
-            section[other] = _left_out(table, name)
-    section.setdefault(kind, {})[name] = value
-
-
-def _left_out(table: Mapping[str, Any], name: str) -> dict[str, Any]:
-    effect, _, parameter = name.partition(".")
-    inner = {k: {p: v for p, v in x.items() if p != parameter} if k == effect and isinstance(x, Mapping) else x
-             for k, x in table.items()}  # fmt: skip
-    return {k: x for k, x in inner.items() if k != name and x != {}}
-
-
-def _number(text: str, option: str, empty: float = math.nan) -> float:
-    if not text.strip() and not math.isnan(empty):
-        return empty
-    try:
-        return float(text)
-    except ValueError:
-        raise UsageError(option, f"'{text}' is no number") from None

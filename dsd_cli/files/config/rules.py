@@ -26,8 +26,15 @@ class Place(NamedTuple):
     def item(self, index: int) -> Place:
         return Place(self.file, f"{self.path}[{index}]")
 
+    @property
+    def subject(self) -> str:
+        return f"{self.file}: {self.path}"
+
+    def refused(self, value: object, why: str) -> UsageError:
+        return UsageError(f"{self.subject} = {shown(value)}", why)
+
     def wrong(self, value: object, allowed: str) -> UsageError:
-        return UsageError(f"{self.file}: {self.path} = {shown(value)}", f"must be {allowed}")
+        return self.refused(value, f"must be {allowed}")
 
     def missing(self, key: str, meaning: str) -> UsageError:
         return UsageError(f"{self.file}: [{self.path}] {key} is missing", meaning)
