@@ -46,6 +46,10 @@ class DataError(DsdError):
     """Bad data, or a failure at run time (exit code 1)."""
 
 
+class TooShort(DataError):  # noqa: N818 (as CheckFailed)
+    """Too few rows for what is asked of them; a longer log, or a larger part of it, may do."""
+
+
 class UsageError(DsdError):
     """A bad command line or config (exit code 2)."""
 

@@ -65,6 +65,7 @@ def add(
     from dsd_cli.cli.identification import check_logs, load_given, print_json, say, warn
     from dsd_cli.cli.improve_loop import check_outputs, put_config, with_steps
     from dsd_cli.cli.pictures import check_plot, put_picture
+    from dsd_cli.cli.plan import widening
     from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
@@ -79,7 +80,7 @@ def add(
     read = [log, *apart, *settings.files, *(effects_from or ())]
     check_outputs(output, form, read)
     check_plot(plot, [config, *read, output])
-    with Progress(not quiet) as progress:
+    with Progress(not quiet) as progress, widening(settings.signals):
         given = load_given(settings, [log], apart, progress)
         progress(f"fitting with {effect}")
         added, force = _added(given, effect)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,6 +24,7 @@ from dsd_cli.cli.pictures import PlotOption
 if TYPE_CHECKING:
     from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import Config
+    from dsd_cli.identify.checks.results import Finding
     from dsd_cli.report.plots_check import Checked
 
 LogsArgument = Annotated[
@@ -87,7 +89,7 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
     DataError : it cannot be read, or no usable row is in it.
     """
     from dsd_cli.cli.identification import warn
-    from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_settings, reading
+    from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_settings, reading, window
     from dsd_cli.cli.recordings import absent, believed_model, check_sizes
     from dsd_cli.files.logs import load_log
     from dsd_cli.identify.checks import check_log
@@ -110,4 +112,13 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
         dropped=loaded.dropped,
         factors=config.signals.factors(),
     ).named(config.signals.units)
+    if window(config.signals):
+        result = replace(result, findings=tuple(_widened(finding) for finding in result.findings))
     return Checked(loaded.log, tuple(loaded.restarts), result)
+
+
+def _widened(finding: Finding) -> Finding:
+    """Where only a part of a log is read, there may be more of it."""
+    if not finding.remedy.startswith("a longer log"):
+        return finding
+    return replace(finding, remedy=f"widen --from and --to, or {finding.remedy.removesuffix(' is needed')}")

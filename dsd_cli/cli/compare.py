@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from dsd_cli.cli.horizon import PREDICTION, HorizonOption, seconds_of
 from dsd_cli.cli.options import (
     BoundsOption,
     EffectOption,
@@ -23,9 +24,6 @@ from dsd_cli.cli.options import (
     config_options,
 )
 from dsd_cli.cli.pictures import PlotOption
-
-#: Horizons that are words.
-PREDICTION, SIMULATION = "prediction", "simulation"
 
 if TYPE_CHECKING:
     from dsd_cli.cli.progress import Progress
@@ -57,15 +55,6 @@ ConfigsOption = Annotated[
 HoldoutOption = Annotated[
     str | None, typer.Option("--holdout", metavar="LOG", help="Log to be judged apart; --max-rmse then goes by it.")
 ]
-HorizonOption = Annotated[
-    str,
-    typer.Option(
-        "--horizon",
-        metavar="prediction|simulation|SECONDS",
-        help="Predict d_hat from u and the measured motion, or simulate the motion from u: over the whole log, or "
-        "begun anew from the measured motion every so many seconds (0.5s).",
-    ),
-]
 MaxRmseOption = Annotated[
     float | None, typer.Option("--max-rmse", metavar="X", help="Check: the rmse is at most this; else exit 3.")
 ]
@@ -94,6 +83,7 @@ def compare(
     Nothing is fitted: the model is taken as the config has it. With several logs, all of them together. With several
     configs their models are put side by side, and without a LOG their values.
     """
+    from dsd_cli.cli.plan import widening
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
 
@@ -104,12 +94,13 @@ def compare(
     wanted = Wanted(tuple(logs), holdout, seconds_of(horizon), plot, max_rmse, form, quiet)
     inputs = [*configs, *(file for settings in all_settings for file in settings.files), *(effects_from or ())]
     wanted.check(len(configs), inputs, all_settings[0].signals)
-    if len(configs) > 1:
-        from dsd_cli.cli.versus import compare_configs
+    with widening(all_settings[0].signals):
+        if len(configs) > 1:
+            from dsd_cli.cli.versus import compare_configs
 
-        compare_configs(all_settings, wanted.logs, form, quiet, plot)
-    else:
-        _compare(all_settings[0], wanted)
+            compare_configs(all_settings, wanted.logs, form, quiet, plot)
+        else:
+            _compare(all_settings[0], wanted)
 
 
 @dataclass(frozen=True)
@@ -146,28 +137,6 @@ class Wanted:
         if self.plot is not None and not self.logs:
             raise UsageError("--plot draws models on a log", "give the LOG")
         check_plot(self.plot, [*self.logs, *aside, *inputs])
-
-
-def seconds_of(horizon: str) -> float | None:
-    """None for a prediction, inf for a simulation of the whole log, else s.
-
-    Raises
-    ------
-    UsageError : a word or number that is none.
-    """
-    import math
-
-    from dsd_cli.errors import UsageError
-
-    if horizon in (PREDICTION, SIMULATION):
-        return None if horizon == PREDICTION else math.inf
-    try:
-        seconds = float(horizon.removesuffix("s"))
-    except ValueError:
-        seconds = math.nan
-    if not (math.isfinite(seconds) and seconds > 0.0):
-        raise UsageError(f"--horizon {horizon}", "write prediction, simulation, or seconds such as 0.5s")
-    return seconds
 
 
 def _compare(settings: Config, wanted: Wanted) -> None:

@@ -21,7 +21,7 @@ from dsd_cli.cli.plan import (
     log_columns,
     naming,
     optional_columns,
-    window,
+    part_read,
 )
 from dsd_cli.cli.progress import Progress
 from dsd_cli.cli.truth import Truth
@@ -32,7 +32,7 @@ from dsd_cli.detect.rows import Rows
 from dsd_cli.detect.session import Session
 from dsd_cli.detect.settings import ESTIMATING, OFFLINE
 from dsd_cli.detect.summary import Summarizer
-from dsd_cli.errors import DataError, UsageError, printable
+from dsd_cli.errors import DataError, TooShort, UsageError, printable
 from dsd_cli.files.background import read_ahead
 from dsd_cli.files.config import Config
 from dsd_cli.files.scaled import scaled
@@ -40,7 +40,6 @@ from dsd_cli.files.table_source import Batch, TableSource, read_head
 from dsd_cli.files.tables_in import dropped_with_unreadable, is_stream, open_table
 from dsd_cli.files.tables_out import check_output
 from dsd_cli.files.watched import about_rows
-from dsd_cli.files.windowed import windowed
 from dsd_cli.report.changes import Changes
 from dsd_cli.report.detection import Detection, print_table, to_json
 from dsd_cli.report.terminal import json_text
@@ -166,15 +165,12 @@ class Job:
         optional = optional_columns(self.config) & set(columns)
         factors = self.config.signals.factors()
         if not self.follow or is_stream(self.log):
-            return scaled(self._windowed(open_table(self.log, columns, optional)), factors)
+            return scaled(part_read(open_table(self.log, columns, optional), self.config.signals), factors)
         from dsd_cli.files.line_stream import LineStream
 
         read_head(self.log, 1)
         stream = LineStream(Path(self.log), columns, optional, stop=lambda: bool(interrupted))
-        return scaled(self._windowed(stream), factors)
-
-    def _windowed(self, table: TableSource) -> TableSource:
-        return windowed(table, window(self.config.signals), self._time_scale, self.config.signals.sample_time)
+        return scaled(part_read(stream, self.config.signals), factors)
 
     def _plan(self, table: TableSource) -> Plan:
         plan = detection_plan(self.config, table.columns, table.metadata, table.name)
@@ -248,7 +244,7 @@ def _refuse_nothing(table: TableSource, session: Session, summarizer: Summarizer
     if session.engine is None or sample_time is None:
         raise DataError(f"{table.name}: no row has a value in every needed column ({needed})")
     longest = max(session.plan.grid.delays)
-    raise DataError(
+    raise TooShort(
         f"{table.name}: no sample could be judged: {summarizer.samples} rows {sample_time:g} s apart, and a "
         f"label needs the largest candidate delay ({longest:g} s), 5 tau and 16 samples behind it",
         "is signals.time_unit right, and is the log long enough?",

@@ -10,7 +10,7 @@ from dsd_cli.cli.plan import as_logged
 from dsd_cli.cli.progress import Progress
 from dsd_cli.detect.settings import Method
 from dsd_cli.detect.side_by_side import MethodScore, TimedSession, score
-from dsd_cli.errors import DataError, UsageError
+from dsd_cli.errors import TooShort, UsageError
 from dsd_cli.files.config import Config
 
 
@@ -61,5 +61,5 @@ def _scored(log: str, config: Config, method: str, progress: Progress) -> Method
     progress(f"{method}: judging")
     result = score(method, found.rows, found.truth, plan.grid, session)
     if not result.judged:
-        raise DataError(f"{table.name}: no sample could be judged", "`dsd detect` with one method says why")
+        raise TooShort(f"{table.name}: no sample could be judged", "`dsd detect` with one method says why")
     return result

@@ -52,6 +52,7 @@ def diagnose(
 
     from dsd_cli.cli.identification import check_logs, load_given, print_json, warn
     from dsd_cli.cli.pictures import check_plot, put_picture
+    from dsd_cli.cli.plan import widening
     from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
@@ -62,7 +63,7 @@ def diagnose(
     settings = load_config(config, override or ()).within(start, end).knowing(fix or (), bounds or (), prior or ())
     check_logs(log, apart, settings.signals)
     check_plot(plot, [config, *log, *apart, *settings.files, *(effects_from or ())])
-    with Progress(not quiet) as progress:
+    with Progress(not quiet) as progress, widening(settings.signals):
         given = load_given(settings, log, apart, progress)
         found = _found(given, progress)
     report = DiagnosisReport(

@@ -167,13 +167,14 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
     from dsd_cli.cli.identification import load_given, print_json, say, warn
     from dsd_cli.cli.improve_loop import put_config, with_steps
     from dsd_cli.cli.pictures import put_picture
+    from dsd_cli.cli.plan import widening
     from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.transfer import transferred
     from dsd_cli.identify.results import in_units
     from dsd_cli.report.ladder import LadderReport, improve_json, print_ladder
 
     output, quiet = wanted.output, wanted.quiet
-    with Progress(not quiet) as progress:
+    with Progress(not quiet) as progress, widening(settings.signals):
         given = load_given(settings, wanted.logs, wanted.holdout, progress)
         ladder = in_units(_run(given, wanted.auto, quiet, progress), settings.signals.units)
         held_out = validated(given, ladder) if given.holdout else ()

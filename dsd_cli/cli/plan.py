@@ -15,9 +15,10 @@ from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.detect.transition import Transition
-from dsd_cli.errors import DataError, UsageError
+from dsd_cli.errors import DataError, TooShort, UsageError
 from dsd_cli.files.config import Config, Detector, Observer, Signals, States, Stay
-from dsd_cli.files.windowed import Window
+from dsd_cli.files.table_source import TableSource
+from dsd_cli.files.windowed import Window, windowed
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.cleaning import MEASURED
 from dsd_cli.signals.log import DHatSource
@@ -76,6 +77,22 @@ def reading(signals: Signals) -> dict[str, Any]:
 def window(signals: Signals) -> Window:
     """The rows that are read: [signals] start and end."""
     return Window(signals.start, signals.end)
+
+
+def part_read(table: TableSource, signals: Signals) -> TableSource:
+    """The rows of a table that are read."""
+    return windowed(table, window(signals), TIME_SCALE[signals.time_unit], signals.sample_time)
+
+
+@contextmanager
+def widening(signals: Signals) -> Iterator[None]:
+    """Where only a part of a log is read, and it is too short, that is what can be mended."""
+    try:
+        yield
+    except TooShort as error:
+        if part := window(signals):
+            raise DataError(error.message, f"only its part {part} is read, widen --from and --to") from None
+        raise
 
 
 @contextmanager

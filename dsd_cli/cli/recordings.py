@@ -47,6 +47,7 @@ def load_recording(
     UsageError : the config lacks [observer].
     """
     from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_settings, reading
+    from dsd_cli.errors import DataError, TooShort
     from dsd_cli.files.logs import load_log
     from dsd_cli.identify.recordings.recording import prepare
 
@@ -63,7 +64,12 @@ def load_recording(
     check_sizes(loaded.log.source, loaded)
     if progress is not None:
         progress(f"looking at {PurePath(path).name}")
-    recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)
+    try:
+        recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)
+    except TooShort as error:
+        if window:
+            raise DataError(error.message, "leave more of the log to hold out: change --from and --to") from None
+        raise
     dropped = {reason: count for reason, count in loaded.dropped.items() if count}
     warnings = (*loaded.warnings, *absent(config, columns, loaded), *_wrong(loaded, config))
     return LoadedRecording(recording, dropped, warnings)

@@ -58,6 +58,7 @@ def tune(
 
     from dsd_cli.cli.identification import print_json, say, warn
     from dsd_cli.cli.pictures import check_plot, put_picture
+    from dsd_cli.cli.plan import widening
     from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.detect.tune.tuning import tune as choose
@@ -74,7 +75,7 @@ def tune(
     if output is not None:
         check_config_output(output, (log, *settings.files, *(effects_from or ())))
     check_plot(plot, [str(config), log, *settings.files, *(effects_from or ()), *([output] if output else [])])
-    with Progress(not quiet) as progress:
+    with Progress(not quiet) as progress, widening(settings.signals):
         evidence, warnings = _evidence(log, settings, progress)
         tuning = choose(evidence, progress)
     report = TuningReport(tuning, log, output)

@@ -111,6 +111,7 @@ def _simulation(result: Forward, holdout: Forward | None) -> dict[str, Any]:
     return {
         "horizon": "simulation",
         "horizon_seconds": result.horizon if math.isfinite(result.horizon) else None,
+        "restarts": result.restarts,
         "split": "all",
         **_forward(result),
         "relative_error_percent": None,

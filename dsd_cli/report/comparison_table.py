@@ -202,6 +202,8 @@ def _print_forward(console: Any, result: Forward, holdout: Forward | None) -> No
 def _anew(forward: Forward) -> str:
     if not math.isfinite(forward.horizon):
         return ""
+    if not forward.restarts:
+        return f", never begun anew: the log has no stretch longer than {forward.horizon:g} s"
     return f", begun anew from the measured motion every {forward.horizon:g} s"
 
 

@@ -50,6 +50,11 @@ def _percent(share: float) -> str:
 def simulation_conclusion(result: Forward) -> str:
     """What the numbers of a simulation are worth."""
     loop, main = result.main
+    if math.isfinite(result.horizon) and not result.restarts:
+        return (
+            f"no stretch of the log is longer than {result.horizon:g} s, so nothing was begun anew: over all of it the"
+            f" model is {main.rmse:.3g} {main.unit} off in {main.channel} (rms); a shorter --horizon says more"
+        )
     if math.isfinite(result.horizon):
         return (
             f"from a measured state the model is {main.rmse:.3g} {main.unit} off in {main.channel} (rms) within"

@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+import pytest
+
 from tests.cli.rig import done
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
@@ -68,3 +70,33 @@ def test_a_creep_at_the_end_of_a_log_is_no_push(tmp_path):
     assert found["verdict"] == "none"
     assert found["probability"] <= 0.8
     assert "stops and creeping" in made.stderr
+
+
+def test_a_horizon_longer_than_the_log_says_that_nothing_was_begun_anew():
+    restarts = {}
+    for horizon in ("500s", "0.5s"):
+        made = done("compare", LOG, "-c", BARE, "--horizon", horizon, "--format", "json", cwd=SAMPLES)
+        restarts[horizon] = json.loads(made.stdout)["restarts"]
+    assert restarts == {"500s": 0, "0.5s": 5}
+    said = done("compare", LOG, "-c", BARE, "--horizon", "500s", cwd=SAMPLES).stdout
+    assert "never begun anew: the log has no stretch longer than 500 s" in said
+    assert "so nothing was begun anew" in said.splitlines()[-1]
+    assert "from a measured state" not in said
+
+
+@pytest.mark.parametrize(
+    "command", [("tune", "--format", "json"), ("detect", "--method", "dsd,imm", "--format", "json")], ids=lambda one: one[0]
+)
+def test_a_part_of_a_log_is_the_log_of_that_part(command, tmp_path):
+    """What is said of a part is what is said of a file that holds no more."""
+    header, *rows = (SAMPLES / LOG).read_text().splitlines()
+    part = [row for row in rows if 1.0 <= float(row.split(",")[0]) <= 2.0]
+    (tmp_path / LOG).write_text("\n".join([header, *part]) + "\n")
+    for beside in (BARE, f"{LOG}.meta.json"):
+        (tmp_path / beside).write_text((SAMPLES / beside).read_text())
+
+    def said(*window: str, cwd: Path) -> list[str]:
+        lines = done(*command, LOG, "-c", BARE, *window, cwd=cwd).stdout.splitlines()
+        return [line for line in lines if "nanoseconds" not in line]
+
+    assert said("--from", "1", "--to", "2", cwd=SAMPLES) == said(cwd=tmp_path)

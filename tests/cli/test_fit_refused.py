@@ -141,3 +141,70 @@ def test_a_window_without_rows_says_what_the_log_has():
 def test_a_learnt_value_that_its_bounds_leave_out_is_no_prior():
     given = ("--auto", "--from-prior", "--bounds", "inertia=1:2")
     refused(dsd("improve", LOG, "-c", KNOWN, *given, cwd=SAMPLES), 2, "--from-prior: inertia = 0.01", "1 to 2")
+
+
+@pytest.mark.parametrize(
+    ("horizon", "words"),
+    [
+        ("-1s", "above 0"),
+        ("0s", "above 0"),
+        ("0", "above 0"),
+        ("nan", "above 0"),
+        ("inf", "write simulation"),
+        ("1ms", "write 0.001s"),
+        ("2min", "write 120s"),
+        ("s", "such as 0.5s"),
+        ("whole", "such as 0.5s"),
+        ("0.0004s", "the samples are 0.001 s apart"),
+    ],
+)
+def test_a_horizon_that_cannot_be(horizon, words, monkeypatch, capsys):
+    monkeypatch.chdir(SAMPLES)
+    assert run(["compare", LOG, "-c", BARE, f"--horizon={horizon}", "--quiet"]) == 2
+    line = _line(capsys)
+    assert line.startswith(f"--horizon {horizon}:")
+    assert words in line
+
+
+SHORT = ["--from", "1", "--to", "1.01"]
+_WIDEN = "only its part from 1 s to 1.01 s is read, widen --from and --to"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("compare", LOG),
+        ("compare", LOG, "-c", KNOWN),
+        ("diagnose", LOG),
+        ("improve", LOG, "--auto"),
+        ("add", LOG, "coulomb_friction", "-o", "-"),
+        ("detect", LOG),
+        ("detect", LOG, "--method", "dsd,imm"),
+        ("tune", LOG),
+    ],
+    ids=" ".join,
+)
+def test_a_part_that_is_too_short_is_to_be_widened(command, monkeypatch, capsys):
+    monkeypatch.chdir(SAMPLES)
+    assert run([*command, "-c", BARE, "--quiet", *SHORT]) == 1
+    assert _WIDEN in _line(capsys)
+
+
+def test_a_part_that_is_too_short_for_blocks_is_to_be_widened(monkeypatch, capsys):
+    monkeypatch.chdir(SAMPLES)
+    assert run(["diagnose", LOG, "-c", BARE, "--quiet", "--from", "1", "--to", "1.1"]) == 1
+    assert "widen --from and --to" in _line(capsys)
+
+
+def test_what_is_left_to_hold_out_may_be_too_short(monkeypatch, capsys):
+    monkeypatch.chdir(SAMPLES)
+    assert run(["diagnose", LOG, "-c", BARE, "--quiet", "--to", "2.99", "--holdout", LOG]) == 1
+    line = _line(capsys)
+    assert "leave more of the log to hold out" in line
+    assert "widen" not in line
+
+
+def test_check_says_to_widen_too(monkeypatch, capsys):
+    monkeypatch.chdir(SAMPLES)
+    assert run(["check", LOG, "-c", BARE, "--quiet", *SHORT]) == 0
+    assert "widen --from and --to, or a longer log" in capsys.readouterr().out

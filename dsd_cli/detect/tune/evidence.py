@@ -18,7 +18,7 @@ from dsd_cli.detect.session import Session
 from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.detect.spec import WARMUP
 from dsd_cli.detect.transition import Transition
-from dsd_cli.errors import DataError, UsageError
+from dsd_cli.errors import TooShort, UsageError
 from dsd_cli.signals.cleaning import Cleaner
 from dsd_cli.signals.log import Array
 
@@ -47,7 +47,7 @@ class Gatherer(Session):
         """The inputs of the longest recording, at most MOST_SAMPLES of them."""
         best = max(self.recordings, key=lambda parts: sum(part.u.size for part in parts))
         if not best:
-            raise DataError("no sample can be judged", "is the log long enough, and signals.time_unit right?")
+            raise TooShort("no sample can be judged", "is the log long enough, and signals.time_unit right?")
         return first_samples(joined(best), MOST_SAMPLES)
 
 
@@ -94,7 +94,7 @@ class Evidence:
         one.run(self.inputs.u, self.inputs.d_hat, t=self.inputs.t, forces=self.inputs.forces)
         at = np.flatnonzero((one.status != WARMUP) & np.isfinite(one.matrix).all(axis=1))
         if at.size < LEAST_SAMPLES:
-            raise DataError(f"{at.size} samples can be judged", f"tuning needs at least {LEAST_SAMPLES}")
+            raise TooShort(f"{at.size} samples can be judged", f"tuning needs at least {LEAST_SAMPLES}")
         return 2.0 * (one.spec.log_likelihood_constant - one.matrix[at]), at
 
     def predictions(self) -> tuple[Array, Array]:

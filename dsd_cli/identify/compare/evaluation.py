@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.errors import DataError
+from dsd_cli.errors import DataError, TooShort
 from dsd_cli.identify.fit.problem import Problem, Settings, pose
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -137,7 +137,7 @@ def evaluate(recordings: Sequence[Recording], model: PlantModel, observer: Obser
                 stretches.append(stretch)
     evaluation = Evaluation(model, positive, tuple(stretches), lead, skipped, sample_time)
     if sum(len(s.log) - s.first for s in stretches) < FEWEST:
-        raise DataError(
+        raise TooShort(
             f"{recordings[0].name}: too short: fewer than {FEWEST} samples are left after the first {lead:g} s",
             "these rest on u before the log (delay and 5 observer time constants)",
         )

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dsd_cli.errors import DataError
+from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.compare.evaluation import rms
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.controllers import Controller, ControllerSettings, Measured
@@ -62,7 +62,7 @@ class Forward:
     """Simulations over the logs; `not_closed` says why there is none in closed loop.
 
     `provenance` : channel -> where it is from, of the first log. `horizon` : s after which the open loop was begun
-    anew from the measured motion; inf: never. `traces` : of each piece, for a picture.
+    anew from the measured motion; inf: never. `restarts` : how often it was. `traces` : of each piece, for a picture.
     """
 
     logs: tuple[str, ...]
@@ -72,6 +72,7 @@ class Forward:
     not_closed: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)
     horizon: float = math.inf
+    restarts: int = 0
     traces: tuple[Trace, ...] = field(default=(), repr=False, compare=False)
 
     @property
@@ -99,8 +100,12 @@ def run_forward(
     Raises
     ------
     DataError : the simulation diverges, or the logs have neither position nor velocity.
+    UsageError : a horizon shorter than a sample.
     """
     pieces = [piece for recording in recordings for piece in recording.pieces]
+    longest = max(piece.sample_time for piece in pieces)
+    if horizon < (1.0 - 1e-6) * longest:
+        raise UsageError(f"--horizon {horizon:g}s", f"the samples are {longest:g} s apart; a horizon is longer")
     names = [name for name in _CHANNELS if all(name in piece for piece in pieces)]
     if "velocity" not in names:
         raise DataError(f"{recordings[0].name}: no motion to simulate against", "set signals.velocity or .position")
@@ -121,6 +126,7 @@ def run_forward(
         not_closed=not_closed,
         provenance=dict(recordings[0].provenance),
         horizon=horizon,
+        restarts=sum(len(restart_rows(piece["t"].tolist(), horizon)) for piece in pieces),
         traces=_traces(recordings, names, runs, looped),
     )
 
@@ -166,16 +172,25 @@ def open_loop(
     frame, first = Frame(piece), float(piece["velocity"][0]) if start is None else start
     drive = frame.mean_u(frame.command(model.effects), model.delay).tolist()
     times, intervals = piece["t"].tolist(), frame.intervals.tolist()
+    anew = frozenset(restart_rows(times, horizon))
     plant, watch = _plant(piece, model, _at_rest(first, rest_speed)), _Watch(piece)
-    since = times[0]
     for k in range(1, len(times)):
-        if times[k] - since > horizon * (1.0 + 1e-9):
-            since = times[k - 1]
+        if k - 1 in anew:
             plant.position = float(piece["position"][k - 1]) if "position" in piece else plant.position
             plant.velocity = _at_rest(float(piece["velocity"][k - 1]), rest_speed)
         watch.guarded(plant, times[k - 1], drive[k], intervals[k])
         watch.note(plant, times[k])
     return watch.channels()
+
+
+def restart_rows(times: Sequence[float], horizon: float) -> list[int]:
+    """Rows whose measured motion the simulation takes up again: no part of it is longer than the horizon."""
+    rows, since = [], times[0]
+    for k, t in enumerate(times[1:]):
+        if t - since > horizon * (1.0 + 1e-9):
+            since = times[k]
+            rows.append(k)
+    return rows
 
 
 def closed_loop(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dsd_cli.effects import catalogue, get_effect
-from dsd_cli.errors import DataError, UsageError
+from dsd_cli.errors import DataError, TooShort, UsageError
 from dsd_cli.identify.fit.bank import ranges
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.known import Known
@@ -70,7 +70,7 @@ def check_used(recordings: Sequence[Recording], equations: Equations) -> None:
     short = [r.name for r in recordings if not any(id(p) in used for p in r.pieces)]
     if short:
         needed = (equations.startup + len(equations.band.taps)) * equations.sample_time
-        raise DataError(
+        raise TooShort(
             f"{short[0]}: too short: no stretch is longer than {needed:.2g} s", "leave it out, or log longer"
         )
     if float(np.mean(equations.kept)) < POLICY.least_moving or not _moves(equations):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.errors import DataError
+from dsd_cli.errors import TooShort
 from dsd_cli.identify.policy import POLICY
 
 
@@ -82,12 +82,12 @@ def lay_blocks(lengths: Sequence[int], gap: int, name: str, shortest: int = 0) -
 
     Raises
     ------
-    DataError : too short for two folds.
+    TooShort : too short for two folds.
     """
     total = sum(lengths)
     long = max(POLICY.block_gaps * gap, total // POLICY.most_blocks, shortest, 1)
     if total < 2 * long:
-        raise DataError(
+        raise TooShort(
             f"{name}: too short: {total} independent equations, held-out blocks need {2 * long}",
             "a longer log, or a finer sensor",
         )
@@ -107,6 +107,6 @@ def lay_blocks(lengths: Sequence[int], gap: int, name: str, shortest: int = 0) -
         row += length
     blocks = len(before)
     if blocks < 2:
-        raise DataError(f"{name}: too short: one held-out block only", "a longer log, or a finer sensor")
+        raise TooShort(f"{name}: too short: one held-out block only", "a longer log, or a finer sensor")
     fold = np.arange(blocks) % min(POLICY.folds, blocks)
     return Blocks(np.array(starts), row, fold, np.array(before), np.array(after))

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dsd_cli.errors import DataError
+from dsd_cli.errors import DataError, TooShort
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.reconstruction import drift
 from dsd_cli.identify.recordings.regular import regularised
@@ -83,7 +83,7 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
     edges = [0, *(at for at in restarts if 0 < at < len(log)), len(log)]
     parts = [_part(log, a, b) for a, b in pairwise(edges) if b - a >= _SHORTEST]
     if not parts:
-        raise DataError(f"{log.source}: {len(log)} samples without a stretch of {_SHORTEST}", "a longer log is needed")
+        raise TooShort(f"{log.source}: {len(log)} samples without a stretch of {_SHORTEST}", "a longer log is needed")
     pieces = [regularised(part) for part in parts]
     provenance = {"u": "logged"}
     if "d_hat" in log:
