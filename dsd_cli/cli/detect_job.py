@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, closing, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -145,7 +145,7 @@ class Job:
             session = self._session(plan)
             with naming(table.name):
                 self._label_all(table, session, summarizer)
-        return _detection(table, session, summarizer)
+        return replace(_detection(table, session, summarizer), units=self.config.signals.units)
 
     def _session(self, plan: Plan) -> Session:
         # a straight line through positions or speeds would be differentiated into a false d_hat

@@ -63,16 +63,13 @@ def compare_configs(
 
 def _moved(first: Config, second: Config) -> tuple[Moved, ...]:
     from dsd_cli.cli.recordings import believed_model
-    from dsd_cli.effects import get_effect
     from dsd_cli.identify.compare.versus import moved
     from dsd_cli.identify.fit.values import flat
+    from dsd_cli.report.value_units import units_of
 
-    one, other = believed_model(first), believed_model(second)
-    units = {"inertia": "{u}/({v}/s)", "delay": "s"}
-    for name in (*one.effects, *other.effects):
-        units |= {f"{name}.{p.name}": p.unit for p in get_effect(name).parameters}
-    words = {name: first.signals.units.words(unit) for name, unit in units.items()}
-    return moved(flat(one), flat(other), fitted_errors(first), fitted_errors(second), words)
+    one, other = flat(believed_model(first)), flat(believed_model(second))
+    units = units_of(dict.fromkeys((*one, *other)), first.signals.units)
+    return moved(one, other, fitted_errors(first), fitted_errors(second), units)
 
 
 def fitted_errors(config: Config) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from dsd_cli.detect.profile.summary import Estimate
@@ -12,6 +12,8 @@ from dsd_cli.report import terminal
 from dsd_cli.report.changes import Changes
 from dsd_cli.report.head import head
 from dsd_cli.report.terminal import escaped
+from dsd_cli.report.value_units import units_of
+from dsd_cli.signals.units import Units
 
 #: Rows of a table on the screen; the JSON has all.
 MOST_STATES, MOST_SEGMENTS = 12, 15
@@ -33,6 +35,7 @@ class Detection:
     changes: Changes | None
     warnings: tuple[str, ...]
     output: str = "d_hat"
+    units: Units = field(default_factory=Units)
 
     @property
     def explains(self) -> bool:
@@ -61,6 +64,8 @@ def to_json(result: Detection) -> dict[str, Any]:
         "residual_rms": summary.residual_rms,
         "explained_share": summary.explained_share,
         "rho": result.rho,
+        "unit": result.units.force,
+        "units": units_of(summary.final, result.units),
         "states": [_state(state) for state in summary.states],
         "segments": [_segment(segment) for segment in summary.segments],
         "segments_total": summary.segments_total,
@@ -102,9 +107,9 @@ def print_table(result: Detection, file: Any) -> None:
     console = terminal.console(file)
     summary = result.summary
     console.print(f"[bold]{escaped(result.log)}[/bold]: {_first_line(result)}")
-    axes = list(summary.final)
+    headings = _headings(result)
     table = Table(box=box.SIMPLE_HEAD, title="states chosen", title_justify="left", title_style="")
-    for name in ("state", *(_heading(axis) for axis in axes), "of all samples", "of confident ones"):
+    for name in ("state", *headings, "of all samples", "of confident ones"):
         table.add_column(name, justify="right")
     chosen = sorted((s for s in summary.states if s.share > 0), key=lambda s: -s.share)
     for state in chosen[:MOST_STATES]:
@@ -113,7 +118,7 @@ def print_table(result: Detection, file: Any) -> None:
     console.print(table)
     _more(console, len(chosen), MOST_STATES, "states")
     table = Table(box=box.SIMPLE_HEAD, title="segments of one label", title_justify="left", title_style="")
-    for name in ("from s", "to s", *(_heading(axis) for axis in axes), "confident"):
+    for name in ("from s", "to s", *headings, "confident"):
         table.add_column(name, justify="right")
     for segment in summary.segments[:MOST_SEGMENTS]:
         values = [f"{value:g}" for value in segment.values.values()]
@@ -137,12 +142,12 @@ def _first_line(result: Detection) -> str:
 
 def _closing_lines(result: Detection) -> list[str]:
     summary = result.summary
-    final = ", ".join(f"{name} {value:g}" for name, value in summary.final.items())
-    lines = [f"final: {final} ({'confident' if summary.final_confident else 'not confident'})"]
+    lines = [f"final: {escaped(_final(result))} ({'confident' if summary.final_confident else 'not confident'})"]
     if summary.estimates:
         lines.append("estimated between the candidates: " + "; ".join(map(_estimate, summary.estimates.items())))
     if summary.residual_rms is not None:
-        line = f"left unexplained by the labels: {summary.residual_rms:.3g} "
+        unit = f"{escaped(result.units.u)} " if result.units.u else ""
+        line = f"left unexplained by the labels: {summary.residual_rms:.3g} {unit}"
         line += f"(rms of {result.output}, rho is {result.rho:g})"
         if summary.explained_share is not None:
             line += f"; {_percent(summary.explained_share)} of the judged samples are within 2 rho"
@@ -162,6 +167,8 @@ def _closing_lines(result: Detection) -> list[str]:
             continue
         of = f"{_percent(check.share)} of {check.samples:,} samples, {_percent(check.min_share)} asked"
         lines.append(f"expected {check.axis} {check.value:g}: {verdict} ({of})")
+    if _named(result) and result.units.legend:
+        lines.append(result.units.legend)
     if result.dropped:
         counts = ", ".join(f"{reason} {count:,}" for reason, count in result.dropped.items())
         lines.append(f"rows not taken as they are: {escaped(counts)}")
@@ -177,8 +184,22 @@ def _estimate(named: tuple[str, Estimate]) -> str:
     return f"{name} {found.value:.5g}{spread} (founded in {_percent(found.confident_share)})"
 
 
-def _heading(axis: str) -> str:
-    return {"delay": "delay s", "inertia": "inertia"}.get(axis, axis)
+def _named(result: Detection) -> dict[str, str]:
+    """Unit of each axis of the grid; {} where the user named none."""
+    return units_of(result.summary.final, result.units) if result.units.u or result.units.position else {}
+
+
+def _headings(result: Detection) -> list[str]:
+    units = _named(result)
+    if not units:
+        return ["delay s" if name == "delay" else name for name in result.summary.final]
+    return ["\n".join((name.replace(".", ".\n"), escaped(unit))) for name, unit in units.items()]
+
+
+def _final(result: Detection) -> str:
+    """The last label in words."""
+    units = _named(result)
+    return ", ".join(f"{name} {value:g} {units.get(name, '')}".strip() for name, value in result.summary.final.items())
 
 
 def _stamp(t: float) -> str:

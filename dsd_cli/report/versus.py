@@ -13,7 +13,7 @@ from dsd_cli.identify.results import Estimate
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import error, plain_table
 from dsd_cli.report.head import head
-from dsd_cli.report.names import estimate_text, force_error, in_words, number_or_none
+from dsd_cli.report.names import estimate_text, force_error, in_words, listed, number_or_none
 from dsd_cli.report.terminal import escaped
 from dsd_cli.signals.units import Units
 
@@ -115,6 +115,26 @@ def print_moved(console: Any, first: str, second: str, values: Sequence[Moved]) 
     wide = terminal.console(console.file)
     wide.width = console.width if narrow else max(console.width, _WIDEST)
     wide.print(table)
+    for line in alone_lines(*_short(first, second), values):
+        console.print(escaped(line))
+
+
+def alone_lines(first: str, second: str, values: Sequence[Moved]) -> list[str]:
+    """Which effects only one of the two has, and whose errors are not known."""
+    lines = []
+    for name, other, has, lacks in ((first, second, "first", "second"), (second, first, "second", "first")):
+        mine = [v.name for v in values if math.isfinite(getattr(v, has)) and not math.isfinite(getattr(v, lacks))]
+        if effects := list(dict.fromkeys(one.partition(".")[0] for one in mine)):
+            lines.append(f"only {name} has {listed(effects)}; {other} has no value of {_them(effects)} (-)")
+    untold = [name for name, error in ((first, "first_error"), (second, "second_error"))
+              if not any(math.isfinite(getattr(v, error)) for v in values)]  # fmt: skip
+    if untold:
+        lines.append(f"no sigma: how sure the values of {listed(untold)} are is not known (no [[history]] of a fit)")
+    return lines
+
+
+def _them(effects: Sequence[str]) -> str:
+    return "it" if len(effects) == 1 else "them"
 
 
 def one_by_one(moved: Moved) -> tuple[tuple[float, float], tuple[float, float]]:

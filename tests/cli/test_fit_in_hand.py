@@ -85,7 +85,9 @@ def test_a_horizon_longer_than_the_log_says_that_nothing_was_begun_anew():
 
 
 @pytest.mark.parametrize(
-    "command", [("tune", "--format", "json"), ("detect", "--method", "dsd,imm", "--format", "json")], ids=lambda one: one[0]
+    "command",
+    [("tune", "--format", "json"), ("detect", "--method", "dsd,imm", "--format", "json")],
+    ids=lambda one: one[0],
 )
 def test_a_part_of_a_log_is_the_log_of_that_part(command, tmp_path):
     """What is said of a part is what is said of a file that holds no more."""
@@ -100,3 +102,14 @@ def test_a_part_of_a_log_is_the_log_of_that_part(command, tmp_path):
         return [line for line in lines if "nanoseconds" not in line]
 
     assert said("--from", "1", "--to", "2", cwd=SAMPLES) == said(cwd=tmp_path)
+
+
+def test_effects_that_only_one_of_two_models_has_are_said():
+    """From either side; and why there is no sigma."""
+    effects = "viscous_friction and coulomb_friction"
+    line = f"only {KNOWN} has {effects}; {BARE} has no value of them (-)"
+    for configs in (("-c", BARE, "-c", KNOWN), ("-c", KNOWN, "-c", BARE)):
+        out = done("compare", *configs, cwd=SAMPLES).stdout.splitlines()
+        assert out.count(line) == 1
+        assert out[-1].startswith("no sigma: ")
+        assert "[[history]]" in out[-1]

@@ -135,3 +135,21 @@ def test_a_needless_effect_is_taken_back_in_a_rung_of_its_own(tmp_path):
     assert set(config["model"]["effects"]) == {"coulomb_friction", "viscous_friction"}
     assert [step.get("taken_back", False) for step in config["history"]] == [False, False, False, True]
     assert "quadratic_drag taken back" in done("improve", "--history", "-c", "back.toml", cwd=tmp_path).stdout
+
+
+def test_labels_name_the_units(learnt):
+    folder, _ = learnt
+    axis = ["--set", "states.effects.coulomb_friction.level=[0, 0.15]"]
+    words = done("detect", "a.csv", "-c", "a.toml", *axis, cwd=folder).stdout
+    head = words[words.index("states chosen") : words.index("\u2500")]
+    assert {"kg", "m^2", "coulomb_friction.", "level"} <= set(head.split())
+    (final,) = [line for line in words.splitlines() if line.startswith("final: ")]
+    assert " s, inertia " in final
+    assert "kg m^2" in final
+    found = json.loads(done("detect", "a.csv", "-c", "a.toml", *axis, "--format", "json", cwd=folder).stdout)
+    assert found["unit"] == "N m"
+    assert found["units"] == {"delay": "s", "inertia": "kg m^2", "coulomb_friction.level": "N m"}
+    plain = json.loads(
+        done("detect", "servo-friction.csv", "-c", "servo-bare.toml", "--format", "json", cwd=SAMPLES).stdout
+    )
+    assert plain["units"] == {"delay": "s", "inertia": "u/(v/s)"}
