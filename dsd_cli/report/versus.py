@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import PurePath
 from typing import Any
 
-from dsd_cli.identify.compare.versus import Contender, Moved, Versus
+from dsd_cli.identify.compare.versus import CHANCE, Contender, Moved, Versus
 from dsd_cli.identify.results import Estimate
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import error, plain_table
@@ -19,6 +19,8 @@ from dsd_cli.signals.units import Units
 
 #: Standard errors from which on a value has moved.
 _MOVED = 3.0
+#: Blocks from which on the better model on all of them is more than chance.
+FEWEST = math.ceil(1.0 - math.log2(CHANCE))
 #: Characters that the table of values may take.
 _WIDEST = 110
 
@@ -59,6 +61,14 @@ def verdict_line(found: Versus) -> str:
     """Which model is better, if any is."""
     first, lines = found.contenders[0], []
     for one in found.contenders[1:]:
+        if found.blocks < FEWEST:
+            better, worse = (one, first) if one.better_by > 0.0 else (first, one)
+            lines.append(
+                f"{found.blocks} blocks are too few to tell {first.name} from {one.name} (it takes {FEWEST}), a longer "
+                f"log, or several, would do: {better.name} leaves {error(better.force.rmse)}, {worse.name} "
+                f"{error(worse.force.rmse)}"
+            )
+            continue
         if not one.differs:
             chance = f"chance makes as much in {100 * one.chance:.0f} of 100"
             lines.append(f"{first.name} and {one.name} cannot be told apart on this log ({chance})")

@@ -113,3 +113,12 @@ def test_effects_that_only_one_of_two_models_has_are_said():
         assert out.count(line) == 1
         assert out[-1].startswith("no sigma: ")
         assert "[[history]]" in out[-1]
+
+
+def test_too_few_blocks_are_no_verdict_on_two_models():
+    """Half a second: fewer blocks than the better one must win for 1 in 100 of random signs."""
+    out = done("compare", LOG, "-c", KNOWN, "-c", BARE, "--from", "0.2", "--to", "0.6", cwd=SAMPLES).stdout
+    (line,) = [row for row in out.splitlines() if "too few" in row]
+    assert int(line.split()[0]) < 8
+    assert f"{KNOWN} leaves" in line
+    assert "cannot be told apart" not in out
