@@ -22,6 +22,7 @@ from dsd_cli.report.names import (
     values_text,
 )
 from dsd_cli.report.terminal import Hanging, escaped
+from dsd_cli.report.told import first_of_all
 from dsd_cli.report.values_table import correlation_lines, correlations_json
 
 #: Rows of a table on the screen; the JSON has all.
@@ -40,6 +41,11 @@ class DiagnosisReport:
 
 def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:
     """The verdict in one plain sentence; `given`: the model whose inertia or delay may be wrong."""
+    line = _verdict(result, given)
+    return line if result.verdict == NONE else line + first_of_all(result.warnings)
+
+
+def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
     sure = f"probability {percent(result.probability)}"
     held, unit = f"the held-out {force_error(result.band_hz)}", result.units.force
     if result.verdict == NONE:

@@ -24,6 +24,7 @@ from dsd_cli.report.names import (
     values_text,
 )
 from dsd_cli.report.terminal import escaped
+from dsd_cli.report.told import once
 from dsd_cli.report.validation import validation_json, validation_lines
 from dsd_cli.report.values_table import correlations_json, print_values
 from dsd_cli.report.versus import moved_json, print_moved
@@ -49,7 +50,7 @@ class LadderReport:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Of reading the logs, and of the last diagnosis."""
-        return tuple(dict.fromkeys((*self.reading, *self.result.last.warnings, *self.result.warnings)))
+        return once((*self.reading, *self.result.last.warnings, *self.result.warnings))
 
 
 def improve_json(report: LadderReport) -> dict[str, Any]:

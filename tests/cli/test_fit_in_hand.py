@@ -58,7 +58,9 @@ def test_a_horizon_in_seconds_begins_anew(tmp_path):
 
 def test_what_stops_on_a_bound_or_pulls_against_its_prior_is_said(tmp_path):
     told = ["--bounds", "viscous_friction.coefficient=0:0.005", "--prior", "inertia=0.012+-0.0001"]
-    words = done("diagnose", LOG, "-c", KNOWN, *told, cwd=SAMPLES).stderr
+    made = done("diagnose", LOG, "-c", KNOWN, *told, cwd=SAMPLES)
+    words, (verdict, *_) = made.stderr, [row for row in made.stdout.splitlines() if "missing" in row]
+    assert "against what it was told of viscous_friction.coefficient and inertia: look at that first" in verdict
     assert "viscous_friction.coefficient stands on its upper bound, 0.005" in words
     assert "pulls against its prior 0.012 +- 0.0001" in words
 

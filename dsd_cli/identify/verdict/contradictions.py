@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 from dsd_cli.identify.fit.problem import Problem
@@ -14,6 +15,8 @@ from dsd_cli.identify.search.sets import Search
 
 #: The least share of a value (of a sample, for a delay) by which a contradiction is worth saying.
 LEAST_SHARE = 0.005
+#: What each sentence begins with: the value, and how it stands to what was told of it.
+SENTENCE = re.compile(r"(\S+) (?:= \S+ )?(is held at|pulls against|stands on) ")
 
 
 def contradictions(search: Search, fit: Fit, estimates: Estimates) -> tuple[str, ...]:
