@@ -308,17 +308,9 @@ def xl330_inertias(written: dict) -> list[float]:
 
 
 @slow
-def test_xl330_inertia_scaled_by_the_known_weight_once_dry_friction_is_there(xl330):
-    found = xl330_inertias(xl330[1])
-    assert len(found) >= 3
-    assert found[0] == pytest.approx(XL330_INERTIA, rel=0.1)
-    assert found[2:] == pytest.approx([XL330_INERTIA] * len(found[2:]), rel=0.1)
-
-
-@slow
-@missed("viscous friction comes before Coulomb's, and beside it alone a delay of 44 ms takes a third of J")
 def test_xl330_inertia_scaled_by_the_known_weight_at_every_step(xl330):
     found = xl330_inertias(xl330[1])
+    assert len(found) >= 3
     assert found == pytest.approx([XL330_INERTIA] * len(found), rel=0.1)
 
 

@@ -15,8 +15,9 @@ from functools import cached_property
 
 import numpy as np
 
-from dsd_cli.identify.fit.bank import FIXED, INERTIA, columns_of, holds
-from dsd_cli.identify.fit.equations import Equations, Stretch, direction
+from dsd_cli.effects import Role
+from dsd_cli.identify.fit.bank import FIXED, INERTIA, Term, columns_of, holds
+from dsd_cli.identify.fit.equations import Stretch, direction
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.recordings.recording import Recording
@@ -139,21 +140,19 @@ class _Path:
         """Drive, acceleration, delay and columns, whitened; shape (p, N)."""
         return np.stack(self.problem.solver.bank.design(self.fit.terms, self.fit.tap).rows)
 
-    def columns(self, equations: Equations) -> list[Array]:
-        """Of all effects, not whitened."""
-        held, delay = holds(self.fit.terms), self.fit.tap * self.problem.errors.bank.tap_time
-        pairs = zip(self.fit.terms, self.fit.widths, strict=True)
-        return [x for term, width in pairs if width for x in columns_of(equations, term, delay, held)]
-
     def moved(self, speed: Array, zero: float) -> Array:
         """The whitened columns on a motion that is moved by that."""
-        equations = self.problem.errors.bank.equations
+        equations, here = self.problem.errors.bank.equations, list(self.rows[1 + FIXED :])
+        held, delay = holds(self.fit.terms), self.fit.tap * self.problem.errors.bank.tap_time
         stretches = list(equations.stretches)
         stretches[self.index] = _elsewhere(stretches[self.index], speed, zero, equations.sample_time)
-        found = self.columns(replace(equations, stretches=tuple(stretches)))
-        return (
-            np.stack([self.problem.equations.whitened(x) for x in found]) if found else np.zeros((0, len(self.rows[0])))
-        )
+        there = replace(equations, stretches=tuple(stretches))
+        for term in self.fit.terms:
+            if depends_on_path(term):
+                at = self.fit.columns_of(term)
+                found = columns_of(there, term, delay, held)
+                here[at.start - FIXED : at.stop - FIXED] = [self.problem.equations.whitened(x) for x in found]
+        return np.stack(here) if here else np.zeros((0, self.rows.shape[1]))
 
     def cost(self, change: Array) -> float:
         """Squares that are left with all coefficients free, and the walk's, in units of a row's variance."""
@@ -205,6 +204,11 @@ class _Path:
     def split(self, change: Array) -> tuple[Array, float]:
         """(the speed at every sample, shape (n,); the zero)."""
         return np.asarray(change[:-1] @ self.units), float(change[-1])
+
+
+def depends_on_path(term: Term) -> bool:
+    """Whether the effect is a force at a place or a speed; a load is driven by accelerations or by the force."""
+    return term.effect.role is not Role.STRUCTURE and bool({"velocity", "position"} & set(term.effect.needs))
 
 
 def _elsewhere(stretch: Stretch, speed: Array, zero: float, step: float) -> Stretch:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from dsd_cli.identify.fit.asked import Settings
-from dsd_cli.identify.fit.drift import placed, without_drift
+from dsd_cli.identify.fit.drift import depends_on_path, placed, without_drift
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
@@ -86,7 +86,8 @@ class _Paths:
         count = len(found[0].added(found[1].terms))
         if count < 2 and _error(found) < POLICY.floor_factor * found[0].problem.floor:
             return None
-        options = [o for o in search.options(search.refit) if "position" in o.fit.terms[-1].effect.needs]
+        asked = [(o, o.fit.terms[-1]) for o in search.options(search.refit)]
+        options = [o for o, term in asked if depends_on_path(term) and "position" in term.effect.needs]
         starts = [(placed(search.problem, o.fit, self.recordings), o.fit) for o in options]
         starts = [(start, fit) for start, fit in starts if start.left < POLICY.drift_gain**2 * start.before]
         starts.sort(key=lambda start: start[0].left)
