@@ -88,6 +88,7 @@ class Policy:
     most_travel: float = 1.5  # times the least travel of any speed offset: an axis that works comes back
     told_deviations: float = 2.0  # standard errors that some value of an effect must be away from 0
     surest_untold: float = 0.5  # where none of them is
+    surest_against_told: float = 0.5  # no effect is surer beside a held or bounded value that the log contradicts
     drift_surest: float = 0.85  # no effect is surer on such a motion: 29 of 33 names on the outside rig were right
     afloat_surest: float = 0.5  # and none that depends on the position alone, for its zero is not known
 

@@ -1,6 +1,7 @@
 """The fit in the user's hands, by the real command on a sample log whose truth is known: hold, compare, cut."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -59,8 +60,10 @@ def test_a_horizon_in_seconds_begins_anew(tmp_path):
 def test_what_stops_on_a_bound_or_pulls_against_its_prior_is_said(tmp_path):
     told = ["--bounds", "viscous_friction.coefficient=0:0.005", "--prior", "inertia=0.012+-0.0001"]
     made = done("diagnose", LOG, "-c", KNOWN, *told, cwd=SAMPLES)
-    words, (verdict, *_) = made.stderr, [row for row in made.stdout.splitlines() if "missing" in row]
-    assert "against what it was told of viscous_friction.coefficient and inertia: look at that first" in verdict
+    words, verdict = made.stderr, made.stdout.splitlines()[0]
+    assert "against what it was told of inertia and viscous_friction.coefficient: look at that first" in verdict
+    # drag stands in for the friction that the bound keeps out: it is named, and not sure
+    assert 0 < int(re.search(r"probability (\d+) %", verdict)[1]) <= 50
     assert "viscous_friction.coefficient stands on its upper bound, 0.005" in words
     assert "pulls against its prior 0.012 +- 0.0001" in words
 

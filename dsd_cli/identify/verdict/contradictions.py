@@ -10,7 +10,7 @@ from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.values import flat
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.results import DELAY, Estimates
+from dsd_cli.identify.results import DELAY, NONE, UNKNOWN, Diagnosis, Estimates
 from dsd_cli.identify.search.sets import Search
 
 #: The least share of a value (of a sample, for a delay) by which a contradiction is worth saying.
@@ -37,6 +37,34 @@ def contradictions(search: Search, fit: Fit, estimates: Estimates) -> tuple[str,
                 f" {abs(estimate.pull):.1f} sigma"
             )
     return (*found, *_of_held(search.problem, fit, estimates))
+
+
+def against_told(found: Diagnosis, search: Search, whole: Fit) -> Diagnosis:
+    """An effect that stands beside a held or bounded value that the log contradicts may stand in for it: not sure.
+
+    Whether it does contradict it is asked beside the whole set that was found: what one effect leaves another takes.
+    """
+    if found.verdict in (NONE, UNKNOWN) or not any(map(_is_hard, found.warnings)):
+        return found
+    said = contradictions(search, whole, search.problem.values(whole).estimates)
+    about = {_about(one) for one in said}
+    stays = tuple(one for one in found.warnings if not _is_hard(one) or _about(one) in about)
+    if not any(map(_is_hard, said)):
+        return replace(found, warnings=stays)
+    surest = POLICY.surest_against_told
+    ranking = tuple(replace(c, probability=min(c.probability, surest)) for c in found.ranking)
+    return replace(found, warnings=stays, ranking=ranking, probability=min(found.probability, surest))
+
+
+def _about(sentence: str) -> tuple[str, ...]:
+    """(value, how it stands to what was told); () of any other sentence."""
+    same = SENTENCE.match(sentence)
+    return same.groups() if same else ()
+
+
+def _is_hard(sentence: str) -> bool:
+    """Whether it says that a value is kept from where the log would have it; a prior gives way."""
+    return _about(sentence)[1:] in (("is held at",), ("stands on",))
 
 
 def _of_held(problem: Problem, fit: Fit, estimates: Estimates) -> list[str]:

@@ -18,7 +18,7 @@ from dsd_cli.identify.search.response import Seen
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beside_stops, beyond_of, pushed, said_of_stops
-from dsd_cli.identify.verdict.contradictions import contradictions
+from dsd_cli.identify.verdict.contradictions import against_told, contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
 from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.identify.verdict.own_values import Own, own_values
@@ -68,12 +68,12 @@ def diagnose(
     if shown.seen is None and event_effect(search) is not None:
         whole, beyond = pushed(search, whole, beyond)
     report("how sure", 0.8)
-    found = [t.id for t in search.added(whole.terms)]
     reconstructed = any("reconstructed" in r.provenance.get("velocity", "") for r in search.problem.recordings)
     misfit = beyond.unknown or reconstructed or search.noise.inflation > POLICY.most_inflation
-    members = {name: membership(search, whole, name, misfit) for name in found if shown.seen is None}
+    members = {t.id: membership(search, whole, t.id, misfit) for t in search.added(whole.terms) if shown.seen is None}
     options, own = search.options(search.refit), own_values(search)
-    diagnosis = _Verdict(search, options, whole, members, own, beyond, shown.seen).diagnosis()
+    verdict = _Verdict(search, options, whole, members, own, beyond, shown.seen)
+    diagnosis = against_told(verdict.diagnosis(), search, whole)
     if stability:
         report("how sure, on parts", 0.85)
         diagnosis = with_stability(diagnosis, recordings, model, shown.settings)
