@@ -89,7 +89,6 @@ def detect(
     from dsd_cli.cli.detect_checks import Judgement
     from dsd_cli.cli.detect_job import Destination, Job
     from dsd_cli.cli.pictures import check_plot, put_picture
-    from dsd_cli.cli.plan import widening
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.errors import UsageError
     from dsd_cli.files.config import load_config
@@ -107,16 +106,14 @@ def detect(
             if output is not None or follow or live or expect or plot is not None:
                 hint = "leave out -o, --plot, --follow, --live and --expect"
                 raise UsageError("several methods are only compared", hint)
-            with widening(settings.signals):
-                side_by_side(log, settings, methods, form.value, quiet)
+            side_by_side(log, settings, methods, form.value, quiet)
             return
         settings = settings.override([f'detector.method="{methods[0]}"'])
     to = Destination(form.value, output, quiet, inputs=(log, config, *settings.files, *(effects_from or ())))
     to.check()
     check_plot(plot, (*to.inputs, *(() if output in (None, "-") else (output,))))
     job = Job(log, settings, follow, to, panel=live, watched=plot is not None)
-    with widening(settings.signals):
-        result = job.run(judgement)
+    result = job.run(judgement)
     to.show(result)
     if plot is not None and (watched := job.watched) is not None:
         from dsd_cli.report.plots_detection import draw

@@ -22,6 +22,7 @@ from dsd_cli.cli.plan import (
     naming,
     optional_columns,
     part_read,
+    widening,
 )
 from dsd_cli.cli.progress import Progress
 from dsd_cli.cli.truth import Truth
@@ -143,7 +144,7 @@ class Job:
             plan = self._plan(table)
             summarizer = judgement.summarizer(plan)
             session = self._session(plan)
-            with naming(table.name):
+            with naming(table.name), widening(self.config.signals):
                 self._label_all(table, session, summarizer)
         return replace(_detection(table, session, summarizer), units=self.config.signals.units)
 

@@ -6,7 +6,7 @@ import sys
 from typing import get_args
 
 from dsd_cli.cli.labelling import cleaner_for, open_log, run_log
-from dsd_cli.cli.plan import as_logged
+from dsd_cli.cli.plan import as_logged, widening
 from dsd_cli.cli.progress import Progress
 from dsd_cli.detect.settings import Method
 from dsd_cli.detect.side_by_side import MethodScore, TimedSession, score
@@ -44,7 +44,7 @@ def side_by_side(log: str, config: Config, methods: list[str], form: str, quiet:
         raise UsageError(f"--format {form} with several methods", "only table and json compare them")
     if log == "-":
         raise UsageError("several methods need a log that can be read again", "give a file")
-    with Progress(not quiet) as progress:
+    with Progress(not quiet) as progress, widening(config.signals):
         scores = [_scored(log, config, method, progress) for method in methods]
     if form == "json":
         print(json_text(to_json(log, scores), indent=1))
