@@ -153,3 +153,46 @@ def test_labels_name_the_units(learnt):
         done("detect", "servo-friction.csv", "-c", "servo-bare.toml", "--format", "json", cwd=SAMPLES).stdout
     )
     assert plain["units"] == {"delay": "s", "inertia": "u/(v/s)"}
+
+
+#: Counts to a turn of the encoder of servo-friction.toml, and what [signals] says of a log in counts.
+COUNTS = 2**20
+IN_COUNTS = f"""[signals]
+u_unit = "N m"
+velocity = ""
+position_unit = "counts"
+counts_per_turn = {COUNTS}
+"""
+
+
+def test_a_log_in_counts_is_told_in_rad_and_newton_metres(tmp_path):
+    """Compare, check, detect and add, beside the same log in rad."""
+    rows = list(csv.DictReader((SAMPLES / "servo-friction.csv").open(newline="")))
+    for name, factor in (("counts.csv", COUNTS / (2.0 * math.pi)), ("rad.csv", 1.0)):
+        lines = [f"{row['t']},{row['u']},{float(row['position']) * factor!r}" for row in rows if float(row["t"]) <= 1.0]
+        (tmp_path / name).write_text("\n".join(["t,u,position", *lines]) + "\n")
+    model = (SAMPLES / "servo-bare.toml").read_text()
+    (tmp_path / "counts.toml").write_text(IN_COUNTS + model)
+    (tmp_path / "rad.toml").write_text('[signals]\nu_unit = "N m"\nvelocity = ""\nposition_unit = "rad"\n' + model)
+    made = {}
+    for name in ("counts", "rad"):
+        log, config = f"{name}.csv", ("-c", f"{name}.toml", "--format", "json")
+        forward = ("--horizon", "0.2s")
+        made[name] = [
+            json.loads(done("compare", log, *config, cwd=tmp_path).stdout)["force"],
+            json.loads(done("compare", log, *config, *forward, cwd=tmp_path).stdout),
+            json.loads(done("check", log, *config, cwd=tmp_path).stdout),
+            json.loads(done("detect", log, *config, cwd=tmp_path).stdout),
+        ]
+    for mine, other in zip(made["counts"][:2], made["rad"][:2], strict=True):
+        assert mine["rmse"] == pytest.approx(other["rmse"], rel=1e-6)
+    force, forward, checked, labels = made["counts"]
+    assert force["unit"] == "N m"
+    assert [row["unit"] for row in forward["open_loop"]] == ["rad", "rad/s"]
+    assert checked["parameters"][0]["unit"] == "kg m^2"
+    assert labels["units"]["inertia"] == "kg m^2"
+    added = done("add", "counts.csv", "coulomb_friction", "-c", "counts.toml", "-o", "out.toml", cwd=tmp_path).stdout
+    assert " N m" in added
+    assert "kg m^2" in added
+    level = tomllib.loads((tmp_path / "out.toml").read_text())["model"]["effects"]["coulomb_friction"]["level"]
+    assert level == pytest.approx(0.175, rel=0.15)  # takes what viscous friction does, too
