@@ -1,6 +1,12 @@
 """What a log says against what the user told of values: said once, and at the end of a verdict."""
 
+from dataclasses import replace
+
+from dsd_cli.identify.results import Variant
+from dsd_cli.report.diagnosis import stability_line
 from dsd_cli.report.told import first_of_all, once
+from dsd_cli.report.values_table import correlation_lines
+from tests.report.examples import DIAGNOSIS
 
 HELD = "inertia is held at 0.013; this log alone says 0.01 +- {} ({} sigma off)"
 BOUND = "coulomb_friction.level stands on its upper bound, 0.1: the log asks for more"
@@ -18,3 +24,18 @@ def test_the_end_of_a_verdict_names_each_value_once():
     assert first_of_all([]) == first_of_all(["the log has a gap"]) == ""
     said = first_of_all([HELD.format(1, 2), PRIOR.format(0.0101), BOUND, "the log has a gap"])
     assert said == "; this log is against what it was told of inertia and coulomb_friction.level: look at that first"
+
+
+def test_a_verdict_that_changes_on_half_of_the_data_says_which_way():
+    same = Variant("the first half of the data", DIAGNOSIS.verdict, True)
+    other = Variant("the second half", "none", False)
+    assert stability_line(DIAGNOSIS) == ""
+    assert stability_line(replace(DIAGNOSIS, stability=(same,))) == "the same with the first half of the data"
+    assert stability_line(replace(DIAGNOSIS, stability=(same, other))) == "not sure: with the second half it is none"
+
+
+def test_values_that_a_log_hardly_tells_apart_are_named():
+    pair = ("coulomb_friction.level", "constant_load.force", -0.97)
+    said = "hardly told apart: coulomb_friction.level and constant_load.force (correlation -0.97)"
+    assert correlation_lines((pair,)) == [said]
+    assert correlation_lines(()) == []
