@@ -77,7 +77,7 @@ def test_spikes_of_u_that_did_not_act_are_no_saturation(spoil, seed, sensing):
     assert any("the median of u over" in w for w in found.warnings)
 
 
-@pytest.mark.parametrize("sensing", ["enc4096", "speedloud"])
+@pytest.mark.parametrize("sensing", ["speed40k", "speedloud"])
 @pytest.mark.parametrize("what", ["saturation", "dead_zone", "actuator_lag"])
 def test_a_true_effect_on_the_command_is_not_taken_for_spikes(what, sensing):
     recording, model, observer = given(RigCase(what=(what,), seed=4400, sensing=sensing))
