@@ -3,26 +3,33 @@
 from dataclasses import replace
 
 from dsd_cli.identify.results import Variant
+from dsd_cli.identify.verdict.contradictions import Contradiction
 from dsd_cli.report.diagnosis import stability_line
 from dsd_cli.report.told import first_of_all, once
 from dsd_cli.report.values_table import correlation_lines
 from tests.report.examples import DIAGNOSIS
 
-HELD = "inertia is held at 0.013; this log alone says 0.01 +- {} ({} sigma off)"
-BOUND = "coulomb_friction.level stands on its upper bound, 0.1: the log asks for more"
-PRIOR = "inertia = {} pulls against its prior 0.013 +- 0.0003 by 9.1 sigma"
+BOUND = Contradiction.of("coulomb_friction.level", "bound", "stands on its upper bound, 0.1: the log asks for more")
+
+
+def held(error, sigma):
+    return Contradiction.of("inertia", "held", f"is held at 0.013; this log alone says 0.01 +- {error} ({sigma} off)")
+
+
+def prior(value):
+    return Contradiction.of("inertia", "prior", f"= {value} pulls against its prior 0.013 +- 0.0003 by 9.1 sigma")
 
 
 def test_of_a_value_the_last_fit_says_it():
-    first, last = HELD.format("5e-07", "5817.2"), HELD.format("4e-07", "6439.4")
+    first, last = held("5e-07", "5817.2"), held("4e-07", "6439.4")
     assert once([first, "the log has a gap", BOUND, last, "the log has a gap"]) == (last, "the log has a gap", BOUND)
-    assert once([PRIOR.format(0.0101), PRIOR.format(0.0102)]) == (PRIOR.format(0.0102),)
-    assert len(once([PRIOR.format(0.0101), BOUND, HELD.format(1, 2)])) == 3
+    assert once([prior(0.0101), prior(0.0102)]) == (prior(0.0102),)
+    assert len(once([prior(0.0101), BOUND, held(1, 2)])) == 3
 
 
 def test_the_end_of_a_verdict_names_each_value_once():
     assert first_of_all([]) == first_of_all(["the log has a gap"]) == ""
-    said = first_of_all([HELD.format(1, 2), PRIOR.format(0.0101), BOUND, "the log has a gap"])
+    said = first_of_all([held(1, 2), prior(0.0101), BOUND, "the log has a gap"])
     assert said == "; this log is against what it was told of inertia and coulomb_friction.level: look at that first"
 
 

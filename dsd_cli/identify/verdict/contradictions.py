@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import replace
+from typing import Literal
 
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit, Solver
@@ -15,11 +15,36 @@ from dsd_cli.identify.search.sets import Search
 
 #: The least share of a value (of a sample, for a delay) by which a contradiction is worth saying.
 LEAST_SHARE = 0.005
-#: What each sentence begins with: the value, and how it stands to what was told of it.
-SENTENCE = re.compile(r"(\S+) (?:= \S+ )?(is held at|pulls against|stands on) ")
 
 
-def contradictions(search: Search, fit: Fit, estimates: Estimates) -> tuple[str, ...]:
+class Contradiction(str):
+    """A sentence about a value that the log has otherwise than it was told.
+
+    value : its name. kind : how it was told: "held", by its "bound", or by a "prior", which gives way.
+    """
+
+    value: str
+    kind: Literal["held", "bound", "prior"]
+
+    @classmethod
+    def of(cls, value: str, kind: Literal["held", "bound", "prior"], text: str) -> Contradiction:
+        """That sentence, which begins with the name."""
+        found = cls(f"{value} {text}")
+        found.value, found.kind = value, kind
+        return found
+
+    @property
+    def about(self) -> tuple[str, str]:
+        """What the sentence is about; its figures follow each fit."""
+        return self.value, self.kind
+
+    @property
+    def hard(self) -> bool:
+        """Whether the value is kept from where the log would have it."""
+        return self.kind != "prior"
+
+
+def contradictions(search: Search, fit: Fit, estimates: Estimates) -> tuple[Contradiction, ...]:
     """One sentence each, about the values of a fit."""
     known = search.solver.known
     if not known:
@@ -29,13 +54,15 @@ def contradictions(search: Search, fit: Fit, estimates: Estimates) -> tuple[str,
         low, high = known.limits(name)
         side = next((s for s, b in (("lower", low), ("upper", high)) if math.isclose(estimate.value, b)), "")
         if estimate.at_bound and side:
-            found.append(f"{name} stands on its {side} bound, {estimate.value:.4g}: the log asks for more")
+            text = f"stands on its {side} bound, {estimate.value:.4g}: the log asks for more"
+            found.append(Contradiction.of(name, "bound", text))
         if abs(estimate.pull) > POLICY.contradicting_deviations:
             value, spread = known.priors[name]
-            found.append(
-                f"{name} = {estimate.value:.4g} pulls against its prior {value:.4g} +- {spread:.2g} by"
+            text = (
+                f"= {estimate.value:.4g} pulls against its prior {value:.4g} +- {spread:.2g} by"
                 f" {abs(estimate.pull):.1f} sigma"
             )
+            found.append(Contradiction.of(name, "prior", text))
     return (*found, *_of_held(search.problem, fit, estimates))
 
 
@@ -44,30 +71,21 @@ def against_told(found: Diagnosis, search: Search, whole: Fit) -> Diagnosis:
 
     Whether it does contradict it is asked beside the whole set that was found: what one effect leaves another takes.
     """
-    if found.verdict in (NONE, UNKNOWN) or not any(map(_is_hard, found.warnings)):
+    hard = [w for w in found.warnings if isinstance(w, Contradiction) and w.hard]
+    if found.verdict in (NONE, UNKNOWN) or not hard:
         return found
     said = contradictions(search, whole, search.problem.values(whole).estimates)
-    about = {_about(one) for one in said}
-    stays = tuple(one for one in found.warnings if not _is_hard(one) or _about(one) in about)
-    if not any(map(_is_hard, said)):
+    about = {one.about for one in said}
+    gone = [one for one in hard if one.about not in about]
+    stays = tuple(one for one in found.warnings if one not in gone)
+    if not any(one.hard for one in said):
         return replace(found, warnings=stays)
     surest = POLICY.surest_against_told
     ranking = tuple(replace(c, probability=min(c.probability, surest)) for c in found.ranking)
     return replace(found, warnings=stays, ranking=ranking, probability=min(found.probability, surest))
 
 
-def _about(sentence: str) -> tuple[str, ...]:
-    """(value, how it stands to what was told); () of any other sentence."""
-    same = SENTENCE.match(sentence)
-    return same.groups() if same else ()
-
-
-def _is_hard(sentence: str) -> bool:
-    """Whether it says that a value is kept from where the log would have it; a prior gives way."""
-    return _about(sentence)[1:] in (("is held at",), ("stands on",))
-
-
-def _of_held(problem: Problem, fit: Fit, estimates: Estimates) -> list[str]:
+def _of_held(problem: Problem, fit: Fit, estimates: Estimates) -> list[Contradiction]:
     """Held values from which the estimate of this log alone differs significantly."""
     held = [name for name, e in estimates.items() if e.held]
     if not held:
@@ -84,10 +102,11 @@ def _of_held(problem: Problem, fit: Fit, estimates: Estimates) -> list[str]:
         sigma = abs(alone.value - given[name]) / alone.std_error
         size = problem.equations.sample_time if name == DELAY else abs(given[name])
         if sigma > POLICY.contradicting_deviations and abs(alone.value - given[name]) > LEAST_SHARE * size:
-            found.append(
-                f"{name} is held at {given[name]:.4g}; this log alone says {alone.value:.4g} +- {alone.std_error:.2g}"
+            text = (
+                f"is held at {given[name]:.4g}; this log alone says {alone.value:.4g} +- {alone.std_error:.2g}"
                 f" ({sigma:.1f} sigma off)"
             )
+            found.append(Contradiction.of(name, "held", text))
     return found
 
 
