@@ -24,6 +24,8 @@ __all__ = ["Coded", "FileWriter", "Kind", "Share", "TableWriter", "check_output"
 
 #: Rows of a Parquet row group; they are held until it is full.
 GROUP_ROWS = 1 << 19
+#: Rows that Arrow turns into text at a time: with its own 1024 the columns' start-up is a tenth of the writing.
+CSV_ROWS = 1 << 12
 #: Batches that wait for the writing thread.
 QUEUED = 2
 
@@ -201,7 +203,7 @@ class FileWriter:
             import pyarrow.csv as pc
 
             self._file.write(_csv_header(self._columns))
-            options = pc.WriteOptions(include_header=False, quoting_style="none")
+            options = pc.WriteOptions(include_header=False, quoting_style="none", batch_size=CSV_ROWS)
             with pc.CSVWriter(self._file, schema, write_options=options) as csv_writer:
                 yield lambda held: [csv_writer.write_batch(batch) for batch in held]
             return
