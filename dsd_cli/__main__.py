@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import atexit
 import gc
+import io
 import os
 import signal
 import sys
-from typing import NoReturn
+from typing import Any, NoReturn
 
 #: Objects that a start makes and keeps, about: garbage is first looked for when there are more.
 KEPT = 100_000
@@ -59,6 +60,16 @@ def _open_standard_streams() -> None:
             os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(number, mode, encoding="utf-8", closefd=False))
+    for name in ("stdout", "stderr"):
+        setattr(sys, name, _written_whole(getattr(sys, name)))
+
+
+def _written_whole(stream: Any) -> Any:
+    """The stream; under PYTHONUNBUFFERED, where Python drops what one write does not take, with a buffer in between."""
+    if not isinstance(stream, io.TextIOWrapper) or not isinstance(stream.buffer, io.RawIOBase):
+        return stream
+    whole = io.BufferedWriter(stream.buffer)
+    return io.TextIOWrapper(whole, stream.encoding, stream.errors, line_buffering=True)
 
 
 if __name__ == "__main__":

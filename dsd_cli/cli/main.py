@@ -6,6 +6,8 @@ import io
 import os
 import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, NoReturn
 
 import typer
@@ -177,9 +179,22 @@ def _usage(error: Exception) -> str:
 
 
 def _fail(line: str, code: int) -> int:
-    sys.stdout.flush()
-    print("dsd: error:", printable(line), file=sys.stderr)
+    with _room_or_not():
+        sys.stdout.flush()
+    with _room_or_not():
+        print("dsd: error:", printable(line), file=sys.stderr)
     return code
+
+
+@contextmanager
+def _room_or_not() -> Iterator[None]:
+    """A disk that is full may be the very thing that is to be said, and stderr may be on it too."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError:
+        return
 
 
 def _fail_unexpectedly(error: Exception) -> int:

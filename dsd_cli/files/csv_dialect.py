@@ -55,7 +55,7 @@ def refuse_other_formats(source: str, head: bytes) -> None:
     for magic, (found, remedy) in _OTHER_FORMATS.items():
         if head.startswith(magic):
             raise DataError(f"{source}: {found}", remedy)
-    if b"\0" in head:
+    if b"\0" in head and head.rstrip(b"\0").count(b"\0"):  # zeros at the end alone were lines once, see `_explain`
         raise DataError(f"{source}: is neither CSV nor Parquet")
 
 

@@ -125,7 +125,9 @@ class CsvTable:
 
 
 def _stray(line: str) -> str:
-    """What in a line makes it part of another, or more than one; empty if nothing does."""
+    """What in a line makes it none, part of another, or more than one; empty if nothing does."""
+    if "\0" in line:
+        return "zero bytes, as a power cut leaves them"
     if line.count('"') % 2:
         return "a quote that is not closed"
     return "a carriage return inside the line" if "\r" in line else ""
