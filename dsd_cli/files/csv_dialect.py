@@ -106,6 +106,14 @@ def seconds(text: str) -> float:
     return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
 
 
+def has_zone(text: str) -> bool:
+    """Whether a time stamp says its time zone; what looks like one and is no time (23:59:60) does not."""
+    try:
+        return datetime.fromisoformat(text.strip()).tzinfo is not None
+    except ValueError:
+        return False
+
+
 def is_number(text: str) -> bool:
     try:
         seconds(text)

@@ -168,6 +168,8 @@ class FileWriter:
             self.abort()
             if isinstance(self._error, BrokenPipeError):
                 raise self._error
+            if isinstance(self._error, OSError):
+                raise cannot_be_written(self._target, self._error) from self._error
             raise DataError(f"{self._target}: cannot be written ({self._error})") from self._error
 
     def _run(self) -> None:

@@ -75,3 +75,20 @@ def test_a_table_without_columns_has_none(rig):
 
 def test_a_config_cannot_be_proposed_from_stdin(rig):
     refused(dsd("init", "-", cwd=rig), 1, "<stdin>: can be read only once")
+
+
+@pytest.mark.parametrize("stamp", ["0000-13-45T25:00:00", "2016-12-31T23:59:60.000"])
+def test_a_time_that_is_none_is_named(rig, stamp):
+    (rig / "times.csv").write_text("t,u,d_hat\n" + "".join(f"{stamp},{k},0\n" for k in range(40)))
+    refused(dsd("detect", "times.csv", cwd=rig), 1, f'times.csv, line 2, column "t": "{stamp}" is not a number')
+
+
+@pytest.mark.parametrize("name", ["out.csv", "out.parquet"])
+def test_a_file_for_which_there_is_no_room_leaves_nothing(rig, name):
+    result = with_room_for_a_kilobyte(f"dsd detect log.csv -o {name} --quiet", rig, "")
+    refused(result, 1, f"{name}: cannot be written (File too large)")
+    assert sorted(path.name for path in rig.iterdir()) == ["dsd.toml", "log.csv"]
+
+
+def test_a_fleet_without_a_command_is_one_line(rig):
+    refused(dsd("fleet", cwd=rig), 2, "Missing command", "dsd fleet --help")
