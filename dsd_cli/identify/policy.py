@@ -82,6 +82,8 @@ class Policy:
     # -- reconstructed motion --
     drift_rounds: int = 3  # in which its drift is found beside a set of effects, and the set anew
     drift_gain: float = 0.9  # of the held-out error, which a round must reach
+    paths_alone: int = 2  # that are followed, of effects that are asked alone, each on the path that suits it
+    path_rounds: int = 6  # in which the path of one set settles: each halves a step that would go too far
     most_drift: float = 0.7  # of the range of the position, by which it may drift and still be used
     most_travel: float = 1.5  # times the least travel of any speed offset: an axis that works comes back
     told_deviations: float = 2.0  # standard errors that some value of an effect must be away from 0
@@ -122,6 +124,7 @@ class Policy:
 
     # -- probability --
     tempering: float = 0.5  # exponent on likelihoods: blocks are neither independent nor alike
+    least_told_direction: float = 0.9  # of the samples in motion; a sensor that tells fewer cannot tell friction
     surest: float = 0.99  # no verdict is surer: the catalogue is not the world
     surest_in_part: float = 0.8  # where some effects could not be tested, or rows are few
     surest_unstable: float = 0.9  # where the verdict changes on half of the data or in another band

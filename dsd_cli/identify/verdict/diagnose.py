@@ -12,7 +12,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
-from dsd_cli.identify.search.long_logs import searched
+from dsd_cli.identify.search.afloat import searched
 from dsd_cli.identify.search.pulses import event_effect
 from dsd_cli.identify.search.response import Seen
 from dsd_cli.identify.search.sets import Option, Search
@@ -20,6 +20,7 @@ from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beside_stops, beyond_of, pushed, said_of_stops
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
+from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.identify.verdict.own_values import Own, own_values
 from dsd_cli.identify.verdict.shown import note_on, with_response
 from dsd_cli.identify.verdict.stability import with_stability
@@ -95,7 +96,7 @@ class _Verdict:
     ) -> None:
         self.search, self.problem, self.seen = search, search.problem, seen
         self.options, self.whole, self.members, self.own, self.beyond = options, whole, members, own, beyond
-        self._named_for: dict[str, str] = {}
+        self.limits, self._named_for = limits_of(search, whole), dict[str, str]()
         self.alone = {o.effect: o for o in (*options, *self._events())}
         self.named, self.sure = self.verdict()
         if self.named in self.alone:  # what is to be added takes the shapes of the model's own effects along
@@ -106,12 +107,14 @@ class _Verdict:
         """Pulses alone, where they belong to the answer: they are no candidate of the search."""
         search = self.search
         pulses = [t for t in search.added(self.whole.terms) if t.effect.listed]
-        fits = [(t.id, search.fit((*search.base, t), self.whole.tap)) for t in pulses]
-        return [Option(name, fit, search.evidence(fit)) for name, fit in fits]
+        fits = [search.fit((*search.base, t), self.whole.tap) for t in pulses]
+        return [Option(fit.terms[-1].id, fit, search.evidence(fit)) for fit in fits]
 
     def verdict(self) -> tuple[str, float]:
         """(verdict, probability)."""
         search, beyond, rmse = self.search, self.beyond, self.problem.errors.rmse
+        if self.limits.late:
+            return UNKNOWN, 0.9
         if self.seen is not None:
             return self.seen.effect, POLICY.surest / (1.0 + len(self.seen.rivals))
         if self.members:
@@ -132,7 +135,7 @@ class _Verdict:
         known = self._share_of_possible(self.own.score.heldout_rmse, self.own.refitted.heldout_rmse)
         left_over = above_floor(search, search.refit)
         if self.own.wrong and known >= POLICY.share_of_possible and not left_over:
-            return self.own.wrong, min(known * self.own.probability, POLICY.surest)
+            return self.own.wrong, min(known * self.own.probability, self._surest())
         if beyond.unknown:
             return UNKNOWN, 0.9
         if left_over:
@@ -158,7 +161,7 @@ class _Verdict:
 
     def _surest(self) -> float:
         """Upper bound on the probability of any verdict."""
-        return POLICY.surest_in_part if self._short() else POLICY.surest
+        return min(POLICY.surest_in_part if self._short() else POLICY.surest, self.limits.surest)
 
     def _share_of_possible(self, before: float, after: float) -> float:
         """Explained share of the power that could be explained; 1 where nothing unknown remains."""
@@ -177,11 +180,8 @@ class _Verdict:
 
     def _worth(self, name: str) -> tuple[bool, float]:
         """Effects that lower the held-out error by themselves come first."""
-        return self._lowers(name), self._alone_evidence(name)
-
-    def _alone_evidence(self, name: str) -> float:
         option = self.alone.get(name)
-        return option.evidence if option is not None else -math.inf
+        return self._lowers(name), option.evidence if option is not None else -math.inf
 
     def _nothing(self) -> float:
         """Probability that nothing is missing. Effects of no practical size are no alternatives, and those that are of
@@ -190,7 +190,7 @@ class _Verdict:
         useful = [o for o in self.options if search.practical(search.refit, o.fit)]
         narrow = self.search.equations.band.hz < POLICY.narrow_band_hz or self._short()
         in_part = self.problem.untestable or narrow or beside_stops(search, search.refit)
-        surest = POLICY.surest_in_part if in_part else POLICY.surest
+        surest = min(POLICY.surest_in_part, self._surest()) if in_part else self._surest()
         return min(0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING], surest)
 
     def diagnosis(self) -> Diagnosis:
@@ -225,7 +225,7 @@ class _Verdict:
             band_hz=self.search.equations.band.hz,
             floor=problem.floor,
             provenance=source,
-            warnings=(*contradictions(self.search, fit, known.estimates), *stops),
+            warnings=(*self.limits.said, *contradictions(self.search, fit, known.estimates), *stops),
             at_stops=bool(stops),
             depends_on=self.beyond.on if unknown else (),
             nearest=nearest,
@@ -268,7 +268,7 @@ class _Verdict:
             score = replace(own, heldout_rmse=score.heldout_rmse)
         return Candidate(
             effect=option.effect,
-            seen=seen.values if seen is not None else {},
+            seen=seen.values if seen else {},
             rmse_after=score.rmse,
             heldout_rmse_before=refitted.heldout_rmse,
             heldout_rmse_after=score.heldout_rmse,
