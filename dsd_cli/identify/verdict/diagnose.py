@@ -95,8 +95,9 @@ class _Verdict:
         seen: Seen | None,
     ) -> None:
         self.search, self.problem, self.seen = search, search.problem, seen
-        self.options, self.whole, self.members, self.own, self.beyond = options, whole, members, own, beyond
         self.limits, self._named_for = limits_of(search, whole), dict[str, str]()
+        self.members = {} if self.limits.late else members
+        self.options, self.whole, self.own, self.beyond = options, whole, own, beyond
         self.alone = {o.effect: o for o in (*options, *self._events())}
         self.named, self.sure = self.verdict()
         if self.named in self.alone:  # what is to be added takes the shapes of the model's own effects along
@@ -160,7 +161,7 @@ class _Verdict:
         return self.problem.blocks.rows < POLICY.few_rows
 
     def _surest(self) -> float:
-        """Upper bound on the probability of any verdict."""
+        """Upper bound on the probability of a verdict."""
         return min(POLICY.surest_in_part if self._short() else POLICY.surest, self.limits.surest)
 
     def _share_of_possible(self, before: float, after: float) -> float:
@@ -184,8 +185,7 @@ class _Verdict:
         return self._lowers(name), option.evidence if option is not None else -math.inf
 
     def _nothing(self) -> float:
-        """Probability that nothing is missing. Effects of no practical size are no alternatives, and those that are of
-        one were not confirmed block by block: they get half of the probability at most."""
+        """Probability that nothing is missing: effects of a practical size that no block confirms have half at most."""
         search = self.search
         useful = [o for o in self.options if search.practical(search.refit, o.fit)]
         narrow = self.search.equations.band.hz < POLICY.narrow_band_hz or self._short()
@@ -221,19 +221,20 @@ class _Verdict:
             refitted_model=refit.model,
             whole_model=problem.scale.model(self.whole) if self.members else None,
             noise=self.beyond.noise,
-            found=tuple(t.id for t in self.search.added(self.whole.terms)),
+            found=() if self.limits.late else tuple(t.id for t in self.search.added(self.whole.terms)),
             band_hz=self.search.equations.band.hz,
             floor=problem.floor,
             provenance=source,
             warnings=(*self.limits.said, *contradictions(self.search, fit, known.estimates), *stops),
             at_stops=bool(stops),
+            late=self.limits.late,
             depends_on=self.beyond.on if unknown else (),
             nearest=nearest,
         )
 
     def _nearest(self) -> str:
         """The effect that would explain much of what is unknown, but is not confirmed block by block."""
-        if self.named != UNKNOWN or not self.options:
+        if self.named != UNKNOWN or not self.options or self.limits.late:
             return ""
         refit, best = self.search.refit, self.options[0]
         before, after = self.problem.errors.rmse(refit), self.problem.errors.rmse(best.fit)
@@ -253,9 +254,8 @@ class _Verdict:
 
     def _candidate(self, option: Option, refitted: Score) -> Candidate:
         score, known = self.problem.score(option.fit), self.problem.values(option.fit)
-        everything = known.estimates
         prefix = f"{option.effect}."
-        values = {name.removeprefix(prefix): e for name, e in everything.items() if name.startswith(prefix)}
+        values = {name.removeprefix(prefix): e for name, e in known.estimates.items() if name.startswith(prefix)}
         rivals = self._rivals(option.effect)
         if any(name.startswith(prefix) for name in known.tied):
             rivals = (*rivals, INERTIA)
@@ -278,7 +278,7 @@ class _Verdict:
             note="; ".join(notes),
             model=known.model,
             score=score,
-            all_values=everything,
+            all_values=known.estimates,
         )
 
     def _rivals(self, effect: str) -> tuple[str, ...]:
