@@ -16,9 +16,9 @@ KEPT = 100_000
 
 def main() -> NoReturn:
     """Run `dsd` with the arguments of the process and exit."""
-    _spare_the_start()
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C while starting ends it without a traceback
+    _spare_the_start()
     _open_standard_streams()
     from dsd_cli.cli.main import main as run_and_exit
 
