@@ -83,8 +83,9 @@ class Forked:
 
 
 def _child(arguments: list[str], said: Path) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # as `dsd` begins; of a fork that has not got so far, nothing is asked
     for number, name in ((0, os.devnull), (1, os.devnull), (2, str(said))):
-        os.dup2(os.open(name, os.O_RDWR | os.O_CREAT, 0o600), number)
+        os.dup2(os.open(name, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600), number)
     sys.stdout = os.fdopen(1, "w", encoding="utf-8", closefd=False)
     sys.stderr = os.fdopen(2, "w", encoding="utf-8", closefd=False)
     sys.argv = ["dsd", *arguments]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import atexit
 import gc
+import io
 import os
 import signal
 import sys
-from typing import NoReturn
+from typing import Any, NoReturn
 
 #: Objects that a start makes and keeps, about: garbage is first looked for when there are more.
 KEPT = 100_000
@@ -15,9 +16,9 @@ KEPT = 100_000
 
 def main() -> NoReturn:
     """Run `dsd` with the arguments of the process and exit."""
-    _spare_the_start()
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C while starting ends it without a traceback
+    _spare_the_start()
     _open_standard_streams()
     from dsd_cli.cli.main import main as run_and_exit
 
@@ -59,6 +60,16 @@ def _open_standard_streams() -> None:
             os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(number, mode, encoding="utf-8", closefd=False))
+    for name in ("stdout", "stderr"):
+        setattr(sys, name, _written_whole(getattr(sys, name)))
+
+
+def _written_whole(stream: Any) -> Any:
+    """The stream; under PYTHONUNBUFFERED, where Python drops what one write does not take, with a buffer in between."""
+    if not isinstance(stream, io.TextIOWrapper) or not isinstance(stream.buffer, io.RawIOBase):
+        return stream
+    whole = io.BufferedWriter(stream.buffer)
+    return io.TextIOWrapper(whole, stream.encoding, stream.errors, line_buffering=True)
 
 
 if __name__ == "__main__":

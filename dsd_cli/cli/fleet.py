@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
-    no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Run detect, compare or diagnose over many logs; one table with a row per log.",
 )

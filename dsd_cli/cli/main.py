@@ -6,6 +6,8 @@ import io
 import os
 import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, NoReturn
 
 import typer
@@ -19,6 +21,9 @@ from dsd_cli.errors import DsdError, printable
 
 # Small matrices: threads of the linear algebra only wait for each other, by a hundred times where the cores are busy.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Arrow's allocator gives back memory 10 ms after it was freed; the next block of a long log asks for it again, and
+# clearing its pages was a tenth of a run.
+os.environ.setdefault("MIMALLOC_PURGE_DELAY", "1000")
 
 #: What a shell reports for a command ended by SIGINT, and by a closed pipe (SIGPIPE).
 INTERRUPTED, CLOSED_PIPE = 130, 141
@@ -174,9 +179,22 @@ def _usage(error: Exception) -> str:
 
 
 def _fail(line: str, code: int) -> int:
-    sys.stdout.flush()
-    print("dsd: error:", printable(line), file=sys.stderr)
+    with _room_or_not():
+        sys.stdout.flush()
+    with _room_or_not():
+        print("dsd: error:", printable(line), file=sys.stderr)
     return code
+
+
+@contextmanager
+def _room_or_not() -> Iterator[None]:
+    """A disk that is full may be the very thing that is to be said, and stderr may be on it too."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError:
+        return
 
 
 def _fail_unexpectedly(error: Exception) -> int:

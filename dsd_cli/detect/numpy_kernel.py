@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import reduce
 from math import inf, isfinite
-from operator import add, itemgetter, mul
+from operator import add, itemgetter
+from struct import Struct
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,8 @@ from dsd_cli.signals.log import Array
 BLOCK = 2048
 #: Up to so many states plain floats are faster than arrays in `step`.
 FEW = 24
+#: Nats behind the best state beyond which a state adds nothing to a sum that is at least 1 (exp(-40) is 4e-18).
+FAR = 40.0
 
 
 class NumpyKernel:
@@ -41,8 +45,11 @@ class NumpyKernel:
         self._log_a = np.broadcast_to(0.0, shape) if uniform else settings.transition.log_matrix(self._states)
         self._uniform = uniform
         self._axes = grid.axis_indices()
-        self._others: dict[int, list[list[int]]] = {}
-        self._pickers: dict[int, list[Callable[[list[float]], tuple[float, ...]]]] = {}
+        self._others: dict[int, NDArray[Any]] = {}
+        self._pickers: dict[int, Callable[[list[float]], tuple[float, ...]]] = {}
+        self._row = Struct(f"{self._states}d")  # packs a row of the ring in half the time of an assignment to it
+        self._one: Callable[..., tuple[Any, Any]] = self._plain if self._few else self._arrays
+        self._least: Callable[[Any], float] = min if self._few else np.min
         self._label = settings.initial
         self.restart()
 
@@ -52,51 +59,52 @@ class NumpyKernel:
         self._seen = 0  # samples in windows
         self._prefix: Any = np.zeros(self._states)
         self._ring = np.zeros((self._spec.settings.window + 1, self._states))
+        self._bytes = self._ring.data.cast("B")
 
     # -- one sample ------------------------------------------------------------------------------------------------
 
     def step(self, u: float, d_hat: float, /) -> tuple[int, float, float, bool]:
         """(state, log likelihood, probability, confident) of the next sample of a regular clock."""
-        missing = not (isfinite(u) and isfinite(d_hat))
         y, z, warm = self._prediction.step(u, d_hat)
         if not warm:
             return self._label, np.nan, np.nan, False
         settings = self._spec.settings
+        missing = not (isfinite(u) and isfinite(d_hat))
         slot = self._seen % settings.window
-        distances, costs, below = (self._plain if self._few else self._arrays)(y, z, slot, missing)
-        self._turn(slot)
-        if missing:
-            return self._label, np.nan, np.nan, False
-        best = min(costs)
-        if costs[self._label] - best > settings.hold:
-            self._label = choose(costs if self._few else below, best, self._label, self._axes, settings.hold)
+        distances, costs = self._one(y, z, slot, missing)
+        self._seen += 1
+        if slot == settings.window - 1:
+            self._turn()
         label = self._label
-        weights = np.exp(best - below)
-        probability = float(weights[label] / np.add.reduce(weights)) if best < inf else 0.0
-        ll = self._constant - self._c * distances[label]
+        if missing:
+            return label, np.nan, np.nan, False
+        best = self._least(costs)
+        if costs[label] - best > settings.hold:
+            self._label = label = choose(costs, best, label, self._axes, settings.hold)
+        distance = float(distances[label])
+        ll = self._constant - self._c * distance
         sure = self._seen >= settings.window and ll >= self._floor
-        return label, ll, probability, bool(sure and self._leads_one(distances, label))
+        sure = sure and (self._nearest(distances, label) - distance) * self._c >= settings.confidence
+        return label, ll, self._probability(costs, best, label), bool(sure)
 
-    def _plain(self, y: float, z: list[float], slot: int, missing: bool) -> tuple[list[float], list[float], Array]:
-        """The squared distances of one sample over its window and the costs of the states, as lists and an array."""
-        c, before = self._c, self._prefix
+    def _plain(self, y: float, z: list[float], slot: int, missing: bool) -> tuple[list[float], list[float]]:
+        """The squared distances of one sample over its window, and the costs of the states."""
+        before, row, c = self._prefix, self._row, self._c
         if not isinstance(before, list):  # `run` was here
             before = before.tolist()
         if missing:
             square = [0.0] * self._states
         else:
-            residual = [y - mean * alpha for mean in z for alpha in self._plain_alphas]
-            square = list(map(mul, residual, residual))
+            square = [(r := y - mean * alpha) * r for mean in z for alpha in self._plain_alphas]
         self._prefix = prefix = list(map(add, before, square))
-        distances = list(map(add, prefix, self._ring[slot + 1].tolist()))
-        self._ring[slot] = square
+        distances = list(map(add, prefix, row.unpack_from(self._bytes, row.size * (slot + 1))))
+        row.pack_into(self._bytes, row.size * slot, *square)
         if self._uniform:
-            costs = [distance * c for distance in distances]
-        else:
-            costs = [a * c - b for a, b in zip(distances, self._log_a[self._label].tolist(), strict=True)]
-        return distances, costs, np.array(costs)
+            return distances, [distance * c for distance in distances]
+        log_a = self._log_a[self._label].tolist()
+        return distances, [a * c - b for a, b in zip(distances, log_a, strict=True)]
 
-    def _arrays(self, y: float, z: list[float], slot: int, missing: bool) -> tuple[list[float], list[float], Array]:
+    def _arrays(self, y: float, z: list[float], slot: int, missing: bool) -> tuple[Array, Array]:
         """`_plain` for many states."""
         square = np.zeros(self._states)
         if not missing:
@@ -104,42 +112,54 @@ class NumpyKernel:
         self._prefix = self._prefix + square
         dist = self._prefix + self._ring[slot + 1]
         self._ring[slot] = square
-        cost = dist * self._c - self._log_a[self._label]
-        return dist.tolist(), cost.tolist(), cost
+        return dist, dist * self._c - self._log_a[self._label]
 
-    def _others_of(self, label: int) -> list[list[int]]:
-        """Per axis the states that have another value there; kept per label, for all states they would be too many."""
+    def _probability(self, costs: Any, best: float, label: int) -> float:
+        """How likely `label` is after this sample, given the label before it; by the operations of `run`."""
+        if best == inf:
+            return 0.0
+        limit, mine = best + FAR, costs[label]
+        if not self._few:
+            weights = np.where(costs <= limit, np.exp(best - costs), 0.0)
+            return float(weights[label] / np.add.reduce(weights))
+        if mine > limit:
+            return 0.0
+        near = [best - cost for cost in costs if cost <= limit]
+        if len(near) == 1:
+            return 1.0
+        shares = np.exp(near).tolist()  # math.exp would do, but its last bit may be another than that of `run`
+        return shares[near.index(best - mine)] / reduce(add, shares)
+
+    def _others_of(self, label: int) -> NDArray[Any]:
+        """The states that have another value than `label` on some axis."""
         if label not in self._others:
-            self._others[label] = [np.flatnonzero(axis != axis[label]).tolist() for axis in self._axes]
+            self._others[label] = np.flatnonzero((self._axes != self._axes[:, [label]]).any(axis=0))
         return self._others[label]
 
-    def _leads_one(self, distances: list[float], label: int) -> bool:
-        """`_leads` of one sample."""
-        if label not in self._pickers:  # of one item alone itemgetter makes no tuple
-            self._pickers[label] = [itemgetter(*others, others[0]) for others in self._others_of(label)]
-        nearest = min([min(pick(distances)) for pick in self._pickers[label]], default=inf)
-        return (nearest - distances[label]) * self._c >= self._spec.settings.confidence
+    def _nearest(self, distances: Any, label: int) -> float:
+        """The smallest distance of these."""
+        if not self._few:
+            return float(distances[self._others_of(label)].min(initial=inf))
+        if label not in self._pickers:
+            others = self._others_of(label).tolist()
+            # of one item alone itemgetter makes no tuple
+            self._pickers[label] = itemgetter(*others, others[0]) if others else lambda _: (inf,)
+        return min(self._pickers[label](distances))
 
-    def _turn(self, slot: int) -> None:
-        """Count the sample; when the block of M is complete, turn it into suffix sums."""
-        self._seen += 1
-        window = self._spec.settings.window
-        if slot == window - 1:
-            last_first = self._ring[window - 1 :: -1]
-            np.add.accumulate(last_first, out=last_first)
-            self._prefix = [0.0] * self._states if self._few else np.zeros(self._states)
+    def _turn(self) -> None:
+        """A block of M is complete: turn it into suffix sums."""
+        last_first = self._ring[self._spec.settings.window - 1 :: -1]
+        np.add.accumulate(last_first, out=last_first)
+        self._prefix = [0.0] * self._states if self._few else np.zeros(self._states)
 
     def _choose(self, cost: Array, best: float) -> None:
         self._label = choose(cost, best, self._label, self._axes, self._spec.settings.hold)
 
     def _leads(self, dist: Array, label: int) -> Any:
-        """Whether `label` leads by `confidence` on every axis; dist of shape (..., states)."""
-        result: Any = True
-        for others in self._others_of(label):
-            with np.errstate(invalid="ignore"):
-                lead = (dist[..., others].min(axis=-1) - dist[..., label]) * self._c
-            result = np.logical_and(result, lead >= self._spec.settings.confidence)
-        return result
+        """Whether `label` leads by `confidence` over what differs on any axis; dist of shape (n, states)."""
+        with np.errstate(invalid="ignore"):
+            lead = dist[:, self._others_of(label)].min(axis=1, initial=inf) - dist[:, label]
+            return lead * self._c >= self._spec.settings.confidence
 
     # -- many samples ----------------------------------------------------------------------------------------------
 
@@ -190,9 +210,19 @@ class NumpyKernel:
         self._ring[slot : slot + n] = square
         self._prefix = prefix[-1]
         full = self._seen + np.arange(1, n + 1) >= window
-        self._seen += n - 1
-        self._turn(slot + n - 1)
+        self._seen += n
+        if slot + n == window:
+            self._turn()
         return dist, full
+
+    def _shares(self, cost: Array, best: Array, label: NDArray[Any]) -> Array:
+        """`_probability` of many samples."""
+        best = best[:, None]
+        with np.errstate(invalid="ignore", over="ignore"):
+            weights = np.where(cost <= best + FAR, np.exp(best - cost), 0.0)
+            # in the order in which `_probability` adds few shares
+            total = np.add.accumulate(weights, axis=1)[:, -1] if self._few else np.add.reduce(weights, axis=1)
+            return np.nan_to_num(weights[np.arange(len(label)), label] / total, nan=0.0)
 
     def _decide(self, dist: Array, missing: NDArray[Any], full: NDArray[Any], out: list[Array]) -> None:
         state, ll, probability, confident = out
@@ -210,10 +240,7 @@ class NumpyKernel:
             if moves.size:
                 self._choose(cost[count - 1], best[count - 1])
                 state[end - 1] = self._label
-            with np.errstate(invalid="ignore", divide="ignore"):
-                total = np.exp(best[:count, None] - cost[:count]).sum(axis=1)
-                mine = np.exp(best[:count] - cost[np.arange(count), state[begin:end]])
-                probability[begin:end] = np.nan_to_num(mine / total, nan=0.0)
+            probability[begin:end] = self._shares(cost[:count], best[:count], state[begin:end])
             begin = end
         ll[:] = self._constant - self._c * dist[np.arange(rows), state]
         confident[:] = 0

@@ -40,6 +40,8 @@ class RegularPrediction:
         self._keep = max(n for n, _ in self._taps) + 2 + self._lag
         self._newest = -1 - self._lag
         self._places = [(self._newest - n, 1.0 - f, f) for n, f in self._taps]
+        self._whole = [self._newest - n for n, f in self._taps] if not any(f for _, f in self._taps) else None
+        self._plain = spec.aperture == 1 and len(spec.grid.combinations) == 1
         self._past: Array | None = None  # the last samples of u, shape (keep,)
         self._line: deque[float] | None = None  # the same, while `step` has it
         self._k = 0
@@ -50,20 +52,23 @@ class RegularPrediction:
 
     def step(self, u: float, d_hat: float) -> tuple[float, list[float], bool]:
         """(y, z, warm) of one sample without effects: `run` on plain floats, the same operations in the same order."""
-        if self._past is None or self._spec.aperture == 2 or len(self._spec.grid.combinations) > 1:
-            ys, zs, warm = self.run(np.array([u]), np.array([d_hat]), None, None, None, None)
-            return float(ys[0]), zs[0].tolist(), bool(warm)
         if self._line is None:
+            if self._past is None or not self._plain:
+                ys, zs, warm = self.run(np.array([u]), np.array([d_hat]), None, None, None, None)
+                return float(ys[0]), zs[0].tolist(), bool(warm)
             self._line = deque(self._past.tolist(), maxlen=self._keep)
             self._z = np.asarray(self._z).tolist()
         line, pole, gain = self._line, self._pole, 1.0 - self._pole
         line.append(u if isfinite(u) else line[-1])  # sample k - j is line[-1 - j] now
         # what only an aperture of 2 looks back at (_raw, _u_mean) stays as it is
         self._w = gain * line[self._newest] + pole * self._w
-        self._z = [
-            gain * (near * line[at] + far * line[at - 1]) + pole * z
-            for (at, near, far), z in zip(self._places, self._z, strict=True)
-        ]
+        if self._whole is not None:  # 1 x + 0 y is x
+            self._z = [gain * line[at] + pole * z for at, z in zip(self._whole, self._z, strict=True)]
+        else:
+            self._z = [
+                gain * (near * line[at] + far * line[at - 1]) + pole * z
+                for (at, near, far), z in zip(self._places, self._z, strict=True)
+            ]
         self._k += 1
         y = self._w + self._spec.sign * (d_hat if isfinite(d_hat) else 0.0)
         return y, self._z, self._k > self._warmup

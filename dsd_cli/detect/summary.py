@@ -129,9 +129,12 @@ class Summarizer:
             return
         judged = rows.samples > 0
         self._judged += int(judged.sum())
-        nats = nats_left(rows.log_likelihood[judged], self._rho)
-        self._squares += float((nats / rows.samples[judged]).sum()) * 2.0 * self._rho * self._rho
-        self._explained += int((nats <= nats_of_fit(rows.samples[judged])).sum())
+        samples, log_likelihood = rows.samples, rows.log_likelihood
+        if not judged.all():
+            samples, log_likelihood = samples[judged], log_likelihood[judged]
+        nats = nats_left(log_likelihood, self._rho)
+        self._squares += float((nats / samples).sum()) * 2.0 * self._rho * self._rho
+        self._explained += int((nats <= nats_of_fit(samples)).sum())
         self._count += np.bincount(rows.state, minlength=len(self._grid))
         self._confident += np.bincount(rows.state[rows.confident], minlength=len(self._grid))
         if self._expected:
@@ -160,12 +163,13 @@ class Summarizer:
     def result(self, label: int) -> Summary:
         """The summary so far; `label` is the state chosen last."""
         total, confident = max(int(self._count.sum()), 1), max(int(self._confident.sum()), 1)
+        values = [self.values(state) for state in range(len(self._grid))]
         states = [
-            StateShare(i, self.values(i), float(n / total), float(c / confident))
+            StateShare(i, values[i], float(n / total), float(c / confident))
             for i, (n, c) in enumerate(zip(self._count, self._confident, strict=True))
         ]
         segments = [
-            Segment(start, end, state, self.values(state), sure / count)
+            Segment(start, end, state, values[state], sure / count)
             for start, end, state, count, sure in self._segments.closed()
         ]
         checks = [

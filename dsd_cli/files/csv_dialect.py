@@ -55,7 +55,7 @@ def refuse_other_formats(source: str, head: bytes) -> None:
     for magic, (found, remedy) in _OTHER_FORMATS.items():
         if head.startswith(magic):
             raise DataError(f"{source}: {found}", remedy)
-    if b"\0" in head:
+    if b"\0" in head and head.rstrip(b"\0").count(b"\0"):  # zeros at the end alone were lines once, see `_explain`
         raise DataError(f"{source}: is neither CSV nor Parquet")
 
 
@@ -104,6 +104,14 @@ def seconds(text: str) -> float:
         return number(text)
     stamp = datetime.fromisoformat(text.strip())
     return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
+
+
+def has_zone(text: str) -> bool:
+    """Whether a time stamp says its time zone; what looks like one and is no time (23:59:60) does not."""
+    try:
+        return datetime.fromisoformat(text.strip()).tzinfo is not None
+    except ValueError:
+        return False
 
 
 def is_number(text: str) -> bool:

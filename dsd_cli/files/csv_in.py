@@ -69,8 +69,7 @@ class CsvTable:
         types = {f"c{at}": pa.float64() for at in self._places.values()}
         at = self._places.get("t")
         if at is not None and at < len(first) and dialects.ISO_TIME.match(first[at]):
-            zoned = dialects.datetime.fromisoformat(first[at].strip()).tzinfo is not None
-            types[f"c{at}"] = pa.timestamp("ns", "UTC" if zoned else None)
+            types[f"c{at}"] = pa.timestamp("ns", "UTC" if dialects.has_zone(first[at]) else None)
         return pc.open_csv(
             arrow_source(self.name),
             read_options=pc.ReadOptions(
@@ -125,7 +124,9 @@ class CsvTable:
 
 
 def _stray(line: str) -> str:
-    """What in a line makes it part of another, or more than one; empty if nothing does."""
+    """What in a line makes it none, part of another, or more than one; empty if nothing does."""
+    if "\0" in line:
+        return "zero bytes, as a power cut leaves them"
     if line.count('"') % 2:
         return "a quote that is not closed"
     return "a carriage return inside the line" if "\r" in line else ""

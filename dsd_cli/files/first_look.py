@@ -35,7 +35,7 @@ def first_look(path: str) -> FirstLook:
     DataError : it cannot be read, or can be read only once.
     """
     if is_stream(path):
-        raise DataError(f"{path}: can be read only once", "write it to a file first")
+        raise DataError(f"{'<stdin>' if path == '-' else path}: can be read only once", "write it to a file first")
     kind = format_of(path, b"" if is_bag(path) else read_head(path, HEAD_BYTES))
     if kind is not None:
         file = open_container(path, kind)

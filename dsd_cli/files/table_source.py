@@ -99,7 +99,7 @@ def choose_columns(
 
 def _listed(names: list[str], limit: int = 12) -> str:
     more = f" and {len(names) - limit} more" if len(names) > limit else ""
-    return ", ".join(name or '""' for name in names[:limit]) + more
+    return ", ".join(name or '""' for name in names[:limit]) + more if names else "none"
 
 
 def _hint(canonical: str, name: str, column_names: list[str]) -> str:

@@ -109,8 +109,8 @@ def sweep() -> None:
 
 
 def cannot_be_written(target: str | Path, error: OSError) -> DataError:
-    """One line for what the system says."""
-    return DataError(f"{target}: cannot be written ({error.strerror or error})")
+    """One line for what the system says, in its own words also where Arrow wraps them."""
+    return DataError(f"{target}: cannot be written ({os.strerror(error.errno) if error.errno else error})")
 
 
 def remove_left_over(target: Path) -> None:

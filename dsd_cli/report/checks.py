@@ -11,6 +11,7 @@ from dsd_cli.identify.checks import CheckResult, Excitation, Finding, Parameter
 from dsd_cli.identify.results import DELAY, INERTIA, Estimate
 from dsd_cli.report.head import head
 from dsd_cli.report.names import estimate_text, in_words, listed, number_or_none
+from dsd_cli.report.terminal import console as terminal
 from dsd_cli.report.terminal import escaped
 from dsd_cli.signals.units import Units
 
@@ -93,9 +94,7 @@ def _rank(one: Parameter) -> tuple[int, float]:
 
 def print_table(results: Sequence[CheckResult], file: Any) -> None:
     """For a person: the verdict of each log first."""
-    from rich.console import Console
-
-    console = Console(file=file, highlight=False, emoji=False)  # wraps at the width of the terminal
+    console = terminal(file, broken=True)
     for i, result in enumerate(results):
         if i:
             console.print()

@@ -49,8 +49,10 @@ _METADATA: dict[str, dict[str, Any]] = {
 
 def rendered(draw: Callable[[], Any], suffix: str) -> bytes:
     """The figure that `draw` makes, as the content of a file; `suffix` is one of `FORMATS`."""
+    import logging
     import warnings
 
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # that it finds no folder for its fonts is not ours to say
     import matplotlib
 
     content, form = io.BytesIO(), FORMATS[suffix.lower()]

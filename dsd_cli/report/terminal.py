@@ -18,11 +18,18 @@ def escaped(text: str) -> str:
     return escape("\n".join(map(printable, text.split("\n"))))
 
 
-def console(file: Any) -> Any:
-    """Where tables are printed; on a terminal long lines are broken between words, elsewhere they stay lines."""
+#: Columns of a table at least: with less its numbers are cut, and with none (COLUMNS=0) nothing is printed at all.
+NARROWEST = 60
+
+
+def console(file: Any, broken: bool | None = None) -> Any:
+    """Where tables are printed; long lines are `broken` between words, by default only on a terminal."""
     from rich.console import Console
 
-    return Console(file=file, highlight=False, emoji=False, soft_wrap=not file.isatty())
+    broken = file.isatty() if broken is None else broken
+    made = Console(file=file, highlight=False, emoji=False, soft_wrap=not broken)
+    made.width = max(made.width, NARROWEST)
+    return made
 
 
 class Hanging:

@@ -42,7 +42,7 @@ RIGHT = 4
 
 def dsd(*arguments: object, cwd: Path, **keywords: object) -> subprocess.CompletedProcess:
     """The command; text in and out unless the standard input is bytes."""
-    stdin, timeout = keywords.pop("stdin", None), keywords.pop("timeout", 240)
+    stdin, timeout = keywords.pop("stdin", None), keywords.pop("timeout", 600)
     return subprocess.run(
         [*DSD, *map(str, arguments)],
         input=stdin,

@@ -65,7 +65,7 @@ class Terminal:
             self._stream.feed(self._decode.decode(more))
         return True
 
-    def until(self, seen: Callable[[], bool], wait: float = 60.0) -> None:
+    def until(self, seen: Callable[[], bool], wait: float = 300.0) -> None:
         """Read until that is so."""
         end = time.monotonic() + wait
         while not seen():
@@ -73,12 +73,12 @@ class Terminal:
             if not self.read():
                 assert seen(), f"the command ended; the screen:\n{self.text}"
 
-    def finish(self, wait: float = 60.0) -> int:
+    def finish(self, wait: float = 300.0) -> int:
         """Read to the end; the exit code."""
         end = time.monotonic() + wait
         while self.read():
             assert time.monotonic() < end, f"still running; the screen:\n{self.text}"
-        return self.process.wait(10)
+        return self.process.wait(300)
 
     def type(self, text: str) -> None:
         """Keys; "\\x03" is Ctrl-C."""
@@ -91,7 +91,7 @@ class Terminal:
 
     def close(self) -> None:
         self.process.kill()
-        self.process.wait(10)
+        self.process.wait(300)
         os.close(self._master)
 
 

@@ -95,7 +95,7 @@ def test_labels_do_not_wait_for_a_terminal_that_stands_still(rig, tmp_path):
     screen = Terminal(cwd=rig, command=["sh", "-c", f"exec {command}"])
     try:
         screen.until(lambda: bool(shown(screen, "state")))
-        end, at = time.monotonic() + 60.0, 0
+        end, at = time.monotonic() + 300.0, 0
         while len(out.read_text().splitlines()) < 401:  # the terminal is not read once in all that time
             assert time.monotonic() < end
             if at < len(rows):
@@ -119,7 +119,7 @@ def test_plain_lines_where_there_is_no_terminal(rig, tmp_path):
     )
     lines = [process.stderr.readline() for _ in range(3)]
     process.send_signal(signal.SIGINT)
-    out, rest = process.communicate(timeout=60)
+    out, rest = process.communicate(timeout=300)
     assert process.returncode == 0
     assert re.fullmatch(r"change at 0\.0\d\d s: delay 0\.005 s, inertia 1\n", lines[0])
     assert re.fullmatch(r"change at 0\.3\d\d s: inertia 1 -> 2\n", lines[1])

@@ -119,9 +119,9 @@ def test_a_needless_effect_is_taken_back_in_a_rung_of_its_own(tmp_path):
     answers = ("quadratic_drag", "coulomb_friction", "viscous_friction")
     with terminal(cwd=tmp_path, columns=150, lines=100, command=["sh", "-c", f"{command} > ladder.json"]) as person:
         for i, answer in enumerate(answers):
-            person.until(lambda: person.raw.count(b"effect: ") > i, wait=240.0)  # noqa: B023
+            person.until(lambda: person.raw.count(b"effect: ") > i, wait=300.0)  # noqa: B023
             person.type(answer + "\n")
-        assert person.finish(wait=240.0) == 0
+        assert person.finish(wait=300.0) == 0
         assert "step 4: quadratic_drag taken back: held-out force error" in person.text
     ladder = json.loads((tmp_path / "ladder.json").read_text())["ladder"]
     assert [(rung["effect"], rung["kind"]) for rung in ladder] == [

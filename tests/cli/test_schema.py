@@ -98,7 +98,7 @@ def test_it_is_a_schema_whose_keys_say_what_they_are(name):
 def test_what_a_command_writes_holds(tmp_path_factory, name, command):
     folder = tmp_path_factory.getbasetemp() / "schemas"
     folder.mkdir(exist_ok=True)
-    ran = done(*command.split(), "--format", "json", cwd=folder, timeout=300)
+    ran = done(*command.split(), "--format", "json", cwd=folder, timeout=900)
     holds(name, ran.stdout)
     result = json.loads(ran.stdout)
     assert isinstance(result["logs"], list)  # in every command; `log` of detect is the name alone

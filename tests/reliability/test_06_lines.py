@@ -1,6 +1,6 @@
 """A line that is none is named; one without end is bounded; live and files read the same numbers."""
 
-import time
+import resource
 
 import pytest
 
@@ -42,13 +42,18 @@ def test_only_what_both_parsers_read_is_a_number(text):
         csv_dialect.number(text)
 
 
+def processor_time_of_children() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def test_a_line_without_end_costs_its_length_and_no_more(rig):
     lines = csv_text(make_log(600)).splitlines()
     giant = ",".join(["1"] * (10 << 20))
     text = "\n".join([*lines[:300], giant, *lines[300:]]) + "\n"
-    began = time.monotonic()
+    began = processor_time_of_children()
     found = json.loads(dsd("detect", "-", "--format", "json", cwd=rig, stdin=text.encode()).stdout)
-    assert time.monotonic() - began < 20
+    assert processor_time_of_children() - began < 20
     assert found["samples"] == 601
     assert {"reason": "unreadable line", "count": 1} in found["dropped"]
     assert line_stream.LONGEST_LINE <= 1 << 20

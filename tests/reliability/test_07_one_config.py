@@ -21,7 +21,7 @@ def test_two_at_once(tmp_path):
                          cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         for effect in ("coulomb_friction", "viscous_friction")
     ]  # fmt: skip
-    said = [process.communicate(timeout=120)[1] for process in both]
+    said = [process.communicate(timeout=300)[1] for process in both]
     codes = [process.returncode for process in both]
     steps = tomllib.loads((tmp_path / "dsd.toml").read_text()).get("history", [])
     assert len(steps) == codes.count(0) >= 1

@@ -29,7 +29,7 @@ def limited(log: str, cwd: Path) -> subprocess.CompletedProcess:
     """`dsd observe` in 3 GB, so that a bomb ends the test and not the machine."""
     command = shlex.join([*map(str, DSD), "observe", log, "-o", "out.csv"])
     limits = f"ulimit -v 3000000; ulimit -t 60; exec {command}"
-    return subprocess.run(["bash", "-c", limits], cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(["bash", "-c", limits], cwd=cwd, capture_output=True, text=True, timeout=300, check=False)
 
 
 class Harm:

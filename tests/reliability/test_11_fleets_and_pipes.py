@@ -26,7 +26,7 @@ def shell(line: str, cwd: Path) -> subprocess.CompletedProcess:
     """`dsd` in the line is the command; in 3 GB."""
     line = line.replace("dsd ", shlex.join(map(str, DSD)) + " ", 1)
     line = f"ulimit -v 3000000; ulimit -t 60; {line}"
-    return subprocess.run(["bash", "-c", line], cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(["bash", "-c", line], cwd=cwd, capture_output=True, text=True, timeout=300, check=False)
 
 
 def test_a_config_without_end_is_no_config(rig):

@@ -19,7 +19,7 @@ CHARTS = """() => dsd.charts.map(c => ({name: c.figure.dataset.chart, time: !c.s
 
 def until(page, expression: str) -> None:
     """Waits for it from outside: the page's own policy forbids to evaluate texts in it."""
-    end = time.monotonic() + 60.0
+    end = time.monotonic() + 300.0
     while not page.evaluate(expression):
         assert time.monotonic() < end, expression
         page.wait_for_timeout(50)
