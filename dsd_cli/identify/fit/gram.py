@@ -54,9 +54,8 @@ def grams(rows: Sequence[Array], blocks: Blocks) -> Grams:
     x = np.stack(rows)
     parts = (x[:, blocks.segment(i)] for i in range(len(blocks.starts)))
     segments = np.stack([part @ part.T for part in parts])
-    weights = np.stack([blocks.fitted(fold) for fold in range(blocks.folds)])
     held_out = segments.reshape(-1, 3, *segments.shape[1:]).sum(axis=1)
-    return Grams(segments.sum(axis=0), np.tensordot(weights, segments, axes=1), held_out)
+    return Grams(segments.sum(axis=0), np.tensordot(blocks.weights, segments, axes=1), held_out)
 
 
 def solve(matrices: Array, ridge: float | Array = 1e-9) -> Array:

@@ -122,7 +122,7 @@ class Solver:
         rules, forwards = self.reductions(terms, tap, design)
         found = grams(design.rows, self.blocks)
         stack = np.concatenate([found.total[None], found.fitted])
-        rows = np.array([len(design.rows[0]), *self.blocks.fitted_rows()])
+        rows = np.array([len(design.rows[0]), *self.blocks.fitted_rows])
         events = [i + 1 for i in _events(terms, design.widths)]
         quiet = _with_priors(without_noise(stack, _of_columns(design), rows), forwards)
         _, forward = _solved(quiet, 1, _forward_signs(design), forwards)
@@ -132,7 +132,7 @@ class Solver:
         inverse[:, [i - 1 for i in events]] = inverse[:1, [i - 1 for i in events]]
         weights = self.inertia * forward
         held = weights[1:][self.blocks.fold]
-        judged = without_noise(found.held_out, _of_columns(design), self.blocks.block_rows())
+        judged = without_noise(found.held_out, _of_columns(design), self.blocks.block_rows)
         losses = np.einsum("bi,bij,bj->b", held, judged, held)
         return Fit(
             terms,
