@@ -20,6 +20,8 @@ from dsd_cli.identify.search.signals import BLOCKS, delay_of, gains, innovations
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
+from tests.oracle import machines
+from tests.oracle.machine_cases import cases
 from tests.oracle.rig import RigCase, make, make_exact
 
 LOADS = ("flexible_coupling", "backlash")
@@ -77,6 +79,19 @@ def test_play_behind_a_coarse_encoder(loose):
     found = loose.seen()
     assert found.effect == "backlash"
     assert not near(found.values, loose.truth, 0.03)
+
+
+def test_a_load_that_samples_cannot_tell_is_no_explanation():
+    """The squares of a simplex fall towards a stiffer load; where samples end, one that is senseless must not win."""
+    (made,) = machines.run(cases("backlash", [50], amplitude="faint", sensing="position"))
+    case, step = made.truth, made.truth.sample_time
+    observer = ObserverSettings(case.nominal_inertia, case.observer_time_constant)
+    model = PlantModel(case.believed_inertia, case.believed_delay, {name: dict(p) for name, p in case.base})
+    search = Search(pose([prepare(Log(made.channels, step, "log.csv"), observer)], model, Settings()))
+    found = response_of(search, search.refit, LOADS, doubtful=True).seen
+    assert found.effect == "backlash"
+    assert found.resonance_hz < 0.1 / step
+    assert not near(found.values, dict(case.hidden)["backlash"], 0.2)
 
 
 @pytest.mark.parametrize(
