@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.identify.fit.bank import FIXED, INERTIA, Bank, Design, Term, Terms
+from dsd_cli.identify.fit.bank import FIXED, INERTIA, SHARE, Bank, Design, Term, Terms
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.constraints import Reduction, Rules
 from dsd_cli.identify.fit.gram import Grams, grams, solve, total_gram, without_noise
@@ -51,6 +51,7 @@ class Fit:
     widths : coefficients of each effect (an effect on the command has none).
     grams : inner products of drive and columns.
     variance : of a row, against which spreads of priors were weighed; 0: they were not.
+    whole : whether the delay is held at whole steps.
     """
 
     terms: Terms
@@ -64,6 +65,7 @@ class Fit:
     widths: tuple[int, ...]
     grams: Grams
     variance: float = 0.0
+    whole: bool = False
 
     @property
     def loss(self) -> float:
@@ -116,10 +118,10 @@ class Solver:
         _, weights = _solved(gram[None], 1, _forward_signs(design), rules)
         return self._size(weights[0], gram) + self.pull(terms)
 
-    def fit(self, terms: Terms, tap: int) -> Fit:
-        """Cross-validated, at one whole-step delay."""
+    def fit(self, terms: Terms, tap: int, whole: bool = False) -> Fit:
+        """Cross-validated, at one whole-step delay and, unless `whole`, a share of a further step."""
         design = self.bank.design(terms, tap)
-        rules, forwards = self.reductions(terms, tap, design)
+        rules, forwards = self.reductions(terms, tap, design, (SHARE,) if whole else ())
         found = grams(design.rows, self.blocks)
         stack = np.concatenate([found.total[None], found.fitted])
         rows = np.array([len(design.rows[0]), *self.blocks.fitted_rows])
@@ -146,6 +148,7 @@ class Solver:
             design.widths,
             found,
             0.0 if rules is None else rules.variance,
+            whole,
         )
 
     def taps(self, most: int) -> range:
@@ -165,14 +168,14 @@ class Solver:
             return 0.0
         return self.variance * sum(self.known.pull_of_shapes(t.id, t.shape) for t in terms)
 
-    def reductions(self, terms: Terms, tap: int, design: Design) -> Reductions:
-        """What is known of the values of these effects, as rules on the rows."""
-        if not self.known:
+    def reductions(self, terms: Terms, tap: int, design: Design, zero: Sequence[int] = ()) -> Reductions:
+        """What is known of the values of these effects, as rules on the rows; `zero` : coefficients that are 0."""
+        if not (self.known or zero):
             return Reductions(None, None)
         rules = Rules(self.known, 0.0, terms, design.widths, tap, self.bank.tap_time)
         gram = without_noise(total_gram(design.rows), design.noise, len(design.rows[0]))[None]
-        theta, held, pressed = np.zeros(len(design.rows) - 1), rules.held(None), list[int]()
-        found = rules.reduction(theta, held, linear_only=True)
+        theta, held, pressed = np.zeros(len(design.rows) - 1), rules.held(None), list(zero)
+        found = rules.reduction(theta, held, pressed, linear_only=True)
         for turn in range(_ROUNDS):
             theta = _solved(_with_priors(gram, found), 0, _signs(design), found)[0][0]
             if turn == 0:

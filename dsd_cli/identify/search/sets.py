@@ -19,6 +19,7 @@ from dsd_cli.identify.fit.bank import SHARE, Term, Terms
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.problem import Problem, best_delay
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.values import MOST_SHARE
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.scan import Scan
 from dsd_cli.identify.search.shapes import refined
@@ -111,13 +112,19 @@ class Search:
         return fit
 
     def fit(self, terms: Terms, near: int) -> Fit:
-        """At the best delay near `near` steps: the share of a further step says which way to go."""
+        """At the best delay near `near` steps: the share of a further step says which way to go.
+
+        Where the values want a later command and the forward form refuses one, a force is missing that leans like lag:
+        the delay stays at whole steps, or it would take a part of J.
+        """
         least, most = self.taps[0], self.taps[-1]
         tap, tried = min(max(near, least), most), set()
         while True:
             tried.add(tap)
             fit = self.solver.fit(terms, tap)
             share = float(fit.total[SHARE])
+            if share > MOST_SHARE and fit.forward[1 + SHARE] == 0.0 and least < most:
+                return self.solver.fit(terms, tap, whole=True)
             step = math.floor(share) if share > 1.0 else -1 if share == 0.0 else 0
             following = min(max(tap + step, least), most)
             if step == 0 or following in tried or len(tried) > MOST_WALKED:
