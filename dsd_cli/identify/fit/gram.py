@@ -68,9 +68,13 @@ def solve(matrices: Array, ridge: float | Array = 1e-9) -> Array:
     size = a.shape[1]
     if size == 0:
         return np.zeros((len(matrices), 0))
-    scale = np.sqrt(np.maximum(np.einsum("mii->i", a) / len(a), 1e-300))
-    penalty = ridge * np.eye(size) if np.ndim(ridge) == 0 else ridge
-    normal = a / np.outer(scale, scale) + penalty
+    scale = np.sqrt(np.maximum(a.diagonal(axis1=1, axis2=2).sum(axis=0) / len(a), 1e-300))
+    normal = a / (scale[:, None] * scale)
+    if isinstance(ridge, float):
+        index = np.arange(size)
+        normal[:, index, index] += ridge
+    else:
+        normal += ridge
     return np.linalg.solve(normal, (b / scale)[..., None])[..., 0] / scale
 
 

@@ -14,14 +14,13 @@ from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
 from dsd_cli.identify.search.long_logs import searched
 from dsd_cli.identify.search.pulses import event_effect
-from dsd_cli.identify.search.response import Seen
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beside_stops, beyond_of, pushed, said_of_stops
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
 from dsd_cli.identify.verdict.own_values import Own, own_values
-from dsd_cli.identify.verdict.shown import note_on, with_response
+from dsd_cli.identify.verdict.shown import Shown, note_on, with_response
 from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
@@ -72,7 +71,7 @@ def diagnose(
     misfit = beyond.unknown or reconstructed or search.noise.inflation > POLICY.most_inflation
     members = {name: membership(search, whole, name, misfit) for name in found if shown.seen is None}
     options, own = search.options(search.refit), own_values(search)
-    diagnosis = _Verdict(search, options, whole, members, own, beyond, shown.seen).diagnosis()
+    diagnosis = _Verdict(search, options, whole, members, own, beyond, shown).diagnosis()
     if stability:
         report("how sure, on parts", 0.85)
         diagnosis = with_stability(diagnosis, recordings, model, shown.settings)
@@ -91,9 +90,9 @@ class _Verdict:
         members: dict[str, Membership],
         own: Own,
         beyond: Beyond,
-        seen: Seen | None,
+        shown: Shown,
     ) -> None:
-        self.search, self.problem, self.seen = search, search.problem, seen
+        self.search, self.problem, self.seen, self.shown = search, search.problem, shown.seen, shown
         self.options, self.whole, self.members, self.own, self.beyond = options, whole, members, own, beyond
         self._named_for: dict[str, str] = {}
         self.alone = {o.effect: o for o in (*options, *self._events())}
@@ -135,7 +134,7 @@ class _Verdict:
             return self.own.wrong, min(known * self.own.probability, POLICY.surest)
         if beyond.unknown:
             return UNKNOWN, 0.9
-        if left_over:
+        if left_over or self.shown.said:
             return UNKNOWN, 0.6
         return NONE, self._nothing()
 
@@ -225,7 +224,7 @@ class _Verdict:
             band_hz=self.search.equations.band.hz,
             floor=problem.floor,
             provenance=source,
-            warnings=(*contradictions(self.search, fit, known.estimates), *stops),
+            warnings=(*contradictions(self.search, fit, known.estimates), *stops, *self.shown.said),
             at_stops=bool(stops),
             depends_on=self.beyond.on if unknown else (),
             nearest=nearest,
