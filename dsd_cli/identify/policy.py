@@ -82,6 +82,8 @@ class Policy:
     # -- reconstructed motion --
     drift_rounds: int = 3  # in which its drift is found beside a set of effects, and the set anew
     drift_gain: float = 0.9  # of the held-out error, which a round must reach
+    paths_alone: int = 2  # that are followed, of effects that are asked alone, each on the path that suits it
+    path_rounds: int = 6  # in which the path of one set settles: each halves a step that would go too far
     most_drift: float = 0.7  # of the range of the position, by which it may drift and still be used
     most_travel: float = 1.5  # times the least travel of any speed offset: an axis that works comes back
     told_deviations: float = 2.0  # standard errors that some value of an effect must be away from 0

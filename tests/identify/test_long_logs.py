@@ -10,7 +10,7 @@ from dsd_cli.identify.fit.drift import without_drift
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts, with_part
 from dsd_cli.identify.recordings.recording import prepare
-from dsd_cli.identify.search.long_logs import searched
+from dsd_cli.identify.search.afloat import searched
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
@@ -108,9 +108,22 @@ def test_forces_tell_where_a_reconstructed_motion_was(what, seed):
     assert off(search.problem.recordings[0].pieces[0]) < 0.6 * off(recording.pieces[0])
 
 
+@pytest.mark.parametrize(("what", "seed"), [("cubic_stiffness", 4000), ("stiffness", 4001), ("cubic_stiffness", 4001)])
+def test_a_spring_whose_zero_nobody_logged_is_one_spring(what, seed):
+    """The position is integrated twice from an unknown start: where the spring is at rest, its force tells."""
+    (log,) = make([RigCase(what=(what,), seed=seed, sensing="udhat")])
+    recording, model, observer = _rig(log)
+    found = diagnose([recording], model, observer)
+    assert (found.verdict, found.found) == (what, (what,))
+    assert found.probability <= POLICY.afloat_surest
+    coefficient = found.ranking[0].parameters["coefficient"]
+    assert coefficient.value == pytest.approx(log.truth["effects"][what]["coefficient"], rel=0.02)
+
+
 def test_a_logged_motion_does_not_drift():
     (log,) = make([RigCase(what=("gravity",), seed=20, sensing="enc4096")])
     recording, model, _ = _rig(log)
     assert recording.walk == 0.0
     search, whole = searched([recording], model, Settings(), ())
-    assert without_drift(search.problem, whole)[0] is recording
+    (same,) = without_drift(search.problem, whole, [recording])
+    assert all(a is b for a, b in zip(same.pieces, recording.pieces, strict=True))

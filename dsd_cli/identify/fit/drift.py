@@ -1,18 +1,22 @@
-"""Drift of a reconstructed motion, estimated from forces that depend on position and speed.
+"""Where a reconstructed motion truly was, estimated from forces that depend on position and speed.
 
-Where only u and d_hat are logged, white noise on d_hat makes a random walk of the integrated speed. Gravity, springs
-and cogging come back at the same place, so a set of effects tells where the axis truly was. The drift of the speed is
-a line between knots; its steps from knot to knot have the variance of that random walk, so that no more is explained by
-drift than the noise of d_hat allows.
+Where only u and d_hat are logged, white noise on d_hat makes a random walk of the integrated speed, whose start is not
+known, nor is the zero of the position. Gravity, springs and cogging come back at the same place, so a set of effects
+tells where the axis truly was. The drift of the speed is a line between knots; its steps from knot to knot have the
+variance of that random walk, so that no more is explained by drift than the noise of d_hat allows. The coefficients of
+the effects are free beside it: a shift of the position must not be paid for by a drift.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from dsd_cli.identify.fit.bank import FIXED, Bank, columns_of, holds
+from dsd_cli.effects import Role
+from dsd_cli.identify.fit.bank import FIXED, INERTIA, Term, columns_of, holds
 from dsd_cli.identify.fit.equations import Stretch, direction
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit
@@ -25,76 +29,206 @@ from dsd_cli.signals.log import Array, Log, with_channels
 KNOT, MOST_KNOTS, MOVED = 1.0, 60, 0.1
 #: Weight of the drift itself beside that of its steps: at the start it is hardly known.
 LEVEL = 1e-4
+#: Shares of a step that are tried: the forces are no straight lines of the place.
+SHARES = (1.0, 0.5, 0.25)
+#: Zeros and constant speeds that are tried, each side of none, and how far they reach, in ranges of the motion: over
+#: the whole recording, for a speed.
+ZEROS, SPEEDS, FAR, CREEP = 6, 4, 1.0, 0.6
 
 
-def without_drift(problem: Problem, fit: Fit) -> tuple[Recording, ...]:
-    """The recordings with the drift of their reconstructed motion, as this fit estimates it, removed."""
-    drifts = {id(s.log): _drift(problem, fit, i) for i, s in enumerate(problem.equations.stretches)}
-    moved = []
-    for recording in problem.recordings:
-        pieces = [_moved(p, drifts[id(p)]) if id(p) in drifts else p for p in recording.pieces]
-        moved.append(replace(recording, pieces=tuple(pieces)) if recording.walk > 0.0 else recording)
-    return tuple(moved)
+def without_drift(problem: Problem, fit: Fit, recordings: Sequence[Recording]) -> tuple[Recording, ...]:
+    """The recordings of a problem with the drift of their motion, as this fit estimates it, removed.
+
+    Parameters
+    ----------
+    recordings : the same with their motion as it was reconstructed, from which the true one wanders.
+    """
+    return _each(problem, [(path, *path.step()) for path in _paths(problem, fit, recordings)])
 
 
-def _drift(problem: Problem, fit: Fit, index: int) -> Array:
-    """What is to be added to the speed of a stretch, shape (n,): most likely given the noise, and the walk."""
-    equations, stretch = problem.equations, problem.equations.stretches[index]
-    recording = next(r for r in equations.recordings if any(stretch.log is p for p in r.pieces))
-    walk, noise = recording.walk, stretch.log["speed_noise"]
-    if not walk > 0.0:
-        return np.zeros(len(stretch.log))
-    units, knot = _units(stretch)
-    size = max(MOVED * walk, recording.speed_noise)
-    x = np.stack([equations.whitened(_change(problem.errors.bank, fit, index, x * size, noise)) for x in units]) / size
-    left = fit.forward @ np.stack(problem.solver.bank.design(fit.terms, fit.tap).rows)
-    steps = np.diff(np.eye(len(units)), axis=0)
-    prior = (steps.T @ steps + LEVEL * np.eye(len(units))) / (walk**2 * knot)
-    variance = problem.noise.variance * problem.noise.inflation
-    return np.asarray(np.linalg.solve(x @ x.T / variance + prior, -(x @ left) / variance) @ units)
+@dataclass(frozen=True)
+class Placed:
+    """Recordings with the zero of the position and the constant speed that suit a fit best.
+
+    left, before : squares of all rows in units of their variance, and of the walk, there and on the motion as it was.
+    """
+
+    left: float
+    before: float
+    recordings: tuple[Recording, ...]
 
 
-def _units(stretch: Stretch) -> tuple[Array, float]:
-    """(hats over time, shape (k, n); s from knot to knot)."""
-    t = stretch.log["t"]
-    count = min(max(round((t[-1] - t[0]) / KNOT), 1), MOST_KNOTS)
-    knots = np.linspace(t[0], t[-1], count + 1)
-    return np.stack([np.interp(t, knots, e) for e in np.eye(count + 1)]), float(knots[1] - knots[0])
+def placed(problem: Problem, fit: Fit, recordings: Sequence[Recording]) -> Placed:
+    """The recordings of a problem moved so; `recordings` : as for `without_drift`."""
+    found = [(path, path.best_start()) for path in _paths(problem, fit, recordings)]
+    left = sum(path.cost(start) for path, start in found)
+    before = sum(path.cost(0.0 * start) for path, start in found)
+    return Placed(left, before, _each(problem, [(path, *path.split(start)) for path, start in found]))
 
 
-def _change(plain: Bank, fit: Fit, index: int, speed: Array, noise: Array) -> Array:
-    """By what the residual (forward form) changes with that drift of one stretch's speed; rows in the unit of u."""
-    equations = plain.equations
-    stretch = equations.stretches[index]
-    place = np.cumsum(speed) * equations.sample_time
-    moved = replace(
+def _each(problem: Problem, found: Sequence[tuple[_Path, Array, float]]) -> tuple[Recording, ...]:
+    """The recordings with what was found for each of their pieces."""
+    moved = {id(path.piece): _moved(path.piece, speed, zero) for path, speed, zero in found}
+    pieces = [tuple(moved.get(id(p), p) for p in r.pieces) for r in problem.recordings]
+    return tuple(replace(r, pieces=p) for r, p in zip(problem.recordings, pieces, strict=True))
+
+
+def _paths(problem: Problem, fit: Fit, recordings: Sequence[Recording]) -> Iterator[_Path]:
+    """Every piece whose motion may wander, with its equations."""
+    index = {id(s.log): i for i, s in enumerate(problem.equations.stretches)}
+    for now, plain in zip(problem.recordings, recordings, strict=True):
+        for piece, before in zip(now.pieces, plain.pieces, strict=True):
+            if now.walk > 0.0 and id(piece) in index:
+                yield _Path(problem, fit, index[id(piece)], piece, before, now.walk)
+
+
+@dataclass(frozen=True)
+class _Path:
+    """A piece and what its motion has to do with the residual of a fit.
+
+    piece, plain : as the problem has it, and as it was reconstructed. walk : rad/s in the square root of a second.
+    """
+
+    problem: Problem
+    fit: Fit
+    index: int
+    piece: Log
+    plain: Log
+    walk: float
+
+    @cached_property
+    def span(self) -> float:
+        """Of the position."""
+        return float(np.ptp(self.piece["position"]))
+
+    @cached_property
+    def knots(self) -> Array:
+        """s, shape (k,)."""
+        t = self.piece["t"]
+        count = min(max(round((t[-1] - t[0]) / KNOT), 1), MOST_KNOTS)
+        return np.linspace(t[0], t[-1], count + 1)
+
+    @cached_property
+    def units(self) -> Array:
+        """Hats over time, shape (k, n)."""
+        return np.stack([np.interp(self.piece["t"], self.knots, unit) for unit in np.eye(len(self.knots))])
+
+    @cached_property
+    def variance(self) -> float:
+        """Of a row, per nat."""
+        return self.problem.noise.variance * self.problem.noise.inflation
+
+    @cached_property
+    def prior(self) -> Array:
+        """Inverse covariance of a random walk at the knots, and of a zero, shape (k + 1, k + 1)."""
+        steps = np.diff(np.eye(len(self.knots), len(self.knots) + 1), axis=0)
+        known = steps.T @ steps
+        known[range(len(self.knots)), range(len(self.knots))] += LEVEL
+        known /= self.walk**2 * float(self.knots[1] - self.knots[0])
+        known[-1, -1] = 1.0 / self.span**2
+        return np.asarray(known)
+
+    @cached_property
+    def so_far(self) -> Array:
+        """By what the motion was moved already: at the knots, and its zero; shape (k + 1,)."""
+        moved = self.piece["velocity"] - self.plain["velocity"]
+        zero = self.piece["position"][0] - self.plain["position"][0]
+        return np.append(np.interp(self.knots, self.piece["t"], moved), zero)
+
+    @cached_property
+    def rows(self) -> Array:
+        """Drive, acceleration, delay and columns, whitened; shape (p, N)."""
+        return np.stack(self.problem.solver.bank.design(self.fit.terms, self.fit.tap).rows)
+
+    def moved(self, speed: Array, zero: float) -> Array:
+        """The whitened columns on a motion that is moved by that."""
+        equations, here = self.problem.errors.bank.equations, list(self.rows[1 + FIXED :])
+        held, delay = holds(self.fit.terms), self.fit.tap * self.problem.errors.bank.tap_time
+        stretches = list(equations.stretches)
+        stretches[self.index] = _elsewhere(stretches[self.index], speed, zero, equations.sample_time)
+        there = replace(equations, stretches=tuple(stretches))
+        for term in self.fit.terms:
+            if depends_on_path(term):
+                at = self.fit.columns_of(term)
+                found = columns_of(there, term, delay, held)
+                here[at.start - FIXED : at.stop - FIXED] = [self.problem.equations.whitened(x) for x in found]
+        return np.stack(here) if here else np.zeros((0, self.rows.shape[1]))
+
+    def cost(self, change: Array) -> float:
+        """Squares that are left with all coefficients free, and the walk's, in units of a row's variance."""
+        target = self.rows[1 + INERTIA]
+        x = np.concatenate(
+            [self.rows[[0, *range(2 + INERTIA, 1 + FIXED)]], self.moved(change[:-1] @ self.units, change[-1])]
+        )
+        weights = np.linalg.lstsq(x.T, target, rcond=None)[0]
+        left = self.problem.solver.inertia * (target - weights @ x)
+        so_far = self.so_far + change
+        return float(left @ left) / self.variance + float(so_far @ self.prior @ so_far)
+
+    def step(self) -> tuple[Array, float]:
+        """What is to be added to the speed, shape (n,), and to the position: most likely given noise and walk."""
+        speed = MOVED * max(self.walk, float(np.median(self.piece["speed_noise"])))
+        sizes = np.append(np.full(len(self.knots), speed), MOVED * float(np.std(self.piece["position"])))
+        here = self.rows[1 + FIXED :]
+        theta = self.fit.forward[1 + FIXED :]
+        x = np.stack([theta @ (self.moved(*self.split(change)) - here) for change in np.diag(sizes)]) / sizes[:, None]
+        free = np.linalg.qr(np.delete(self.rows, 1 + INERTIA, axis=0).T)[0]
+        left = self.fit.forward @ self.rows
+        x, left = x - (x @ free) @ free.T, left - free @ (free.T @ left)
+        normal = x @ x.T / self.variance + self.prior
+        whole = np.linalg.solve(normal, -(x @ left) / self.variance - self.prior @ self.so_far)
+        tried = [share * whole for share in SHARES]
+        best = min((np.zeros_like(whole), *tried), key=self.cost)
+        return self.split(best)
+
+    def best_start(self) -> Array:
+        """A constant speed and a zero, those of least squares, from coarse to fine; shape (k + 1,)."""
+        lasting = float(self.piece["t"][-1] - self.piece["t"][0])
+        creep, far = CREEP * self.span / lasting, FAR * self.span
+        speeds, zeros = (np.linspace(-x, x, 2 * n + 1) for x, n in ((creep, SPEEDS), (far, ZEROS)))
+        tried = [(s, z) for s in speeds for z in zeros]
+        best = min(tried, key=lambda at: self.cost(self._constant(*at)))
+        for finer in (0.5, 0.25, 0.125, 0.0625):
+            around = [
+                (best[0] + i * finer * creep / SPEEDS, best[1] + j * finer * far / ZEROS)
+                for i in (-1, 0, 1)
+                for j in (-1, 0, 1)
+            ]
+            best = min(around, key=lambda at: self.cost(self._constant(*at)))
+        return self._constant(*best)
+
+    def _constant(self, speed: float, zero: float) -> Array:
+        middle = 0.5 * speed * float(self.piece["t"][-1] - self.piece["t"][0])
+        return np.append(np.full(len(self.knots), speed), zero - middle)
+
+    def split(self, change: Array) -> tuple[Array, float]:
+        """(the speed at every sample, shape (n,); the zero)."""
+        return np.asarray(change[:-1] @ self.units), float(change[-1])
+
+
+def depends_on_path(term: Term) -> bool:
+    """Whether the effect is a force at a place or a speed; a load is driven by accelerations or by the force."""
+    return term.effect.role is not Role.STRUCTURE and bool({"velocity", "position"} & set(term.effect.needs))
+
+
+def _elsewhere(stretch: Stretch, speed: Array, zero: float, step: float) -> Stretch:
+    """With another motion, shape (n,) and rad."""
+    place = zero + np.cumsum(speed) * step
+    moving = direction(stretch.log["velocity"] + speed, stretch.log["speed_noise"])
+    return replace(
         stretch,
         middle=_shifted(stretch.middle, speed, place),
         mean=_shifted(stretch.mean, speed, place),
-        sign=np.where(stretch.free > 0.0, direction(stretch.log["velocity"] + speed, noise), 0.0),
+        sign=np.where(stretch.free > 0.0, moving, 0.0),
     )
-    stretches = tuple(moved if i == index else s for i, s in enumerate(equations.stretches))
-    other = replace(equations, stretches=stretches)
-    held, delay = holds(fit.terms), fit.tap * plain.tap_time
-    total = np.zeros(sum(equations.lengths))
-    at = 1 + FIXED
-    for term, width in zip(fit.terms, fit.widths, strict=True):
-        if width:
-            now = columns_of(other, term, delay, held)
-            before = plain.columns(term, fit.tap, True, held)
-            for weight, a, b in zip(fit.forward[at : at + width], now, before, strict=True):
-                total += weight * (a - b)
-        at += width
-    return total
 
 
 def _shifted(motion: IntervalChannels, speed: Array, place: Array) -> IntervalChannels:
     return motion._replace(velocity=motion.velocity + speed, position=motion.position + place)
 
 
-def _moved(piece: Log, speed: Array) -> Log:
-    place = np.cumsum(speed) * piece.sample_time
+def _moved(piece: Log, speed: Array, zero: float) -> Log:
     channels = {"velocity": piece["velocity"] + speed}
     if "position" in piece:
-        channels["position"] = piece["position"] + place
+        channels["position"] = piece["position"] + zero + np.cumsum(speed) * piece.sample_time
     return with_channels(piece, **channels)

@@ -14,7 +14,6 @@ import numpy as np
 
 from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.fit.bank import Term
-from dsd_cli.identify.fit.drift import without_drift
 from dsd_cli.identify.fit.driven import with_driven_load
 from dsd_cli.identify.fit.problem import Problem, asked_of_all, pose
 from dsd_cli.identify.fit.solve import Fit
@@ -58,31 +57,6 @@ class Judge(Search):
 Report = Callable[[str, float], None]
 
 
-def searched(
-    recordings: Sequence[Recording],
-    model: PlantModel,
-    settings: Settings,
-    holdout: Sequence[Recording],
-    report: Report = lambda _what, _share: None,
-) -> tuple[Search, Fit]:
-    """(search that is ready to judge on all rows, the set of effects that nothing betters any more).
-
-    Raises
-    ------
-    DataError, UsageError : as `pose`.
-    """
-    search, whole = _searched(recordings, model, settings, holdout, report)
-    for _ in range(POLICY.drift_rounds):
-        if not any(r.walk > 0.0 for r in recordings):
-            break
-        moved = without_drift(search.problem, whole)
-        other, better = _searched(moved, model, settings, holdout, report)
-        if not other.problem.errors.rmse(better) < POLICY.drift_gain * search.problem.errors.rmse(whole):
-            break
-        search, whole = other, better
-    return search, whole
-
-
 def searched_with(
     recordings: Sequence[Recording],
     found: PlantModel,
@@ -107,14 +81,20 @@ def searched_with(
     return judge, judge.fit(terms, whole.tap)
 
 
-def _searched(
+def searched_as_is(
     recordings: Sequence[Recording],
     model: PlantModel,
     settings: Settings,
     holdout: Sequence[Recording],
     report: Report,
 ) -> tuple[Search, Fit]:
-    """`searched` with the motion as it is."""
+    """(search that is ready to judge on all rows, the set of effects that nothing betters any more), on the motion as
+    the recordings have it.
+
+    Raises
+    ------
+    DataError, UsageError : as `pose`.
+    """
     parts = excerpts(recordings)
     search, whole = _found(parts, model, settings, holdout, report)
     if sum(r.samples for r in parts) == sum(r.samples for r in recordings):

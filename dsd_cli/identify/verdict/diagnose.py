@@ -12,7 +12,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
-from dsd_cli.identify.search.long_logs import searched
+from dsd_cli.identify.search.afloat import searched
 from dsd_cli.identify.search.pulses import event_effect
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for

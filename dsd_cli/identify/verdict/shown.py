@@ -11,7 +11,8 @@ from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.identify.search.long_logs import searched, searched_with
+from dsd_cli.identify.search.afloat import searched
+from dsd_cli.identify.search.long_logs import searched_with
 from dsd_cli.identify.search.response import COUPLING, PLAY, Seen, response_of
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import PlantModel
