@@ -125,6 +125,7 @@ class Policy:
 
     # -- probability --
     tempering: float = 0.5  # exponent on likelihoods: blocks are neither independent nor alike
+    least_told_direction: float = 0.9  # of the samples in motion; a sensor that tells fewer cannot tell friction
     surest: float = 0.99  # no verdict is surer: the catalogue is not the world
     surest_in_part: float = 0.8  # where some effects could not be tested, or rows are few
     surest_unstable: float = 0.9  # where the verdict changes on half of the data or in another band

@@ -164,7 +164,10 @@ def _print_parameters(console: Any, parameters: Sequence[Parameter], units: Unit
             table.add_row(escaped(f"  not to be told from {other}"))
     console.print(table)
     if below := [one.name for one in parameters if one.name in (INERTIA, DELAY) and _below_zero(one)]:
-        console.print(f"{listed(below)} below 0 makes up for forces that the model lacks: `dsd diagnose` says which")
+        late = ", or for a u that is late" if "delay" in below else ""
+        console.print(
+            f"{listed(below)} below 0 makes up for forces that the model lacks{late}: `dsd diagnose` says which"
+        )
     if units.legend:
         console.print(units.legend)
 

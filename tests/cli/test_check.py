@@ -62,7 +62,10 @@ def test_a_fit_below_zero_is_explained():
         return " ".join(out.getvalue().split())
 
     below, at = Parameter("delay", "weak", -0.004, 0.0008), Parameter("delay", "weak", -0.001, 0.0008)
-    assert "delay below 0 makes up for forces that the model lacks: `dsd diagnose` says which" in shown(below)
+    assert (
+        "delay below 0 makes up for forces that the model lacks, or for a u that is late: `dsd diagnose` says which"
+        in shown(below)
+    )
     assert "below 0" not in shown(at)
     assert "below 0" not in shown(Parameter("gravity.phase", "weak", -0.4, 0.01))
 

@@ -19,6 +19,7 @@ from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beside_stops, beyond_of, pushed, said_of_stops
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
+from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.identify.verdict.own_values import Own, own_values
 from dsd_cli.identify.verdict.shown import Shown, note_on, with_response
 from dsd_cli.identify.verdict.stability import with_stability
@@ -93,8 +94,9 @@ class _Verdict:
         shown: Shown,
     ) -> None:
         self.search, self.problem, self.seen, self.shown = search, search.problem, shown.seen, shown
-        self.options, self.whole, self.members, self.own, self.beyond = options, whole, members, own, beyond
-        self._named_for: dict[str, str] = {}
+        self.limits, self._named_for = limits_of(search, whole), dict[str, str]()
+        self.members = {} if self.limits.late else members
+        self.options, self.whole, self.own, self.beyond = options, whole, own, beyond
         self.alone = {o.effect: o for o in (*options, *self._events())}
         self.named, self.sure = self.verdict()
         if self.named in self.alone:  # what is to be added takes the shapes of the model's own effects along
@@ -105,12 +107,14 @@ class _Verdict:
         """Pulses alone, where they belong to the answer: they are no candidate of the search."""
         search = self.search
         pulses = [t for t in search.added(self.whole.terms) if t.effect.listed]
-        fits = [(t.id, search.fit((*search.base, t), self.whole.tap)) for t in pulses]
-        return [Option(name, fit, search.evidence(fit)) for name, fit in fits]
+        fits = [search.fit((*search.base, t), self.whole.tap) for t in pulses]
+        return [Option(fit.terms[-1].id, fit, search.evidence(fit)) for fit in fits]
 
     def verdict(self) -> tuple[str, float]:
         """(verdict, probability)."""
         search, beyond, rmse = self.search, self.beyond, self.problem.errors.rmse
+        if self.limits.late:
+            return UNKNOWN, 0.9
         if self.seen is not None:
             return self.seen.effect, POLICY.surest / (1.0 + len(self.seen.rivals))
         if self.members:
@@ -131,7 +135,7 @@ class _Verdict:
         known = self._share_of_possible(self.own.score.heldout_rmse, self.own.refitted.heldout_rmse)
         left_over = above_floor(search, search.refit)
         if self.own.wrong and known >= POLICY.share_of_possible and not left_over:
-            return self.own.wrong, min(known * self.own.probability, POLICY.surest)
+            return self.own.wrong, min(known * self.own.probability, self._surest())
         if beyond.unknown:
             return UNKNOWN, 0.9
         if left_over or self.shown.said:
@@ -156,8 +160,8 @@ class _Verdict:
         return self.problem.blocks.rows < POLICY.few_rows
 
     def _surest(self) -> float:
-        """Upper bound on the probability of any verdict."""
-        return POLICY.surest_in_part if self._short() else POLICY.surest
+        """Upper bound on the probability of a verdict."""
+        return min(POLICY.surest_in_part if self._short() else POLICY.surest, self.limits.surest)
 
     def _share_of_possible(self, before: float, after: float) -> float:
         """Explained share of the power that could be explained; 1 where nothing unknown remains."""
@@ -176,20 +180,16 @@ class _Verdict:
 
     def _worth(self, name: str) -> tuple[bool, float]:
         """Effects that lower the held-out error by themselves come first."""
-        return self._lowers(name), self._alone_evidence(name)
-
-    def _alone_evidence(self, name: str) -> float:
         option = self.alone.get(name)
-        return option.evidence if option is not None else -math.inf
+        return self._lowers(name), option.evidence if option is not None else -math.inf
 
     def _nothing(self) -> float:
-        """Probability that nothing is missing. Effects of no practical size are no alternatives, and those that are of
-        one were not confirmed block by block: they get half of the probability at most."""
+        """Probability that nothing is missing: effects of a practical size that no block confirms have half at most."""
         search = self.search
         useful = [o for o in self.options if search.practical(search.refit, o.fit)]
         narrow = self.search.equations.band.hz < POLICY.narrow_band_hz or self._short()
         in_part = self.problem.untestable or narrow or beside_stops(search, search.refit)
-        surest = POLICY.surest_in_part if in_part else POLICY.surest
+        surest = min(POLICY.surest_in_part, self._surest()) if in_part else self._surest()
         return min(0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING], surest)
 
     def diagnosis(self) -> Diagnosis:
@@ -220,19 +220,20 @@ class _Verdict:
             refitted_model=refit.model,
             whole_model=problem.scale.model(self.whole) if self.members else None,
             noise=self.beyond.noise,
-            found=tuple(t.id for t in self.search.added(self.whole.terms)),
+            found=() if self.limits.late else tuple(t.id for t in self.search.added(self.whole.terms)),
             band_hz=self.search.equations.band.hz,
             floor=problem.floor,
             provenance=source,
-            warnings=(*contradictions(self.search, fit, known.estimates), *stops, *self.shown.said),
+            warnings=(*self.limits.said, *contradictions(self.search, fit, known.estimates), *stops, *self.shown.said),
             at_stops=bool(stops),
+            late=self.limits.late,
             depends_on=self.beyond.on if unknown else (),
             nearest=nearest,
         )
 
     def _nearest(self) -> str:
         """The effect that would explain much of what is unknown, but is not confirmed block by block."""
-        if self.named != UNKNOWN or not self.options:
+        if self.named != UNKNOWN or not self.options or self.limits.late:
             return ""
         refit, best = self.search.refit, self.options[0]
         before, after = self.problem.errors.rmse(refit), self.problem.errors.rmse(best.fit)
@@ -252,9 +253,8 @@ class _Verdict:
 
     def _candidate(self, option: Option, refitted: Score) -> Candidate:
         score, known = self.problem.score(option.fit), self.problem.values(option.fit)
-        everything = known.estimates
         prefix = f"{option.effect}."
-        values = {name.removeprefix(prefix): e for name, e in everything.items() if name.startswith(prefix)}
+        values = {name.removeprefix(prefix): e for name, e in known.estimates.items() if name.startswith(prefix)}
         rivals = self._rivals(option.effect)
         if any(name.startswith(prefix) for name in known.tied):
             rivals = (*rivals, INERTIA)
@@ -267,7 +267,7 @@ class _Verdict:
             score = replace(own, heldout_rmse=score.heldout_rmse)
         return Candidate(
             effect=option.effect,
-            seen=seen.values if seen is not None else {},
+            seen=seen.values if seen else {},
             rmse_after=score.rmse,
             heldout_rmse_before=refitted.heldout_rmse,
             heldout_rmse_after=score.heldout_rmse,
@@ -277,7 +277,7 @@ class _Verdict:
             note="; ".join(notes),
             model=known.model,
             score=score,
-            all_values=everything,
+            all_values=known.estimates,
         )
 
     def _rivals(self, effect: str) -> tuple[str, ...]:

@@ -1,0 +1,67 @@
+"""Logs on which no verdict can be sure: u is later than what it does, the sensor does not tell the direction."""
+
+import re
+
+import numpy as np
+import pytest
+
+from dsd_cli.identify.fit.asked import Settings
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.search.afloat import searched
+from dsd_cli.identify.verdict.diagnose import diagnose
+from dsd_cli.identify.verdict.limits import limits_of
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Log
+from tests.oracle.rig import RigCase, make
+
+DELAY_MS = 20  # of the rig
+
+
+def given(case, samples=0):
+    """(recording, model, observer) of a log; u so many samples later against the motion than it was."""
+    (log,) = make([case])
+    count = len(log.channels["t"]) - samples
+    late = {name: x[:count] if name in ("t", "u") else x[samples:] for name, x in log.channels.items()}
+    observer = ObserverSettings(log.observer["nominal_inertia"], log.observer["time_constant"])
+    model = PlantModel(log.believed["inertia"], log.believed["delay"], log.believed["effects"])
+    return prepare(Log(late, log.sample_time, "log.csv"), observer), model, observer
+
+
+@pytest.mark.parametrize("sensing", ["speed40k", "enc4096"])
+@pytest.mark.parametrize("late_ms", [5, 20])
+def test_a_u_that_is_later_than_its_motion_is_no_missing_effect(sensing, late_ms):
+    """A line at 0.99 stood in for it once."""
+    recording, model, observer = given(RigCase(what=(), seed=4300, sensing=sensing), DELAY_MS + late_ms)
+    found = diagnose([recording], model, observer)
+    assert found.verdict == "unknown"
+    (said,) = [w for w in found.warnings if "later than the motion" in w]
+    assert float(re.search(r"by about ([0-9.]+) ms", said)[1]) == pytest.approx(late_ms, rel=0.1)
+
+
+@pytest.mark.parametrize("what", [(), ("coulomb_friction",), ("flexible_coupling",), ("actuator_lag",)])
+def test_a_u_without_any_delay_is_not_late(what):
+    """A load that is missing makes the motor early; what was found beside it explains that."""
+    recording, model, observer = given(RigCase(what=what, seed=4301, sensing="speed40k"), DELAY_MS)
+    found = diagnose([recording], model, observer)
+    assert found.verdict == (what[0] if what else "delay")
+    assert not any("later" in w for w in found.warnings)
+
+
+def test_a_sensor_that_does_not_tell_the_direction_makes_no_verdict_sure():
+    """1024 counts on a slow axis: in half of the samples nobody knows which way friction acts."""
+    recording, model, observer = given(RigCase(what=("coulomb_friction",), seed=5000, sensing="enc1024"))
+    found = diagnose([recording], model, observer)
+    assert found.probability <= POLICY.surest_untold
+    assert any("direction of the motion" in w and "finer encoder" in w for w in found.warnings)
+
+
+@pytest.mark.parametrize("sensing", ["speed40k", "enc4096", "enc8192jitter500", "udhat"])
+def test_usual_sensors_tell_the_direction(sensing):
+    recording, model, _ = given(RigCase(what=("coulomb_friction",), seed=4302, sensing=sensing))
+    search, whole = searched([recording], model, Settings(), ())
+    limits = limits_of(search, whole)
+    moving = [np.abs(s.sign[s.free > 0.0]) for s in search.equations.stretches]
+    assert limits.told == pytest.approx(np.concatenate(moving).mean())
+    assert limits.told > 0.98
+    assert limits.said == ()
