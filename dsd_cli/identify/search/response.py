@@ -136,11 +136,12 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     if not _enough(gains(left(fresh(rigid), target), left(fresh(modes.columns(at)), target))):
         return Response(None, rattles)
     tied = play is not None and not _agreed(gains(play.rest, swinging))
-    rattles = PLAY in asked and correlation_time(swinging) > POLICY.response_correlated
+    fall, nats = _fall(rival, swinging), float(over_rigid.sum())
+    correlated = correlation_time(swinging) > POLICY.response_correlated
+    rattles = PLAY in asked and correlated and fall < POLICY.response_fall
     rivals = (PLAY,) if tied or rattles else ()
     given = {name: value for name, (value, _) in values.items()}
     model = look.part.problem.scale.model(look.fit).changed(effects={COUPLING: given})
-    fall, nats = _fall(rival, swinging), float(over_rigid.sum())
     seen = Seen(COUPLING, values, rivals, nats, fall, highest, values["frequency"][0], model)
     return Response(seen, rattles)
 
