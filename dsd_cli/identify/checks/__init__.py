@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from dsd_cli.identify.checks import clock
-from dsd_cli.identify.checks.channels import check_channels
+from dsd_cli.identify.checks.channels import check_channels, check_jumps
 from dsd_cli.identify.checks.disturbance import check_disturbance, observed
 from dsd_cli.identify.checks.disturbance_alone import check_alone
 from dsd_cli.identify.checks.excitation import check_excitation, excitation
@@ -61,7 +61,7 @@ def check_log(
     view = look(log, restarts, true > -clock.CLEAR)
     did = excitation(view.stretches, view.band, view.cutoff)
     found = [*clock.check_clock(log, restarts, true), *clock.check_rows(dropped or {}, len(log))]
-    found += _unusable(view)
+    found += [*check_jumps(log, restarts), *_unusable(view)]
     found += check_excitation(did, view.stretches, 0 if model is None else len(model.effects))
     if not _fails(found):
         found += _judged(view, model, observer)

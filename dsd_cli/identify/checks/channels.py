@@ -11,6 +11,8 @@ from dsd_cli.identify.checks.band import Band
 from dsd_cli.identify.checks.results import Finding
 from dsd_cli.identify.checks.slope import Slope, compare_slope
 from dsd_cli.identify.checks.stretches import Stretch
+from dsd_cli.identify.recordings.jumps import continuous
+from dsd_cli.signals.log import Log
 
 #: A factor this near a known one (relative) is that one.
 NEAR = 0.015
@@ -108,13 +110,29 @@ def _late(slope: Slope, T: float) -> list[Finding]:
     return [Finding(what, "position", "warning", 0.95, 'signals.position = "" (the velocity alone is used)')]
 
 
+def check_jumps(log: Log, restarts: Sequence[int]) -> list[Finding]:
+    """Findings about a position that jumps as no axis can, but where another recording begins."""
+    if "position" not in log:
+        return []
+    found, said = continuous(log["position"]), []
+    if found.wrong:
+        what = f"{len(found.wrong)} position(s) are off by themselves, first in sample {found.wrong[0]}"
+        said.append(Finding(what, "position", "warning", 0.95, "they are taken as between their neighbours"))
+    if jumps := [at for at in found.jumps if at not in restarts]:
+        what = f"position jumps {len(jumps)} time(s) as no axis can, first in sample {jumps[0]}"
+        remedy = "a new zero? The log is taken in pieces there"
+        said.append(Finding(what, "position", "warning", 0.95, remedy))
+    return said
+
+
 def _wraps(stretches: Sequence[Stretch]) -> list[Finding]:
     wraps = sum(s.wraps for s in stretches)
     if not wraps:
         return []
     turn = next(s.turn for s in stretches if s.wraps)
     what = f"position wraps: it jumps by {turn:.6g} {'once' if wraps == 1 else f'{wraps} times'}"
-    return [Finding(what, "position", "error", 0.99, 'unwrap the column, or signals.position = "" with a velocity')]
+    remedy = "compare, diagnose, add and improve undo it; for detect and observe unwrap the column"
+    return [Finding(what, "position", "warning", 0.99, remedy)]
 
 
 def _counts(stretches: Sequence[Stretch]) -> list[Finding]:

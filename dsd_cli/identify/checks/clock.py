@@ -9,7 +9,8 @@ import numpy as np
 
 from dsd_cli.identify.checks.results import Finding
 from dsd_cli.identify.checks.scan import block_starts
-from dsd_cli.identify.checks.stretches import stamps_of, unwrapped
+from dsd_cli.identify.checks.stretches import stamps_of
+from dsd_cli.identify.recordings.jumps import continuous
 from dsd_cli.signals.cleaning import BEYOND
 from dsd_cli.signals.clock import suspicious
 from dsd_cli.signals.log import Array, Log
@@ -39,7 +40,7 @@ def stamps_are_true(log: Log, restarts: Sequence[int]) -> float:
         return 0.0
     gains = []
     for t, x in zip(_pieces(stamps_of(log), restarts), _pieces(log[name], restarts), strict=True):
-        x = unwrapped(x)[0] if name == "position" else x
+        x = continuous(x).position if name == "position" else x
         if x.size > 20 * _ORDER:
             even = t[0] + (t[-1] - t[0]) * np.arange(t.size) / (t.size - 1)
             gains.append(np.log(_blocks(_foretold(x, even))) - np.log(_blocks(_foretold(x, t))))

@@ -14,6 +14,7 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.jumps import in_pieces
 from dsd_cli.identify.recordings.reconstruction import drift
 from dsd_cli.identify.recordings.regular import regularised
 from dsd_cli.identify.recordings.sensor import Sensor, net_force, with_acceleration
@@ -80,7 +81,7 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
     """
     if "u" not in log:
         raise DataError(f"{log.source}: no u", "set signals.u to the column with the control input")
-    edges = [0, *(at for at in restarts if 0 < at < len(log)), len(log)]
+    log, edges = in_pieces(log, restarts)
     parts = [_part(log, a, b) for a, b in pairwise(edges) if b - a >= _SHORTEST]
     if not parts:
         raise DataError(f"{log.source}: {len(log)} samples without a stretch of {_SHORTEST}", "a longer log is needed")

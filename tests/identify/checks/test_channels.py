@@ -73,9 +73,22 @@ def test_wraps_are_found_and_undone_for_the_other_checks(turn):
     c = servo("position").channels
     q = c["position"] / (2.0 * np.pi) * turn * 3.0
     result = check_log(log_of(servo("position"), position=np.mod(q, turn)))
-    error = only_error(result)
-    assert error.what.startswith(f"position wraps: it jumps by {turn:.6g}")
+    (wraps,) = said(result, "wraps")
+    assert wraps.what.startswith(f"position wraps: it jumps by {turn:.6g}")
+    assert wraps.severity == "warning"
+    assert result.errors == ()
     assert result.band_hz == pytest.approx(check_log(log_of(servo("position"), position=q)).band_hz, rel=0.2)
+
+
+def test_a_new_zero_and_single_wrong_positions_are_said():
+    q = servo("position").channels["position"].copy()
+    q[3000:] += 0.5
+    q[[700, 4000]] += [30.0, -12.0]
+    result = check_log(log_of(servo("position"), position=q))
+    (jump,) = said(result, "position jumps")
+    assert "1 time(s) as no axis can, first in sample 3000" in jump.what
+    (wrong,) = said(result, "off by themselves")
+    assert wrong.what.startswith("2 position(s) are off by themselves, first in sample 700")
 
 
 def test_counts_and_degrees_are_seen_without_a_velocity():

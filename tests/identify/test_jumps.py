@@ -1,0 +1,61 @@
+"""Positions that jump as no axis can: a log with a homing, a wrap or a wrong sample answers as the log without."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dsd_cli.identify.recordings.jumps import continuous
+from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.verdict.diagnose import diagnose
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Log
+from tests.oracle.rig import RigCase, make
+
+
+def homed(q):
+    q[len(q) // 2 :] += 0.8
+
+
+def wrapped(q):
+    q[:] = (q + 0.5) % 1.0 - 0.5
+
+
+def spiked(q):
+    q[[500, 9000, 15000]] += 3.0
+
+
+@pytest.mark.parametrize("spoil", [homed, wrapped, spiked])
+@pytest.mark.parametrize("what", [(), ("coulomb_friction",)])
+def test_a_jump_hides_nothing_and_adds_nothing(spoil, what):
+    """ "Nothing is missing, 80 %" was said of a log with friction and one homing."""
+    (log,) = make([RigCase(what=what, seed=4400, sensing="enc40k")])
+    channels = {name: np.array(x) for name, x in log.channels.items()}
+    spoil(channels["position"])
+    observer = ObserverSettings(log.observer["nominal_inertia"], log.observer["time_constant"])
+    model = PlantModel(log.believed["inertia"], log.believed["delay"], log.believed["effects"])
+    found = diagnose([prepare(Log(channels, log.sample_time, "log.csv"), observer)], model, observer)
+    assert found.verdict == (what[0] if what else "none")
+    assert found.probability > 0.9
+    for name, values in (log.truth["effects"] if what else {}).items():
+        if name == what[0]:
+            assert found.ranking[0].parameters["level"].value == pytest.approx(values["level"], rel=0.03)
+
+
+@settings(max_examples=50)
+@given(
+    at=st.integers(10, 480),
+    size=st.floats(1.0, 1e4),
+    counts=st.sampled_from([0.0, 1e-3, 1e-2]),
+    speed=st.floats(0.01, 10.0),
+)
+def test_a_step_is_found_where_it_is_and_a_motion_is_none(at, size, counts, speed):
+    q = np.sin(speed * np.arange(500) * 1e-2)
+    q = np.round(q / counts) * counts if counts else q
+    assert continuous(q).jumps == ()
+    fast = max(np.abs(np.diff(q)).max(), counts)
+    step = 40.0 * fast * size
+    if step > 1e-6:
+        q[at:] += step
+        found = continuous(q)
+        assert found.jumps == (at,) or found.wraps == 1
