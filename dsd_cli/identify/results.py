@@ -123,8 +123,8 @@ class Diagnosis:
     advice : what to do next, one sentence each.
     depends_on : channels on which an unknown remainder depends. nearest : the effect that comes nearest to what is
         unknown, though the log does not confirm it; "" if none does.
-    at_stops : most of what is left is from stops and creeping, where it is not judged. late : s by which u is later
-        than the motion that it causes, 0 if it is not.
+    at_stops : most of what is left is from stops and creeping, where it is not judged. blocked : what must be mended
+        before anything that is missing can be told, "" if nothing.
     noise : rms of r that no smooth function of anything explains, unit of u.
     found : the whole set of effects that the search found; the verdict is the one of them that is worth most alone.
     whole_model : with all of them; None where nothing was found.
@@ -160,7 +160,7 @@ class Diagnosis:
     whole_model: PlantModel | None = None
     nearest: str = ""
     at_stops: bool = False
-    late: float = 0.0
+    blocked: str = ""
 
 
 @dataclass(frozen=True)

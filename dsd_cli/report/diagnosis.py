@@ -47,10 +47,10 @@ def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:
         if result.at_stops:
             return f"nothing is missing ({sure}) but what stops and creeping hide: most of {left} is from there"
         return f"nothing is missing ({sure}): {left} is noise"
-    if result.late:
+    if result.blocked:
         return (
-            f"u is later than the motion that it causes, by about {1e3 * result.late:.2g} ms ({sure}): what is missing"
-            f" cannot be told before that is mended; {held} is {error(result.refitted.heldout_rmse)} ({unit})"
+            f"{result.blocked} ({sure}): what is missing cannot be told before that is mended;"
+            f" {held} is {error(result.refitted.heldout_rmse)} ({unit})"
         )
     if result.verdict == UNKNOWN:
         on = f"; it depends on {listed(result.depends_on)}" if result.depends_on else ""

@@ -48,6 +48,44 @@ def test_a_u_without_any_delay_is_not_late(what):
     assert not any("later" in w for w in found.warnings)
 
 
+def sampled_slowly(channels):
+    return {name: x[::10] for name, x in channels.items()}
+
+
+def with_wrong_cells(channels):
+    rng = np.random.default_rng(3)
+    u = np.array(channels["u"])
+    u[rng.integers(0, len(u), 40)] += 20.0 * np.std(u) * rng.normal(size=40)
+    return {**channels, "u": u}
+
+
+@pytest.mark.parametrize(
+    ("spoil", "seed", "sensing"),
+    [(sampled_slowly, 4401, "enc4096"), (with_wrong_cells, 4400, "speed40k")],
+    ids=["a hundred rows a second of a drive at 1 kHz", "wrong cells"],
+)
+def test_spikes_of_u_that_did_not_act_are_no_saturation(spoil, seed, sensing):
+    """Saturation was missing at 98 %, for it takes spikes off u; a median does that better, and is no physics."""
+    (log,) = make([RigCase(what=(), seed=seed, sensing=sensing)])
+    channels = spoil({name: np.array(x) for name, x in log.channels.items()})
+    step = float(np.median(np.diff(channels["t"])))
+    observer = ObserverSettings(log.observer["nominal_inertia"], log.observer["time_constant"])
+    model = PlantModel(log.believed["inertia"], log.believed["delay"], log.believed["effects"])
+    found = diagnose([prepare(Log(channels, step, "log.csv"), observer)], model, observer)
+    assert found.verdict == "unknown"
+    assert found.blocked == "spikes of u did not act on the axis"
+    assert any("the median of u over" in w for w in found.warnings)
+
+
+@pytest.mark.parametrize("sensing", ["enc4096", "speedloud"])
+@pytest.mark.parametrize("what", ["saturation", "dead_zone", "actuator_lag"])
+def test_a_true_effect_on_the_command_is_not_taken_for_spikes(what, sensing):
+    recording, model, observer = given(RigCase(what=(what,), seed=4400, sensing=sensing))
+    found = diagnose([recording], model, observer)
+    assert found.verdict == what
+    assert found.blocked == ""
+
+
 def test_a_sensor_that_does_not_tell_the_direction_makes_no_verdict_sure():
     """1024 counts on a slow axis: in half of the samples nobody knows which way friction acts."""
     recording, model, observer = given(RigCase(what=("coulomb_friction",), seed=5000, sensing="enc1024"))
@@ -60,7 +98,7 @@ def test_a_sensor_that_does_not_tell_the_direction_makes_no_verdict_sure():
 def test_usual_sensors_tell_the_direction(sensing):
     recording, model, _ = given(RigCase(what=("coulomb_friction",), seed=4302, sensing=sensing))
     search, whole = searched([recording], model, Settings(), ())
-    limits = limits_of(search, whole)
+    limits = limits_of(search, whole, Settings())
     moving = [np.abs(s.sign[s.free > 0.0]) for s in search.equations.stretches]
     assert limits.told == pytest.approx(np.concatenate(moving).mean())
     assert limits.told > 0.98

@@ -19,7 +19,7 @@ from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beside_stops, beyond_of, pushed, said_of_stops
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
-from dsd_cli.identify.verdict.limits import limits_of
+from dsd_cli.identify.verdict.limits import Limits, limits_of
 from dsd_cli.identify.verdict.own_values import Own, own_values
 from dsd_cli.identify.verdict.shown import Shown, note_on, with_response
 from dsd_cli.identify.verdict.stability import with_stability
@@ -67,12 +67,13 @@ def diagnose(
     if shown.seen is None and event_effect(search) is not None:
         whole, beyond = pushed(search, whole, beyond)
     report("how sure", 0.8)
-    found = [t.id for t in search.added(whole.terms)]
+    found = [t.id for t in search.added(whole.terms) if shown.seen is None]
     reconstructed = any("reconstructed" in r.provenance.get("velocity", "") for r in search.problem.recordings)
     misfit = beyond.unknown or reconstructed or search.noise.inflation > POLICY.most_inflation
-    members = {name: membership(search, whole, name, misfit) for name in found if shown.seen is None}
+    limits = limits_of(search, whole, shown.settings)
+    members = {} if limits.blocked else {name: membership(search, whole, name, misfit) for name in found}
     options, own = search.options(search.refit), own_values(search)
-    diagnosis = _Verdict(search, options, whole, members, own, beyond, shown).diagnosis()
+    diagnosis = _Verdict(search, options, whole, members, own, beyond, shown, limits).diagnosis()
     if stability:
         report("how sure, on parts", 0.85)
         diagnosis = with_stability(diagnosis, recordings, model, shown.settings)
@@ -92,11 +93,11 @@ class _Verdict:
         own: Own,
         beyond: Beyond,
         shown: Shown,
+        limits: Limits,
     ) -> None:
         self.search, self.problem, self.seen, self.shown = search, search.problem, shown.seen, shown
-        self.limits, self._named_for = limits_of(search, whole), dict[str, str]()
-        self.members = {} if self.limits.late else members
-        self.options, self.whole, self.own, self.beyond = options, whole, own, beyond
+        self.options, self.whole, self.members, self.own, self.beyond = options, whole, members, own, beyond
+        self.limits, self._named_for = limits, dict[str, str]()
         self.alone = {o.effect: o for o in (*options, *self._events())}
         self.named, self.sure = self.verdict()
         if self.named in self.alone:  # what is to be added takes the shapes of the model's own effects along
@@ -113,7 +114,7 @@ class _Verdict:
     def verdict(self) -> tuple[str, float]:
         """(verdict, probability)."""
         search, beyond, rmse = self.search, self.beyond, self.problem.errors.rmse
-        if self.limits.late:
+        if self.limits.blocked:
             return UNKNOWN, 0.9
         if self.seen is not None:
             return self.seen.effect, POLICY.surest / (1.0 + len(self.seen.rivals))
@@ -220,20 +221,20 @@ class _Verdict:
             refitted_model=refit.model,
             whole_model=problem.scale.model(self.whole) if self.members else None,
             noise=self.beyond.noise,
-            found=() if self.limits.late else tuple(t.id for t in self.search.added(self.whole.terms)),
+            found=() if self.limits.blocked else tuple(t.id for t in self.search.added(self.whole.terms)),
             band_hz=self.search.equations.band.hz,
             floor=problem.floor,
             provenance=source,
             warnings=(*self.limits.said, *contradictions(self.search, fit, known.estimates), *stops, *self.shown.said),
             at_stops=bool(stops),
-            late=self.limits.late,
+            blocked=self.limits.blocked,
             depends_on=self.beyond.on if unknown else (),
             nearest=nearest,
         )
 
     def _nearest(self) -> str:
         """The effect that would explain much of what is unknown, but is not confirmed block by block."""
-        if self.named != UNKNOWN or not self.options or self.limits.late:
+        if self.named != UNKNOWN or not self.options or self.limits.blocked:
             return ""
         refit, best = self.search.refit, self.options[0]
         before, after = self.problem.errors.rmse(refit), self.problem.errors.rmse(best.fit)
@@ -253,9 +254,8 @@ class _Verdict:
 
     def _candidate(self, option: Option, refitted: Score) -> Candidate:
         score, known = self.problem.score(option.fit), self.problem.values(option.fit)
-        prefix = f"{option.effect}."
+        prefix, rivals = f"{option.effect}.", self._rivals(option.effect)
         values = {name.removeprefix(prefix): e for name, e in known.estimates.items() if name.startswith(prefix)}
-        rivals = self._rivals(option.effect)
         if any(name.startswith(prefix) for name in known.tied):
             rivals = (*rivals, INERTIA)
         notes = [f"{name} stands on its bound" for name, e in values.items() if e.at_bound]

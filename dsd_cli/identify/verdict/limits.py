@@ -1,24 +1,45 @@
-"""What a log itself must have before any verdict on it can be sure: a u that is not late, and a direction of motion."""
+"""What a log itself must have before any verdict on it can be sure: a u that acts, and is not late; a direction."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dsd_cli.effects import Role, get_effect
+from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.fit.bank import SHARE
+from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.signals.log import with_channels
+
+#: Samples over which the median of u is taken: single wrong ones, and runs of ten that a slower logger holds.
+_MEDIANS = (3, 21)
+#: What they take off u, rms, as a share of it: less is no spike.
+_SPIKY = 0.05
+
+
+@dataclass(frozen=True)
+class Idle:
+    """Spikes of u that did not act. samples : width of the median that takes them off; left, found : held-out rms
+    with it, without any effect on the command, and of all that was found with u as it is logged, unit of u."""
+
+    samples: int
+    left: float
+    found: float
 
 
 @dataclass(frozen=True)
 class Limits:
-    """late : s by which u is later than the motion that it causes; 0 if it is not. told : share of the samples in
-    motion whose direction the sensor tells, 0 to 1."""
+    """late : s by which u is later than the motion that it causes; 0 if it is not. idle : spikes of u that did not act.
+    told : share of the samples in motion whose direction the sensor tells, 0 to 1."""
 
     late: float
+    idle: Idle | None
     told: float
 
     @property
@@ -27,13 +48,28 @@ class Limits:
         return POLICY.surest if self.told >= POLICY.least_told_direction else POLICY.surest_untold
 
     @property
+    def blocked(self) -> str:
+        """What must be mended before anything that is missing can be told; "" if nothing."""
+        if self.idle is not None:
+            return "spikes of u did not act on the axis"
+        if self.late:
+            return f"u is later than the motion that it causes, by about {self.late * 1e3:.2g} ms"
+        return ""
+
+    @property
     def said(self) -> tuple[str, ...]:
         """One sentence each."""
         found = []
-        if self.late:
+        if self.idle is not None:
             found.append(
-                f"u is later than the motion that it causes, by about {self.late * 1e3:.2g} ms (dsd check measures it):"
-                " another clock, or a filtered u? Shift the column of u by that and ask again"
+                f"{self.blocked}: with the median of u over {self.idle.samples} samples in its place forces alone leave"
+                f" {self.idle.left:.3g}, less than any effects on u as it is logged ({self.idle.found:.3g}). Is u"
+                " logged more slowly than the drive runs, or are cells wrong?"
+            )
+        elif self.late:
+            found.append(
+                f"{self.blocked} (dsd check measures it): another clock, or a filtered u? Shift the column of u by that"
+                " and ask again"
             )
         if self.told < POLICY.least_told_direction:
             found.append(
@@ -43,12 +79,48 @@ class Limits:
         return tuple(found)
 
 
-def limits_of(search: Search, whole: Fit) -> Limits:
+def limits_of(search: Search, whole: Fit, settings: Settings) -> Limits:
     """Of the recordings of a search, beside the set that was found."""
     stretches = search.equations.stretches
     sign, free = (np.concatenate(x) for x in zip(*((s.sign, s.free) for s in stretches), strict=True))
     moving = free > 0.0
-    return Limits(_late(search, whole), float(np.mean(np.abs(sign[moving]))) if moving.any() else 1.0)
+    told = float(np.mean(np.abs(sign[moving]))) if moving.any() else 1.0
+    return Limits(_late(search, whole), _idle(search, whole, settings), told)
+
+
+def _idle(search: Search, whole: Fit, settings: Settings) -> Idle | None:
+    """Where forces alone, with the spikes of u taken off, leave less than all that was found with them."""
+    problem, rmse = search.problem, search.problem.errors.rmse
+    before, found = rmse(search.refit), rmse(whole)
+    if before < POLICY.floor_factor * problem.floor:
+        return None
+    effects = problem.scale.model(whole).effects
+    forces = {name: values for name, values in effects.items() if get_effect(name).role is not Role.INPUT}
+    model, best = replace(problem.model, effects=forces), None
+    for samples in _MEDIANS:
+        recordings = [_despiked(r, samples) for r in problem.recordings]
+        if recordings[0] is problem.recordings[0]:
+            continue
+        without = pose(recordings, model, settings)
+        left = without.errors.rmse(Search(without).refit)
+        if left < (1.0 - POLICY.near_fall) * found and (best is None or left < best.left):
+            best = Idle(samples, left, found)
+    return best if best is not None and problem.falls(before, best.left, search.refit) else None
+
+
+def _despiked(recording: Recording, samples: int) -> Recording:
+    """With the median of u over so many samples in its place; the same one where that changes next to nothing."""
+    from scipy.ndimage import median_filter
+
+    smooth = [median_filter(p["u"], samples, mode="nearest") for p in recording.pieces]
+    u, off = (
+        np.concatenate(x)
+        for x in zip(*((p["u"], p["u"] - m) for p, m in zip(recording.pieces, smooth, strict=True)), strict=True)
+    )
+    if float(np.std(off)) < _SPIKY * float(np.std(u)):
+        return recording
+    pieces = tuple(with_channels(p, u=m) for p, m in zip(recording.pieces, smooth, strict=True))
+    return replace(recording, pieces=pieces)
 
 
 def _late(search: Search, fit: Fit) -> float:
