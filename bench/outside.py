@@ -16,6 +16,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from bench.outside_cases import Cell, chosen
 from dsd_cli.identify.checks import check_log
 from dsd_cli.identify.improve import REFIT, improve
@@ -127,13 +129,23 @@ def _stranger(log: RigLog) -> Row:
 
 
 def _sign(log: RigLog) -> Row:
+    return _said(log, log.channels, "u_sign")
+
+
+def _units(log: RigLog) -> Row:
+    """The speed in degrees per second."""
+    return _said(log, {**log.channels, "velocity": np.degrees(log.channels["velocity"])}, "velocity_scale")
+
+
+def _said(log: RigLog, channels: dict[str, Any], key: str) -> Row:
+    """Whether the checks name that key as what mends the log."""
     model = PlantModel(log.believed["inertia"], log.believed["delay"], log.believed["effects"])
-    result = check_log(Log(log.channels, log.sample_time, "log"), model)
-    said = [f for f in result.findings if "u_sign" in f.remedy]
+    result = check_log(Log(channels, log.sample_time, "log"), model)
+    said = [f for f in result.findings if key in f.remedy]
     return {"right": bool(said), "verdict": "said" if said else "not said", "probability": 1.0}
 
 
-_ASK = {"singles": _single, "none": _single, "pairs": _pair, "strangers": _stranger, "sign": _sign}
+_ASK = {"singles": _single, "none": _single, "pairs": _pair, "strangers": _stranger, "sign": _sign, "units": _units}
 
 
 def _keep(name: str, rows: list[Row]) -> None:

@@ -15,7 +15,7 @@ FROM = 5000
 
 @dataclass(frozen=True)
 class Cell:
-    """Logs of one kind. kind : singles, none, pairs, strangers or sign; wanted : share that is to be right."""
+    """Logs of one kind. kind : singles, none, pairs, strangers, sign or units; wanted : share that is to be right."""
 
     name: str
     kind: str
@@ -59,9 +59,10 @@ CELLS = (
         0.98,
         more={"believed_inertia_factor": 1.03, "believed_delay_error": 1e-3},
     ),
-    Cell("tau 1 ms", "singles", 0.0, more={"tau": 1e-3}, seeds=1),
-    Cell("tau 200 ms", "singles", 0.0, more={"tau": 0.2}, seeds=1),
+    Cell("tau 1 ms", "singles", 0.0, more={"tau": 1e-3}),
+    Cell("tau 200 ms", "singles", 0.0, more={"tau": 0.2}),
     Cell("u with the wrong sign", "sign", 1.0, more={"u_sign": -1}, seeds=20),
+    Cell("speed in degrees per second", "units", 1.0, seeds=20),
     Cell("nothing missing, speed", "none", 0.99, seeds=100),
     Cell("nothing missing, 4096 counts", "none", 0.99, "enc4096", seeds=100),
     Cell("nothing missing, irregular stamps", "none", 0.99, "enc8192jitter500", seeds=50),

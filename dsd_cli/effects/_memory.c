@@ -58,7 +58,8 @@ static PyObject *one_pole(PyObject *module, PyObject *args) {
 
 /* ---- two masses ------------------------------------------------------------------------------------------------ */
 
-typedef struct { double square, drag, half_gap, rate; } Coupling;      /* wa^2, 2 zeta wa, gap/2, wa */
+/* wa^2, 2 zeta wa, gap/2, wa, 1 / depth at which the damping of a contact is fully there */
+typedef struct { double square, drag, half_gap, rate, fade; } Coupling;
 typedef struct { double position, velocity, motor_velocity, interval; } Load;
 typedef struct { double position, velocity, slope, interval; } Motor;  /* motion in one interval */
 
@@ -69,7 +70,7 @@ typedef struct { double position, velocity, slope, interval; } Motor;  /* motion
 enum { NO_FORCE = 1, FADING = 2, IN_CONTACT = 4, OTHER_FLANK = 2 };
 
 static double contact(const Coupling *c, double depth, double closing, int *laws, int flank) {
-    const double share = depth / (FULL_DAMPING * c->half_gap);
+    const double share = depth * c->fade;
     const double a = c->square * depth + c->drag * closing * (share < 1.0 ? share : 1.0);
     *laws |= a > 0.0 ? (share < 1.0 ? FADING : IN_CONTACT) << flank : NO_FORCE;
     return a > 0.0 ? a : 0.0;
@@ -143,6 +144,7 @@ static PyObject *load_rows(PyObject *module, PyObject *args) {
                           &k.half_gap, &k.rate, &load.position, &load.velocity, &load.motor_velocity, &load.interval,
                           &objects[3])) return NULL;
     if (open_columns(&c, objects, 4)) return NULL;
+    k.fade = 1.0 / (FULL_DAMPING * k.half_gap);
     {
         const double *position = c.view[0].buf, *velocity = c.view[1].buf, *interval = c.view[2].buf;
         double *out = c.view[3].buf;
@@ -164,15 +166,15 @@ static PyObject *load_rows(PyObject *module, PyObject *args) {
     return Py_BuildValue("(dddd)", load.position, load.velocity, load.motor_velocity, load.interval);
 }
 
-/* apart and closing of two masses: closing' = push - pull / own, own = the motor's share of the inertia. Returns the pull
- * of the load in the mean over a step of h; the laws that hold on its way are added to the laws */
-static double pair_step(const Coupling *k, double push, double own, double h, double *apart, double *closing,
+/* apart and closing of two masses: closing' = push - lighter pull, lighter = 1 / the motor's share of the inertia. Returns
+ * the pull of the load in the mean over a step of h; the laws that hold on its way are added to the laws */
+static double pair_step(const Coupling *k, double push, double lighter, double h, double *apart, double *closing,
                         int *laws) {
     const double q = *apart, v = *closing;
-    const double p1 = pull(k, q, v, laws), a1 = push - p1 / own;
-    const double v2 = v + 0.5 * h * a1, p2 = pull(k, q + 0.5 * h * v, v2, laws), a2 = push - p2 / own;
-    const double v3 = v + 0.5 * h * a2, p3 = pull(k, q + 0.5 * h * v2, v3, laws), a3 = push - p3 / own;
-    const double v4 = v + h * a3, p4 = pull(k, q + h * v3, v4, laws), a4 = push - p4 / own;
+    const double p1 = pull(k, q, v, laws), a1 = push - p1 * lighter;
+    const double v2 = v + 0.5 * h * a1, p2 = pull(k, q + 0.5 * h * v, v2, laws), a2 = push - p2 * lighter;
+    const double v3 = v + 0.5 * h * a2, p3 = pull(k, q + 0.5 * h * v2, v3, laws), a3 = push - p3 * lighter;
+    const double v4 = v + h * a3, p4 = pull(k, q + h * v3, v4, laws), a4 = push - p4 * lighter;
     *apart = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4);
     *closing = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
     return (p1 + 2.0 * p2 + 2.0 * p3 + p4) / 6.0;
@@ -189,19 +191,20 @@ static PyObject *driven_rows(PyObject *module, PyObject *args) {
     if (!PyArg_ParseTuple(args, "O(dddd)ddnO", &objects[0], &k.square, &k.drag, &k.half_gap, &k.rate, &own, &interval,
                           &steps, &objects[1])) return NULL;
     if (open_columns(&c, objects, 2)) return NULL;
+    k.fade = 1.0 / (FULL_DAMPING * k.half_gap);
     {
         const double *push = c.view[0].buf;
         double *out = c.view[1].buf;
-        const double h = interval / (double)steps;
+        const double h = interval / (double)steps, lighter = 1.0 / own;
         Py_BEGIN_ALLOW_THREADS
         for (i = 0; i < c.rows; i++) {
             double sum = 0.0;
             for (j = 0; j < steps; j++) {
                 int laws = 0;
-                double q = apart, v = closing, mean = pair_step(&k, push[i], own, h, &q, &v, &laws);
+                double q = apart, v = closing, mean = pair_step(&k, push[i], lighter, h, &q, &v, &laws);
                 if (laws & (laws - 1)) {
                     q = apart, v = closing, mean = 0.0;
-                    for (n = 0; n < PARTS; n++) mean += pair_step(&k, push[i], own, h / PARTS, &q, &v, &laws) / PARTS;
+                    for (n = 0; n < PARTS; n++) mean += pair_step(&k, push[i], lighter, h / PARTS, &q, &v, &laws) / PARTS;
                 }
                 apart = q, closing = v, sum += mean;
             }

@@ -89,7 +89,7 @@ class Coupling(NamedTuple):
         return (1 if apart > 0.0 else -1) * (1 if depth < FULL_DAMPING * self.half_gap else 2)
 
     def _contact(self, depth: float, closing: float) -> float:
-        share = depth / (FULL_DAMPING * self.half_gap)
+        share = depth * (1.0 / (FULL_DAMPING * self.half_gap))
         return max(self.square * depth + self.drag * closing * (share if share < 1.0 else 1.0), 0.0)
 
 
@@ -218,15 +218,15 @@ def driven_load(
     if compiled is not None:
         compiled.driven(push, tuple(coupling), own, interval, steps, out)
         return out
-    h, apart, closing = interval / steps, 0.0, 0.0
+    h, lighter, apart, closing = interval / steps, 1.0 / own, 0.0, 0.0
     for k, f in enumerate(push.tolist()):
         total = 0.0
         for _ in range(steps):
-            q, v, mean, smooth = _pair_step(coupling, f, own, h, apart, closing)
+            q, v, mean, smooth = _pair_step(coupling, f, lighter, h, apart, closing)
             if not smooth:
                 q, v, mean = apart, closing, 0.0
                 for _ in range(PARTS):
-                    q, v, part, _ = _pair_step(coupling, f, own, h / PARTS, q, v)
+                    q, v, part, _ = _pair_step(coupling, f, lighter, h / PARTS, q, v)
                     mean += part / PARTS
             apart, closing, total = q, v, total + mean
         out[k] = total / steps
@@ -234,20 +234,20 @@ def driven_load(
 
 
 def _pair_step(
-    coupling: Coupling, push: float, own: float, h: float, q: float, v: float
+    coupling: Coupling, push: float, lighter: float, h: float, q: float, v: float
 ) -> tuple[float, float, float, bool]:
     """(motor less load, its rate, mean pull on the way, whether one law of the coupling holds throughout)."""
     p1 = coupling.pull(q, v)
-    a1 = push - p1 / own
+    a1 = push - p1 * lighter
     q2, v2 = q + 0.5 * h * v, v + 0.5 * h * a1
     p2 = coupling.pull(q2, v2)
-    a2 = push - p2 / own
+    a2 = push - p2 * lighter
     q3, v3 = q + 0.5 * h * v2, v + 0.5 * h * a2
     p3 = coupling.pull(q3, v3)
-    a3 = push - p3 / own
+    a3 = push - p3 * lighter
     q4, v4 = q + h * v3, v + h * a3
     p4 = coupling.pull(q4, v4)
-    a4 = push - p4 / own
+    a4 = push - p4 * lighter
     laws = {coupling.regime(*at) for at in ((q, v), (q2, v2), (q3, v3), (q4, v4))}
     q = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
     v = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)

@@ -99,6 +99,8 @@ class Policy:
     response_lost: float = 0.3  # of what blocks gain, that others may lose
     response_share: float = 0.03  # least share of the inertia that swings; and that does not
     response_damping: float = 0.4  # of the free vibration; above, nothing swings
+    response_correlated: float = 6.0  # rows over which what a swinging load leaves is correlated; more: play may rattle
+    response_fall: float = 0.5  # of the output error that it takes off: less, and it leaves something correlated
     response_in_band: float = 0.8  # of the band's end; a resonance below is told by the balance itself
     load_leaves: float = 3.0  # times the floor, at most, with a load that the balance alone finds
     load_takes: float = 3.0  # times as much must be left without it; by following the sensor's noise it can halve that

@@ -61,12 +61,12 @@ def delayed_mean(u: Array, delay: float, sample_time: float) -> Array:
     whole, fraction = delay_taps(delay, sample_time)
     if len(u) == 0:
         return np.array(u, dtype=np.float64)
-    held = np.concatenate([np.full(min(whole + 2, len(u) + 2), u[0]), u])
-    last = np.arange(len(u)) - 1 - whole + min(whole + 2, len(u) + 2)
-    newer = held[np.maximum(last, 0)]
+    before = min(whole + 2, len(u) + 2)  # a longer delay reaches no sample
+    held = np.concatenate([np.full(before, u[0]), u])
+    newer = held[1 : 1 + len(u)]
     if fraction == 0.0:
         return newer
-    return (1.0 - fraction) * newer + fraction * held[np.maximum(last - 1, 0)]
+    return (1.0 - fraction) * newer + fraction * held[: len(u)]
 
 
 def delayed_mean_irregular(u: Array, t: Array, delay: float) -> Array:

@@ -101,8 +101,8 @@ def test_too_short_is_an_error_that_names_the_rows(lengths, gap):
 def test_rows_of_blocks_and_of_fits_are_counted(lengths, gap):
     blocks = _laid(lengths, gap)
     block_of = blocks.block_of_rows()
-    assert blocks.block_rows().tolist() == [int(np.sum(block_of == b)) for b in range(blocks.count)]
-    for fold, count in enumerate(blocks.fitted_rows()):
+    assert blocks.block_rows.tolist() == [int(np.sum(block_of == b)) for b in range(blocks.count)]
+    for fold, count in enumerate(blocks.fitted_rows):
         rows = [blocks.segment(i) for i, w in enumerate(blocks.fitted(fold)) if w > 0.0]
         assert count == sum(r.stop - r.start for r in rows)
 

@@ -71,6 +71,14 @@ def test_beside_the_law_nothing_is_left_to_reach(hidden):
         assert found.gain < 0.03 * (bare.loss - law.loss)
 
 
+def test_a_function_of_nothing_is_as_stiff_as_it_must_be(hidden):
+    """Beside the law every function that bends follows noise, and loses on rows that it did not see."""
+    problem, _, law, _ = hidden
+    fits = _fits(problem, law)
+    lost = {group: -fits.fit_with(group).gain / problem.noise.nats for group in fits.groups()}
+    assert max(lost.values()) < 7.0, lost
+
+
 def test_without_a_function_it_is_the_forward_fit(hidden):
     """Held-out squares of least squares for J0 a on explicit rows, fold by fold."""
     problem, bare, _, channel = hidden

@@ -16,10 +16,20 @@ from dsd_cli.identify.improve import add_effect, improve
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.response import response_of
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.search.signals import BLOCKS, delay_of, gains, innovations, signals_of, without_line
+from dsd_cli.identify.search.signals import (
+    BLOCKS,
+    delay_of,
+    gains,
+    innovations,
+    signals_of,
+    strongest_line,
+    without_line,
+)
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
+from tests.oracle import machines
+from tests.oracle.machine_cases import cases
 from tests.oracle.rig import RigCase, make, make_exact
 
 LOADS = ("flexible_coupling", "backlash")
@@ -40,9 +50,12 @@ class Axis:
     def truth(self):
         return next(dict(v) for name, v in self.log.truth["effects"].items() if name in LOADS)
 
-    def seen(self, doubtful=True):
+    def response(self, doubtful=True):
         search = Search(pose([self.recording], self.model, Settings()))
-        return response_of(search, search.refit, LOADS, doubtful).seen
+        return response_of(search, search.refit, LOADS, doubtful)
+
+    def seen(self, doubtful=True):
+        return self.response(doubtful).seen
 
     def diagnosed(self):
         return diagnose([self.recording], self.model, self.observer)
@@ -79,6 +92,19 @@ def test_play_behind_a_coarse_encoder(loose):
     assert not near(found.values, loose.truth, 0.03)
 
 
+def test_a_load_that_samples_cannot_tell_is_no_explanation():
+    """The squares of a simplex fall towards a stiffer load; where samples end, one that is senseless must not win."""
+    (made,) = machines.run(cases("backlash", [50], amplitude="faint", sensing="position"))
+    case, step = made.truth, made.truth.sample_time
+    observer = ObserverSettings(case.nominal_inertia, case.observer_time_constant)
+    model = PlantModel(case.believed_inertia, case.believed_delay, {name: dict(p) for name, p in case.base})
+    search = Search(pose([prepare(Log(made.channels, step, "log.csv"), observer)], model, Settings()))
+    found = response_of(search, search.refit, LOADS, doubtful=True).seen
+    assert found.effect == "backlash"
+    assert found.resonance_hz < 0.1 / step
+    assert not near(found.values, dict(case.hidden)["backlash"], 0.2)
+
+
 @pytest.mark.parametrize(
     ("what", "seed", "sensing"),
     [
@@ -93,6 +119,29 @@ def test_play_behind_a_coarse_encoder(loose):
 def test_no_load_where_there_is_none(what, seed, sensing):
     """Even where play is looked for in any case."""
     assert Axis(what, seed, sensing).seen() is None
+
+
+def test_a_push_above_the_band_is_no_nothing():
+    """A line that pushes all along is said with its frequency, and "nothing is missing" is not the answer."""
+    axis = Axis(("periodic_disturbance",), 3001)
+    (truth,) = (v for name, v in axis.log.truth["effects"].items() if name == "periodic_disturbance")
+    assert axis.response().line_hz == pytest.approx(truth["frequency"], rel=0.01)
+    found = axis.diagnosed()
+    assert (found.verdict, found.probability <= 0.6) == ("unknown", True)
+    assert any("something pushes at" in said for said in found.warnings)
+
+
+@pytest.mark.parametrize("seed", [2, 2016])
+def test_noise_and_the_tones_of_an_encoder_push_nothing(seed):
+    """At constant speed its error is a line, but not all along."""
+    assert math.isnan(Axis((), seed).response().line_hz)
+
+
+def test_a_load_that_rattles_is_said_where_no_simulation_follows_it():
+    """The true play leaves more here than a rigid axis; a spring takes a part of it, and must not be sure of itself."""
+    found = Axis(("backlash",), 7201, "speed40k").diagnosed()
+    assert found.probability <= 0.5
+    assert any("rattle" in said for said in found.warnings)
 
 
 def test_a_load_that_only_follows_the_noise_of_the_motion_is_none():
@@ -120,7 +169,7 @@ def test_a_line_is_taken_out_between_the_bins_and_what_is_no_line_stays(swinging
     rows = np.flatnonzero(np.concatenate(signals.kept))  # one stretch
     noise = np.random.default_rng(6).standard_normal(len(rows))
     line = 3.0 * np.cos(2.0 * np.pi * 13.6283 * signals.step * rows + 1.0)
-    calm = without_line(signals, noise + line)
+    calm = without_line(signals, strongest_line(signals, noise + line))
     assert np.std(calm(line)) < 0.02
     assert np.std(calm(noise) - noise) < 5.0 * math.sqrt(4 / len(rows))
 

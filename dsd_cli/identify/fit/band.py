@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,12 +54,24 @@ class Band:
 
     def rows(self, x: Array, first: int) -> Array:
         """x of shape (n,) low-passed at `centres`."""
-        used = x[first:]
-        if len(used) < len(self.taps):
-            return np.zeros(0)
-        windows = np.lib.stride_tricks.sliding_window_view(used, len(self.taps))[:: self.step]
-        parts = [windows[i : i + _CHUNK] @ self.taps for i in range(0, len(windows), _CHUNK)]
-        return np.concatenate(parts)[: len(self.centres(first, len(x)))]
+        count, pieces = len(self.centres(first, len(x))), len(self._by_step)
+        used = np.zeros((count + pieces - 1) * self.step)
+        last = min(len(x) - first, len(used))
+        used[:last] = x[first : first + last]
+        samples, found = used.reshape(-1, self.step), np.empty(count)
+        for i in range(0, count, _CHUNK):
+            own = samples[i : min(i + _CHUNK, count) + pieces - 1]
+            room = np.empty(pieces * (len(own) + 1))
+            np.matmul(self._by_step, own.T, out=room[: pieces * len(own)].reshape(pieces, -1))
+            rows = len(own) - pieces + 1  # piece k of a row is that of k steps later
+            room.reshape(pieces, -1)[:, :rows].sum(axis=0, out=found[i : i + rows])
+        return found
+
+    @cached_property
+    def _by_step(self) -> Array:
+        """The taps in pieces as long as a step, shape (pieces, step): times whole steps of samples, they are fast."""
+        pieces = -(-len(self.taps) // self.step)
+        return np.pad(self.taps, (0, pieces * self.step - len(self.taps))).reshape(pieces, self.step)
 
     def angles(self, count: int) -> Array:
         """`count` angles of rows, w = 2 pi f step T in (0, pi)."""

@@ -99,6 +99,14 @@ class Bank:
         self.equations, self._plain, self.variance, self._around = equations, plain, variance, around
         self.delay_step = max(1, int(equations.band.step * POLICY.delay_step_share))
         self._known: dict[Any, list[Array]] = {}
+        self._drives: dict[Any, Array] = {}
+        self._last_commands: tuple[Terms | None, list[Array]] = (None, [])
+
+    def between(self, around: float) -> Bank:
+        """The same columns, with the drive exact at a share of a step."""
+        found = Bank(self.equations, self._plain, self.variance, around)
+        found._known, found.acceleration = self._known, self.acceleration
+        return found
 
     @property
     def tap_time(self) -> float:
@@ -130,9 +138,8 @@ class Bank:
     @cached_property
     def acceleration(self) -> Array:
         """Rows of the measured acceleration."""
-        if self._plain is None:
-            return self.equations.acceleration()
-        return self.equations.whitened(self._plain.acceleration)
+        plain = self._plain
+        return self.equations.acceleration() if plain is None else self.equations.whitened(plain.acceleration)
 
     def _noise_of(self, terms: Terms, widths: tuple[int, ...], keep: bool) -> Array:
         """Covariance of the sensor noise in the columns: it enters the acceleration, and through it that of a load.
@@ -165,8 +172,7 @@ class Bank:
             if not keep:
                 return float(shares[0]), float(shares[1])
             self._known[key] = [shares]
-        own, common = self._known[key][0]
-        return float(own), float(common)
+        return float(self._known[key][0][0]), float(self._known[key][0][1])
 
     @cached_property
     def _noise_acceleration(self) -> Array:
@@ -176,15 +182,22 @@ class Bank:
     def drive(self, inputs: Terms, tap: float, keep: bool = True, held: bool = False) -> Array:
         """The command after these input effects, `tap` steps late, also between; `held`: see `Stretch.acting`."""
         key = (inputs, tap, held)
-        if key in self._known:
-            return self._known[key][0]
+        if key in self._drives:
+            return self._drives[key]
         if self._plain is not None:
-            made = self.equations.whitened(self._plain.drive(inputs, tap, keep, held))
+            whole = self._around is None  # delays between steps are asked for by one fit alone
+            made = self.equations.whitened(self._plain.drive(inputs, tap, keep and whole, held))
         else:
-            made = self.equations.commanded(commands(self.equations, inputs), tap * self.tap_time, held)
+            made = self.equations.commanded(self._commands(inputs), tap * self.tap_time, held)
         if keep:
-            self._known[key] = [made]
+            self._drives[key] = made
         return made
+
+    def _commands(self, inputs: Terms) -> list[Array]:
+        """The last ones stay: the same effects are asked for at several delays."""
+        if self._last_commands[0] != inputs:
+            self._last_commands = inputs, commands(self.equations, inputs)
+        return self._last_commands[1]
 
     def columns(self, term: Term, tap: int, keep: bool = True, held: bool = False) -> list[Array]:
         """An effect on the plant, a column per coefficient; `tap`: delay of the u that reaches it, steps."""
@@ -212,20 +225,16 @@ def not_negative(term: Term, columns: int) -> bool:
     return columns == 1 and len(linear) == 1 and linear[0].lower >= 0.0
 
 
-def noisy_load(equations: Equations, term: Term) -> list[Array]:
+def noisy_load(equations: Equations, t: Term) -> list[Array]:
     """Change of a load's column under a synthetic realisation of the sensor noise, by stretch."""
-    found = []
-    for s in equations.stretches:
-        unused = s.log["u"]
-        (plain, *_), (more, *_) = (_columns(x, term, unused) for x in (s, replace(s, integrated=s.with_noise)))
-        found.append(np.nan_to_num(more - plain))
-    return found
+    both = [(s, replace(s, integrated=s.with_noise)) for s in equations.stretches]
+    return [np.nan_to_num(_columns(more, t, s.log["u"])[0] - _columns(s, t, s.log["u"])[0]) for s, more in both]
 
 
 def drive(equations: Equations, inputs: Terms, delay: float) -> list[Array]:
     """The command after these input effects, `delay` s late: mean per interval, by stretch."""
-    changed = zip(equations.stretches, commands(equations, inputs), strict=True)
-    return [s.frame.mean_u(command, delay) for s, command in changed]
+    changed = commands(equations, inputs)
+    return [s.frame.mean_u(command, delay) for s, command in zip(equations.stretches, changed, strict=True)]
 
 
 def commands(equations: Equations, inputs: Terms) -> list[Array]:

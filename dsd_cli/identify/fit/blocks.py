@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,16 +52,23 @@ class Blocks:
 
     def block_of_rows(self) -> NDArray[np.int_]:
         """Block of each row, shape (rows,)."""
-        return np.repeat(np.arange(self.count), self.block_rows())
+        return np.repeat(np.arange(self.count), self.block_rows)
 
+    @cached_property
     def block_rows(self) -> NDArray[np.int_]:
         """Rows of each block, shape (B,)."""
         return np.asarray(np.diff(np.append(self.starts[::3], self.rows)))
 
+    @cached_property
     def fitted_rows(self) -> list[int]:
         """Rows that each fold's fit sees."""
         lengths = np.diff(np.append(self.starts, self.rows))
-        return [int(self.fitted(fold) @ lengths) for fold in range(self.folds)]
+        return [int(rows) for rows in self.weights @ lengths]
+
+    @cached_property
+    def weights(self) -> NDArray[np.float64]:
+        """`fitted` of every fold, shape (K, 3 B)."""
+        return np.stack([self.fitted(fold) for fold in range(self.folds)])
 
     def fitted(self, fold: int) -> NDArray[np.float64]:
         """Weight of each segment in the fit that holds `fold` out: 1 or 0, shape (3 B,)."""

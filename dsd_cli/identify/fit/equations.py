@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -151,7 +152,7 @@ class Equations:
         """s, of a sample (not of a row)."""
         return self.band.sample_time
 
-    @property
+    @cached_property
     def lengths(self) -> list[int]:
         """Rows of each stretch."""
         return [len(self.band.centres(self.startup, len(s.log))) for s in self.stretches]
@@ -182,15 +183,15 @@ class Equations:
         if len(self.whitening) == 1:
             white = rows * self.whitening[0]
         else:
-            parts = np.split(rows, np.cumsum(self.lengths)[:-1])
-            white = np.concatenate([np.convolve(np.pad(x, HALF, mode="edge"), self.whitening, "valid") for x in parts])
+            padded = (np.concatenate([np.full(HALF, x[0]), x, np.full(HALF, x[-1])]) for x in self.by_stretch(rows))
+            white = np.concatenate([np.convolve(x, self.whitening, "valid") for x in padded])
         return white if self.trust is None else white * self.trust
 
     def by_stretch(self, rows: NDArray[_Kind]) -> list[NDArray[_Kind]]:
         """Rows as one array per stretch."""
         return list(np.split(rows, np.cumsum(self.lengths)[:-1]))
 
-    @property
+    @cached_property
     def kept(self) -> NDArray[np.bool_]:
         """Rows in which the direction of friction is known for a large enough share."""
         free = self.plain([s.averaged(s.free, False) for s in self.stretches])

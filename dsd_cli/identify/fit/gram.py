@@ -54,9 +54,8 @@ def grams(rows: Sequence[Array], blocks: Blocks) -> Grams:
     x = np.stack(rows)
     parts = (x[:, blocks.segment(i)] for i in range(len(blocks.starts)))
     segments = np.stack([part @ part.T for part in parts])
-    weights = np.stack([blocks.fitted(fold) for fold in range(blocks.folds)])
     held_out = segments.reshape(-1, 3, *segments.shape[1:]).sum(axis=1)
-    return Grams(segments.sum(axis=0), np.tensordot(weights, segments, axes=1), held_out)
+    return Grams(segments.sum(axis=0), np.tensordot(blocks.weights, segments, axes=1), held_out)
 
 
 def solve(matrices: Array, ridge: float | Array = 1e-9) -> Array:
@@ -69,9 +68,14 @@ def solve(matrices: Array, ridge: float | Array = 1e-9) -> Array:
     size = a.shape[1]
     if size == 0:
         return np.zeros((len(matrices), 0))
-    scale = np.sqrt(np.maximum(np.einsum("mii->i", a) / len(a), 1e-300))
-    penalty = ridge * np.eye(size) if np.ndim(ridge) == 0 else ridge
-    normal = a / np.outer(scale, scale) + penalty
+    size_of = np.abs(a.diagonal(axis1=1, axis2=2).sum(axis=0))  # below 0 where the noise that was taken off was all
+    scale = np.sqrt(np.maximum(size_of / len(a), 1e-300))
+    normal = a / (scale[:, None] * scale)
+    if isinstance(ridge, float):
+        index = np.arange(size)
+        normal[:, index, index] += ridge
+    else:
+        normal += ridge
     return np.linalg.solve(normal, (b / scale)[..., None])[..., 0] / scale
 
 

@@ -113,18 +113,19 @@ class Solver:
         `keep` the columns that had to be made, for they will be asked for again.
         """
         design = self.bank.design(terms, tap, keep)
-        rules = self.reductions(terms, tap, design).forward
-        gram = _with_priors(without_noise(total_gram(design.rows), _of_columns(design), len(design.rows[0])), rules)
+        total = total_gram(design.rows)
+        rules = self.reductions(terms, tap, design, total).forward
+        gram = _with_priors(without_noise(total, _of_columns(design), len(design.rows[0])), rules)
         _, weights = _solved(gram[None], 1, _forward_signs(design), rules)
         return self._size(weights[0], gram) + self.pull(terms)
 
     def fit(self, terms: Terms, tap: int, whole: bool = False) -> Fit:
         """Cross-validated, at one whole-step delay and, unless `whole`, a share of a further step."""
         design = self.bank.design(terms, tap)
-        rules, forwards = self.reductions(terms, tap, design, (SHARE,) if whole else ())
         found = grams(design.rows, self.blocks)
+        rules, forwards = self.reductions(terms, tap, design, found.total, (SHARE,) if whole else ())
         stack = np.concatenate([found.total[None], found.fitted])
-        rows = np.array([len(design.rows[0]), *self.blocks.fitted_rows()])
+        rows = np.array([len(design.rows[0]), *self.blocks.fitted_rows])
         events = [i + 1 for i in _events(terms, design.widths)]
         quiet = _with_priors(without_noise(stack, _of_columns(design), rows), forwards)
         _, forward = _solved(quiet, 1, _forward_signs(design), forwards)
@@ -134,7 +135,7 @@ class Solver:
         inverse[:, [i - 1 for i in events]] = inverse[:1, [i - 1 for i in events]]
         weights = self.inertia * forward
         held = weights[1:][self.blocks.fold]
-        judged = without_noise(found.held_out, _of_columns(design), self.blocks.block_rows())
+        judged = without_noise(found.held_out, _of_columns(design), self.blocks.block_rows)
         losses = np.einsum("bi,bij,bj->b", held, judged, held)
         return Fit(
             terms,
@@ -168,12 +169,12 @@ class Solver:
             return 0.0
         return self.variance * sum(self.known.pull_of_shapes(t.id, t.shape) for t in terms)
 
-    def reductions(self, terms: Terms, tap: int, design: Design, zero: Sequence[int] = ()) -> Reductions:
-        """What is known of the values of these effects, as rules on the rows; `zero` : coefficients that are 0."""
+    def reductions(self, terms: Terms, tap: int, design: Design, total: Array, zero: Sequence[int] = ()) -> Reductions:
+        """What is known of the values of these effects, as rules on rows of that Gram matrix; `zero` : coefficients."""
         if not (self.known or zero):
             return Reductions(None, None)
         rules = Rules(self.known, 0.0, terms, design.widths, tap, self.bank.tap_time)
-        gram = without_noise(total_gram(design.rows), design.noise, len(design.rows[0]))[None]
+        gram = without_noise(total, design.noise, len(design.rows[0]))[None]
         theta, held, pressed = np.zeros(len(design.rows) - 1), rules.held(None), list(zero)
         found = rules.reduction(theta, held, pressed, linear_only=True)
         for turn in range(_ROUNDS):
@@ -188,7 +189,7 @@ class Solver:
             held, pressed = beyond, pressed + below[:1]
             found = rules.reduction(theta, held, pressed)
         # a row that a rule has solved for is not seen by the signs of the forward form, whose coefficients are others
-        quiet, forward = without_noise(total_gram(design.rows), _of_columns(design), len(design.rows[0])), found
+        quiet, forward = without_noise(total, _of_columns(design), len(design.rows[0])), found
         for _ in design.signed:
             below = [k for k in self._below(quiet, design, forward) if k not in pressed]
             if not below:
@@ -262,7 +263,7 @@ def _solved(stack: Array, target: int, signs: Sequence[int], rules: Reduction | 
     if target not in rules.left:  # then columns count with the sign that they have beside the drive
         by_row = {row: -sign for row, sign in by_row.items()}
     instead = target if target in rules.left else 0
-    small = np.einsum("ki,mkl,lj->mij", rules.expand, stack, rules.expand)
+    small = rules.expand.T @ stack @ rules.expand
     left = [row for row in rules.left if row != instead]
     _, weights = _signed(small, rules.left.index(instead), [by_row[row] for row in left])
     weights = weights @ rules.expand.T

@@ -64,7 +64,7 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     ----------
     plain : the bank of the same rows in the unit of u.
     """
-    fit, solver = _exact(fit, solver, plain)
+    fit, solver = _exact(fit, solver)
     equations = solver.bank.equations
     counted = equations.kept if holds(fit.terms) else np.ones(len(plain.acceleration), dtype=bool)
     sure = counted & sure_rows(fit.terms, equations, POLICY.unsure_share)
@@ -82,7 +82,7 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
         bank = Bank(replace(equations, trust=trust), plain, solver.bank.variance * size / len(trust))
         nats = min(quiet, solver.variance)
         trusting = Solver(bank, solver.blocks, solver.inertia, solver.known, nats)
-        fit, trusting = _exact(trusting.fit(fit.terms, fit.tap, fit.whole), trusting, plain)
+        fit, trusting = _exact(trusting.fit(fit.terms, fit.tap, fit.whole), trusting)
         bank = trusting.bank
     return Weighed(trusting, fit, _residual(fit, bank), size)
 
@@ -95,7 +95,7 @@ def inflation(white: Array, most: int = POLICY.correlated_rows) -> float:
     return float(max(1.0, 1.0 + 2.0 * np.sum(products[1:]) / max(products[0], 1e-300))) if lags else 1.0
 
 
-def _exact(fit: Fit, solver: Solver, plain: Bank) -> tuple[Fit, Solver]:
+def _exact(fit: Fit, solver: Solver) -> tuple[Fit, Solver]:
     """The same with the drive at the fitted delay itself: a mix of two whole steps is low-passed.
 
     The share beyond the whole steps stays clear of 0 and of where it ends: there it would hold the other values.
@@ -106,13 +106,7 @@ def _exact(fit: Fit, solver: Solver, plain: Bank) -> tuple[Fit, Solver]:
         tap = max(math.floor(delay - _CLEAR), 0)
         tap = tap if tap in solver.taps(tap) else fit.tap
         around = min(max(delay - tap, 0.0), MOST_SHARE)
-        solver = Solver(
-            Bank(bank.equations, plain, bank.variance, around),
-            solver.blocks,
-            solver.inertia,
-            solver.known,
-            solver.variance,
-        )
+        solver = Solver(bank.between(around), solver.blocks, solver.inertia, solver.known, solver.variance)
         fit = solver.fit(fit.terms, tap)
         if abs(float(fit.total[SHARE]) - around) < _SETTLED and around > 0.0:
             break

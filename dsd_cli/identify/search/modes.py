@@ -8,19 +8,23 @@ Two masses with a spring and a damper between them, as rigid body and vibration 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.identify.search.signals import Signals, coefficients, left
 from dsd_cli.signals.log import Array
 
+_Spectrum = NDArray[np.complex128]
 #: Ratio from one frequency to the next that is tried, and damping ratios of the mode.
 _RATIO, _DAMPINGS = 1.07, (0.02, 0.1)
 #: Time constants of a lag that are tried in the mode's place, s: from a sample to this.
 _LONGEST_LAG, _LAGS = 0.1, 15
 #: Rounds of Gauss and Newton, halvings of a step, step of a derivative.
 _ROUNDS, _HALVINGS, _STEP = 20, 6, 1e-4
+#: Share of its power that a mode must have beside a rigid body to be told from it.
+_LEAST_OWN = 1e-12
 
 
 class Modes:
@@ -29,15 +33,16 @@ class Modes:
     def __init__(self, signals: Signals) -> None:
         self.signals = signals
         self._fixed = [signals.rows(signals.force), signals.rows(signals.shift)]
-        sizes = [1 << (2 * len(x) - 1).bit_length() for x in signals.force]
-        self._spectra = [np.fft.rfft(x, n) for x, n in zip(signals.force, sizes, strict=True)]
-        self._hz = [np.fft.rfftfreq(n, signals.step).astype(np.float64) for n in sizes]
+        self._sizes = [smooth_size(2 * len(x)) for x in signals.force]
+        self._spectra = [np.fft.rfft(x, n) for x, n in zip(signals.force, self._sizes, strict=True)]
+        self._hz = [np.fft.rfftfreq(n, signals.step).astype(np.float64) for n in self._sizes]
+        self._bent = [-(f**2) * x for f, x in zip(self._hz, self._spectra, strict=True)]
 
     def rigid(self) -> Array:
         """Columns, shape (n, 2), of a rigid axis, or of one behind the lag that leaves least."""
         times = np.geomspace(self.signals.step, _LONGEST_LAG, _LAGS).tolist()
         plain, shift = self._fixed
-        lagged = [self._passed(_lag(float(time))) for time in times]
+        lagged = [self._passed(self._spectra, _lag(float(time))) for time in times]
         found = [np.stack([x, shift], axis=1) for x in (plain, *lagged)]
         return min(found, key=lambda columns: float(np.sum(left(columns, self.signals.target) ** 2)))
 
@@ -45,8 +50,16 @@ class Modes:
         """The mode between these frequencies (Hz) that leaves least; it may end beside them."""
         frequencies = np.exp(np.arange(math.log(lowest), math.log(highest), math.log(_RATIO)))
         tried = [np.array([math.log(f), math.log(z)]) for f in frequencies.tolist() for z in _DAMPINGS]
-        starts = sorted(tried, key=lambda at: float(np.sum(self.left(at) ** 2)))
-        return self.refined(starts[0])
+        basis = np.linalg.qr(np.stack(self._fixed, axis=1))[0]
+        rest = self.signals.target - basis @ (basis.T @ self.signals.target)
+
+        def gain(at: Array) -> float:
+            mode = self._mode(at)
+            own = mode - basis @ (basis.T @ mode)
+            size = float(own @ own)
+            return float(own @ rest) ** 2 / size if size > _LEAST_OWN * float(mode @ mode) else 0.0
+
+        return self.refined(max(tried, key=gain))
 
     def left(self, at: Array) -> Array:
         """What the best rigid body and mode leave, shape (n,)."""
@@ -77,19 +90,23 @@ class Modes:
         told = {n: (float(v), float(s)) for n, v, s in zip(names, _of_effect(given), spread, strict=True)}
         return told, float(np.exp(at[1]))
 
-    def _passed(self, response: Callable[[Array], Array]) -> Array:
-        """The force after a causal response of frequency (Hz), from rest, as rows."""
-        pairs = zip(self._spectra, self._hz, self.signals.force, strict=True)
-        return self.signals.rows([np.fft.irfft(x * response(f))[: len(force)] for x, f, force in pairs])
+    def _passed(self, spectra: Sequence[_Spectrum], resists: Callable[[Array], Array]) -> Array:
+        """Spectra of the force divided by what resists it at a frequency (Hz): a causal response from rest, as rows."""
+        parts = zip(spectra, self._hz, self._sizes, self.signals.force, strict=True)
+        return self.signals.rows([np.fft.irfft(x / resists(f), n)[: len(force)] for x, f, n, force in parts])
+
+    def _mode(self, at: Array) -> Array:
+        """Rows of the mode."""
+        frequency, damping = math.exp(at[0]), math.exp(at[1])
+
+        def resists(f: Array) -> Array:
+            return np.asarray((frequency**2 - f**2) + 2j * damping * frequency * f)
+
+        return self._passed(self._bent, resists)
 
     def columns(self, at: Array) -> Array:
         """Rigid body, a sample of delay, and mode: shape (n, 3)."""
-        frequency, damping = math.exp(at[0]), math.exp(at[1])
-
-        def mode(f: Array) -> Array:
-            return np.asarray(-(f**2) / (frequency**2 - f**2 + 2j * damping * frequency * f))
-
-        return np.stack([*self._fixed, self._passed(mode)], axis=1)
+        return np.stack([*self._fixed, self._mode(at)], axis=1)
 
     def refined(self, at: Array) -> Array:
         """Gauss-Newton with halved steps; linear coefficients are solved for at every point (variable projection)."""
@@ -112,8 +129,20 @@ class Modes:
         return at
 
 
+def smooth_size(least: int) -> int:
+    """The least even length of 2^a 3^b 5^c, from there on, over which a fast Fourier transform is fast."""
+    power = 1 << max(least - 1, 1).bit_length()
+    found = [power]
+    for odd in (3, 5, 9, 15, 25, 27, 45, 75, 81, 125, 135, 225, 243):
+        size = 2 * odd
+        while size < least:
+            size *= 2
+        found.append(size)
+    return min(found)
+
+
 def _lag(time: float) -> Callable[[Array], Array]:
-    return lambda f: np.asarray(1.0 / (1.0 + 2j * np.pi * f * time))
+    return lambda f: np.asarray(1.0 + 2j * np.pi * f * time)
 
 
 def _of_effect(given: Array) -> Array:

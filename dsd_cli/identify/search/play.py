@@ -173,8 +173,8 @@ class Play:
         """(squares left, factors on its motion and on the change of that over a sample, what is left)."""
         at = np.concatenate([shape, [math.log(self.signals.inertia), 0.0], np.zeros(len(self._units))])
         target = self.signals.target
-        moved = target - self.left(at, _COARSE)
-        if not np.all(np.isfinite(moved)):
+        moved = target - self.left(at, _COARSE) if self._sensible(at) else np.full(len(target), np.nan)
+        if not np.all(np.isfinite(moved)):  # what a senseless load leaves is a multiple of the target
             return math.inf, (1.0, 0.0), target
         rows = np.stack([moved, np.gradient(moved)])
         weights = np.linalg.lstsq(rows @ rows.T, rows @ target, rcond=1e-12)[0]

@@ -21,11 +21,13 @@ from dsd_cli.identify.search.play import LATE, Play
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.signals import (
     Signals,
+    correlation_time,
     delay_of,
     gains,
     innovations,
     left,
     signals_of,
+    strongest_line,
     variance_of,
     without_line,
 )
@@ -63,9 +65,18 @@ class Seen:
 
 @dataclass(frozen=True)
 class Response:
-    """What a look at the response came to; seen : None where it shows no load for certain."""
+    """What a look at the response came to.
+
+    Attributes
+    ----------
+    seen : None where it shows no load for certain.
+    rattles : play explains much of it, but no simulation follows the load well enough to be certain of it.
+    line_hz : of a push at one frequency above the band, all along; NaN where there is none.
+    """
 
     seen: Seen | None
+    rattles: bool = False
+    line_hz: float = math.nan
 
 
 def response_of(search: Search, whole: Fit, asked: Sequence[str], doubtful: bool) -> Response | None:
@@ -79,7 +90,10 @@ def response_of(search: Search, whole: Fit, asked: Sequence[str], doubtful: bool
         even where no load swings.
     """
     look = _swinging(search, whole)
-    return None if look is None else Response(_load_in(search, asked, doubtful, look))
+    if look is None:
+        return None
+    found = _load_in(search, asked, doubtful, look)
+    return found if found.seen is not None else replace(found, line_hz=_steady_line(search, look))
 
 
 @dataclass(frozen=True)
@@ -101,7 +115,7 @@ class _Look:
         return delay, moved
 
 
-def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) -> Seen | None:
+def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) -> Response:
     signals, modes, at = look.signals, look.modes, look.at
     highest = POLICY.response_highest_share / signals.step
     rigid = modes.rigid()
@@ -112,19 +126,32 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     if PLAY in asked and (doubtful or float(over_rigid.sum()) > POLICY.response_nats):
         play = _play(search, look, (rigid, modes.columns(at)))
     if play is not None and play.certain:
-        return play.seen(highest)
+        return Response(play.seen(highest))
+    rattles = play is not None and play.rattles
     values, damping = modes.values(at, variance_of(swinging))
     if COUPLING not in asked or not (_agreed(over_rigid) and _a_load(values) and damping < POLICY.response_damping):
-        return None
+        return Response(None, rattles)
     fresh = _whatever_the_noise(signals, rival)
     target = fresh(signals.target)
     if not _enough(gains(left(fresh(rigid), target), left(fresh(modes.columns(at)), target))):
-        return None
-    rivals = (PLAY,) if play is not None and not _agreed(gains(play.rest, swinging)) else ()
+        return Response(None, rattles)
+    tied = play is not None and not _agreed(gains(play.rest, swinging))
+    fall, nats = _fall(rival, swinging), float(over_rigid.sum())
+    correlated = correlation_time(swinging) > POLICY.response_correlated
+    rattles = PLAY in asked and correlated and fall < POLICY.response_fall
+    rivals = (PLAY,) if tied or rattles else ()
     given = {name: value for name, (value, _) in values.items()}
     model = look.part.problem.scale.model(look.fit).changed(effects={COUPLING: given})
-    fall, nats = _fall(rival, swinging), float(over_rigid.sum())
-    return Seen(COUPLING, values, rivals, nats, fall, highest, values["frequency"][0], model)
+    seen = Seen(COUPLING, values, rivals, nats, fall, highest, values["frequency"][0], model)
+    return Response(seen, rattles)
+
+
+def _steady_line(search: Search, look: _Look) -> float:
+    """Hz of a line above the band that pushes all along; an encoder's error is one at constant speed alone."""
+    signals = look.signals
+    rest = left(look.modes.rigid(), signals.target)
+    hz = strongest_line(signals, rest, search.equations.band.hz)
+    return hz if _agreed(gains(rest, without_line(signals, hz)(rest))) else math.nan
 
 
 def _swinging(search: Search, whole: Fit) -> _Look | None:
@@ -163,6 +190,11 @@ class _Found:
     rest: Array
     rival: Array
     certain: bool
+
+    @property
+    def rattles(self) -> bool:
+        """Whether it explains much, certain or not."""
+        return float(gains(self.rival, self.rest).sum()) > POLICY.response_nats
 
     def seen(self, highest: float) -> Seen:
         share, stiffness = self.values["load_share"][0], self.values["stiffness"][0]
@@ -217,7 +249,7 @@ def _told_model(look: _Look, play: Play, at: Array, delay: float, values: dict[s
 
 def _whatever_the_noise(signals: Signals, rival: Array) -> Callable[[Array], Array]:
     """Takes out of rows what a line, and noise of any spectrum, explain of what the rival leaves."""
-    calm = without_line(signals, rival)
+    calm = without_line(signals, strongest_line(signals, rival))
     fresh = innovations(calm(rival), signals.step)
     return lambda rows: fresh(calm(rows))
 

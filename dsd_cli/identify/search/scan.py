@@ -9,6 +9,7 @@ import numpy as np
 
 from dsd_cli.effects import Role
 from dsd_cli.identify.fit.bank import INERTIA, Term, Terms, holds, inputs_of, not_negative
+from dsd_cli.identify.fit.gram import total_gram
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.signals.log import Array
 
@@ -88,7 +89,7 @@ class Scan:
 def _under_rules(solver: Solver, terms: Terms, tap: int) -> tuple[Array, Array]:
     """(what the forward form leaves, basis of what may change it), rows and further equations; shapes (n,), (k, n)."""
     design = solver.bank.design(terms, tap)
-    rules = solver.reductions(terms, tap, design).forward
+    rules = solver.reductions(terms, tap, design, total_gram(design.rows)).forward
     assert rules is not None
     rows = rules.expand.T @ np.concatenate([np.stack(design.rows), rules.priors.T], axis=1)
     acceleration = 1 + INERTIA

@@ -129,11 +129,8 @@ def _whitener(kind: str, pole: float, keep: float) -> Callable[[Array], Array]:
     return white
 
 
-def without_line(signals: Signals, rest: Array) -> Callable[[Array], Array]:
-    """Takes out of rows, shape (n, ...), the strongest line in the spectrum of `rest`, shape (n,), stretch by stretch.
-
-    What pushes the axis at one frequency is fed back into u, and a lightly damped load would explain it.
-    """
+def strongest_line(signals: Signals, rest: Array, lowest: float = 0.0) -> float:
+    """The strongest line, Hz, from `lowest` on, in the spectrum of `rest`, kept rows of shape (n,)."""
     size = _FINER * (1 << (max(len(k) for k in signals.kept) - 1).bit_length())
     ends = np.cumsum([int(k.sum()) for k in signals.kept])[:-1]
     power = np.zeros(size // 2 + 1)
@@ -141,7 +138,17 @@ def without_line(signals: Signals, rest: Array) -> Callable[[Array], Array]:
         whole = np.zeros(len(k))
         whole[k] = part
         power += np.abs(np.fft.rfft(whole, size)) ** 2
-    angle = 2.0 * np.pi * int(np.argmax(power)) / size
+    power[: math.ceil(lowest * size * signals.step)] = 0.0
+    return int(np.argmax(power)) / (size * signals.step)
+
+
+def without_line(signals: Signals, hz: float) -> Callable[[Array], Array]:
+    """Takes out of rows, shape (n, ...), a line, stretch by stretch.
+
+    What pushes the axis at one frequency is fed back into u, and a lightly damped load would explain it.
+    """
+    angle = 2.0 * np.pi * hz * signals.step
+    ends = np.cumsum([int(k.sum()) for k in signals.kept])[:-1]
     bases = []
     for k in signals.kept:
         n = np.flatnonzero(k)
@@ -185,9 +192,14 @@ def coefficients(columns: Array, target: Array) -> Array:
     return np.asarray(np.linalg.lstsq(scaled.T @ scaled, scaled.T @ target, rcond=1e-12)[0] / size)
 
 
+def correlation_time(rest: Array) -> float:
+    """Integrated autocorrelation time, rows."""
+    return inflation(rest, _LAGS)
+
+
 def variance_of(rest: Array) -> float:
     """Of a row, times the integrated autocorrelation time."""
-    return float(np.mean(rest**2)) * inflation(rest, _LAGS)
+    return float(np.mean(rest**2)) * correlation_time(rest)
 
 
 def gains(worse: Array, better: Array) -> Array:

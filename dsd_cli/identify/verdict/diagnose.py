@@ -14,7 +14,6 @@ from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
 from dsd_cli.identify.search.afloat import searched
 from dsd_cli.identify.search.pulses import event_effect
-from dsd_cli.identify.search.response import Seen
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beside_stops, beyond_of, pushed, said_of_stops
@@ -22,7 +21,7 @@ from dsd_cli.identify.verdict.contradictions import against_told, contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
 from dsd_cli.identify.verdict.limits import Limits, limits_of
 from dsd_cli.identify.verdict.own_values import Own, own_values
-from dsd_cli.identify.verdict.shown import note_on, with_response
+from dsd_cli.identify.verdict.shown import Shown, note_on, with_response
 from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
@@ -74,7 +73,7 @@ def diagnose(
     limits = limits_of(search, whole, shown.settings)
     members = {} if limits.blocked else {name: membership(search, whole, name, misfit) for name in found}
     options, own = search.options(search.refit), own_values(search)
-    verdict = _Verdict(search, options, whole, members, own, beyond, shown.seen, limits)
+    verdict = _Verdict(search, options, whole, members, own, beyond, shown, limits)
     diagnosis = against_told(verdict.diagnosis(), search, whole)
     if stability:
         report("how sure, on parts", 0.85)
@@ -94,10 +93,10 @@ class _Verdict:
         members: dict[str, Membership],
         own: Own,
         beyond: Beyond,
-        seen: Seen | None,
+        shown: Shown,
         limits: Limits,
     ) -> None:
-        self.search, self.problem, self.seen = search, search.problem, seen
+        self.search, self.problem, self.seen, self.shown = search, search.problem, shown.seen, shown
         self.options, self.whole, self.members, self.own, self.beyond = options, whole, members, own, beyond
         self.limits, self._named_for = limits, dict[str, str]()
         self.alone = {o.effect: o for o in (*options, *self._events())}
@@ -141,7 +140,7 @@ class _Verdict:
             return self.own.wrong, min(known * self.own.probability, self._surest())
         if beyond.unknown:
             return UNKNOWN, 0.9
-        if left_over:
+        if left_over or self.shown.said:
             return UNKNOWN, 0.6
         return NONE, self._nothing()
 
@@ -224,7 +223,7 @@ class _Verdict:
             band_hz=self.search.equations.band.hz,
             floor=problem.floor,
             provenance=source,
-            warnings=(*self.limits.said, *contradictions(self.search, fit, known.estimates), *stops),
+            warnings=(*self.limits.said, *contradictions(self.search, fit, known.estimates), *stops, *self.shown.said),
             at_stops=bool(stops),
             blocked=self.limits.blocked,
             depends_on=self.beyond.on if unknown else (),

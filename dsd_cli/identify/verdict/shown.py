@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -19,6 +20,14 @@ from dsd_cli.plant.model import PlantModel
 #: Effects that a response can show.
 SHOWN = (COUPLING, PLAY)
 Report = Callable[[str, float], None]
+RATTLES = (
+    "the load may rattle in play: what the response leaves is no noise, and no simulation follows a load from flank to "
+    "flank well enough to predict it"
+)
+LINE = (
+    "something pushes at {hz:.3g} Hz, above {band:.3g} Hz where the balance of forces ends for this sensor: it cannot "
+    "tell what (a finer sensor could)"
+)
 
 
 @dataclass(frozen=True)
@@ -26,12 +35,25 @@ class Shown:
     """A search that knows what the response shows.
 
     seen : the load that is the answer; None where it is in the model, or others come first. settings : with its values.
+    rattles, line_hz : see `Response`.
     """
 
     search: Search
     whole: Fit
     settings: Settings
     seen: Seen | None
+    rattles: bool = False
+    line_hz: float = math.nan
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """Warnings, for people."""
+        found = []
+        if self.rattles:
+            found.append(RATTLES)
+        if not math.isnan(self.line_hz):
+            found.append(LINE.format(hz=self.line_hz, band=self.search.equations.band.hz))
+        return tuple(found)
 
 
 def with_response(
@@ -60,6 +82,7 @@ def with_response(
     if response is None:
         return unchanged
     seen = response.seen
+    unchanged = replace(unchanged, rattles=response.rattles, line_hz=response.line_hz)
     if seen is None:
         return _without_load(unchanged, recordings, model, holdout, report)
     known = replace(settings, known=settings.known.seeing(seen.effect, seen.values))
@@ -77,7 +100,8 @@ def with_response(
     there = replace(
         there, effects={n: v for n, v in whole_model.effects.items() if n in belongs} | {seen.effect: values}
     )
-    return Shown(*searched_with(recordings, there, model, known, holdout), known, None if others else seen)
+    search, whole = searched_with(recordings, there, model, known, holdout)
+    return Shown(search, whole, known, None if others else seen, response.rattles)
 
 
 def _needed(beside: Search, whole: Fit, model: PlantModel) -> tuple[str, ...]:
@@ -115,7 +139,8 @@ def _without_load(
         return found
     others = tuple(name for name in found.search.allowed if name not in SHOWN)
     settings = replace(found.settings, effects=others)
-    return Shown(*searched(recordings, model, settings, holdout, report), settings, None)
+    search, whole = searched(recordings, model, settings, holdout, report)
+    return replace(found, search=search, whole=whole, settings=settings)
 
 
 def _better(found: Shown, beside: Search, whole: Fit) -> bool:
