@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench.hidden_cases import Job, prepared
 from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.fit.drift import without_drift
 from dsd_cli.identify.policy import POLICY
@@ -15,6 +16,7 @@ from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.identify.search_rig import BELIEVED, OBSERVER, T, seen
+from tests.oracle import machines
 from tests.oracle.rig import RigCase, make, make_exact
 
 LONG = 60.0
@@ -127,3 +129,16 @@ def test_a_logged_motion_does_not_drift():
     search, whole = searched([recording], model, Settings(), ())
     (same,) = without_drift(search.problem, whole, [recording])
     assert all(a is b for a, b in zip(same.pieces, recording.pieces, strict=True))
+
+
+@pytest.mark.parametrize(("hidden", "seed"), [((), 11), ((), 67), (("constant_load",), 15)])
+def test_a_speed_that_is_off_by_a_constant_is_no_constant_load_of_viscous_friction(hidden, seed):
+    """d_hat tells accelerations: beside viscous friction a constant speed and a constant force are one and the same."""
+    (log,) = machines.run([Job("singles", hidden, seed, sensing="d_hat").case()])
+    recording, model, observer = prepared(log)
+    assert tuple(model.effects) == ("viscous_friction",)
+    found = diagnose([recording], model, observer)
+    assert found.verdict == "none"
+    assert found.probability <= POLICY.surest_in_part
+    (tied,) = [c for c in found.ranking if c.untestable]
+    assert (tied.effect, "log the position" in tied.untestable) == ("constant_load", True)

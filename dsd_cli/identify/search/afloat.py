@@ -1,16 +1,17 @@
 """The search where the motion is reconstructed and wanders: effects and the true path are found beside each other.
 
 A set of effects tells where the axis was, and where it was tells the effects. On a path that is off, two or three
-substitutes may stand in for one law (a spring and gravity for a cubic spring whose zero is elsewhere). So each effect
-that depends on the place is asked alone as well, on the path that suits it best.
+substitutes may stand in for one law (a spring and gravity for a cubic spring whose zero is elsewhere). So the model as
+it is, and each effect that depends on the place alone, are asked as well, on the path that suits them best.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from dsd_cli.identify.fit.asked import Settings
-from dsd_cli.identify.fit.drift import depends_on_path, placed, without_drift
+from dsd_cli.identify.fit.drift import Placed, depends_on_path, placed, without_drift
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
@@ -20,6 +21,8 @@ from dsd_cli.plant.model import PlantModel
 
 Report = Callable[[str, float], None]
 Found = tuple[Search, Fit]
+#: Why an effect cannot be told that another path explains as well.
+LOOKS_THE_SAME = "a reconstructed speed or position that is off by a constant looks the same: log the position"
 
 
 def searched(
@@ -45,10 +48,15 @@ def searched(
         if not paths.better(path, found):
             break
         found = searched_as_is(path[0].problem.recordings, model, settings, holdout, report)
-    alone = paths.alone(first[0], found)
-    if alone is None:
+    simpler = paths.simpler(first[0], found)
+    if simpler is None:
         return found
-    return searched_as_is(alone[0].problem.recordings, model, settings, holdout, report)
+    tied = [] if simpler[0].added(simpler[1].terms) else [t.id for t in found[0].added(found[1].terms)]
+    rest = replace(settings, effects=tuple(name for name in found[0].allowed if name not in tied))
+    search, whole = searched_as_is(simpler[0].problem.recordings, model, rest, holdout, report)
+    untestable = {**search.problem.untestable, **dict.fromkeys(tied, LOOKS_THE_SAME)}
+    search.problem = replace(search.problem, untestable=untestable)
+    return search, whole
 
 
 class _Paths:
@@ -78,23 +86,34 @@ class _Paths:
         """Whether the held-out error falls by enough."""
         return _error(after) < POLICY.drift_gain * _error(before)
 
-    def alone(self, search: Search, found: Found) -> Found | None:
-        """One effect that on its own path explains as much as the set that was found, or nearly; None if none does.
+    def simpler(self, search: Search, found: Found) -> Found | None:
+        """Fewer effects that on their own path explain as much as the set that was found, or nearly; None if none do.
+
+        No effect at all first: a speed that is off by a constant makes a constant load of viscous friction. Then one.
 
         search : of candidates, on the motion as it was reconstructed.
         """
         count = len(found[0].added(found[1].terms))
+        limit = (1.0 + POLICY.nearly_the_same) * _error(found)
+        if count and any(map(depends_on_path, search.base)):
+            path = self._followed(search, search.refit)
+            if _error(path) < limit:
+                return path
         if count < 2 and _error(found) < POLICY.floor_factor * found[0].problem.floor:
             return None
-        asked = [(o, o.fit.terms[-1]) for o in search.options(search.refit)]
-        options = [o for o, term in asked if depends_on_path(term) and "position" in term.effect.needs]
-        starts = [(placed(search.problem, o.fit, self.recordings), o.fit) for o in options]
+        asked = [(o.fit, o.fit.terms[-1]) for o in search.options(search.refit)]
+        fits = [fit for fit, term in asked if depends_on_path(term) and "position" in term.effect.needs]
+        starts = [(placed(search.problem, fit, self.recordings), fit) for fit in fits]
         starts = [(start, fit) for start, fit in starts if start.left < POLICY.drift_gain**2 * start.before]
         starts.sort(key=lambda start: start[0].left)
-        model = search.problem.scale.model
-        paths = [self.settled(*self._with(p.recordings, model(fit))) for p, fit in starts[: POLICY.paths_alone]]
-        limit = (1.0 + POLICY.nearly_the_same if count > 1 else POLICY.drift_gain) * _error(found)
+        paths = [self._followed(search, fit, start) for start, fit in starts[: POLICY.paths_alone]]
+        limit = limit if count > 1 else POLICY.drift_gain * _error(found)
         return min((p for p in paths if _error(p) < limit), key=_error, default=None)
+
+    def _followed(self, search: Search, fit: Fit, start: Placed | None = None) -> Found:
+        """A set on the path that suits it, from the zero and the constant speed that leave least."""
+        begin = start or placed(search.problem, fit, self.recordings)
+        return self.settled(*self._with(begin.recordings, search.problem.scale.model(fit)))
 
 
 def _error(found: Found) -> float:
