@@ -10,7 +10,7 @@ from tests.oracle.rig import SINGLES, STRANGERS_SEEN, STRANGERS_UNSEEN, RigCase
 from tests.oracle.rig_cases import PAIRS
 
 #: First seed of the study; all lower ones were looked at while the search was written, or after an earlier run of it.
-FROM = 5000
+FROM = 6000
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ def spiked(q):
 
 
 @pytest.mark.parametrize("spoil", [homed, wrapped, spiked])
-@pytest.mark.parametrize("what", [(), ("coulomb_friction",)])
+@pytest.mark.parametrize("what", [("coulomb_friction",)])
 def test_a_jump_hides_nothing_and_adds_nothing(spoil, what):
     """ "Nothing is missing, 80 %" was said of a log with friction and one homing."""
     (log,) = make([RigCase(what=what, seed=4400, sensing="enc40k")])

@@ -28,18 +28,17 @@ def given(case, samples=0):
     return prepare(Log(late, log.sample_time, "log.csv"), observer), model, observer
 
 
-@pytest.mark.parametrize("sensing", ["speed40k", "enc4096"])
 @pytest.mark.parametrize("late_ms", [5, 20])
-def test_a_u_that_is_later_than_its_motion_is_no_missing_effect(sensing, late_ms):
+def test_a_u_that_is_later_than_its_motion_is_no_missing_effect(late_ms):
     """A line at 0.99 stood in for it once."""
-    recording, model, observer = given(RigCase(what=(), seed=4300, sensing=sensing), DELAY_MS + late_ms)
+    recording, model, observer = given(RigCase(what=(), seed=4300, sensing="speed40k"), DELAY_MS + late_ms)
     found = diagnose([recording], model, observer)
     assert found.verdict == "unknown"
     (said,) = [w for w in found.warnings if "later than the motion" in w]
     assert float(re.search(r"by about ([0-9.]+) ms", said)[1]) == pytest.approx(late_ms, rel=0.1)
 
 
-@pytest.mark.parametrize("what", [(), ("coulomb_friction",), ("flexible_coupling",), ("actuator_lag",)])
+@pytest.mark.parametrize("what", [(), ("coulomb_friction",), ("flexible_coupling",)])
 def test_a_u_without_any_delay_is_not_late(what):
     """A load that is missing makes the motor early; what was found beside it explains that."""
     recording, model, observer = given(RigCase(what=what, seed=4301, sensing="speed40k"), DELAY_MS)
@@ -77,10 +76,9 @@ def test_spikes_of_u_that_did_not_act_are_no_saturation(spoil, seed, sensing):
     assert any("the median of u over" in w for w in found.warnings)
 
 
-@pytest.mark.parametrize("sensing", ["speed40k", "speedloud"])
-@pytest.mark.parametrize("what", ["saturation", "dead_zone", "actuator_lag"])
-def test_a_true_effect_on_the_command_is_not_taken_for_spikes(what, sensing):
-    recording, model, observer = given(RigCase(what=(what,), seed=4400, sensing=sensing))
+@pytest.mark.parametrize("what", ["saturation", "dead_zone"])
+def test_a_true_effect_on_the_command_is_not_taken_for_spikes(what):
+    recording, model, observer = given(RigCase(what=(what,), seed=4400, sensing="speedloud"))
     found = diagnose([recording], model, observer)
     assert found.verdict == what
     assert found.blocked == ""
@@ -94,7 +92,7 @@ def test_a_sensor_that_does_not_tell_the_direction_makes_no_verdict_sure():
     assert any("direction of the motion" in w and "finer encoder" in w for w in found.warnings)
 
 
-@pytest.mark.parametrize("sensing", ["speed40k", "enc4096", "enc8192jitter500", "udhat"])
+@pytest.mark.parametrize("sensing", ["speed40k", "enc8192jitter500"])
 def test_usual_sensors_tell_the_direction(sensing):
     recording, model, _ = given(RigCase(what=("coulomb_friction",), seed=4302, sensing=sensing))
     search, whole = searched([recording], model, Settings(), ())

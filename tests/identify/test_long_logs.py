@@ -110,7 +110,7 @@ def test_forces_tell_where_a_reconstructed_motion_was(what, seed):
     assert off(search.problem.recordings[0].pieces[0]) < 0.6 * off(recording.pieces[0])
 
 
-@pytest.mark.parametrize(("what", "seed"), [("cubic_stiffness", 4000), ("stiffness", 4001), ("cubic_stiffness", 4001)])
+@pytest.mark.parametrize(("what", "seed"), [("cubic_stiffness", 4000), ("stiffness", 4001)])
 def test_a_spring_whose_zero_nobody_logged_is_one_spring(what, seed):
     """The position is integrated twice from an unknown start: where the spring is at rest, its force tells."""
     (log,) = make([RigCase(what=(what,), seed=seed, sensing="udhat")])
@@ -131,7 +131,7 @@ def test_a_logged_motion_does_not_drift():
     assert all(a is b for a, b in zip(same.pieces, recording.pieces, strict=True))
 
 
-@pytest.mark.parametrize(("hidden", "seed"), [((), 11), ((), 67), (("constant_load",), 15)])
+@pytest.mark.parametrize(("hidden", "seed"), [((), 11), (("constant_load",), 15)])
 def test_a_speed_that_is_off_by_a_constant_is_no_constant_load_of_viscous_friction(hidden, seed):
     """d_hat tells accelerations: beside viscous friction a constant speed and a constant force are one and the same."""
     (log,) = machines.run([Job("singles", hidden, seed, sensing="d_hat").case()])

@@ -19,8 +19,12 @@ from dsd_cli.signals.log import with_channels
 
 #: Samples over which the median of u is taken: single wrong ones, and runs of ten that a slower logger holds.
 _MEDIANS = (3, 21)
+#: Share of the squares that a u which is not late may leave: a missing force leans like lag, but leaves more.
+_EXPLAINED = 0.25
 #: What they take off u, rms, as a share of it: less is no spike.
 _SPIKY = 0.05
+#: And their largest, in units of that: noise has 5, and a u that switches has 2; its edges are no spikes.
+_CREST = 8.0
 
 
 @dataclass(frozen=True)
@@ -109,7 +113,7 @@ def _idle(search: Search, whole: Fit, settings: Settings) -> Idle | None:
 
 
 def _despiked(recording: Recording, samples: int) -> Recording:
-    """With the median of u over so many samples in its place; the same one where that changes next to nothing."""
+    """With the median of u over so many samples in its place; the same one where that takes no spikes off."""
     from scipy.ndimage import median_filter
 
     smooth = [median_filter(p["u"], samples, mode="nearest") for p in recording.pieces]
@@ -117,21 +121,21 @@ def _despiked(recording: Recording, samples: int) -> Recording:
         np.concatenate(x)
         for x in zip(*((p["u"], p["u"] - m) for p, m in zip(recording.pieces, smooth, strict=True)), strict=True)
     )
-    if float(np.std(off)) < _SPIKY * float(np.std(u)):
+    size = float(np.std(off))
+    if size < _SPIKY * float(np.std(u)) or float(np.max(np.abs(off))) < _CREST * size:
         return recording
     pieces = tuple(with_channels(p, u=m) for p, m in zip(recording.pieces, smooth, strict=True))
     return replace(recording, pieces=pieces)
 
 
 def _late(search: Search, fit: Fit) -> float:
-    """s by which u is late where the delay of a fit stands at 0 and less would explain more, by what is of use."""
-    if fit.tap > 0 or float(fit.total[SHARE]) > 0.0 or len(search.taps) < 2:
+    """s by which u is late where the delay of a fit stands at 0 and less would explain most of what is left."""
+    at_zero = fit.tap == 0 and float(fit.total[SHARE]) == 0.0 and len(search.taps) > 1
+    if not at_zero or search.problem.blocks.rows < POLICY.few_rows:
         return 0.0
     late, error, left, before = _freed(search, fit)
     certain = late > max(POLICY.value_deviations * error, search.equations.sample_time)
-    if not certain or left > (1.0 - POLICY.least_fall) ** 2 * before:
-        return 0.0
-    return max(late, _freed(search, search.solver.fit(search.problem.beside, 0))[0])
+    return late if certain and left < _EXPLAINED * before else 0.0
 
 
 def _freed(search: Search, fit: Fit) -> tuple[float, float, float, float]:
