@@ -78,8 +78,7 @@ def with_known(
 
 def _fixed(text: str) -> Told:
     at, form = Option(f"--fix {text}"), "NAME=VALUE, such as inertia=0.35, or NAME alone to hold what [model] has"
-    name, equals, value = (part.strip() for part in text.partition("="))
-    _check_name(name, at, form)
+    name, equals, value = _parts(text, at, form)
     found = _number(value, at, form) if equals else True
     read_fixed(found, at, name)
     return Told(at, "fix", name, found)
@@ -87,8 +86,7 @@ def _fixed(text: str) -> Told:
 
 def _bounds(text: str) -> Told:
     at, form = Option(f"--bounds {text}"), "NAME=LOW:HIGH, such as viscous_friction.coefficient=0:5"
-    name, _, value = (part.strip() for part in text.partition("="))
-    _check_name(name, at, form)
+    name, _, value = _parts(text, at, form)
     ends = value.split(":")
     if len(ends) != 2 or not value.strip(": "):
         raise UsageError(at.file, f"write {form}")
@@ -101,8 +99,7 @@ def _bounds(text: str) -> Told:
 
 def _prior(text: str) -> Told:
     at, form = Option(f"--prior {text}"), "NAME=VALUE+-SPREAD, such as inertia=0.35+-0.02"
-    name, _, value = (part.strip() for part in text.partition("="))
-    _check_name(name, at, form)
+    name, _, value = _parts(text, at, form)
     found = PRIOR.fullmatch(value)
     if not found:
         raise UsageError(at.file, f"write {form}")
@@ -117,11 +114,13 @@ def _prior(text: str) -> Told:
 _READ = {"fix": _fixed, "bounds": _bounds, "prior": _prior}
 
 
-def _check_name(name: str, at: Option, form: str) -> None:
-    """Raises UsageError : no name, or that of no value."""
+def _parts(text: str, at: Option, form: str) -> tuple[str, str, str]:
+    """(name, "=" or "", what stands behind it). Raises UsageError : no name, or that of no value."""
+    name, equals, value = (part.strip() for part in text.partition("="))
     if not name:
         raise UsageError(at.file.rstrip(), f"write {form}")
     read_fixed(True, at, name)
+    return name, equals, value
 
 
 def _number(text: str, at: Option, form: str, infinite: float = math.nan) -> float:

@@ -51,7 +51,7 @@ class Fit:
     widths : coefficients of each effect (an effect on the command has none).
     grams : inner products of drive and columns.
     variance : of a row, against which spreads of priors were weighed; 0: they were not.
-    whole : whether the delay is held at whole steps.
+    whole_steps : whether the delay is held at whole steps.
     """
 
     terms: Terms
@@ -65,7 +65,7 @@ class Fit:
     widths: tuple[int, ...]
     grams: Grams
     variance: float = 0.0
-    whole: bool = False
+    whole_steps: bool = False
 
     @property
     def loss(self) -> float:
@@ -119,11 +119,11 @@ class Solver:
         _, weights = _solved(gram[None], 1, _forward_signs(design), rules)
         return self._size(weights[0], gram) + self.pull(terms)
 
-    def fit(self, terms: Terms, tap: int, whole: bool = False) -> Fit:
-        """Cross-validated, at one whole-step delay and, unless `whole`, a share of a further step."""
+    def fit(self, terms: Terms, tap: int, whole_steps: bool = False) -> Fit:
+        """Cross-validated, at one whole-step delay and, unless `whole_steps`, a share of a further step."""
         design = self.bank.design(terms, tap)
         found = grams(design.rows, self.blocks)
-        rules, forwards = self.reductions(terms, tap, design, found.total, (SHARE,) if whole else ())
+        rules, forwards = self.reductions(terms, tap, design, found.total, (SHARE,) if whole_steps else ())
         stack = np.concatenate([found.total[None], found.fitted])
         rows = np.array([len(design.rows[0]), *self.blocks.fitted_rows])
         events = [i + 1 for i in _events(terms, design.widths)]
@@ -149,7 +149,7 @@ class Solver:
             design.widths,
             found,
             0.0 if rules is None else rules.variance,
-            whole,
+            whole_steps,
         )
 
     def taps(self, most: int) -> range:

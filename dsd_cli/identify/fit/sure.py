@@ -82,7 +82,7 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
         bank = Bank(replace(equations, trust=trust), plain, solver.bank.variance * size / len(trust))
         nats = min(quiet, solver.variance)
         trusting = Solver(bank, solver.blocks, solver.inertia, solver.known, nats)
-        fit, trusting = _exact(trusting.fit(fit.terms, fit.tap, fit.whole), trusting)
+        fit, trusting = _exact(trusting.fit(fit.terms, fit.tap, fit.whole_steps), trusting)
         bank = trusting.bank
     return Weighed(trusting, fit, _residual(fit, bank), size)
 
@@ -101,7 +101,7 @@ def _exact(fit: Fit, solver: Solver) -> tuple[Fit, Solver]:
     The share beyond the whole steps stays clear of 0 and of where it ends: there it would hold the other values.
     """
     bank = solver.bank
-    for _ in range(0 if fit.whole else _DELAYS):
+    for _ in range(0 if fit.whole_steps else _DELAYS):
         delay = fit.tap + float(fit.total[SHARE])
         tap = max(math.floor(delay - _CLEAR), 0)
         tap = tap if tap in solver.taps(tap) else fit.tap

@@ -103,7 +103,7 @@ def searched_as_is(
     worst = _less_explained(judge, judged, parts)
     if worst is None:
         return judge, judged
-    search, whole = _found_from(whole, with_part(parts, recordings, *worst), model, settings, holdout, report)
+    search, whole = _found(with_part(parts, recordings, *worst), model, settings, holdout, report, begun=whole)
     return on_all(search, recordings, holdout, whole)
 
 
@@ -113,28 +113,15 @@ def _found(
     settings: Settings,
     holdout: Sequence[Recording],
     report: Report,
+    begun: Fit | None = None,
 ) -> tuple[Search, Fit]:
+    """(search with the noise measured beside the set, that set); `begun` : one that was found in fewer parts."""
     search = Search(pose(parts, model, settings, holdout))
-    report("sets of effects", 0.2)
-    whole = search.run(search.refit, lambda share: report("sets of effects", 0.2 + 0.3 * share))
-    return _settled(search, whole, report)
-
-
-def _found_from(
-    whole: Fit,
-    parts: Sequence[Recording],
-    model: PlantModel,
-    settings: Settings,
-    holdout: Sequence[Recording],
-    report: Report,
-) -> tuple[Search, Fit]:
-    """`_found` in more of the recordings, from the set that was found in less of them."""
-    search = Search(pose(parts, model, settings, holdout))
-    return _settled(search, search.fit(whole.terms, whole.tap), report)
-
-
-def _settled(search: Search, whole: Fit, report: Report) -> tuple[Search, Fit]:
-    """The search and the set that nothing betters, with the noise measured beside that set."""
+    if begun is None:
+        report("sets of effects", 0.2)
+        whole = search.run(search.refit, lambda share: report("sets of effects", 0.2 + 0.3 * share))
+    else:
+        whole = search.fit(begun.terms, begun.tap)
     search = Search(search.problem.measured_again(whole))
     report("sets of effects, the noise measured anew", 0.5)
     return search, search.run(search.settled(search.fit(whole.terms, whole.tap)))

@@ -124,7 +124,7 @@ class Search:
             fit = self.solver.fit(terms, tap)
             share = float(fit.total[SHARE])
             if share > MOST_SHARE and fit.forward[1 + SHARE] == 0.0 and least < most:
-                return self.solver.fit(terms, tap, whole=True)
+                return self.solver.fit(terms, tap, whole_steps=True)
             step = math.floor(share) if share > 1.0 else -1 if share == 0.0 else 0
             following = min(max(tap + step, least), most)
             if step == 0 or following in tried or len(tried) > MOST_WALKED:
