@@ -76,13 +76,14 @@ def load_recording(
 
 
 def _wrong(loaded: LoadedLog, config: Config) -> list[str]:
-    """What must be said before anything that this log answers: a wrong sign or unit, with the key that mends it."""
+    """What must be said before anything that this log answers, with the key that mends it: a wrong sign or unit, a late u."""
     from dsd_cli.cli.plan import observer_settings
     from dsd_cli.identify.checks import check_log, gravest
 
-    factors = config.signals.factors()
-    found = gravest(check_log(loaded.log, None, observer_settings(config), loaded.restarts, factors=factors))
-    return [] if found is None else [f"{found.what}: {found.remedy} (dsd check says more)"]
+    here = {"factors": config.signals.factors(), "u_shift": config.signals.u_shift}
+    checked = check_log(loaded.log, None, observer_settings(config), loaded.restarts, **here)
+    found = [gravest(checked)] if checked.errors else [one for one in checked.findings if one.late]
+    return [f"{one.what.rstrip('?')}: {one.remedy} (dsd check says more)" for one in found if one is not None]
 
 
 def believed_model(config: Config) -> PlantModel:

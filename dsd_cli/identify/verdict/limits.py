@@ -72,8 +72,8 @@ class Limits:
             )
         elif self.late:
             found.append(
-                f"{self.blocked} (dsd check measures it): another clock, or a filtered u? Shift the column of u by that"
-                " and ask again"
+                f"{self.blocked} (dsd check measures it): another clock, or a filtered u? Take that off"
+                " signals.u_shift and ask again"
             )
         if self.told < POLICY.least_told_direction:
             found.append(
