@@ -76,14 +76,15 @@ def load_recording(
 
 
 def _wrong(loaded: LoadedLog, config: Config) -> list[str]:
-    """What must be said before anything that this log answers, with the key that mends it: a wrong sign or unit, a late u."""
+    """What must be said before anything that this log answers, with the key that mends it: sign, unit, a late u."""
     from dsd_cli.cli.plan import observer_settings
-    from dsd_cli.identify.checks import check_log, gravest
+    from dsd_cli.identify.checks import check_log
 
-    here = {"factors": config.signals.factors(), "u_shift": config.signals.u_shift}
-    checked = check_log(loaded.log, None, observer_settings(config), loaded.restarts, **here)
-    found = [gravest(checked)] if checked.errors else [one for one in checked.findings if one.late]
-    return [f"{one.what.rstrip('?')}: {one.remedy} (dsd check says more)" for one in found if one is not None]
+    factors, u_shift = config.signals.factors(), config.signals.u_shift
+    observer = observer_settings(config)
+    checked = check_log(loaded.log, None, observer, loaded.restarts, factors=factors, u_shift=u_shift)
+    found = checked.errors[:1] or [one for one in checked.findings if one.late]
+    return [f"{one.what.rstrip('?')}: {one.remedy} (dsd check says more)" for one in found]
 
 
 def believed_model(config: Config) -> PlantModel:

@@ -57,9 +57,7 @@ def by_hand(t, u, seconds, hold):
                 continue
             n, here = before[-1], samples[before[-1]]
             follows = n + 1 < len(samples) and t[samples[n + 1]] - t[here] <= HOLE * min(steps)
-            if hold == "held" and (follows or when - t[here] < min(steps)):
-                out[k] = u[here]
-            elif hold == "sampled" and when == t[here]:
+            if (hold == "held" and (follows or when - t[here] < min(steps))) or (hold == "sampled" and when == t[here]):
                 out[k] = u[here]
             elif hold == "sampled" and follows:
                 after = samples[n + 1]
