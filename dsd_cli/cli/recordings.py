@@ -78,13 +78,12 @@ def load_recording(
 def _wrong(loaded: LoadedLog, config: Config) -> list[str]:
     """What must be said before anything that this log answers, with the key that mends it: sign, unit, a late u."""
     from dsd_cli.cli.plan import observer_settings
-    from dsd_cli.identify.checks import check_log
+    from dsd_cli.identify.checks import check_log, to_mend_first
 
     factors, u_shift = config.signals.factors(), config.signals.u_shift
     observer = observer_settings(config)
     checked = check_log(loaded.log, None, observer, loaded.restarts, factors=factors, u_shift=u_shift)
-    found = checked.errors[:1] or [one for one in checked.findings if one.late]
-    return [f"{one.what.rstrip('?')}: {one.remedy} (dsd check says more)" for one in found]
+    return [f"{one.what.rstrip('?')}: {one.remedy} (dsd check says more)" for one in to_mend_first(checked)]
 
 
 def believed_model(config: Config) -> PlantModel:

@@ -1,7 +1,7 @@
 """Can this log answer? Signs, scales, clock, excitation, sensor, and what of a model it identifies.
 
 result = check_log(log, model, observer)
-finding = gravest(result)      # what must be said before anything else, or None
+findings = to_mend_first(result)      # what must be said before anything else
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ __all__ = [
     "Parameter",
     "Severity",
     "check_log",
-    "gravest",
+    "to_mend_first",
 ]
 
 _ORDER = {"error": 0, "warning": 1, "note": 2}
@@ -129,6 +129,6 @@ def _hold(view: View) -> list[Finding]:
     return check_hold(view.stretches, view.band, delay_of(fit, view), view.log.u_hold)
 
 
-def gravest(result: CheckResult) -> Finding | None:
-    """The finding that must be said before anything that this log answers: the surest error; None without one."""
-    return next(iter(result.errors), None)
+def to_mend_first(result: CheckResult) -> tuple[Finding, ...]:
+    """What must be said before anything that this log answers: the surest error, without one a u that is late."""
+    return result.errors[:1] or tuple(one for one in result.findings if one.late)
