@@ -17,8 +17,10 @@ from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.detect.transition import Transition
 from dsd_cli.errors import DataError, TooShort, UsageError
 from dsd_cli.files.config import Config, Detector, Observer, Signals, States, Stay
+from dsd_cli.files.scaled import scaled
 from dsd_cli.files.shifted import Shift, shifted
 from dsd_cli.files.table_source import TableSource
+from dsd_cli.files.unwrapped import unwrapped
 from dsd_cli.files.windowed import Window, windowed
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.cleaning import MEASURED
@@ -81,10 +83,11 @@ def window(signals: Signals) -> Window:
     return Window(signals.start, signals.end)
 
 
-def part_read(table: TableSource, signals: Signals) -> TableSource:
-    """The rows of a table that are read, u in its time."""
-    clock = (TIME_SCALE[signals.time_unit], signals.sample_time)
-    return windowed(shifted(table, Shift(signals.u_shift, signals.u_hold), *clock), window(signals), *clock)
+def as_read(table: TableSource, signals: Signals) -> TableSource:
+    """The rows of a table that are read, u in its time, a position that goes on where it wraps, with all factors in."""
+    clock, factors = (TIME_SCALE[signals.time_unit], signals.sample_time), signals.factors()
+    part = windowed(shifted(table, Shift(signals.u_shift, signals.u_hold), *clock), window(signals), *clock)
+    return scaled(unwrapped(part, factors.get("position", 1.0)), factors)
 
 
 @contextmanager

@@ -15,6 +15,7 @@ from dsd_cli.files.shifted import Shift, shifted
 from dsd_cli.files.table_source import TableSource
 from dsd_cli.files.tables_in import dropped_with_unreadable, open_table
 from dsd_cli.files.tables_out import open_writer
+from dsd_cli.files.unwrapped import unwrapped
 from dsd_cli.files.watched import Watch, watched
 from dsd_cli.files.windowed import Window, windowed
 from dsd_cli.signals.cleaning import Cleaner, Piece
@@ -54,6 +55,7 @@ def load_log(
     factors: Mapping[str, float] | None = None,
     u_hold: Hold = "held",
     u_shift: float = 0.0,
+    unwrap: bool = False,
     limits: Limits | None = None,
     window: Window | None = None,
     most_rows: int | None = None,
@@ -67,7 +69,7 @@ def load_log(
     optional : canonical names whose columns may be missing.
     time_scale : s per unit of the time column.
     factors : channel -> what its column is multiplied by.
-    u_hold : how u lives between the samples. u_shift : s, see `shifted`.
+    u_hold : how u lives between the samples. u_shift : s, see `shifted`. unwrap : see `unwrapped`.
     limits : rows with values beyond them, with the factors in, are dropped.
     window : the rows that are read; None is all.
     most_rows : about so many rows are enough.
@@ -82,6 +84,8 @@ def load_log(
     table = watched(open_table(path, signals, optional, u_hold=u_hold), watch)
     table = shifted(table, Shift(u_shift, u_hold), time_scale, sample_time)
     table = windowed(table, window or Window(), time_scale, sample_time)
+    if unwrap:
+        table = unwrapped(table, (factors or {}).get("position", 1.0))
     table = scaled(table, factors or {})
     cleaner = Cleaner(sample_time, time_scale, limits=limits)
     channels, restarts = _joined(_cleaned(table, cleaner, most_rows))

@@ -76,8 +76,11 @@ def against_told(found: Diagnosis, search: Search, whole: Fit) -> Diagnosis:
     """An effect that stands beside a held or bounded value that the log contradicts may stand in for it: not sure.
 
     Whether it does contradict it is asked beside the whole set that was found: what one effect leaves another takes.
+    What is unknown beside such a value may be that value.
     """
     hard = [w for w in found.warnings if isinstance(w, Contradiction) and w.hard]
+    if found.verdict == UNKNOWN and hard and not found.blocked:
+        return replace(found, probability=min(found.probability, POLICY.surest_against_told))
     if found.verdict in (NONE, UNKNOWN):
         return found
     beside = contradictions(search, whole, search.problem.values(whole).estimates)
