@@ -46,8 +46,8 @@ class Limits:
             found.append(f"{self.blocked}: {self.idle.why}. {self.idle.question}")
         elif self.time.late:
             found.append(
-                f"{self.blocked} (dsd check measures it): another clock, or a filtered u? Shift the column of u by that"
-                " and ask again"
+                f"{self.blocked} (dsd check measures it): another clock, or a filtered u? Take that off"
+                " signals.u_shift and ask again"
             )
         elif self.time.smoothed:
             found.append(_said_of_filter(self.time))
