@@ -18,6 +18,8 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 
+#: Shortest filter that is said, samples: a clock that was made even smooths u by one.
+_SHORTEST = 2.0
 #: Longest filter that is looked for, s.
 _LONGEST = 0.05
 #: Share of the squares that a u which is not late may leave: a missing force leans like lag, but leaves more.
@@ -61,7 +63,11 @@ def command_time(search: Search, whole: Fit) -> CommandTime:
         at_zero = whole.tap == 0 and float(whole.total[SHARE]) == 0.0
         return CommandTime(late=freed.lead if at_zero and freed.left < _EXPLAINED * before else 0.0)
     gain = (before - freed.left) / search.noise.nats
-    if gain < POLICY.response_nats or freed.left > (1.0 - POLICY.near_fall) ** 2 * before:
+    if (
+        freed.lead < _SHORTEST * search.equations.sample_time
+        or gain < POLICY.response_nats
+        or freed.left > (1.0 - POLICY.near_fall) ** 2 * before
+    ):
         return CommandTime()
     terms, needless = whole.terms, []
     for term in reversed(added):

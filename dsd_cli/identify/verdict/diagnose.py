@@ -19,6 +19,7 @@ from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beside_stops, beyond_of, pushed, said_of_stops
 from dsd_cli.identify.verdict.contradictions import against_told, contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
+from dsd_cli.identify.verdict.imitation import without_imitations
 from dsd_cli.identify.verdict.limits import Limits, limits_of
 from dsd_cli.identify.verdict.own_values import Own, own_values
 from dsd_cli.identify.verdict.shown import Shown, note_on, with_response
@@ -66,6 +67,8 @@ def diagnose(
         beyond = beyond_of(search, whole)
     if shown.seen is None and event_effect(search) is not None:
         whole, beyond = pushed(search, whole, beyond)
+    if shown.seen is None:
+        whole, beyond = without_imitations(search, whole, beyond)
     report("how sure", 0.8)
     found = [t.id for t in search.added(whole.terms) if shown.seen is None]
     reconstructed = any("reconstructed" in r.provenance.get("velocity", "") for r in search.problem.recordings)
