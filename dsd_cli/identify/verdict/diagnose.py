@@ -235,7 +235,7 @@ class _Verdict:
 
     def _nearest(self) -> str:
         """The effect that would explain much of what is unknown, but is not confirmed block by block."""
-        if self.named != UNKNOWN or not self.options or self.limits.blocked:
+        if self.named != UNKNOWN or not self.options or self.limits.blocked or self.beyond.of_gain:
             return ""
         refit, best = self.search.refit, self.options[0]
         before, after = self.problem.errors.rmse(refit), self.problem.errors.rmse(best.fit)
