@@ -113,8 +113,8 @@ def test_a_velocity_that_is_another_signal_is_said():
 
 @pytest.mark.parametrize(("hz", "growth"), [(27.9, 0.36), (63.0, 0.0)])
 def test_an_axis_that_swings_at_one_frequency_has_the_sign_it_has(hz, growth):
-    """Half a period later both agree as well, with the other sign: an unstable loop was "velocity_scale = -1". Above the
-    band of the comparison nothing is left to be compared: "velocity is not the slope of position" was said."""
+    """Half a period later both agree as well, with the other sign: an unstable loop was "velocity_scale = -1". Beyond
+    the band of the comparison nothing is left to compare: "velocity is not the slope of position" was said."""
     t = 0.001 * np.arange(18_000)
     w, size = 2.0 * np.pi * hz, np.exp(growth * t)
     velocity = w * size * np.cos(w * t) + np.random.default_rng(1).normal(size=t.size)
