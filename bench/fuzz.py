@@ -3,7 +3,7 @@
 Every run is a forked copy of this process, which has the package imported already, with limits on memory and CPU, and
 is decided by its number alone: `--only N` repeats it. A finding is a traceback, "unexpected", a signal, an exit code
 that the contract does not have, a control character on a terminal, a file left behind, labels that are not finite
-where they may not be, or a run beyond its limits.
+where they may not be, a config that was written and cannot be read, or a run beyond its limits.
 """
 
 from __future__ import annotations
@@ -32,9 +32,13 @@ MEMORY, CPU, PATIENCE = 2 << 30, 20, 60
 WARM = (
     *("pyarrow.csv", "pyarrow.parquet", "pyarrow.compute", "rich.table", "rich.console", "scipy.signal", "scipy.stats"),
     *("dsd_cli.cli.main", "dsd_cli.cli.detect_job"),
-    *("dsd_cli.identify.compare.comparison", "dsd_cli.identify.compare.forward"),
+    *("dsd_cli.identify.compare.comparison", "dsd_cli.identify.compare.forward", "dsd_cli.identify.improve"),
+    *("dsd_cli.detect.tune.tuning", "dsd_cli.cli.init_log", "dsd_cli.cli.report_story", "dsd_cli.report.page.page"),
+    *("dsd_cli.report.figure", "matplotlib.figure", "matplotlib.backends.backend_agg"),
     *("dsd_cli.report.comparison_table", "dsd_cli.files.logs", "dsd_cli.effects", "dsd_cli.plant.simulation"),
 )
+#: What a run may leave.
+OUTPUTS = ("out.csv", "out.csv.meta.json", "out.parquet", "out.toml", "out.png", "out.html")
 RAW = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]|\xc2[\x80-\x9f]")
 
 
@@ -152,10 +156,34 @@ def _finding(code: int, said: bytes, folder: Path, before: set[str], arguments: 
         return f"no message with exit code {code}: {arguments}: {last}"
     if RAW.search(said) or RAW.search((folder / ".stdout").read_bytes()):
         return f"a control character: {arguments}: {last!r}"
-    left = {path.name for path in folder.iterdir()} - before - {".stdout", ".stderr", "out.csv", "out.csv.meta.json"}
-    left -= {"out.parquet", "out.toml", "out.png"}
+    left = {path.name for path in folder.iterdir()} - before - {".stdout", ".stderr", *OUTPUTS}
+    if b"goes on from there" in said:
+        left -= {"out.csv.part", "out.parquet.part"}
     if left:
         return f"left behind {sorted(left)}: {arguments}"
-    if code in (1, 2) and (folder / "out.csv").exists():
-        return f"an output in spite of exit code {code}: {arguments}: {last}"
+    if wrong := _wrong_output(code, folder, arguments):
+        return f"{wrong}: {arguments}: {last}"
+    return ""
+
+
+def _wrong_output(code: int, folder: Path, arguments: list[str]) -> str:
+    """What is wrong with the files that a run has written."""
+    from dsd_cli.errors import DsdError
+    from dsd_cli.files.config import load_config
+
+    written = {name: (folder / name).read_bytes() for name in OUTPUTS if (folder / name).exists()}
+    fleet = arguments[0] == "fleet"  # whose table says why there is no result
+    if code in (1, 2) and any(name.startswith("out.") for name in written) and not fleet:
+        return f"an output in spite of exit code {code}"
+    if fleet and any(b"unexpected" in content for content in written.values()):
+        return "an unexpected reason"
+    page = written.get("out.html", b"")
+    if RAW.search(page) or fuzz_cases.MARKUP.encode() in page:
+        return "markup of the log on the page"
+    to = arguments[arguments.index("-o") + 1] if "-o" in arguments else ""
+    if code == 0 and to.endswith(".toml") and arguments[0] != "detect":
+        try:
+            load_config(folder / to)
+        except DsdError as error:
+            return f"a config that cannot be read ({error})"
     return ""
