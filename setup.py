@@ -1,4 +1,4 @@
-"""Only the compiled detection kernels, recursions of effects and the text of CSV live here; the rest is in pyproject.toml.
+"""Only the compiled detection kernels, recursions of effects and text of CSV live here; the rest is in pyproject.toml.
 
 All are optional: without a compiler `dsd` runs on their Python twins, and `dsd --version` says so.
 """

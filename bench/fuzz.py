@@ -47,6 +47,7 @@ class Outcome(NamedTuple):
 
     code: int
     finding: str
+    command: str
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -71,14 +72,18 @@ def fuzz(folder: Path, seed: int, seconds: float) -> int:
     """The number of findings."""
     warm_up()
     begin, number, codes, findings = time.monotonic(), seed, Counter[int](), 0
+    commands, done = Counter[str](), Counter[str]()
     while time.monotonic() - begin < seconds:
         outcome = _run(number, folder)
         codes[outcome.code] += 1
+        commands[outcome.command] += 1
+        done[outcome.command] += outcome.code == 0
         if outcome.finding:
             findings += 1
             print(f"{outcome.finding}\n  repeat: python -m bench fuzz --only {number}", flush=True)
         number += 1
     listed = ", ".join(f"{count} x {code}" for code, count in sorted(codes.items()))
+    print("runs (with exit code 0): " + ", ".join(f"{c} {n} ({done[c]})" for c, n in commands.most_common()))
     print(f"{number - seed} runs, exit codes {listed}: {findings} finding(s)")
     return findings
 
@@ -108,12 +113,13 @@ def _run(number: int, parent: Path, show: bool = False) -> Outcome:
         if process.exitcode is None:
             process.kill()
             process.join()
-            return Outcome(-9, f"no end after {PATIENCE} s: {arguments}")
+            return Outcome(-9, f"no end after {PATIENCE} s: {arguments}", arguments[0])
         said = (folder / ".stderr").read_bytes()
         if show:
             sys.stdout.write((folder / ".stdout").read_bytes().decode(errors="backslashreplace"))
             sys.stdout.write(said.decode(errors="backslashreplace"))
-        return Outcome(process.exitcode, _finding(process.exitcode, said, folder, before, arguments))
+        finding = _finding(process.exitcode, said, folder, before, arguments)
+        return Outcome(process.exitcode, finding, arguments[0])
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 

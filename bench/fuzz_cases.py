@@ -54,6 +54,8 @@ controller = { kind = "pd", kp = 20.0, kd = 5.0 }
 """
 #: What a spoiled log goes through: every second one is labelled or compared.
 COMMANDS = (*["detect"] * 6, *["compare"] * 4, *["observe"] * 2, *fuzz_commands.COMMANDS)
+#: Rows of a log; those that look at it as a whole have something to say of longer ones only.
+LENGTHS, LONGER = (1, 2, 5, 17, 40, 120, 400), (5, 120, 400, 800)
 Change = Callable[[random.Random, list[str]], list[str]]
 
 
@@ -98,7 +100,7 @@ def case(number: int, folder: Path) -> list[str]:
     if command not in fuzz_commands.COMMANDS:
         _write_log(folder, rng, spoiled=True)
         return _command(rng, command)
-    _write_log(folder, rng, spoiled=rng.random() < 0.7)
+    _write_log(folder, rng, spoiled=rng.random() < 0.5, lengths=LONGER, changes=(1, 1, 2))
     arguments = fuzz_commands.arguments(rng, command, folder)
     key, value = rng.choice(pairs)
     odd = rng.random() < 0.2 and command != "init" and "summary" not in arguments
@@ -119,8 +121,14 @@ def _command(rng: random.Random, command: str) -> list[str]:
     return ["detect", log, *to, "--set", f"detector.method={method}"]
 
 
-def _write_log(folder: Path, rng: random.Random, spoiled: bool) -> None:
-    rows = rng.choice((1, 2, 5, 17, 40, 120, 400))
+def _write_log(
+    folder: Path,
+    rng: random.Random,
+    spoiled: bool,
+    lengths: tuple[int, ...] = LENGTHS,
+    changes: tuple[int, ...] = (1, 1, 2, 5, 50),
+) -> None:
+    rows = rng.choice(lengths)
     columns = fuzz_commands.moving_log(rng, 2 * rows) if rng.random() < 0.3 else _noise(rng, rows)
     for name in rng.sample(("d_hat", "velocity", "position"), rng.randrange(3)):
         del columns[name]
@@ -131,7 +139,7 @@ def _write_log(folder: Path, rng: random.Random, spoiled: bool) -> None:
     if not spoiled:
         (folder / "log.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
         return
-    for _ in range(rng.choice((1, 1, 2, 5, 50))):
+    for _ in range(rng.choice(changes)):
         lines = rng.choice(CHANGES)(rng, lines)
     content = rng.choice(("\n", "\n", "\n", "\r\n", "\r")).join(lines).encode("utf-8", "surrogateescape")
     content += rng.choice((b"\n", b"", b"\0"))

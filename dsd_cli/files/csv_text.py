@@ -40,9 +40,7 @@ class CsvText:
 
     def __init__(self, columns: Mapping[str, Kind], compiled: Any = COMPILED) -> None:
         self._columns, self._compiled = dict(columns), compiled
-        self._room = (
-            bytearray()
-        )  # the same for all rows: new memory is cleared first, which takes longer than to fill it
+        self._room = bytearray()  # the same for all rows: new memory is cleared first, which takes time
 
     def lines(self, arrays: Mapping[str, ArrayLike]) -> Iterator[bytes | memoryview]:
         """Some rows at a time, which the next ones overwrite; every array of shape (n,)."""

@@ -78,7 +78,8 @@ def test_four_decimals(compiled):
             assert cell == repr(value)
         elif abs(value) < 1e9:
             assert abs(Decimal(cell) - Decimal(value)) <= Decimal("0.0000500001")
-            assert cell == shortest(float(cell)) and cell != "-0"
+            assert cell == shortest(float(cell))
+            assert cell != "-0"
             assert len(cell.partition(".")[2]) <= 4
         else:
             assert float(cell) == pytest.approx(value, rel=1e-15)
