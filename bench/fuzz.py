@@ -16,6 +16,7 @@ import os
 import re
 import resource
 import shutil
+import signal
 import sys
 import tempfile
 import time
@@ -108,10 +109,11 @@ def _run(number: int, parent: Path, show: bool = False) -> Outcome:
         process = multiprocessing.get_context("fork").Process(target=_child, args=(arguments, folder))
         process.start()
         process.join(PATIENCE)
-        while process.exitcode is None and _would_run(process.pid):
+        leader = process.pid or 0
+        while process.exitcode is None and _would_run(leader):
             process.join(1.0)  # CPU ends what has no end
         if process.exitcode is None:
-            process.kill()
+            os.killpg(leader, signal.SIGKILL)
             process.join()
             return Outcome(-9, f"no end after {PATIENCE} s: {arguments}", arguments[0])
         said = (folder / ".stderr").read_bytes()
@@ -124,16 +126,18 @@ def _run(number: int, parent: Path, show: bool = False) -> Outcome:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _would_run(pid: int | None) -> bool:
-    """Whether a thread of the process waits for a processor or a disk: on a busy machine it only is not done yet."""
+def _would_run(leader: int) -> bool:
+    """Whether a thread of its session waits for a processor or a disk: on a busy machine it only is not done yet."""
     states = set()
-    for path in Path(f"/proc/{pid}/task").glob("*/stat"):
+    for path in Path("/proc").glob("[0-9]*/task/*/stat"):
         with contextlib.suppress(OSError):  # the thread has ended
-            states.add(path.read_text().rpartition(")")[2].split()[0])
+            state, _, _, session = path.read_text().rpartition(")")[2].split()[:4]
+            states |= {state} if int(session) == leader else set()
     return bool({"R", "D"} & states)
 
 
 def _child(arguments: list[str], folder: Path) -> None:
+    os.setsid()  # what it starts is known by the session
     resource.setrlimit(resource.RLIMIT_CPU, (CPU, CPU + 5))
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
