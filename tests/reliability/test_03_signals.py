@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from bench import fuzz_kills
-from tests.cli.rig import CONFIG, DSD, make_log, write
+from tests.cli.rig import CONFIG, DSD, interruptible, make_log, write
 
 
 @pytest.fixture(scope="module")
@@ -142,5 +142,6 @@ def work(arguments):
 main._invoke = work
 main.main()
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, preexec_fn=interruptible)
     assert (done.returncode, done.stdout, done.stderr) == (128 + number, "goes on\n", "")
