@@ -284,6 +284,7 @@ def ranges(equations: Equations) -> Ranges:
     speed = np.concatenate(speeds) if speeds else np.zeros(1)
     u = np.concatenate([log["u"] for log in logs])
     travel = max((float(np.ptp(log["position"])) for log in logs if "position" in log), default=0.0)
+    way = max((float(np.sum(np.abs(np.diff(log["position"])))) for log in logs if "position" in log), default=0.0)
     moving = speed[np.isfinite(speed)]
     return Ranges(
         speed=float(np.sqrt(np.mean(moving**2))) if moving.size else 0.0,
@@ -295,4 +296,5 @@ def ranges(equations: Equations) -> Ranges:
         duration=sum(len(log) for log in logs) * equations.sample_time,
         resolution=POLICY.resolved_deviations * max(r.position_noise for r in equations.recordings),
         band_hz=equations.band.hz,
+        passes=way / travel if travel > 0.0 else 0.0,
     )

@@ -11,6 +11,7 @@ from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.identify.fit.known import is_shape
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.identify.search.scan import Scan
+from dsd_cli.identify.search.several import apart
 
 #: Half width of the bracket (natural logarithm) by what is searched: lines of a spectrum are narrow.
 BRACKET = 0.6
@@ -46,6 +47,8 @@ def refined(search: Searched, terms: Terms, i: int, tap: int, rounds: int = ROUN
             found = _along(search, scan, found, name, _half_width(search, term, name) * (shrink**turn))
         if found[0] < (1.0 + ENOUGH) * before:
             break
+    if not apart(found[2], terms, search.ranges):  # it went where another of its kind is
+        return terms, tap
     return (*terms[:i], found[2], *terms[i + 1 :]), found[1]
 
 

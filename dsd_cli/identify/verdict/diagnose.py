@@ -21,6 +21,7 @@ from dsd_cli.identify.verdict.contradictions import against_told, contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
 from dsd_cli.identify.verdict.limits import Limits, limits_of
 from dsd_cli.identify.verdict.own_values import Own, own_values
+from dsd_cli.identify.verdict.several import strongest_first
 from dsd_cli.identify.verdict.shown import Shown, note_on, with_response
 from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -67,12 +68,13 @@ def diagnose(
     if shown.seen is None and event_effect(search) is not None:
         whole, beyond = pushed(search, whole, beyond)
     report("how sure", 0.8)
+    whole, first = strongest_first(search, whole)
     found = [t.id for t in search.added(whole.terms) if shown.seen is None]
     reconstructed = any("reconstructed" in r.provenance.get("velocity", "") for r in search.problem.recordings)
     misfit = beyond.unknown or reconstructed or search.noise.inflation > POLICY.most_inflation
     limits = limits_of(search, whole, shown.settings)
     members = {} if limits.blocked else {name: membership(search, whole, name, misfit) for name in found}
-    options, own = search.options(search.refit), own_values(search)
+    options, own = [*search.options(search.refit), *first], own_values(search)
     verdict = _Verdict(search, options, whole, members, own, beyond, shown, limits)
     diagnosis = against_told(verdict.diagnosis(), search, whole)
     if stability:
@@ -218,6 +220,7 @@ class _Verdict:
             model=known.model,
             refitted_model=refit.model,
             whole_model=problem.scale.model(self.whole) if self.members else None,
+            whole_values=problem.values(self.whole).estimates if len(self.members) > 1 else {},
             noise=self.beyond.noise,
             found=() if self.limits.blocked else tuple(t.id for t in self.search.added(self.whole.terms)),
             band_hz=self.search.equations.band.hz,
