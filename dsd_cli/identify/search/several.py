@@ -38,11 +38,14 @@ def all_apart(terms: Terms, ranges: Ranges) -> bool:
     return all(apart(a, (b,), ranges) for a, b in combinations(terms, 2))
 
 
-def renamed(terms: Terms, added: Terms) -> Terms:
-    """The same effects, those of a kind among `added` under the first names that are free, in the order of `added`."""
-    names = {t.id for t in terms} - {t.id for t in added}
-    found = {}
-    for term in added:
-        found[term] = Term(free_name(kind_of(term.id), names) or term.id, term.items)
-        names.add(found[term].id)
-    return tuple(found.get(t, t) for t in terms)
+def renamed(terms: Terms, alike: Terms) -> Terms:
+    """The same effects, those of one kind in the order of `alike` and under the first names that the others leave."""
+    names, left = {t.id for t in terms} - {t.id for t in alike}, iter(alike)
+    found = []
+    for term in terms:
+        if term in alike:
+            term = next(left)
+            term = Term(free_name(kind_of(term.id), names), term.items)
+            names.add(term.id)
+        found.append(term)
+    return tuple(found)
