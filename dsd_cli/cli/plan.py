@@ -17,6 +17,7 @@ from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.detect.transition import Transition
 from dsd_cli.errors import DataError, TooShort, UsageError
 from dsd_cli.files.config import Config, Detector, Observer, Signals, States, Stay
+from dsd_cli.files.shifted import Shift, shifted
 from dsd_cli.files.table_source import TableSource
 from dsd_cli.files.windowed import Window, windowed
 from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -69,6 +70,7 @@ def reading(signals: Signals) -> dict[str, Any]:
         "time_scale": TIME_SCALE[signals.time_unit],
         "factors": signals.factors(),
         "u_hold": signals.u_hold,
+        "u_shift": signals.u_shift,
         "limits": limits(signals),
         "window": window(signals),
     }
@@ -80,8 +82,9 @@ def window(signals: Signals) -> Window:
 
 
 def part_read(table: TableSource, signals: Signals) -> TableSource:
-    """The rows of a table that are read."""
-    return windowed(table, window(signals), TIME_SCALE[signals.time_unit], signals.sample_time)
+    """The rows of a table that are read, u in its time."""
+    clock = (TIME_SCALE[signals.time_unit], signals.sample_time)
+    return windowed(shifted(table, Shift(signals.u_shift, signals.u_hold), *clock), window(signals), *clock)
 
 
 @contextmanager

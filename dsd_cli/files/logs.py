@@ -11,6 +11,7 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.scaled import FACTORS, factors_text, scaled
+from dsd_cli.files.shifted import Shift, shifted
 from dsd_cli.files.table_source import TableSource
 from dsd_cli.files.tables_in import dropped_with_unreadable, open_table
 from dsd_cli.files.tables_out import open_writer
@@ -52,6 +53,7 @@ def load_log(
     time_scale: float = 1.0,
     factors: Mapping[str, float] | None = None,
     u_hold: Hold = "held",
+    u_shift: float = 0.0,
     limits: Limits | None = None,
     window: Window | None = None,
     most_rows: int | None = None,
@@ -65,7 +67,7 @@ def load_log(
     optional : canonical names whose columns may be missing.
     time_scale : s per unit of the time column.
     factors : channel -> what its column is multiplied by.
-    u_hold : how u lives between the samples.
+    u_hold : how u lives between the samples. u_shift : s, see `shifted`.
     limits : rows with values beyond them, with the factors in, are dropped.
     window : the rows that are read; None is all.
     most_rows : about so many rows are enough.
@@ -78,6 +80,7 @@ def load_log(
     if "t" not in signals and sample_time is None:
         raise DataError(f"{path}: no time column", "set signals.time, or signals.sample_time")
     table = watched(open_table(path, signals, optional, u_hold=u_hold), watch)
+    table = shifted(table, Shift(u_shift, u_hold), time_scale, sample_time)
     table = windowed(table, window or Window(), time_scale, sample_time)
     table = scaled(table, factors or {})
     cleaner = Cleaner(sample_time, time_scale, limits=limits)

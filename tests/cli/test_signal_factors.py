@@ -14,7 +14,7 @@ import pytest
 from dsd_cli.cli.plan import reading
 from dsd_cli.files.config import parse_config
 from dsd_cli.files.logs import load_log
-from tests.cli.rig import CONFIG, DSD, csv_text, done, dsd, make_log, read_labels, refused, same, write
+from tests.cli.rig import CONFIG, DSD, csv_text, done, dsd, interruptible, make_log, read_labels, refused, same, write
 
 FACTORS = "[signals]\nu_sign = -1\nu_scale = 0.25\nvelocity_scale = 2\nposition_scale = -0.5\n"
 #: What turns a channel into what the disguised file holds.
@@ -104,7 +104,7 @@ def test_detect_from_files_and_streams(rig, source):
 def test_detect_of_a_file_that_grows(rig):
     done("detect", "plain.csv", "-c", "plain.toml", "-o", "plain_labels.csv", cwd=rig)
     command = [*DSD, "detect", "log.csv", "--follow", "-q"]
-    process = subprocess.Popen(command, cwd=rig, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(command, cwd=rig, stdout=subprocess.PIPE, text=True, preexec_fn=interruptible)
     lines: list[str] = []
     reader = threading.Thread(target=lambda: lines.extend(process.stdout))
     reader.start()

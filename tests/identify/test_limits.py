@@ -96,7 +96,7 @@ def test_a_sensor_that_does_not_tell_the_direction_makes_no_verdict_sure():
 def test_usual_sensors_tell_the_direction(sensing):
     recording, model, _ = given(RigCase(what=("coulomb_friction",), seed=4302, sensing=sensing))
     search, whole = searched([recording], model, Settings(), ())
-    limits = limits_of(search, whole, Settings())
+    limits = limits_of(search, whole, Settings(), None)
     moving = [np.abs(s.sign[s.free > 0.0]) for s in search.equations.stretches]
     assert limits.told == pytest.approx(np.concatenate(moving).mean())
     assert limits.told > 0.98

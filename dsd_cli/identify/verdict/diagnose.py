@@ -72,7 +72,7 @@ def diagnose(
     found = [t.id for t in search.added(whole.terms) if shown.seen is None]
     reconstructed = any("reconstructed" in r.provenance.get("velocity", "") for r in search.problem.recordings)
     misfit = beyond.unknown or reconstructed or search.noise.inflation > POLICY.most_inflation
-    limits = limits_of(search, whole, shown.settings)
+    limits = limits_of(search, whole, shown.settings, shown.seen)
     members = {} if limits.blocked else {name: membership(search, whole, name, misfit) for name in found}
     options, own = [*search.options(search.refit), *first], own_values(search)
     verdict = _Verdict(search, options, whole, members, own, beyond, shown, limits)
