@@ -6,8 +6,8 @@ from dsd_cli.effects import Ranges
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.known import Known
 from dsd_cli.identify.fit.problem import Settings, pose
-from dsd_cli.identify.search.several import apart, names_to_try, renamed
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.several import apart, names_to_try, renamed
 from dsd_cli.identify.search.shapes import refined
 from dsd_cli.identify.search.told import told_only
 from dsd_cli.identify.verdict.several import strongest_first

@@ -35,7 +35,7 @@ def test_cogging_is_one_of_the_lines_over_the_position(periods):
 
 
 def test_no_line_is_shorter_than_what_the_position_tells():
-    """An encoder's counts are a ripple of as many periods per turn: three counts at least to a line (docs/policy.md)."""
+    """An encoder's counts are a ripple of as many periods per turn: a line has three counts at least."""
     found, _ = _lines({"cogging": {"amplitude": 0.05, "periods": 21.0, "phase": 0.5}}, reference=MOVES)
     count, limit = 2.0 * np.pi / 90.0, 90.0 / (10.0 / np.sqrt(12.0))
     assert max(found.over_position) > limit
