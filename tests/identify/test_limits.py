@@ -145,3 +145,15 @@ def test_hum_in_a_measured_u_is_no_load_that_swings_there(sensing):
     found = spoilt(RigCase(what=(), seed=7100, sensing=sensing), with_hum)
     assert found.verdict in ("none", "unknown")
     assert not any("coupling" in effect for effect in found.found)
+
+
+@pytest.mark.parametrize("sensing", ["speed40k", "enc4096"])
+def test_the_u_of_another_axis_is_said(sensing):
+    """A line that moves the axis, and a spring, were missing at 99 %."""
+    another, log = make([RigCase(what=(), seed=seed, sensing=sensing, duration=10.0) for seed in (7103, 7104)])
+    channels = {**log.channels, "u": another.channels["u"]}
+    model = PlantModel(log.believed["inertia"], log.believed["delay"], log.believed["effects"])
+    observer = ObserverSettings(log.observer["nominal_inertia"], log.observer["time_constant"])
+    found = diagnose([prepare(Log(channels, log.sample_time, "log.csv"), observer)], model, observer)
+    assert (found.verdict, found.found) == ("unknown", ())
+    assert any("another axis" in w for w in found.warnings)
