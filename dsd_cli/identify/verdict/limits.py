@@ -15,7 +15,7 @@ from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.command_time import CommandTime, command_time
 from dsd_cli.identify.verdict.idle import Idle, idle_part
 
-#: Correlation from which on u drives the axis. Logs with weak sensors have 0.97, a pendulum that is swung up by a u that
+#: Correlation from which on u drives the axis. Logs with weak sensors have 0.97, a pendulum swung up by a u that
 #: goes with friction 0.47, the u of another axis 0.2 at most.
 _LEAST_DRIVEN = 0.3
 
