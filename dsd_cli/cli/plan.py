@@ -16,8 +16,8 @@ from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.detect.transition import Transition
 from dsd_cli.errors import DataError, TooShort, UsageError
+from dsd_cli.files.command import Command, as_it_acted
 from dsd_cli.files.config import Config, Detector, Observer, Signals, States, Stay
-from dsd_cli.files.shifted import Shift, shifted
 from dsd_cli.files.table_source import TableSource
 from dsd_cli.files.windowed import Window, windowed
 from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -69,11 +69,15 @@ def reading(signals: Signals) -> dict[str, Any]:
         "sample_time": signals.sample_time,
         "time_scale": TIME_SCALE[signals.time_unit],
         "factors": signals.factors(),
-        "u_hold": signals.u_hold,
-        "u_shift": signals.u_shift,
+        "command": command(signals),
         "limits": limits(signals),
         "window": window(signals),
     }
+
+
+def command(signals: Signals) -> Command:
+    """How u was logged."""
+    return Command(signals.u_hold, signals.u_shift, signals.u_filter)
 
 
 def window(signals: Signals) -> Window:
@@ -82,9 +86,9 @@ def window(signals: Signals) -> Window:
 
 
 def part_read(table: TableSource, signals: Signals) -> TableSource:
-    """The rows of a table that are read, u in its time."""
+    """The rows of a table that are read, u as and when it acted."""
     clock = (TIME_SCALE[signals.time_unit], signals.sample_time)
-    return windowed(shifted(table, Shift(signals.u_shift, signals.u_hold), *clock), window(signals), *clock)
+    return windowed(as_it_acted(table, command(signals), *clock), window(signals), *clock)
 
 
 @contextmanager

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.cli.plan import reading
+from dsd_cli.files.command import Command
 from dsd_cli.files.config import parse_config
 from dsd_cli.files.logs import load_log
 from tests.cli.rig import CONFIG, DSD, csv_text, done, dsd, interruptible, make_log, read_labels, refused, same, write
@@ -57,7 +58,7 @@ def test_factors_are_those_that_are_not_one():
 def test_a_log_in_memory_has_them_once(rig, name):
     path = write(rig, name, disguised())
     signals = {channel: channel for channel in ("t", *DISGUISE)}
-    log = load_log(path, signals, factors=parse_config(FACTORS).signals.factors(), u_hold="sampled").log
+    log = load_log(path, signals, factors=parse_config(FACTORS).signals.factors(), command=Command("sampled")).log
     for channel, column in channels().items():
         np.testing.assert_array_equal(log[channel], column)
     assert log.u_hold == "sampled"

@@ -228,7 +228,7 @@ def not_negative(term: Term, columns: int) -> bool:
 def noisy_load(equations: Equations, t: Term) -> list[Array]:
     """Change of a load's column under a synthetic realisation of the sensor noise, by stretch."""
     both = [(s, replace(s, integrated=s.with_noise)) for s in equations.stretches]
-    return [np.nan_to_num(_columns(more, t, s.log["u"])[0] - _columns(s, t, s.log["u"])[0]) for s, more in both]
+    return [finite(_columns(more, t, s.log["u"])[0] - _columns(s, t, s.log["u"])[0]) for s, more in both]
 
 
 def drive(equations: Equations, inputs: Terms, delay: float) -> list[Array]:
@@ -255,8 +255,13 @@ def raw_columns(equations: Equations, term: Term, delay: float) -> list[list[Arr
     for s, u in zip(
         equations.stretches, drive(equations, (), delay) if "u" in term.effect.needs else unused, strict=True
     ):
-        by_stretch.append([np.nan_to_num(c) for c in _columns(s, term, u)])
+        by_stretch.append([finite(c) for c in _columns(s, term, u)])
     return [list(column) for column in zip(*by_stretch, strict=True)]
+
+
+def finite(x: Array) -> Array:
+    """0 for NaN; x itself where there is none, which is quicker to see than to mend."""
+    return x if bool(np.isfinite(x).all()) else np.nan_to_num(x)
 
 
 def _columns(stretch: Stretch, term: Term, u: Array) -> list[Array]:

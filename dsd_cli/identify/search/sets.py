@@ -16,8 +16,9 @@ import numpy as np
 
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import SHARE, Term, Terms
+from dsd_cli.identify.fit.delay import best_delay
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.fit.problem import Problem, best_delay
+from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import MOST_SHARE
 from dsd_cli.identify.policy import POLICY
@@ -101,7 +102,8 @@ class Search:
     @cached_property
     def refit(self) -> Fit:
         """The model's own effects with all values free."""
-        return self.converged(self.fit(self.base, best_delay(self.solver, self.problem.beside, self.most_tap)))
+        delay = best_delay(self.solver, self.problem.beside, self.most_tap, self.problem.tap)
+        return self.converged(self.fit(self.base, delay))
 
     def converged(self, fit: Fit) -> Fit:
         """With the shapes of all effects refined until that gains nothing any more."""

@@ -17,8 +17,9 @@ from dsd_cli.identify.fit.bank import SHARE, Terms
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.beyond import above_floor
 
+#: Shortest filter that is said, samples: a clock that was made even smooths u by one.
+_SHORTEST = 2.0
 #: Longest filter that is looked for, s.
 _LONGEST = 0.05
 #: Share of the squares that a u which is not late may leave: a missing force leans like lag, but leaves more.
@@ -40,18 +41,20 @@ class CommandTime:
 
     late : s by which it is later than the motion; 0 if it is not. smoothed : time constant of the filter that it has
     passed, s; 0 if there is none. imitated_by : effects of what was found that nobody needs once that is undone.
+    explained : of a filter, whether all that was found is needed beside it.
     """
 
     late: float = 0.0
     smoothed: float = 0.0
     imitated_by: tuple[str, ...] = ()
+    explained: bool = False
 
 
 def command_time(search: Search, whole: Fit) -> CommandTime:
     """Late where the delay stands at 0 and less would explain most of what is left; smoothed where a filter explains
     much of what all that was found leaves."""
-    few = len(search.taps) < 2 or search.problem.blocks.rows < POLICY.few_rows
-    if few or (not search.added(whole.terms) and not above_floor(search, whole)):
+    added = search.added(whole.terms)
+    if len(search.taps) < 2 or search.problem.blocks.rows < POLICY.few_rows:
         return CommandTime()
     freed, before = _best_freed(search, whole.terms, whole.tap), _left(search, whole)
     if not _certain(search, freed):
@@ -60,16 +63,20 @@ def command_time(search: Search, whole: Fit) -> CommandTime:
         at_zero = whole.tap == 0 and float(whole.total[SHARE]) == 0.0
         return CommandTime(late=freed.lead if at_zero and freed.left < _EXPLAINED * before else 0.0)
     gain = (before - freed.left) / search.noise.nats
-    if gain < POLICY.response_nats or freed.left > (1.0 - POLICY.near_fall) ** 2 * before:
+    if (
+        freed.lead < _SHORTEST * search.equations.sample_time
+        or gain < POLICY.response_nats
+        or freed.left > (1.0 - POLICY.near_fall) ** 2 * before
+    ):
         return CommandTime()
     terms, needless = whole.terms, []
-    for term in reversed(search.added(whole.terms)):
+    for term in reversed(added):
         rest = tuple(t for t in terms if t != term)
         without = _best_freed(search, rest, whole.tap)
         if (without.left - freed.left) / search.noise.nats < search.price((term,)) + POLICY.least_gain:
             terms, freed = rest, without
             needless.append(term.id)
-    return CommandTime(smoothed=freed.lead, imitated_by=tuple(needless))
+    return CommandTime(0.0, freed.lead, tuple(needless), bool(added) and not needless)
 
 
 def _certain(search: Search, freed: _Freed) -> bool:

@@ -36,7 +36,7 @@ class Limits:
             return f"{self.idle.what} did not act on the axis"
         if self.time.late:
             return f"u is later than the motion that it causes, by about {self.time.late * 1e3:.2g} ms"
-        return _smoothed(self.time) if self.time.imitated_by else ""
+        return _smoothed(self.time) if self.time.smoothed and not self.time.explained else ""
 
     @property
     def said(self) -> tuple[str, ...]:
