@@ -9,9 +9,9 @@ import numpy as np
 
 from dsd_cli.effects import catalogue, get_effect
 from dsd_cli.errors import DataError, TooShort, UsageError
-from dsd_cli.identify.fit.bank import ranges
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.known import Known
+from dsd_cli.identify.fit.ranges import ranges
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import PlantModel

@@ -18,7 +18,7 @@ from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beside_stops, beyond_of, pushed, said_of_stops
 from dsd_cli.identify.verdict.contradictions import against_told, contradictions
-from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
+from dsd_cli.identify.verdict.evidence import NOTHING, Membership, memberships, probabilities
 from dsd_cli.identify.verdict.imitation import without_imitations
 from dsd_cli.identify.verdict.limits import Limits, limits_of
 from dsd_cli.identify.verdict.own_values import Own, own_values
@@ -73,10 +73,8 @@ def diagnose(
     report("how sure", 0.8)
     whole, first = strongest_first(search, whole)
     found = [t.id for t in search.added(whole.terms) if shown.seen is None]
-    reconstructed = any("reconstructed" in r.provenance.get("velocity", "") for r in search.problem.recordings)
-    misfit = beyond.unknown or reconstructed or search.noise.inflation > POLICY.most_inflation
     limits = limits_of(search, whole, shown.settings, shown.seen)
-    members = {} if limits.blocked else {name: membership(search, whole, name, misfit) for name in found}
+    members = {} if limits.blocked else memberships(search, whole, found, beyond.unknown)
     options, own = [*search.options(search.refit), *first], own_values(search)
     verdict = _Verdict(search, options, whole, members, own, beyond, shown, limits)
     diagnosis = against_told(verdict.diagnosis(), search, whole)
@@ -248,10 +246,8 @@ class _Verdict:
     def _ranking(self, score: Score, refitted: Score) -> tuple[Candidate, ...]:
         found = [self._candidate(o, refitted) for o in self.alone.values()]
         found.sort(key=lambda c: (c.effect != self.named, c.heldout_rmse_after))
-        untestable = [
-            Candidate(name, math.nan, math.nan, math.nan, 0.0, {}, untestable=reason)
-            for name, reason in self.problem.untestable.items()
-        ]
+        why, nan = self.problem.untestable, math.nan
+        untestable = [Candidate(name, nan, nan, nan, 0.0, {}, untestable=why[name]) for name in why]
         own = [replace(c, heldout_rmse_before=score.heldout_rmse) for c in self.own.candidates]
         lead = own if self.own.wrong and not self.members else []
         return (*lead, *found, *(c for c in own if c not in lead), *untestable)
