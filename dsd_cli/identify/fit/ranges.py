@@ -1,8 +1,4 @@
-<<<<<<< HEAD
-"""What recordings exercise: speeds, travel, drive, for the starting shapes of effects."""
-=======
 """What recordings contain: speeds, travel, drive, noise."""
->>>>>>> main
 
 from __future__ import annotations
 
