@@ -1,17 +1,18 @@
 """A fleet takes nothing that is not its own: foreign files where its rows are kept, logs as output, full disks."""
 
+import json
 import os
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
 from dsd_cli.cli.fleet_logs import Entry, refuse_output_among
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.fleet_table import Journal
-from tests.cli.rig import CONFIG, DSD, dsd, make_log, write
+from tests.cli.rig import CONFIG, dsd, make_log, write
 
+VALUES = ["1.0"] * 9 + ["1e308"]
 ROW = b'{"log": "a.csv", "status": "done", "verdict": "none", "key": "k"}\n'
 FOREIGN = {
     "another tool's half download": b"PK\x03\x04 not yet whole",
@@ -82,16 +83,15 @@ def test_a_full_disk_is_said_of_the_file(tmp_path):
     assert DataError.__name__ in result.stderr.splitlines()[-1]
 
 
-def test_a_motion_that_would_drift_away_has_no_origin_to_find(tmp_path):
-    """u and d_hat alone, and nothing in them: the speed is rebuilt, its integral is not taken for a position."""
-    noise = np.random.default_rng(1).normal(size=(2, 120))
-    rows = [
-        f"{k * 1e-3!r},{u!r},{d!r}" for k, (u, d) in enumerate(zip(*(noise * [[1.0], [0.1]]).tolist(), strict=True))
-    ]
-    (tmp_path / "log.csv").write_text("\n".join(["t,u,d_hat", *rows]) + "\n")
-    (tmp_path / "dsd.toml").write_text(
-        CONFIG + "[model]\ninertia = 1.0\ndelay = 0.005\n[model.effects.viscous_friction]\ncoefficient = 0.1\n"
-    )
-    result = subprocess.run([*DSD, "diagnose", "log.csv"], cwd=tmp_path, capture_output=True, text=True, timeout=600)
-    assert result.returncode == 0, result.stderr
-    assert "would drift away" in result.stdout
+def test_absurd_values_have_a_summary(tmp_path):
+    """Ten machines alike, one with an inertia of 1e308: it stands out by a number, in JSON too."""
+    rows = [f"{i}.csv,m,2026-01-{i + 1:02d},dsd.toml,diagnose,done,,none,{v},1e308,k{i}" for i, v in enumerate(VALUES)]
+    head = "log,machine,date,config,command,status,reason,verdict,value.inertia,error.inertia,key"
+    (tmp_path / "results.csv").write_text("\n".join([head, *rows]) + "\n")
+    result = dsd("fleet", "summary", "results.csv", "--format", "json", cwd=tmp_path)
+    assert (result.returncode, result.stderr) == (0, "")
+    json.loads(result.stdout, parse_constant=pytest.fail)
+    (tmp_path / "results.csv").write_text("\n".join([head, *rows]).replace(",1e308,k", ",0.01,k") + "\n")
+    result = dsd("fleet", "summary", "results.csv", "--format", "json", cwd=tmp_path)
+    odd = json.loads(result.stdout, parse_constant=pytest.fail)["odd"]
+    assert [one["log"] for one in odd] == ["9.csv"]
