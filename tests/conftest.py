@@ -2,7 +2,14 @@
 
 `python -m bench random` does so for many seeds, and prints the one that repeats a failure. How fast the machine is, is
 no property of the code: no deadlines.
+
+Linear algebra has one thread, as `dsd` asks for: the tests of each core have a worker of their own, and threads beside
+them only wait for each other.
 """
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before anything loads NumPy
 
 from hypothesis import HealthCheck, settings
 

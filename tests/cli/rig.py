@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +16,9 @@ import pyarrow.parquet as pq
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import predict_d_hat
 from dsd_cli.signals.log import Log
+from tests import warm
+from tests.warm import DSD as DSD
 
-DSD = [sys.executable, "-m", "dsd_cli"]
 LABELS = ["t", "state", "delay", "inertia", "log_likelihood", "probability", "confident"]
 CONFIG = """
 [observer]
@@ -43,17 +43,8 @@ RIGHT = 4
 def dsd(*arguments: object, cwd: Path, **keywords: object) -> subprocess.CompletedProcess:
     """The command; text in and out unless the standard input is bytes."""
     stdin, timeout = keywords.pop("stdin", None), keywords.pop("timeout", 600)
-    return subprocess.run(
-        [*DSD, *map(str, arguments)],
-        input=stdin,
-        stdin=subprocess.DEVNULL if stdin is None else None,
-        capture_output=True,
-        text=not isinstance(stdin, bytes),
-        check=False,
-        cwd=cwd,
-        timeout=timeout,
-        env={**os.environ, "NO_COLOR": "1", "COLUMNS": "120", **keywords},
-    )
+    env = {**os.environ, "NO_COLOR": "1", "COLUMNS": "120", **keywords}
+    return warm.run(*arguments, cwd=cwd, env=env, stdin=stdin, timeout=timeout)
 
 
 def done(*arguments: object, cwd: Path, **keywords: object) -> subprocess.CompletedProcess:

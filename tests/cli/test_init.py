@@ -1,19 +1,12 @@
 """`dsd init`, the real command."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from dsd_cli.files.config import load_config
 from dsd_cli.files.template import template_names, template_text
-
-
-def dsd(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "dsd_cli", *arguments], cwd=cwd, capture_output=True, text=True, check=False
-    )
+from tests.warm import run as dsd
 
 
 def test_writes_the_commented_lab_config(tmp_path: Path) -> None:

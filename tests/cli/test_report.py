@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import warm
 from tests.cli.rig import CONFIG, DSD, csv_text, done, dsd, make_log, refused, write
 from tests.report.page.conftest import ARGUMENTS, folder  # noqa: F401 (a fixture)
 
@@ -31,7 +32,7 @@ def drawn(page: str) -> dict:
 
 def command(*arguments: str, cwd: Path) -> dict:
     """What a command prints as JSON."""
-    made = subprocess.run([*DSD, *arguments, "--format", "json"], cwd=cwd, capture_output=True, text=True, timeout=600)
+    made = warm.run(*arguments, "--format", "json", cwd=cwd)
     assert made.returncode == 0, made.stderr
     return json.loads(made.stdout)
 
@@ -98,8 +99,7 @@ def test_what_cannot_work_is_one_line_and_leaves_nothing(rig, arguments, code, t
 
 def missing(rig: Path, *arguments: str) -> tuple[dict, str, str]:
     """What the page has not, the page, and what was said."""
-    line = [*DSD, "report", *arguments, "-o", "part.html"]  # as long as it takes: it does what six commands do
-    made = subprocess.run(line, cwd=rig, capture_output=True, text=True, check=False, timeout=600)
+    made = warm.run("report", *arguments, "-o", "part.html", cwd=rig)
     assert (made.returncode, made.stdout) == (0, ""), made.stderr
     page = (rig / "part.html").read_text("utf-8")
     return results(page), page, made.stderr

@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.problem import Settings, pose
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.beyond import beyond_of, pushed
@@ -16,17 +18,17 @@ from tests.identify.search_rig import BELIEVED, OBSERVER, T, posed, seen
 PUSHES = {"external_force": {"events": [{"start": 3.0, "end": 3.4, "force": 0.5}]}}
 
 
-def disturbed(force, names=(), seed=0):
+def disturbed(force, names=(), seed=0, noise=0.002, duration=12.0):
     """A search over a log of an axis on which a force that no effect describes acts: t, v, q -> unit of u.
 
     The motion is the rig's; u is what the axis then needs, as a loop without delay would supply it.
     """
-    bare = seen(noise=0.0, seed=seed, duration=12.0).pieces[0]
+    bare = seen(noise=0.0, seed=seed, duration=duration).pieces[0]
     rng = np.random.default_rng(seed)
     extra = force(bare["t"], bare["velocity"], bare["position"])
     late = round(BELIEVED.delay / T)
     u = bare["u"] - np.append(extra[late:], np.full(late, extra[-1]))
-    speed = bare["velocity"] + 0.002 * rng.normal(size=len(bare))
+    speed = bare["velocity"] + noise * rng.normal(size=len(bare))
     channels = {"t": bare["t"], "u": u, "velocity": speed, "position": bare["position"]}
     return Search(pose([prepare(Log(channels, T, "log.csv"), OBSERVER)], BELIEVED, Settings(effects=names)))
 
@@ -68,6 +70,21 @@ def test_a_load_that_wanders_is_unknown_over_time():
     found = beyond_of(search, search.refit)
     assert found.unknown
     assert "time" in found.on
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_vibration_that_comes_and_goes_is_told_by_its_spectrum_alone(seed):
+    """A band of noise around 3 Hz is no function of motion, u or time: none takes 4 % off. No sensor's noise falls with
+    frequency, so the residual's spectrum tells."""
+    damping, angle = np.exp(-np.pi * T), 2.0 * np.pi * 3.0 * T
+    drawn = np.random.default_rng(40 + seed).normal(size=round(24.0 / T))
+    shaken = lfilter([1.0], [1.0, -2.0 * damping * np.cos(angle), damping**2], drawn)
+    shaken *= 0.03 / np.std(shaken)
+    search = disturbed(lambda t, v, q: shaken[: len(t)], seed=seed, noise=5e-5, duration=24.0)
+    found, plain = beyond_of(search, search.refit), search.problem.errors.rmse(search.refit)
+    assert found.heldout_rmse > (1.0 - POLICY.unknown_fall) * plain
+    assert found.unknown
+    assert found.noise < 0.5 * plain
 
 
 def test_the_effect_itself_leaves_nothing_beyond():

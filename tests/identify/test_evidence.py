@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search, _agreed
+from dsd_cli.identify.verdict import evidence
 from dsd_cli.identify.verdict.evidence import NOTHING, _shares, membership, probabilities
 from dsd_cli.plant.references import Multisine
 from tests.identify.search_rig import BELIEVED, posed
@@ -136,6 +137,20 @@ def test_members_of_the_truth_are_found_and_sure(search):
         assert found.probabilities[name] > 0.9
         assert name not in found.rivals
         assert found.rivals == ()
+
+
+def test_an_effect_that_explains_much_less_is_no_rival_however_uncertain_the_lead(search, monkeypatch):
+    """A spring explains 61 % of what gravity does, and gains as well; with noise so loud that the rest is no certain
+    lead it would be a tie, but for its share."""
+    search, whole = search
+    loud = Search(replace(search.problem, noise=replace(search.noise, inflation=5e4 * search.noise.inflation)))
+    rest = loud.fit(tuple(t for t in whole.terms if t.id != "gravity"), whole.tap)
+    (spring,) = [o for o in loud.options(rest) if o.effect == "stiffness"]
+    assert spring.evidence > loud.evidence(rest)
+    assert not loud.matters(spring.fit, whole)
+    assert membership(loud, whole, "gravity", misfit=False).rivals == ()
+    monkeypatch.setattr(evidence, "POLICY", replace(POLICY, rival_share=0.5))
+    assert membership(loud, whole, "gravity", misfit=False).rivals == ("stiffness",)
 
 
 def test_an_effect_that_explains_as_much_is_a_rival_where_the_model_misfits():

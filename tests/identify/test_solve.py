@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from dsd_cli.identify.fit.band import band_of
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, Bank, Design, Term, not_negative
 from dsd_cli.identify.fit.blocks import lay_blocks
+from dsd_cli.identify.fit.delay import best_delay
 from dsd_cli.identify.fit.equations import equations_of
 from dsd_cli.identify.fit.noise import passed_variance
-from dsd_cli.identify.fit.problem import best_delay
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.recordings.spectrum import SensorNoise
@@ -174,6 +174,31 @@ def test_the_best_delay_is_the_one_with_least_squares():
     squares = [solver.squares((), tap) for tap in range(120)]
     assert best_delay(solver, (), 119) in (int(np.argmin(squares)), 56, 57)
     assert squares[best_delay(solver, (), 119)] <= 1.01 * min(squares)
+
+
+@pytest.mark.parametrize("true", [0, 2, 57, 119])
+def test_a_delay_that_is_about_right_only_makes_the_search_shorter(true):
+    """From near by, and from far off and the ends of what is allowed, where all are tried."""
+    rng = np.random.default_rng(9)
+    u = np.cumsum(rng.normal(size=ROWS + 400))
+    drives = {tap: u[200 - tap : 200 - tap + ROWS] for tap in range(130)}
+    asked: list[int] = []
+
+    class Counted(Solver):
+        def squares(self, terms, tap, keep=True):
+            asked.append(tap)
+            return super().squares(terms, tap, keep)
+
+    solver = Counted(Columns(drives, drives[true] + 0.01 * rng.normal(size=ROWS), {}), lay_blocks([ROWS], GAP, "x"))
+    wanted = best_delay(solver, (), 119)
+    every = len(asked)
+    assert abs(wanted - true) <= 1
+    for near in (true, true + 3, max(true - 3, 0), 0, 30, 119, 500):
+        asked.clear()
+        assert best_delay(solver, (), 119, near) == wanted, near
+        assert len(asked) == len(set(asked))
+        if near == true and true in (2, 57):
+            assert len(asked) < 0.4 * every
 
 
 # -- noise in the acceleration ----------------------------------------------------------------------------------------

@@ -9,8 +9,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import subprocess
-import sys
 import tomllib
 from dataclasses import replace
 from itertools import pairwise
@@ -29,6 +27,7 @@ from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.results import Score
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import PlantModel
+from tests import warm
 from tests.recordings import recording
 
 EMPS = """
@@ -140,8 +139,7 @@ def by_instruments(folder: Path, logs: list[Path], config: str, reference: str, 
 
 def dsd(folder: Path, *arguments: str | Path) -> dict:
     """Run the command and read the JSON that it prints."""
-    command = [sys.executable, "-m", "dsd_cli", *map(str, arguments), "-c", "dsd.toml", "--format", "json"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    done = warm.run(*arguments, "-c", "dsd.toml", "--format", "json", cwd=folder)
     if done.returncode != 0:  # no AssertionError: a target that is not reached is no excuse for this
         raise RuntimeError(done.stderr)
     return json.loads(done.stdout)

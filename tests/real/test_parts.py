@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import math
 import os
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests import warm
 from tests.recordings import recording
 
 EMPS = """
@@ -65,8 +64,7 @@ coefficient = 0.4
 
 
 def _dsd(*arguments: object, cwd: Path) -> dict:
-    command = [sys.executable, "-m", "dsd_cli", *map(str, arguments), "--format", "json"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=cwd, check=False, timeout=600)
+    done = warm.run(*arguments, "--format", "json", cwd=cwd)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import warm
 from tests.recordings import recording
 
 EMPS = """
@@ -90,8 +91,8 @@ hold = 3.0
 def detect(tmp_path: Path, log: Path, config: str) -> tuple[dict, list[str]]:
     """The summary as JSON, and the lines of the labels file."""
     (tmp_path / "dsd.toml").write_text(config)
-    command = [sys.executable, "-m", "dsd_cli", "detect", str(log), "-c", "dsd.toml", "--format", "json"]
-    done = subprocess.run([*command, "-o", "labels.csv"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    done = warm.run("detect", log, "-c", "dsd.toml", "--format", "json", "-o", "labels.csv", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
     return json.loads(done.stdout), (tmp_path / "labels.csv").read_text().splitlines()
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from bench import fuzz_kills
-from tests.cli.rig import CONFIG, DSD, make_log, write
+from tests.cli.rig import CONFIG, DSD, interruptible, make_log, write
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +95,7 @@ def test_ctrl_c_while_starting_says_nothing(tmp_path, after):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         cwd=Path(__file__).parents[2],
+        preexec_fn=interruptible,
     )
     assert process.stdout.readline() == b"begun\n"
     time.sleep(after)
@@ -142,5 +143,6 @@ def work(arguments):
 main._invoke = work
 main.main()
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, preexec_fn=interruptible)
     assert (done.returncode, done.stdout, done.stderr) == (128 + number, "goes on\n", "")

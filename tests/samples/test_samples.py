@@ -15,6 +15,8 @@ import pyarrow.csv
 import pyarrow.parquet
 import pytest
 
+from tests import warm
+
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
 README = (SAMPLES / "README.md").read_text(encoding="utf-8")
 COMMANDS = re.findall(r"^dsd (simulate .*)$", README, flags=re.MULTILINE)
@@ -32,9 +34,7 @@ EXPECTED = {
 
 
 def dsd(command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "dsd_cli", *shlex.split(command)], cwd=cwd, capture_output=True, text=True, check=False
-    )
+    return warm.run(*shlex.split(command), cwd=cwd)
 
 
 def read(path: Path) -> dict[str, np.ndarray]:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsd_cli.effects import Effect, Ranges, Role, Shape, get_effect
+from dsd_cli.effects import Effect, Role, Shape, get_effect
 from dsd_cli.effects.memory import Coupling, driven_load
 from dsd_cli.identify.fit.equations import Equations, Stretch, mean_of_middles
 from dsd_cli.identify.policy import POLICY
@@ -228,7 +228,7 @@ def not_negative(term: Term, columns: int) -> bool:
 def noisy_load(equations: Equations, t: Term) -> list[Array]:
     """Change of a load's column under a synthetic realisation of the sensor noise, by stretch."""
     both = [(s, replace(s, integrated=s.with_noise)) for s in equations.stretches]
-    return [np.nan_to_num(_columns(more, t, s.log["u"])[0] - _columns(s, t, s.log["u"])[0]) for s, more in both]
+    return [finite(_columns(more, t, s.log["u"])[0] - _columns(s, t, s.log["u"])[0]) for s, more in both]
 
 
 def drive(equations: Equations, inputs: Terms, delay: float) -> list[Array]:
@@ -255,8 +255,13 @@ def raw_columns(equations: Equations, term: Term, delay: float) -> list[list[Arr
     for s, u in zip(
         equations.stretches, drive(equations, (), delay) if "u" in term.effect.needs else unused, strict=True
     ):
-        by_stretch.append([np.nan_to_num(c) for c in _columns(s, term, u)])
+        by_stretch.append([finite(c) for c in _columns(s, term, u)])
     return [list(column) for column in zip(*by_stretch, strict=True)]
+
+
+def finite(x: Array) -> Array:
+    """0 for NaN; x itself where there is none, which is quicker to see than to mend."""
+    return x if bool(np.isfinite(x).all()) else np.nan_to_num(x)
 
 
 def _columns(stretch: Stretch, term: Term, u: Array) -> list[Array]:
@@ -275,24 +280,3 @@ def _columns(stretch: Stretch, term: Term, u: Array) -> list[Array]:
 def _pushed_load(stretch: Stretch, coupling: Coupling, share: float) -> Array:
     """Mean acceleration of a load behind a motor that the model's force drives (`fit.driven`)."""
     return driven_load(stretch.log["push"], stretch.log.sample_time, coupling, share, _STEP)
-
-
-def ranges(equations: Equations) -> Ranges:
-    """What the recordings contain, for starting shapes."""
-    logs = [s.log for s in equations.stretches]
-    speeds = [s.mean.velocity[s.free > 0.0] for s in equations.stretches]
-    speed = np.concatenate(speeds) if speeds else np.zeros(1)
-    u = np.concatenate([log["u"] for log in logs])
-    travel = max((float(np.ptp(log["position"])) for log in logs if "position" in log), default=0.0)
-    moving = speed[np.isfinite(speed)]
-    return Ranges(
-        speed=float(np.sqrt(np.mean(moving**2))) if moving.size else 0.0,
-        top_speed=float(np.abs(moving).max(initial=0.0)),
-        travel=travel,
-        drive=float(np.sqrt(np.mean(u**2))),
-        top_drive=float(np.quantile(np.abs(u), POLICY.exercised)) if u.size else 0.0,
-        sample_time=equations.sample_time,
-        duration=sum(len(log) for log in logs) * equations.sample_time,
-        resolution=POLICY.resolved_deviations * max(r.position_noise for r in equations.recordings),
-        band_hz=equations.band.hz,
-    )

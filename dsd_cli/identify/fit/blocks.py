@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,10 +46,10 @@ class Blocks:
         """Number of folds."""
         return int(self.fold.max()) + 1
 
-    def segment(self, i: int) -> slice:
-        """Rows of segment i."""
-        end = self.starts[i + 1] if i + 1 < len(self.starts) else self.rows
-        return slice(int(self.starts[i]), int(end))
+    @cached_property
+    def segments(self) -> tuple[slice, ...]:
+        """Rows of each segment."""
+        return tuple(slice(a, b) for a, b in pairwise([*self.starts.tolist(), self.rows]))
 
     def block_of_rows(self) -> NDArray[np.int_]:
         """Block of each row, shape (rows,)."""

@@ -189,6 +189,8 @@ class Equations:
 
     def by_stretch(self, rows: NDArray[_Kind]) -> list[NDArray[_Kind]]:
         """Rows as one array per stretch."""
+        if len(self.lengths) == 1:
+            return [rows]
         return list(np.split(rows, np.cumsum(self.lengths)[:-1]))
 
     @cached_property

@@ -52,8 +52,10 @@ def without_noise(gram: Array, noise: Array, rows: ArrayLike) -> Array:
 def grams(rows: Sequence[Array], blocks: Blocks) -> Grams:
     """All sums that a cross-validated fit needs; `rows` are the drive and the columns, shape (N,) each."""
     x = np.stack(rows)
-    parts = (x[:, blocks.segment(i)] for i in range(len(blocks.starts)))
-    segments = np.stack([part @ part.T for part in parts])
+    segments = np.empty((len(blocks.segments), len(x), len(x)))
+    for rows_of, gram in zip(blocks.segments, segments, strict=True):
+        part = x[:, rows_of]
+        np.matmul(part, part.T, out=gram)
     held_out = segments.reshape(-1, 3, *segments.shape[1:]).sum(axis=1)
     return Grams(segments.sum(axis=0), np.tensordot(blocks.weights, segments, axes=1), held_out)
 

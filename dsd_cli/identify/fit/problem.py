@@ -12,13 +12,15 @@ import numpy as np
 from dsd_cli.effects import Ranges, Role, get_effect
 from dsd_cli.errors import DataError
 from dsd_cli.identify.fit.asked import Settings, candidates_of, check_recordings, check_used
-from dsd_cli.identify.fit.bank import INERTIA, Bank, Term, Terms, holds, ranges
+from dsd_cli.identify.fit.bank import INERTIA, Bank, Term, Terms, holds
 from dsd_cli.identify.fit.blocks import Blocks, lay_blocks
+from dsd_cli.identify.fit.delay import best_delay
 from dsd_cli.identify.fit.driven import with_driven_load
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.errors import Errors
 from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
 from dsd_cli.identify.fit.noise import fitted_noise, passed_variance, whitening
+from dsd_cli.identify.fit.ranges import ranges
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.sure import Weighed, inflation, weighed
 from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values, terms_of
@@ -53,7 +55,7 @@ class Problem:
     base : effects that the model has; they stay. candidates : effects that may be added.
     untestable : effect -> why these recordings cannot tell it.
     solver : on whitened rows. errors : in the unit of u.
-    most_tap : steps of delay that are tried at most.
+    most_tap : steps of delay that are tried at most; tap : those that the last fit had.
     """
 
     recordings: tuple[Recording, ...]
@@ -66,6 +68,7 @@ class Problem:
     errors: Errors
     noise: Noise
     most_tap: int
+    tap: int
 
     @property
     def equations(self) -> Equations:
@@ -147,7 +150,7 @@ class Problem:
 
     def measured_again(self, fit: Fit) -> Problem:
         """The same problem with the noise estimated from the residual of this fit: missing effects are no noise."""
-        return _with_noise(self, fit)
+        return replace(_with_noise(self, fit), tap=fit.tap)
 
 
 def pose(
@@ -173,7 +176,7 @@ def pose(
     solver = Solver(bank, lay_blocks(bank.equations.lengths, 1, recordings[0].name), known=known)
     found = best_delay(solver, beside, most_tap) * bank.tap_time
     wanted = min(max(POLICY.least_delay_range, 2.0 * found, 2.0 * model.delay), longest)
-    solver, most_tap, fit = _laid_out(recordings, wanted, base, beside, settings)
+    solver, most_tap, fit = _laid_out(recordings, wanted, base, beside, settings, found)
     errors = Errors(solver.bank, solver.blocks, _aside(holdout, solver.bank.equations))
     problem = Problem(
         tuple(recordings),
@@ -186,6 +189,7 @@ def pose(
         errors,
         Noise(1.0, 1.0),
         most_tap,
+        fit.tap,
     )
     return _with_noise(problem, fit)
 
@@ -241,13 +245,16 @@ def _bank(recordings: Sequence[Recording], longest: float, widened: float) -> tu
 
 
 def _laid_out(
-    recordings: Sequence[Recording], longest: float, base: Terms, beside: Terms, settings: Settings
+    recordings: Sequence[Recording], longest: float, base: Terms, beside: Terms, settings: Settings, found: float
 ) -> tuple[Solver, int, Fit]:
-    """(solver on rows that are not whitened, most steps of delay, first fit) for delays of up to `longest` s."""
+    """(solver on rows that are not whitened, most steps of delay, first fit) for delays of up to `longest` s.
+
+    found : the best delay on fewer rows, s.
+    """
     bank, most_tap = _bank(recordings, longest, settings.band)
     blocks = lay_blocks(bank.equations.lengths, POLICY.gap_rows, recordings[0].name)
     solver = Solver(bank, blocks, known=settings.known)
-    fit = solver.fit(base, best_delay(solver, beside, most_tap))
+    fit = solver.fit(base, best_delay(solver, beside, most_tap, round(found / bank.tap_time)))
     solver = Solver(bank, blocks, _whole_inertia(fit) or _inertia_by_size(bank), settings.known)
     return solver, most_tap, solver.fit(base, fit.tap)
 
@@ -262,20 +269,6 @@ def _inertia_by_size(bank: Bank) -> float:
     """rms of u over that of the acceleration: between the inertias of the inverse and of the forward form of a mass."""
     drive, acceleration = float(np.linalg.norm(bank.drive((), 0))), float(np.linalg.norm(bank.acceleration))
     return drive / max(acceleration, 1e-300)
-
-
-def best_delay(solver: Solver, terms: Terms, most_tap: int) -> int:
-    """The whole-step delay with the least squares, found from coarse to fine."""
-    allowed = solver.taps(most_tap)
-    step = max(1, (len(allowed) - 1) // 40)
-    solver.squares(terms, allowed[0])  # keeps the columns that do not depend on the delay
-    tried = allowed[::step]
-    while True:
-        best = min(tried, key=lambda n: solver.squares(terms, n, keep=False))
-        if step == 1:
-            return best
-        tried = range(max(best - step, allowed[0]), min(best + step, allowed[-1]) + 1, max(step // 4, 1))
-        step = max(step // 4, 1)
 
 
 def _with_noise(problem: Problem, fit: Fit) -> Problem:

@@ -278,21 +278,23 @@ def _signed(stack: Array, target: int, signs: Sequence[int]) -> tuple[Array, Arr
     size = np.sqrt(np.maximum(np.diag(total)[others], 1e-300))
     least = _ROUNDING * math.sqrt(max(total[target, target], 0.0))
     while True:
-        index = [target, *(others[k] for k in free)]
-        theta = solve(total[np.ix_(index, index)][None])[0]
-        wrong = [(k, t) for k, t in zip(free, theta, strict=True) if signs[k] * t < 0.0]
+        index = np.array([target, *(others[k] for k in free)])
+        theta = solve(total[None, index[:, None], index])[0]
+        wrong = [(k, t) for k, t in zip(free, theta.tolist(), strict=True) if signs[k] * t < 0.0]
         if wrong:
             free.remove(min(wrong, key=lambda w: signs[w[0]] * w[1] * size[w[0]])[0])
             continue
+        if len(free) == len(others):
+            break
         # one that was pressed onto 0 beside others comes back, once, if without them it has the right sign
-        left = (total[np.ix_(others, index)] @ np.concatenate([[1.0], -theta])) / size * signs
+        left = (total[others][:, index] @ np.concatenate([[1.0], -theta])) / size * signs
         back = [k for k in range(len(others)) if k not in free and k not in returned and left[k] > least]
         if not back:
             break
         free.append(max(back, key=lambda k: left[k]))
         returned.add(free[-1])
     found = np.zeros((len(stack), len(others)))
-    found[:, free] = theta if len(stack) == 1 else solve(stack[:, index][:, :, index])
+    found[:, free] = theta if len(stack) == 1 else solve(stack[:, index[:, None], index])
     weights = np.zeros((len(stack), len(others) + 1))
     weights[:, target], weights[:, others] = 1.0, -found
     return found, weights

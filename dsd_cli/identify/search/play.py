@@ -216,7 +216,7 @@ def _rms(parts: list[Array]) -> float:
 
 
 def _plain(at: Array) -> tuple[float, float, float, float, float]:
-    f, gap, s, j, late = (float(x) for x in np.clip(np.nan_to_num(at[:5]), -60.0, 60.0))
+    f, gap, s, j, late = (0.0 if math.isnan(x) else min(max(x, -60.0), 60.0) for x in at[:5].tolist())
     s = min(max(s, -_MOST_LOGIT), _MOST_LOGIT)
     return math.exp(f), math.exp(gap), 1.0 / (1.0 + math.exp(-s)), math.exp(j), late
 

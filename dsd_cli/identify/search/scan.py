@@ -74,7 +74,7 @@ class Scan:
 
     def _gain_of_columns(self, columns: Sequence[Array], term: Term) -> float:
         more = self._all.shape[1] - len(columns[0])  # prior equations, in which a new effect has no part
-        own = np.stack([_without(np.pad(c, (0, more)), self._all) for c in columns])
+        own = np.stack([_without(np.pad(c, (0, more)) if more else c, self._all) for c in columns])
         gram, moment = own @ own.T, own @ self._left
         size = np.array([float(c @ c) for c in columns])
         if not np.all(np.diag(gram) > _LEAST_OWN * size):

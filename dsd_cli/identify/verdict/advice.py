@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from dsd_cli.effects import catalogue
+from dsd_cli.effects import catalogue, kind_of
+from dsd_cli.identify.fit.freeform import GAIN
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate
 
 _GENERAL = "move at constant speed both ways, slowly and fast, over the whole travel, with a rest between the moves"
@@ -26,8 +27,7 @@ def advice_for(
     if nearest:
         lines.append(f"to see whether it is {nearest}, record a longer log: {_GENERAL}")
     if verdict == UNKNOWN:
-        on = " and ".join(depends_on)
-        lines.append(f"look at the residual over {on} (dsd compare --plot)" if on else "look at the residual over time")
+        lines.append(_look_at(depends_on))
         lines.append("if you know a law for it, write it as an effect and pass it with --effects-from")
     elif verdict != NONE and more_unknown:
         lines.append("this is not all: something else remains that no effect of the catalogue explains")
@@ -43,8 +43,16 @@ def advice_for(
     return tuple(lines)
 
 
+def _look_at(depends_on: Sequence[str]) -> str:
+    channels = [name for name in depends_on if name != GAIN]
+    over = " and ".join(channels) or "time"
+    if GAIN in depends_on:
+        return f"u moves the axis more at times, by {over}: does the inertia, the load or the gain of the drive vary?"
+    return f"look at the residual over {over}" + (" (dsd compare --plot)" if channels else "")
+
+
 def _experiment(one: str, other: str) -> str:
     """The experiment that distinguishes the two, from the file of either."""
-    effects = catalogue()
+    effects, one, other = catalogue(), kind_of(one), kind_of(other)
     found = (effects[a].told_apart.get(b) for a, b in ((one, other), (other, one)) if a in effects)
     return next((experiment for experiment in found if experiment), _GENERAL)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import fcntl
 import os
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
 
-from tests.cli.rig import DSD
+from tests import warm
 
 SAMPLES = Path(__file__).parents[3] / "sample_logs"
 #: Name of the log, of two columns, and of a unit; none of them may ever be obeyed.
@@ -42,8 +41,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not (here / "page.html").exists():
             evil_log(here)
-            command = [*DSD, "report", *ARGUMENTS, "-o", "page.html"]
-            made = subprocess.run(command, cwd=here, capture_output=True, text=True, check=False, timeout=600)
+            made = warm.run("report", *ARGUMENTS, "-o", "page.html", cwd=here)
             assert made.returncode == 0, made.stderr
             (here / "stderr.txt").write_text(made.stderr)
     return here
