@@ -1,4 +1,4 @@
-"""Only the compiled detection kernels and the recursions of effects live here; the rest is in pyproject.toml.
+"""Only the compiled detection kernels, recursions of effects and text of CSV live here; the rest is in pyproject.toml.
 
 All are optional: without a compiler `dsd` runs on their Python twins, and `dsd --version` says so.
 """
@@ -29,6 +29,14 @@ setup(
             sources=["dsd_cli/effects/_memory.c"],
             define_macros=[("Py_LIMITED_API", "0x030B0000")],
             extra_compile_args=["-O2", "-ffp-contract=off"],  # as above: equal to the Python loops
+            py_limited_api=True,
+            optional=True,
+        ),
+        Extension(
+            "dsd_cli.files._csv_text",
+            sources=["dsd_cli/files/_csv_text.c"],
+            define_macros=[("Py_LIMITED_API", "0x030B0000")],
+            extra_compile_args=["-O3", "-ffp-contract=off"],
             py_limited_api=True,
             optional=True,
         ),

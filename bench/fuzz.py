@@ -3,7 +3,7 @@
 Every run is a forked copy of this process, which has the package imported already, with limits on memory and CPU, and
 is decided by its number alone: `--only N` repeats it. A finding is a traceback, "unexpected", a signal, an exit code
 that the contract does not have, a control character on a terminal, a file left behind, labels that are not finite
-where they may not be, or a run beyond its limits.
+where they may not be, a config that was written and cannot be read, or a run beyond its limits.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import os
 import re
 import resource
 import shutil
+import signal
 import sys
 import tempfile
 import time
@@ -32,9 +33,13 @@ MEMORY, CPU, PATIENCE = 2 << 30, 20, 60
 WARM = (
     *("pyarrow.csv", "pyarrow.parquet", "pyarrow.compute", "rich.table", "rich.console", "scipy.signal", "scipy.stats"),
     *("dsd_cli.cli.main", "dsd_cli.cli.detect_job"),
-    *("dsd_cli.identify.compare.comparison", "dsd_cli.identify.compare.forward"),
+    *("dsd_cli.identify.compare.comparison", "dsd_cli.identify.compare.forward", "dsd_cli.identify.improve"),
+    *("dsd_cli.detect.tune.tuning", "dsd_cli.cli.init_log", "dsd_cli.cli.report_story", "dsd_cli.report.page.page"),
+    *("dsd_cli.report.figure", "matplotlib.figure", "matplotlib.backends.backend_agg"),
     *("dsd_cli.report.comparison_table", "dsd_cli.files.logs", "dsd_cli.effects", "dsd_cli.plant.simulation"),
 )
+#: What a run may leave.
+OUTPUTS = ("out.csv", "out.csv.meta.json", "out.parquet", "out.toml", "out.png", "out.html")
 RAW = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]|\xc2[\x80-\x9f]")
 
 
@@ -43,6 +48,7 @@ class Outcome(NamedTuple):
 
     code: int
     finding: str
+    command: str
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -67,14 +73,18 @@ def fuzz(folder: Path, seed: int, seconds: float) -> int:
     """The number of findings."""
     warm_up()
     begin, number, codes, findings = time.monotonic(), seed, Counter[int](), 0
+    commands, done = Counter[str](), Counter[str]()
     while time.monotonic() - begin < seconds:
         outcome = _run(number, folder)
         codes[outcome.code] += 1
+        commands[outcome.command] += 1
+        done[outcome.command] += outcome.code == 0
         if outcome.finding:
             findings += 1
             print(f"{outcome.finding}\n  repeat: python -m bench fuzz --only {number}", flush=True)
         number += 1
     listed = ", ".join(f"{count} x {code}" for code, count in sorted(codes.items()))
+    print("runs (with exit code 0): " + ", ".join(f"{c} {n} ({done[c]})" for c, n in commands.most_common()))
     print(f"{number - seed} runs, exit codes {listed}: {findings} finding(s)")
     return findings
 
@@ -99,31 +109,35 @@ def _run(number: int, parent: Path, show: bool = False) -> Outcome:
         process = multiprocessing.get_context("fork").Process(target=_child, args=(arguments, folder))
         process.start()
         process.join(PATIENCE)
-        while process.exitcode is None and _would_run(process.pid):
+        leader = process.pid or 0
+        while process.exitcode is None and _would_run(leader):
             process.join(1.0)  # CPU ends what has no end
         if process.exitcode is None:
-            process.kill()
+            os.killpg(leader, signal.SIGKILL)
             process.join()
-            return Outcome(-9, f"no end after {PATIENCE} s: {arguments}")
+            return Outcome(-9, f"no end after {PATIENCE} s: {arguments}", arguments[0])
         said = (folder / ".stderr").read_bytes()
         if show:
             sys.stdout.write((folder / ".stdout").read_bytes().decode(errors="backslashreplace"))
             sys.stdout.write(said.decode(errors="backslashreplace"))
-        return Outcome(process.exitcode, _finding(process.exitcode, said, folder, before, arguments))
+        finding = _finding(process.exitcode, said, folder, before, arguments)
+        return Outcome(process.exitcode, finding, arguments[0])
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _would_run(pid: int | None) -> bool:
-    """Whether a thread of the process waits for a processor or a disk: on a busy machine it only is not done yet."""
+def _would_run(leader: int) -> bool:
+    """Whether a thread of its session waits for a processor or a disk: on a busy machine it only is not done yet."""
     states = set()
-    for path in Path(f"/proc/{pid}/task").glob("*/stat"):
+    for path in Path("/proc").glob("[0-9]*/task/*/stat"):
         with contextlib.suppress(OSError):  # the thread has ended
-            states.add(path.read_text().rpartition(")")[2].split()[0])
+            state, _, _, session = path.read_text().rpartition(")")[2].split()[:4]
+            states |= {state} if int(session) == leader else set()
     return bool({"R", "D"} & states)
 
 
 def _child(arguments: list[str], folder: Path) -> None:
+    os.setsid()  # what it starts is known by the session
     resource.setrlimit(resource.RLIMIT_CPU, (CPU, CPU + 5))
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
@@ -152,10 +166,34 @@ def _finding(code: int, said: bytes, folder: Path, before: set[str], arguments: 
         return f"no message with exit code {code}: {arguments}: {last}"
     if RAW.search(said) or RAW.search((folder / ".stdout").read_bytes()):
         return f"a control character: {arguments}: {last!r}"
-    left = {path.name for path in folder.iterdir()} - before - {".stdout", ".stderr", "out.csv", "out.csv.meta.json"}
-    left -= {"out.parquet", "out.toml", "out.png"}
+    left = {path.name for path in folder.iterdir()} - before - {".stdout", ".stderr", *OUTPUTS}
+    if b"goes on from there" in said:
+        left -= {"out.csv.part", "out.parquet.part"}
     if left:
         return f"left behind {sorted(left)}: {arguments}"
-    if code in (1, 2) and (folder / "out.csv").exists():
-        return f"an output in spite of exit code {code}: {arguments}: {last}"
+    if wrong := _wrong_output(code, folder, arguments):
+        return f"{wrong}: {arguments}: {last}"
+    return ""
+
+
+def _wrong_output(code: int, folder: Path, arguments: list[str]) -> str:
+    """What is wrong with the files that a run has written."""
+    from dsd_cli.errors import DsdError
+    from dsd_cli.files.config import load_config
+
+    written = {name: (folder / name).read_bytes() for name in OUTPUTS if (folder / name).exists()}
+    fleet = arguments[0] == "fleet"  # whose table says why there is no result
+    if code in (1, 2) and any(name.startswith("out.") for name in written) and not fleet:
+        return f"an output in spite of exit code {code}"
+    if fleet and any(b"unexpected" in content for content in written.values()):
+        return "an unexpected reason"
+    page = written.get("out.html", b"")
+    if RAW.search(page) or fuzz_cases.MARKUP.encode() in page:
+        return "markup of the log on the page"
+    to = arguments[arguments.index("-o") + 1] if "-o" in arguments else ""
+    if code == 0 and to.endswith(".toml") and arguments[0] != "detect":
+        try:
+            load_config(folder / to)
+        except DsdError as error:
+            return f"a config that cannot be read ({error})"
     return ""

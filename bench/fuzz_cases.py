@@ -9,15 +9,21 @@ from typing import Any
 
 import numpy as np
 
+from bench import fuzz_commands
+from dsd_cli.signals.log import Array
+
 #: Values that somebody puts into a config by mistake or on purpose.
 EXTREMES = (
     "0", "-1", "1", "1e-320", "1e-300", "1e-30", "1e30", "1e300", "1.7e308", "-1e300", "nan", "inf", "-inf",
     "9223372036854775807", "-9223372036854775808", "10000000000000000000000", "true", "[]", "[0]", "[1e300, -1e300]",
     "{}", '""', '"\\u001b[2J"', '"$x^{"', "2026-01-01", "[[1]]", "0.5", "100000", "3",
 )  # fmt: skip
+#: Nobody's page may have it as it is.
+MARKUP = "<script>alert(1)</script>"
 CELLS = (
     "", "nan", "inf", "-inf", "1e308", "-1e308", "1e400", "1e-320", "x", '"', '""', "\x1b[2J", "1_000", "0x10", "\r",
     "\0", "1,5", "é", "\xff", "9" * 400, "1e30", "-1e15", " 1 ", "2026-01-01T00:00:00", "\u202e", "#", "1e3", "-5e4",
+    MARKUP, "[/x]", "$x^{", "{{}}",
 )  # fmt: skip
 CONFIG = """
 [observer]
@@ -46,6 +52,10 @@ noise = 0.01
 reference = { kind = "step", time = 0.05, amplitude = 1.0 }
 controller = { kind = "pd", kp = 20.0, kd = 5.0 }
 """
+#: What a spoiled log goes through: every second one is labelled or compared.
+COMMANDS = (*["detect"] * 6, *["compare"] * 4, *["observe"] * 2, *fuzz_commands.COMMANDS)
+#: Rows of a log; those that look at it as a whole have something to say of longer ones only.
+LENGTHS, LONGER = (1, 2, 5, 17, 40, 120, 400), (5, 120, 400, 800)
 Change = Callable[[random.Random, list[str]], list[str]]
 
 
@@ -86,8 +96,15 @@ def case(number: int, folder: Path) -> list[str]:
         return [*_command(rng, command), "--set", f"{key}={value}"]
     if rng.random() < 0.15:
         (folder / "dsd.toml").write_bytes(_spoiled(rng, CONFIG.encode()))
-    _write_log(folder, rng, spoiled=True)
-    return _command(rng, rng.choice(("detect", "detect", "detect", "observe", "compare")))
+    command = rng.choice(COMMANDS)
+    if command not in fuzz_commands.COMMANDS:
+        _write_log(folder, rng, spoiled=True)
+        return _command(rng, command)
+    _write_log(folder, rng, spoiled=rng.random() < 0.5, lengths=LONGER, changes=(1, 1, 2))
+    arguments = fuzz_commands.arguments(rng, command, folder)
+    key, value = rng.choice(pairs)
+    odd = rng.random() < 0.2 and command != "init" and "summary" not in arguments
+    return [*arguments, "--set", f"{key}={value}"] if odd else arguments
 
 
 def _command(rng: random.Random, command: str) -> list[str]:
@@ -104,11 +121,15 @@ def _command(rng: random.Random, command: str) -> list[str]:
     return ["detect", log, *to, "--set", f"detector.method={method}"]
 
 
-def _write_log(folder: Path, rng: random.Random, spoiled: bool) -> None:
-    rows = rng.choice((1, 2, 5, 17, 40, 120, 400))
-    noise = np.random.default_rng(rng.randrange(1 << 30)).normal(size=(4, rows))
-    columns = {"t": np.arange(rows) * 1e-3, "u": noise[0], "d_hat": 0.1 * noise[1]}
-    columns |= {"velocity": np.cumsum(noise[2]) * 1e-2, "position": np.cumsum(noise[3]) * 1e-4}
+def _write_log(
+    folder: Path,
+    rng: random.Random,
+    spoiled: bool,
+    lengths: tuple[int, ...] = LENGTHS,
+    changes: tuple[int, ...] = (1, 1, 2, 5, 50),
+) -> None:
+    rows = rng.choice(lengths)
+    columns = fuzz_commands.moving_log(rng, 2 * rows) if rng.random() < 0.3 else _noise(rng, rows)
     for name in rng.sample(("d_hat", "velocity", "position"), rng.randrange(3)):
         del columns[name]
     lines = [
@@ -118,11 +139,18 @@ def _write_log(folder: Path, rng: random.Random, spoiled: bool) -> None:
     if not spoiled:
         (folder / "log.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
         return
-    for _ in range(rng.choice((1, 1, 2, 5, 50))):
+    for _ in range(rng.choice(changes)):
         lines = rng.choice(CHANGES)(rng, lines)
     content = rng.choice(("\n", "\n", "\n", "\r\n", "\r")).join(lines).encode("utf-8", "surrogateescape")
     content += rng.choice((b"\n", b"", b"\0"))
     (folder / "log.csv").write_bytes(_spoiled(rng, content) if rng.random() < 0.2 else content)
+
+
+def _noise(rng: random.Random, rows: int) -> dict[str, Array]:
+    """Channels that have nothing to do with each other."""
+    noise = np.random.default_rng(rng.randrange(1 << 30)).normal(size=(4, rows))
+    columns = {"t": np.arange(rows) * 1e-3, "u": noise[0], "d_hat": 0.1 * noise[1]}
+    return columns | {"velocity": np.cumsum(noise[2]) * 1e-2, "position": np.cumsum(noise[3]) * 1e-4}
 
 
 def _cell(rng: random.Random, lines: list[str]) -> list[str]:

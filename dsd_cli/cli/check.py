@@ -111,6 +111,7 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
         loaded.restarts,
         dropped=loaded.dropped,
         factors=config.signals.factors(),
+        u_shift=config.signals.u_shift,
     ).named(config.signals.units)
     if window(config.signals):
         result = replace(result, findings=tuple(_widened(finding) for finding in result.findings))

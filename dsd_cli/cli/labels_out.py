@@ -13,7 +13,7 @@ from typing import Any
 
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.rows import Rows
-from dsd_cli.files.tables_out import Coded, Kind, Share, open_writer
+from dsd_cli.files.tables_out import Coded, Kind, Rounded, Share, open_writer
 
 Write = Callable[[Rows], None]
 
@@ -55,7 +55,7 @@ class LabelsFile:
         self._axes = list(grid.axes)
         columns: dict[str, Kind] = {"t": "float64", "state": "int16" if len(grid) < 32768 else "int32"}
         columns |= {name: Coded(values) for name, values in grid.axes.items()}
-        columns |= {"log_likelihood": "float32", "probability": Share(), "confident": "bool"}
+        columns |= {"log_likelihood": Rounded(4), "probability": Share(), "confident": "bool"}
         if estimates:
             columns |= {name: "bool" if name.endswith("confident") else "float64" for name in ESTIMATES}
         self._writer = open_writer(path, columns, metadata, inputs)

@@ -23,7 +23,7 @@ from dsd_cli.errors import DsdError, printable
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Arrow's allocator gives back memory 10 ms after it was freed; the next block of a long log asks for it again, and
 # clearing its pages was a tenth of a run.
-os.environ.setdefault("MIMALLOC_PURGE_DELAY", "1000")
+os.environ.setdefault("MIMALLOC_PURGE_DELAY", "10000")
 
 #: What a shell reports for a command ended by SIGINT, and by a closed pipe (SIGPIPE).
 INTERRUPTED, CLOSED_PIPE = 130, 141

@@ -16,6 +16,7 @@ from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.detect.transition import Transition
 from dsd_cli.errors import DataError, TooShort, UsageError
+from dsd_cli.files.command import Command, as_it_acted
 from dsd_cli.files.config import Config, Detector, Observer, Signals, States, Stay
 from dsd_cli.files.table_source import TableSource
 from dsd_cli.files.windowed import Window, windowed
@@ -68,10 +69,15 @@ def reading(signals: Signals) -> dict[str, Any]:
         "sample_time": signals.sample_time,
         "time_scale": TIME_SCALE[signals.time_unit],
         "factors": signals.factors(),
-        "u_hold": signals.u_hold,
+        "command": command(signals),
         "limits": limits(signals),
         "window": window(signals),
     }
+
+
+def command(signals: Signals) -> Command:
+    """How u was logged."""
+    return Command(signals.u_hold, signals.u_shift, signals.u_filter)
 
 
 def window(signals: Signals) -> Window:
@@ -80,8 +86,9 @@ def window(signals: Signals) -> Window:
 
 
 def part_read(table: TableSource, signals: Signals) -> TableSource:
-    """The rows of a table that are read."""
-    return windowed(table, window(signals), TIME_SCALE[signals.time_unit], signals.sample_time)
+    """The rows of a table that are read, u as and when it acted."""
+    clock = (TIME_SCALE[signals.time_unit], signals.sample_time)
+    return windowed(as_it_acted(table, command(signals), *clock), window(signals), *clock)
 
 
 @contextmanager

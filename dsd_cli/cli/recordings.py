@@ -76,13 +76,14 @@ def load_recording(
 
 
 def _wrong(loaded: LoadedLog, config: Config) -> list[str]:
-    """What must be said before anything that this log answers: a wrong sign or unit, with the key that mends it."""
+    """What must be said before anything that this log answers, with the key that mends it: sign, unit, a late u."""
     from dsd_cli.cli.plan import observer_settings
-    from dsd_cli.identify.checks import check_log, gravest
+    from dsd_cli.identify.checks import check_log, to_mend_first
 
-    factors = config.signals.factors()
-    found = gravest(check_log(loaded.log, None, observer_settings(config), loaded.restarts, factors=factors))
-    return [] if found is None else [f"{found.what}: {found.remedy} (dsd check says more)"]
+    factors, u_shift = config.signals.factors(), config.signals.u_shift
+    observer = observer_settings(config)
+    checked = check_log(loaded.log, None, observer, loaded.restarts, factors=factors, u_shift=u_shift)
+    return [f"{one.what.rstrip('?')}: {one.remedy} (dsd check says more)" for one in to_mend_first(checked)]
 
 
 def believed_model(config: Config) -> PlantModel:

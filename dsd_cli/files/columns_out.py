@@ -28,17 +28,35 @@ class Share:
 
 SHARE_STEPS = 10_000
 
-#: How a column is stored: a NumPy dtype's name ("float64", "float32", "int16", "int32", "bool"), or one of the above.
-Kind = str | Coded | Share
+
+@dataclass(frozen=True)
+class Rounded:
+    """A column of numbers: float32 in Parquet; in CSV so many decimals."""
+
+    places: int
+
+    @staticmethod
+    def rounded(values: Array, places: int) -> Array:
+        """Halves to even; what is not finite stays, and no zero is negative."""
+        with np.errstate(over="ignore"):
+            scaled = values * 10.0**places
+        return np.where(np.isfinite(scaled), np.rint(scaled) / 10.0**places + 0.0, values)
+
+
+#: How a column is stored: a NumPy dtype's name ("float64", "int16", "int32", "bool"), or one of the above.
+Kind = str | Coded | Share | Rounded
 
 
 def _arrow_type(kind: Kind, as_text: bool) -> Any:
     import pyarrow as pa
 
-    if isinstance(kind, Coded):
-        return pa.dictionary(pa.int32(), pa.string() if as_text else pa.float64())
-    if isinstance(kind, Share):
-        return pa.dictionary(pa.int32(), pa.string()) if as_text else pa.float32()
+    match kind:
+        case Coded():
+            return pa.dictionary(pa.int32(), pa.string() if as_text else pa.float64())
+        case Share():
+            return pa.dictionary(pa.int32(), pa.string()) if as_text else pa.float32()
+        case Rounded():
+            return pa.float64() if as_text else pa.float32()
     return pa.from_numpy_dtype(np.dtype(kind))
 
 
@@ -52,30 +70,36 @@ def arrow_batch(columns: Mapping[str, Kind], arrays: Mapping[str, ArrayLike], as
     """The columns as an Arrow record batch; coded values as text where every value costs its formatting."""
     import pyarrow as pa
 
-    parts = []
-    for name, kind in columns.items():
-        if isinstance(kind, Coded):
-            codes = np.ascontiguousarray(arrays[name], dtype=np.int32)
-            values = np.asarray(kind.values, dtype=float)
-            listed = texts([repr(value) for value in values.tolist()]) if as_text else numbers(values)
-            parts.append(pa.DictionaryArray.from_arrays(numbers(codes), listed))
-        elif isinstance(kind, Share) and as_text:
-            parts.append(_share_texts(np.asarray(arrays[name], dtype=np.float32)))
-        else:
-            dtype = np.float32 if isinstance(kind, Share) else kind
-            parts.append(numbers(np.ascontiguousarray(arrays[name], dtype=dtype)))
+    parts = [_arrow_array(kind, np.asarray(arrays[name]), as_text) for name, kind in columns.items()]
     return pa.RecordBatch.from_arrays(parts, schema=arrow_schema(columns, as_text))
 
 
-def _share_texts(shares: NDArray[np.float32]) -> Any:
+def _arrow_array(kind: Kind, values: NDArray[Any], as_text: bool) -> Any:
     import pyarrow as pa
 
-    places = np.rint(np.clip(shares, 0, 1) * np.float32(SHARE_STEPS))
-    codes = np.where(np.isnan(places), SHARE_STEPS + 1, places).astype(np.int32)
-    return pa.DictionaryArray.from_arrays(numbers(codes), _share_table())
+    match kind:
+        case Coded():
+            listed = coded_texts(kind) if as_text else numbers(np.asarray(kind.values, dtype=float))
+            return pa.DictionaryArray.from_arrays(numbers(np.ascontiguousarray(values, dtype=np.int32)), listed)
+        case Share() if as_text:
+            return pa.DictionaryArray.from_arrays(numbers(share_places(values)), share_table())
+        case Rounded() if as_text:
+            return numbers(kind.rounded(np.asarray(values, dtype=float), kind.places))
+    return numbers(np.ascontiguousarray(values, dtype=kind if isinstance(kind, str) else np.float32))
+
+
+def coded_texts(kind: Coded) -> Any:
+    """The text of every value."""
+    return texts([repr(value) for value in np.asarray(kind.values, dtype=float).tolist()])
+
+
+def share_places(shares: NDArray[Any]) -> NDArray[np.int32]:
+    """Where in `share_table` each stands."""
+    places = np.rint(np.clip(shares.astype(np.float32), 0, 1) * np.float32(SHARE_STEPS))
+    return np.where(np.isnan(places), SHARE_STEPS + 1, places).astype(np.int32)
 
 
 @cache
-def _share_table() -> Any:
+def share_table() -> Any:
     """The text of every step of a share, and of no share at all."""
     return texts([*(repr(step / SHARE_STEPS) for step in range(SHARE_STEPS + 1)), "nan"])

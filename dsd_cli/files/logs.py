@@ -10,6 +10,7 @@ from typing import cast
 import numpy as np
 
 from dsd_cli.errors import DataError
+from dsd_cli.files.command import Command, as_it_acted
 from dsd_cli.files.scaled import FACTORS, factors_text, scaled
 from dsd_cli.files.table_source import TableSource
 from dsd_cli.files.tables_in import dropped_with_unreadable, open_table
@@ -17,7 +18,7 @@ from dsd_cli.files.tables_out import open_writer
 from dsd_cli.files.watched import Watch, watched
 from dsd_cli.files.windowed import Window, windowed
 from dsd_cli.signals.cleaning import Cleaner, Piece
-from dsd_cli.signals.log import CHANNELS, Array, DHatSource, Hold, Log
+from dsd_cli.signals.log import CHANNELS, Array, DHatSource, Log
 from dsd_cli.signals.outliers import Limits
 
 _D_HAT_SOURCES = ("logged", "velocity", "position")
@@ -51,7 +52,7 @@ def load_log(
     sample_time: float | None = None,
     time_scale: float = 1.0,
     factors: Mapping[str, float] | None = None,
-    u_hold: Hold = "held",
+    command: Command | None = None,
     limits: Limits | None = None,
     window: Window | None = None,
     most_rows: int | None = None,
@@ -65,7 +66,7 @@ def load_log(
     optional : canonical names whose columns may be missing.
     time_scale : s per unit of the time column.
     factors : channel -> what its column is multiplied by.
-    u_hold : how u lives between the samples.
+    command : how u was logged; None is a held one, as it acted.
     limits : rows with values beyond them, with the factors in, are dropped.
     window : the rows that are read; None is all.
     most_rows : about so many rows are enough.
@@ -77,7 +78,9 @@ def load_log(
     """
     if "t" not in signals and sample_time is None:
         raise DataError(f"{path}: no time column", "set signals.time, or signals.sample_time")
-    table = watched(open_table(path, signals, optional, u_hold=u_hold), watch)
+    command = command or Command()
+    table = watched(open_table(path, signals, optional, u_hold=command.hold), watch)
+    table = as_it_acted(table, command, time_scale, sample_time)
     table = windowed(table, window or Window(), time_scale, sample_time)
     table = scaled(table, factors or {})
     cleaner = Cleaner(sample_time, time_scale, limits=limits)
@@ -96,7 +99,7 @@ def load_log(
         source=table.name,
         d_hat_source=cast(DHatSource, source) if source in _D_HAT_SOURCES and "d_hat" in channels else "logged",
         metadata=metadata,
-        u_hold=u_hold,
+        u_hold=command.hold,
     )
     dropped = dropped_with_unreadable(cleaner.dropped, table.unreadable)
     return LoadedLog(log, dropped, (*table.warnings, *cleaner.warnings), restarts, bool(cleaner.regular))

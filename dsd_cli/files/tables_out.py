@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
@@ -15,17 +15,16 @@ from typing import Any, Protocol
 from numpy.typing import ArrayLike
 
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.files.columns_out import Coded, Kind, Share, arrow_batch, arrow_schema
+from dsd_cli.files.columns_out import Coded, Kind, Rounded, Share, arrow_batch, arrow_schema
+from dsd_cli.files.csv_text import CsvText
 from dsd_cli.files.table_source import sidecar
 from dsd_cli.files.tables_in import STDIN as STDOUT
 from dsd_cli.files.whole import WholeFile, cannot_be_written, check_target, is_same
 
-__all__ = ["Coded", "FileWriter", "Kind", "Share", "TableWriter", "check_output", "open_writer"]
+__all__ = ["Coded", "FileWriter", "Kind", "Rounded", "Share", "TableWriter", "check_output", "open_writer"]
 
 #: Rows of a Parquet row group; they are held until it is full.
 GROUP_ROWS = 1 << 19
-#: Rows that Arrow turns into text at a time: with its own 1024 the columns' start-up is a tenth of the writing.
-CSV_ROWS = 1 << 12
 #: Batches that wait for the writing thread.
 QUEUED = 2
 
@@ -109,9 +108,8 @@ class FileWriter:
 
     def write(self, columns: Mapping[str, ArrayLike]) -> None:
         self._raise()
-        batch = arrow_batch(self._columns, columns, as_text=self._is_csv)
         self._room.get()
-        self._queue.put(batch)
+        self._queue.put(columns)
 
     def commit(self) -> None:
         try:
@@ -174,54 +172,69 @@ class FileWriter:
 
     def _run(self) -> None:
         """Write what is queued until None comes; after a failure only empty the queue, so that nobody waits for it."""
-        batch: Any = ...
+        columns: Any = ...
         try:
             with self._sink() as sink:
-                held: list[Any] = []
-                while (batch := self._next()) is not None:
-                    held.append(batch)
-                    if self._is_csv or sum(part.num_rows for part in held) >= GROUP_ROWS:
-                        sink(held)
-                        held = []
-                if held:
-                    sink(held)
+                while (columns := self._next()) is not None:
+                    sink(columns)
         except BaseException as error:
             self._error = error
-            while batch is not None:
-                batch = self._next()
+            while columns is not None:
+                columns = self._next()
 
     def _next(self) -> Any:
-        batch = self._queue.get()
+        columns = self._queue.get()
         self._room.put(None)
-        return batch
+        return columns
 
     @contextlib.contextmanager
-    def _sink(self) -> Any:
-        """A function that writes record batches."""
-        import pyarrow as pa
-
-        schema = arrow_schema(self._columns, as_text=self._is_csv)
+    def _sink(self) -> Iterator[Callable[[Mapping[str, ArrayLike]], Any]]:
+        """A function that writes batches of columns."""
         if self._is_csv:
-            import pyarrow.csv as pc
-
             self._file.write(_csv_header(self._columns))
-            options = pc.WriteOptions(include_header=False, quoting_style="none", batch_size=CSV_ROWS)
-            with pc.CSVWriter(self._file, schema, write_options=options) as csv_writer:
-                yield lambda held: [csv_writer.write_batch(batch) for batch in held]
+            text = CsvText(self._columns)
+            yield lambda columns: [self._file.write(part) for part in text.lines(columns)]
             return
+        with self._parquet() as writer:
+            groups = _Groups(writer, self._columns)
+            yield groups.add
+            groups.write()
+
+    @contextlib.contextmanager
+    def _parquet(self) -> Iterator[Any]:
+        """Arrow's writer."""
         import pyarrow.parquet as pq
 
         # few-valued columns get a dictionary; hashing every float, only to find that none repeats, is most of the cost
         few = [name for name, kind in self._columns.items() if isinstance(kind, Coded) or str(kind).startswith("int")]
-        schema = schema.with_metadata(self._metadata or None)
+        schema = arrow_schema(self._columns, as_text=False).with_metadata(self._metadata or None)
         with pq.ParquetWriter(
             self._file, schema, use_dictionary=few or False, compression="snappy", store_schema=False
         ) as writer:
             if self._metadata:
                 writer.add_key_value_metadata(self._metadata)
-            yield lambda held: writer.write_table(
-                pa.Table.from_batches(held).replace_schema_metadata(schema.metadata), GROUP_ROWS
-            )
+            yield writer
+
+
+class _Groups:
+    """Rows held until they are a row group."""
+
+    def __init__(self, writer: Any, columns: Mapping[str, Kind]) -> None:
+        self._writer, self._columns = writer, columns
+        self._held: list[Any] = []
+
+    def add(self, columns: Mapping[str, ArrayLike]) -> None:
+        self._held.append(arrow_batch(self._columns, columns, as_text=False))
+        if sum(part.num_rows for part in self._held) >= GROUP_ROWS:
+            self.write()
+
+    def write(self) -> None:
+        import pyarrow as pa
+
+        if self._held:
+            table = pa.Table.from_batches(self._held).replace_schema_metadata(self._writer.schema.metadata)
+            self._writer.write_table(table, GROUP_ROWS)
+            self._held = []
 
 
 def _opened(path: Path) -> Any:
@@ -239,17 +252,13 @@ class _Stdout:
     """CSV on stdout, flushed with every batch; a closed pipe surfaces as BrokenPipeError."""
 
     def __init__(self, columns: Mapping[str, Kind]) -> None:
-        self._columns = dict(columns)
-        self._put(_csv_header(self._columns))
+        self._text = CsvText(columns)
+        self._put(_csv_header(columns))
 
     def write(self, columns: Mapping[str, ArrayLike]) -> None:
-        import pyarrow as pa
-        import pyarrow.csv as pc
-
-        text = pa.BufferOutputStream()
-        batch = arrow_batch(self._columns, columns, as_text=True)
-        pc.write_csv(batch, text, pc.WriteOptions(include_header=False, quoting_style="none"))
-        self._put(text.getvalue())
+        for text in self._text.lines(columns):
+            sys.stdout.buffer.write(text)
+        sys.stdout.buffer.flush()
 
     def _put(self, content: Any) -> None:
         sys.stdout.buffer.write(content)

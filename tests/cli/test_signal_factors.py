@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from dsd_cli.cli.plan import reading
+from dsd_cli.files.command import Command
 from dsd_cli.files.config import parse_config
 from dsd_cli.files.logs import load_log
-from tests.cli.rig import CONFIG, DSD, csv_text, done, dsd, make_log, read_labels, refused, same, write
+from tests.cli.rig import CONFIG, DSD, csv_text, done, dsd, interruptible, make_log, read_labels, refused, same, write
 
 FACTORS = "[signals]\nu_sign = -1\nu_scale = 0.25\nvelocity_scale = 2\nposition_scale = -0.5\n"
 #: What turns a channel into what the disguised file holds.
@@ -57,7 +58,7 @@ def test_factors_are_those_that_are_not_one():
 def test_a_log_in_memory_has_them_once(rig, name):
     path = write(rig, name, disguised())
     signals = {channel: channel for channel in ("t", *DISGUISE)}
-    log = load_log(path, signals, factors=parse_config(FACTORS).signals.factors(), u_hold="sampled").log
+    log = load_log(path, signals, factors=parse_config(FACTORS).signals.factors(), command=Command("sampled")).log
     for channel, column in channels().items():
         np.testing.assert_array_equal(log[channel], column)
     assert log.u_hold == "sampled"
@@ -104,7 +105,7 @@ def test_detect_from_files_and_streams(rig, source):
 def test_detect_of_a_file_that_grows(rig):
     done("detect", "plain.csv", "-c", "plain.toml", "-o", "plain_labels.csv", cwd=rig)
     command = [*DSD, "detect", "log.csv", "--follow", "-q"]
-    process = subprocess.Popen(command, cwd=rig, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(command, cwd=rig, stdout=subprocess.PIPE, text=True, preexec_fn=interruptible)
     lines: list[str] = []
     reader = threading.Thread(target=lambda: lines.extend(process.stdout))
     reader.start()

@@ -13,14 +13,14 @@ from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files import tables_out
 from dsd_cli.files.logs import load_log, write_log
 from dsd_cli.files.tables_in import open_table
-from dsd_cli.files.tables_out import Coded, Share, open_writer
+from dsd_cli.files.tables_out import Coded, Rounded, Share, open_writer
 from dsd_cli.signals.log import Log
 
 KINDS = {
     "t": "float64",
     "state": "int16",
     "delay": Coded(np.array([0.2, 0.3])),
-    "log_likelihood": "float32",
+    "log_likelihood": Rounded(4),
     "confident": "bool",
 }
 LABELS = {

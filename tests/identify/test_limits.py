@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.policy import POLICY
@@ -16,6 +17,7 @@ from dsd_cli.signals.log import Log
 from tests.oracle.rig import RigCase, make
 
 DELAY_MS = 20  # of the rig
+DECAY = np.exp(-1.0 / 5.0)  # of a filter of 5 ms at 1 kHz
 
 
 def given(case, samples=0):
@@ -96,8 +98,50 @@ def test_a_sensor_that_does_not_tell_the_direction_makes_no_verdict_sure():
 def test_usual_sensors_tell_the_direction(sensing):
     recording, model, _ = given(RigCase(what=("coulomb_friction",), seed=4302, sensing=sensing))
     search, whole = searched([recording], model, Settings(), ())
-    limits = limits_of(search, whole, Settings())
+    limits = limits_of(search, whole, Settings(), None)
     moving = [np.abs(s.sign[s.free > 0.0]) for s in search.equations.stretches]
     assert limits.told == pytest.approx(np.concatenate(moving).mean())
     assert limits.told > 0.98
     assert limits.said == ()
+
+
+def behind_a_filter(channels):
+    """First order, 5 ms."""
+    return {**channels, "u": lfilter([1.0 - DECAY], [1.0, -DECAY], channels["u"])}
+
+
+def with_hum(channels):
+    """0.3 of the rms of u that a measuring lead picks up, and that moves nothing."""
+    u, t = channels["u"], channels["t"]
+    return {**channels, "u": u + 0.3 * np.sqrt(2.0) * np.std(u) * np.sin(2.0 * np.pi * 50.0 * t)}
+
+
+def spoilt(case, spoil):
+    (log,) = make([case])
+    channels = spoil({name: np.array(x) for name, x in log.channels.items()})
+    observer = ObserverSettings(log.observer["nominal_inertia"], log.observer["time_constant"])
+    model = PlantModel(log.believed["inertia"], log.believed["delay"], log.believed["effects"])
+    return diagnose([prepare(Log(channels, log.sample_time, "log.csv"), observer)], model, observer)
+
+
+@pytest.mark.parametrize("sensing", ["speed40k", "enc4096"])
+def test_a_u_that_was_logged_behind_a_filter_is_no_load_and_no_play(sensing):
+    """Presliding friction was missing at 99 %."""
+    found = spoilt(RigCase(what=(), seed=7100, sensing=sensing), behind_a_filter)
+    assert (found.verdict, found.found) == ("unknown", ())
+    (said,) = [w for w in found.warnings if "signals.u_filter" in w]
+    assert float(re.search(r"signals\.u_filter = ([0-9.]+)\)", said)[1]) == pytest.approx(0.005, rel=0.15)
+
+
+def test_a_filter_beside_a_true_effect_is_said_and_hides_nothing():
+    found = spoilt(RigCase(what=("quadratic_drag",), seed=7100, sensing="speed40k"), behind_a_filter)
+    assert found.verdict == "quadratic_drag"
+    assert any("signals.u_filter" in w for w in found.warnings)
+
+
+@pytest.mark.parametrize("sensing", ["speed40k", "enc4096"])
+def test_hum_in_a_measured_u_is_no_load_that_swings_there(sensing):
+    """A load stands in for it exactly: one that swings at 50 Hz holds the axis still there."""
+    found = spoilt(RigCase(what=(), seed=7100, sensing=sensing), with_hum)
+    assert found.verdict in ("none", "unknown")
+    assert not any("coupling" in effect for effect in found.found)

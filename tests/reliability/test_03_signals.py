@@ -95,6 +95,7 @@ def test_ctrl_c_while_starting_says_nothing(tmp_path, after):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         cwd=Path(__file__).parents[2],
+        preexec_fn=interruptible,
     )
     assert process.stdout.readline() == b"begun\n"
     time.sleep(after)

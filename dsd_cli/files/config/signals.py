@@ -97,6 +97,18 @@ class Signals(Section):
         "how u lives between samples: held by a drive until the next one, or sampled from a continuous signal",
         default="held",
     )
+    u_shift: float = key(
+        number(lower=-1e4, upper=1e4),
+        "moves u in time; below 0 where it was logged that much later than it acted",
+        "s",
+        default=0.0,
+    )
+    u_filter: float = key(
+        number(lower=0.0, upper=1e4),
+        "time constant of a first-order low-pass that u was logged behind, which is undone; 0: none",
+        "s",
+        default=0.0,
+    )
     start: float = key(_edge(), "rows before this time are not read (--from)", "s", default=-math.inf)
     end: float = key(_edge(), "rows after this time are not read (--to)", "s", default=math.inf)
     u_range: tuple[float, float] | None = _range("u")
@@ -188,7 +200,7 @@ class Signals(Section):
 
 #: Keys of [signals] that say how a column is read, and those that name one.
 _READING = (
-    *("sample_time", "time_unit", "u_sign", "u_scale", "velocity_scale", "position_scale"),
+    *("sample_time", "time_unit", "u_sign", "u_scale", "u_shift", "u_filter", "velocity_scale", "position_scale"),
     *("position_unit", "velocity_unit", "counts_per_turn", "counts_per_metre"),
 )
 _COLUMNS = ("time", "u", "d_hat", "velocity", "position", "reference", "true_delay", "true_inertia")

@@ -1,7 +1,7 @@
 """Can this log answer? Signs, scales, clock, excitation, sensor, and what of a model it identifies.
 
 result = check_log(log, model, observer)
-finding = gravest(result)      # what must be said before anything else, or None
+findings = to_mend_first(result)      # what must be said before anything else
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ __all__ = [
     "Parameter",
     "Severity",
     "check_log",
-    "gravest",
+    "to_mend_first",
 ]
 
 _ORDER = {"error": 0, "warning": 1, "note": 2}
@@ -46,6 +46,7 @@ def check_log(
     *,
     dropped: Mapping[str, int] | None = None,
     factors: Mapping[str, float] | None = None,
+    u_shift: float = 0.0,
 ) -> CheckResult:
     """Everything that one log shows about itself; never raises for what is in a log.
 
@@ -55,7 +56,7 @@ def check_log(
     observer : of a logged d_hat; without it d_hat is not judged.
     restarts : samples that do not continue the one before.
     dropped : rows that were not taken as they are, as `Cleaner.dropped` has them.
-    factors : factors of [signals] that are in the log already, for remedies that name these keys.
+    factors, u_shift : of [signals], that are in the log already, for remedies that name these keys.
     """
     true = clock.stamps_are_true(log, restarts)
     view = look(log, restarts, true > -clock.CLEAR)
@@ -70,9 +71,10 @@ def check_log(
     else:
         parameters = check_parameters(view, model, observer)
         found += _not_told(parameters) if model is not None else []
+    worded = [one.worded(factors or {}, u_shift) for one in found]
     return CheckResult(
         log.source,
-        tuple(sorted((one.worded(factors or {}) for one in found), key=lambda one: (_ORDER[one.severity], -one.sure))),
+        tuple(sorted(worded, key=lambda one: (_ORDER[one.severity], -one.sure))),
         parameters,
         None if view.band is None else view.band.cutoff,
         floor_of(view, model),
@@ -127,6 +129,6 @@ def _hold(view: View) -> list[Finding]:
     return check_hold(view.stretches, view.band, delay_of(fit, view), view.log.u_hold)
 
 
-def gravest(result: CheckResult) -> Finding | None:
-    """The finding that must be said before anything that this log answers: the surest error; None without one."""
-    return next(iter(result.errors), None)
+def to_mend_first(result: CheckResult) -> tuple[Finding, ...]:
+    """What must be said before anything that this log answers: the surest error, without one a u that is late."""
+    return result.errors[:1] or tuple(one for one in result.findings if one.late)

@@ -25,6 +25,7 @@ class Finding:
     sure : 0 to 1, how sure the check is of it.
     remedy : what to do; names the key of the config where there is one.
     multiply : (channel, factor) that would mend it; `worded` makes the remedy of it.
+    late : s by which u is late, and the same.
     """
 
     what: str
@@ -33,12 +34,14 @@ class Finding:
     sure: float
     remedy: str = ""
     multiply: tuple[tuple[str, float], ...] = ()
+    late: float = 0.0
 
-    def worded(self, applied: Mapping[str, float]) -> Finding:
-        """With a remedy that says what the keys of [signals] must be, where `applied` factors are in them already."""
-        if not self.multiply:
-            return self
+    def worded(self, applied: Mapping[str, float], u_shift: float = 0.0) -> Finding:
+        """With a remedy that says what the keys of [signals] must be, where these are in them already."""
         keys = [_key(channel, factor, applied.get(channel, 1.0)) for channel, factor in self.multiply]
+        keys += [f"signals.u_shift = {u_shift - self.late:.3g}"] if self.late else []
+        if not keys:
+            return self
         return replace(self, remedy=" and ".join([*keys, self.remedy] if self.remedy else keys))
 
 

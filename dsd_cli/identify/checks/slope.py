@@ -12,6 +12,10 @@ from dsd_cli.identify.checks.scan import block_starts, jackknife
 from dsd_cli.identify.checks.stretches import Stretch
 from dsd_cli.signals.log import Array
 
+#: Share of the power of the velocity that lies in the band at least, to be compared there.
+_IN_BAND = 0.01
+#: Share of the best agreement that a smaller lag may have and be taken.
+_NEARLY = 0.9
 #: Delays between the two that are tried, s.
 FARTHEST = 0.06
 
@@ -46,16 +50,16 @@ def compare_slope(stretches: Sequence[Stretch], cutoff: float) -> Slope | None:
     edges = block_starts(v.size)
     vs, ss, vv = (np.add.reduceat(x, edges) for x in (v[:, None] * s, s**2, v**2))
     explained = vs.sum(axis=0) ** 2 / np.maximum(ss.sum(axis=0), 1e-300)
-    at = int(explained.argmax())
-    if not (explained[at] > 0.0 and 0 < at < lags.size - 1):
+    at = _nearest_peak(explained, lags)
+    if at is None:
         return None
     others = (vs.sum(axis=0) - vs) ** 2 / np.maximum(ss.sum(axis=0) - ss, 1e-300)
     factors = (vs.sum(axis=0) - vs)[:, at] / np.maximum(ss.sum(axis=0) - ss, 1e-300)[:, at]
-    peaks = np.array([_peak(row, lags) for row in others])
+    peaks = np.array([_peak(row, lags, at) for row in others])
     return Slope(
         float(vs[:, at].sum() / ss[:, at].sum()),
         float(jackknife(factors)),
-        _peak(explained, lags),
+        _peak(explained, lags, at),
         float(jackknife(peaks)),
         float(explained[at] / max(vv.sum(), 1e-300)),
     )
@@ -72,8 +76,9 @@ def _rows(stretches: Sequence[Stretch], cutoff: float) -> tuple[list[Array], lis
             continue
         speeds.append(keep(s.velocity)[rows])
         slopes.append((keep(np.gradient(s.position, s.T)), rows.astype(np.float64)))
-    if not speeds or np.ptp(np.concatenate(speeds)) == 0.0:
-        return [], []
+    all_of_it = sum(float(np.var(s.velocity)) for s in stretches if s.velocity is not None)
+    if not speeds or sum(float(np.var(x)) for x in speeds) <= _IN_BAND * all_of_it:
+        return [], []  # what the axis does is above the band
     return speeds, slopes
 
 
@@ -85,9 +90,20 @@ def _shifted(slope: Array, rows: Array, lags: Array) -> Array:
     return np.asarray((1.0 - part) * slope[whole] + part * slope[whole + 1])
 
 
-def _peak(values: Array, at: Array) -> float:
-    """Place of the largest value, by a parabola through it and its neighbours."""
-    k = int(np.clip(values.argmax(), 1, values.size - 2))
+def _nearest_peak(values: Array, lags: Array) -> int | None:
+    """The peak next to no lag that is nearly as high as the highest: half a period later a motion of one frequency
+    explains as much, with the other sign. None if the highest stands at an end."""
+    if not (values.max() > 0.0 and 0 < int(values.argmax()) < lags.size - 1):
+        return None
+    inner = values[1:-1]
+    tops = 1 + np.flatnonzero((inner >= values[:-2]) & (inner >= values[2:]) & (inner > _NEARLY * values.max()))
+    return int(tops[np.abs(lags[tops]).argmin()])
+
+
+def _peak(values: Array, at: Array, near: int) -> float:
+    """Place of the largest value around `near`, by a parabola through it and its neighbours."""
+    first = max(near - 1, 0)
+    k = int(np.clip(first + values[first : near + 2].argmax(), 1, values.size - 2))
     before, top, after = values[k - 1 : k + 2]
     bend = before - 2.0 * top + after
     offset = 0.5 * (before - after) / bend if bend < 0.0 else 0.0

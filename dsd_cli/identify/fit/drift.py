@@ -97,9 +97,15 @@ class _Path:
     walk: float
 
     @cached_property
+    def position(self) -> Array:
+        """rad; where it would drift too far to be one, what the speed adds up to tells the size of the motion."""
+        there = "position" in self.piece
+        return self.piece["position"] if there else np.cumsum(self.piece["velocity"]) * self.piece.sample_time
+
+    @cached_property
     def span(self) -> float:
         """Of the position."""
-        return float(np.ptp(self.piece["position"]))
+        return float(np.ptp(self.position))
 
     @cached_property
     def knots(self) -> Array:
@@ -132,7 +138,7 @@ class _Path:
     def so_far(self) -> Array:
         """By what the motion was moved already: at the knots, and its zero; shape (k + 1,)."""
         moved = self.piece["velocity"] - self.plain["velocity"]
-        zero = self.piece["position"][0] - self.plain["position"][0]
+        zero = self.piece["position"][0] - self.plain["position"][0] if "position" in self.piece else 0.0
         return np.append(np.interp(self.knots, self.piece["t"], moved), zero)
 
     @cached_property
@@ -168,7 +174,7 @@ class _Path:
     def step(self) -> tuple[Array, float]:
         """What is to be added to the speed, shape (n,), and to the position: most likely given noise and walk."""
         speed = MOVED * max(self.walk, float(np.median(self.piece["speed_noise"])))
-        sizes = np.append(np.full(len(self.knots), speed), MOVED * float(np.std(self.piece["position"])))
+        sizes = np.append(np.full(len(self.knots), speed), MOVED * float(np.std(self.position)))
         here = self.rows[1 + FIXED :]
         theta = self.fit.forward[1 + FIXED :]
         x = np.stack([theta @ (self.moved(*self.split(change)) - here) for change in np.diag(sizes)]) / sizes[:, None]

@@ -23,13 +23,17 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.signals.log import Array
 
 #: Groups of channels whose functions are tried, the simple ones first. The acceleration is excluded: as measured, it
-#: contains the unknown force.
+#: contains the unknown force. `GAIN`: u times a function of the other channel, which an inertia that varies shows, too.
+GAIN = "gain of u"
 SINGLES = (("velocity",), ("position",), ("u",), ("time",))
 PAIRS = (
     ("velocity", "position"),
     ("velocity", "time"),
     ("velocity", "u"),
     ("position", "time"),
+    (GAIN, "velocity"),
+    (GAIN, "position"),
+    (GAIN, "time"),
 )
 HATS, HATS_IN_PAIR, FINE_HATS = 12, 6, 40
 #: Hats over time are wider than three held-out blocks, so that a held-out block can be interpolated.
@@ -89,6 +93,7 @@ class FreeformFits:
     def groups(self) -> list[tuple[str, ...]]:
         """Groups whose channels all stretches have, and that vary."""
         have = {n for n in self.pieces[0].values if all(_varies(p, n) for p in self.pieces)}
+        have |= {GAIN} if "u" in have else set()
         return [g for g in (*SINGLES, *PAIRS) if set(g) <= have]
 
     def fit_with(self, on: tuple[str, ...], whitened: bool = True) -> Freeform:
@@ -126,11 +131,24 @@ class FreeformFits:
             count = max(self.blocks.count // BLOCKS_PER_TIME_HAT, 3)
             return basis(self.pieces, on, [count])
         most = max(self.blocks.rows // ROWS_PER_HAT, FEWEST_HATS)
+        if on[0] == GAIN:
+            return self._gain(on[1], min(HATS, most))
         if on == ("position",):
             return basis(self.pieces, on, [min(FINE_HATS, most)])
         if len(on) == 1:
             return basis(self.pieces, on, [min(HATS, most)])
         return basis(self.pieces, on, [min(HATS_IN_PAIR, max(math.isqrt(most), 2))] * len(on))
+
+    def _gain(self, channel: str, count: int) -> tuple[list[Array], Array]:
+        """u times hats over a channel. Where J varies over the position, J' v^2 / 2 comes with it: v^2 times hats."""
+        hats, penalty = basis(self.pieces, (channel,), [count])
+        u = [piece.values["u"] for piece in self.pieces]
+        if channel != "position" or any("velocity" not in piece.values for piece in self.pieces):
+            return [h * x[:, None] for h, x in zip(hats, u, strict=True)], penalty
+        squares = [piece.values["velocity"] ** 2 for piece in self.pieces]
+        scale = float(np.std(np.concatenate(u))) / max(float(np.std(np.concatenate(squares))), 1e-300)
+        made = [np.hstack([h * x[:, None], h * (scale * v)[:, None]]) for h, x, v in zip(hats, u, squares, strict=True)]
+        return made, np.asarray(np.kron(np.eye(2), penalty))
 
 
 def freeform_fits(bank: Bank, equations: Equations, blocks: Blocks, fit: Fit, inertia: float) -> FreeformFits:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from dsd_cli.effects import catalogue
+from dsd_cli.identify.fit.freeform import GAIN
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate
 
 _GENERAL = "move at constant speed both ways, slowly and fast, over the whole travel, with a rest between the moves"
@@ -26,8 +27,7 @@ def advice_for(
     if nearest:
         lines.append(f"to see whether it is {nearest}, record a longer log: {_GENERAL}")
     if verdict == UNKNOWN:
-        on = " and ".join(depends_on)
-        lines.append(f"look at the residual over {on} (dsd compare --plot)" if on else "look at the residual over time")
+        lines.append(_look_at(depends_on))
         lines.append("if you know a law for it, write it as an effect and pass it with --effects-from")
     elif verdict != NONE and more_unknown:
         lines.append("this is not all: something else remains that no effect of the catalogue explains")
@@ -41,6 +41,14 @@ def advice_for(
     if "reconstructed" in provenance.get("velocity", ""):
         lines.append("speed and position were reconstructed from u and d_hat: log the position to be surer")
     return tuple(lines)
+
+
+def _look_at(depends_on: Sequence[str]) -> str:
+    channels = [name for name in depends_on if name != GAIN]
+    over = " and ".join(channels) or "time"
+    if GAIN in depends_on:
+        return f"u moves the axis more at times, by {over}: does the inertia, the load or the gain of the drive vary?"
+    return f"look at the residual over {over}" + (" (dsd compare --plot)" if channels else "")
 
 
 def _experiment(one: str, other: str) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.identify.fit.freeform import freeform_fits, loss_of
+from dsd_cli.identify.fit.freeform import GAIN, freeform_fits, loss_of
 from dsd_cli.identify.fit.noise import structured_share
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.sure import uncertain
@@ -25,6 +25,11 @@ class Beyond:
     heldout_rmse: float
     unknown: bool
     noise: float
+
+    @property
+    def of_gain(self) -> bool:
+        """Whether it is u times something."""
+        return GAIN in self.on
 
 
 def beyond_of(search: Search, fit: Fit) -> Beyond:

@@ -19,6 +19,7 @@ from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beside_stops, beyond_of, pushed, said_of_stops
 from dsd_cli.identify.verdict.contradictions import against_told, contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, membership, probabilities
+from dsd_cli.identify.verdict.imitation import without_imitations
 from dsd_cli.identify.verdict.limits import Limits, limits_of
 from dsd_cli.identify.verdict.own_values import Own, own_values
 from dsd_cli.identify.verdict.shown import Shown, note_on, with_response
@@ -66,11 +67,13 @@ def diagnose(
         beyond = beyond_of(search, whole)
     if shown.seen is None and event_effect(search) is not None:
         whole, beyond = pushed(search, whole, beyond)
+    if shown.seen is None:
+        whole, beyond = without_imitations(search, whole, beyond)
     report("how sure", 0.8)
     found = [t.id for t in search.added(whole.terms) if shown.seen is None]
     reconstructed = any("reconstructed" in r.provenance.get("velocity", "") for r in search.problem.recordings)
     misfit = beyond.unknown or reconstructed or search.noise.inflation > POLICY.most_inflation
-    limits = limits_of(search, whole, shown.settings)
+    limits = limits_of(search, whole, shown.settings, shown.seen)
     members = {} if limits.blocked else {name: membership(search, whole, name, misfit) for name in found}
     options, own = search.options(search.refit), own_values(search)
     verdict = _Verdict(search, options, whole, members, own, beyond, shown, limits)
@@ -232,7 +235,7 @@ class _Verdict:
 
     def _nearest(self) -> str:
         """The effect that would explain much of what is unknown, but is not confirmed block by block."""
-        if self.named != UNKNOWN or not self.options or self.limits.blocked:
+        if self.named != UNKNOWN or not self.options or self.limits.blocked or self.beyond.of_gain:
             return ""
         refit, best = self.search.refit, self.options[0]
         before, after = self.problem.errors.rmse(refit), self.problem.errors.rmse(best.fit)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError
+from dsd_cli.files.command import Command
 from dsd_cli.files.formats.join import Sampled, join
 from dsd_cli.files.logs import load_log
 from tests.files.formats.test_formats import read
@@ -50,7 +51,7 @@ def test_a_fast_u_that_was_sampled_has_its_value_at_each_row(tmp_path: Path) -> 
         file.append([asammdf.Signal(slow**2, slow, name="speed")], acq_name="axis")
         file.save(tmp_path / "log.mf4")
     names = {"t": "t", "u": "iq", "velocity": "speed"}
-    sampled = load_log(tmp_path / "log.mf4", names, u_hold="sampled")
+    sampled = load_log(tmp_path / "log.mf4", names, command=Command("sampled"))
     expected = [on_the_line(fast.tolist(), u.tolist(), at) for at in slow]
     np.testing.assert_allclose(sampled.log["u"], expected, rtol=0, atol=1e-12)
     np.testing.assert_allclose(sampled.log["u"], np.sin(20.0 * slow), rtol=0, atol=1e-4)

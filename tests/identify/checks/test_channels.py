@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.checks import check_log
+from dsd_cli.signals.log import Log
 from tests.identify.checks.rig import log_of, only_error, recordings, said, servo
 
 DEGREE, TURN = np.pi / 180.0, 2.0 * np.pi
@@ -108,3 +109,22 @@ def test_a_velocity_that_is_another_signal_is_said():
     other = np.convolve(rng.normal(size=len(servo("velocity").channels["u"])), np.ones(50) / 50.0, "same")
     result = check_log(log_of(servo("velocity"), velocity=other))
     assert said(result, "not the slope of position")[0].severity == "error"
+
+
+@pytest.mark.parametrize(("hz", "growth"), [(27.9, 0.36), (63.0, 0.0)])
+def test_an_axis_that_swings_at_one_frequency_has_the_sign_it_has(hz, growth):
+    """Half a period later both agree as well, with the other sign: an unstable loop was "velocity_scale = -1". Beyond
+    the band of the comparison nothing is left to compare: "velocity is not the slope of position" was said."""
+    t = 0.001 * np.arange(18_000)
+    w, size = 2.0 * np.pi * hz, np.exp(growth * t)
+    velocity = w * size * np.cos(w * t) + np.random.default_rng(1).normal(size=t.size)
+    log = Log({"t": t, "u": -size * np.cos(w * t), "position": size * np.sin(w * t), "velocity": velocity}, 0.001, "x")
+    assert [one.what for one in check_log(log).findings if "slope" in one.what] == []
+
+
+def test_a_tone_with_the_other_sign_is_still_said():
+    t = 0.001 * np.arange(12_000)
+    position = (1.0 + 0.3 * np.sin(0.9 * t)) * np.sin(2.0 * np.pi * 14.0 * t)
+    log = Log({"t": t, "u": -position, "position": position, "velocity": -np.gradient(position, 0.001)}, 0.001, "x")
+    (one,) = said(check_log(log), "other sign than the slope")
+    assert one.remedy.startswith("signals.velocity_scale = -1")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsd_cli.identify.checks import check_log, gravest
+from dsd_cli.identify.checks import check_log, to_mend_first
 from dsd_cli.signals.log import Log
 from tests.identify.checks.rig import checked, log_of, observer_of, only_error, recordings, said, servo
 from tests.oracle import machines
@@ -20,7 +20,7 @@ def test_a_right_log_is_never_called_wrong(kind):
         result = checked(recording)
         hidden = [name for name, _ in recording.truth.hidden]
         assert result.errors == (), (hidden, recording.truth.channels)
-        assert gravest(result) is None
+        assert to_mend_first(result) == ()
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -1,0 +1,151 @@
+"""What of the logged u did not act: single spikes, and lines such as hum of the mains, which the motion lacks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dsd_cli.effects import Role, get_effect
+from dsd_cli.identify.fit.asked import Settings
+from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.search.response import Seen, response_of
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.signals.log import Array, with_channels
+
+#: Samples over which the median of u is taken: single wrong ones, and runs of ten that a slower logger holds.
+_MEDIANS = (3, 21)
+#: What is taken off u, rms, as a share of it: less is not worth asking.
+_LEAST_PART = 0.05
+#: The largest of what a median takes off, in units of its rms: noise has 5, and a u that switches has 2; its edges are
+#: no spikes.
+_CREST = 8.0
+#: Power of a line over the median of that beside it: the largest of a hundred values of noise reaches 7.
+_LINE = 30.0
+#: Bins beside a line that are looked at, and that it fills itself (Hann window).
+_BESIDE, _WIDTH = 50, 2
+#: Amplitude of the acceleration at a line, as a share of what u would cause there: below it, it did not act.
+_UNANSWERED = 0.3
+#: Hz by which a line may wander: mains do by some hundredths.
+_WANDERS = 0.2
+#: What is left without a part that did not act, as a share of what all that was found leaves with it; true ones have
+#: 0.03-0.6, spikes that acted, with a law that misfits them, 0.83.
+_AT_MOST = 0.7
+#: Lines of one log that are taken off at most.
+_MOST_LINES = 5
+
+
+@dataclass(frozen=True)
+class Idle:
+    """A part of u that did not act. what : which; why : what shows it; question : where it may be from."""
+
+    what: str
+    why: str
+    question: str
+
+
+def idle_part(search: Search, whole: Fit, settings: Settings, seen: Seen | None) -> Idle | None:
+    """The part of u without which forces alone explain the log better than all that was found, or the load that the
+    response shows (`seen`) is none."""
+    problem, rmse = search.problem, search.problem.errors.rmse
+    before, found = rmse(search.refit), rmse(whole)
+    if before < POLICY.floor_factor * problem.floor and seen is None:
+        return None
+    effects, best, least = problem.scale.model(whole).effects, None, math.inf
+    for part in _parts(problem.recordings, search.solver.inertia):
+        forces = {name: values for name, values in effects.items() if get_effect(name).role not in part.imitators}
+        without = Search(pose(part.taken_off, replace(problem.model, effects=forces), settings))
+        left = without.problem.errors.rmse(without.refit)
+        if seen is not None and Role.STRUCTURE in part.imitators and not _shows(without, seen.effect):
+            return Idle(part.what, f"{part.instead}, the response shows no load", part.question)
+        if left < _AT_MOST * found and left < least and problem.falls(before, left, search.refit):
+            why = f"forces alone leave {left:.3g}, less than any effects with u as it is logged ({found:.3g})"
+            best, least = Idle(part.what, f"{part.instead}, {why}", part.question), left
+    return best
+
+
+def _shows(search: Search, effect: str) -> bool:
+    """Whether the response shows a load."""
+    response = response_of(search, search.refit, (effect,), doubtful=True)
+    return response is not None and response.seen is not None
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Of u, in some recording. instead : what is in its place in `taken_off`, the recordings without it.
+    imitators : roles of effects that pass for it."""
+
+    what: str
+    instead: str
+    question: str
+    taken_off: list[Recording]
+    imitators: tuple[Role, ...]
+
+
+def _parts(recordings: Sequence[Recording], inertia: float) -> Iterator[_Part]:
+    for samples in _MEDIANS:
+        smooth = [_despiked(r, samples) for r in recordings]
+        if any(a is not b for a, b in zip(smooth, recordings, strict=True)):
+            question = "Is u logged more slowly than the drive runs, or are cells wrong?"
+            instead = f"with the median of u over {samples} samples in their place"
+            yield _Part("spikes of u", instead, question, smooth, (Role.INPUT,))
+    found = [_without_lines(r, inertia) for r in recordings]
+    lines = sorted({round(hz, 1) for _, lines in found for hz in lines})
+    if lines:  # an axis that stands still at one frequency is what a load does that swings there
+        what = f"u at {', '.join(f'{hz:g}' for hz in lines)} Hz"
+        question = "Is it hum in a u that was measured, or a tone that the drive does not apply?"
+        yield _Part(what, "without it", question, [r for r, _ in found], (Role.INPUT, Role.STRUCTURE))
+
+
+def _despiked(recording: Recording, samples: int) -> Recording:
+    """With the median of u over so many samples in its place; the same one where that takes no spikes off."""
+    from scipy.ndimage import median_filter
+
+    smooth = [median_filter(p["u"], samples, mode="nearest") for p in recording.pieces]
+    off = np.concatenate([p["u"] - m for p, m in zip(recording.pieces, smooth, strict=True)])
+    if float(np.max(np.abs(off))) < _CREST * float(np.std(off)):
+        return recording
+    return _with_u(recording, smooth)
+
+
+def _without_lines(recording: Recording, inertia: float) -> tuple[Recording, list[float]]:
+    """Without the lines of u that the acceleration does not answer, and those, Hz; the same one if there are none."""
+    longest = max(recording.pieces, key=len)
+    lines = _unanswered(longest["u"], inertia * longest["acceleration"], recording.sample_time)
+    without = _with_u(recording, [_notched(p["u"], lines, recording.sample_time) for p in recording.pieces])
+    return without, lines if without is not recording else []
+
+
+def _with_u(recording: Recording, u: Sequence[Array]) -> Recording:
+    """With another u; the same one where hardly anything changes."""
+    before, after = np.concatenate([p["u"] for p in recording.pieces]), np.concatenate(u)
+    if float(np.std(before - after)) < _LEAST_PART * float(np.std(before)):
+        return recording
+    return replace(recording, pieces=tuple(with_channels(p, u=x) for p, x in zip(recording.pieces, u, strict=True)))
+
+
+def _unanswered(u: Array, force: Array, step: float) -> list[float]:
+    """Hz of the lines of u, largest first, at which `force`, J times the acceleration, is far too small."""
+    from scipy.ndimage import maximum_filter1d, median_filter
+
+    window = np.hanning(u.size)
+    drive, answer = (np.abs(np.fft.rfft((x - x.mean()) * window)) for x in (u, force))
+    beside = np.sqrt(median_filter(drive**2, 2 * _BESIDE + 1, mode="nearest"))
+    peaks = (drive == maximum_filter1d(drive, 2 * _WIDTH + 1)) & (drive > math.sqrt(_LINE) * beside)
+    at = np.flatnonzero(peaks & (maximum_filter1d(answer, 2 * _WIDTH + 1) < _UNANSWERED * drive))
+    at = at[np.argsort(-drive[at])][:_MOST_LINES]
+    return [float(k) / (u.size * step) for k in at]
+
+
+def _notched(u: Array, lines: Sequence[float], step: float) -> Array:
+    """Without what is near these lines, Hz."""
+    spectrum, frequency = np.fft.rfft(u), np.fft.rfftfreq(u.size, step)
+    width = max(_WIDTH / (u.size * step), _WANDERS)
+    for hz in lines:
+        spectrum[np.abs(frequency - hz) <= width] = 0.0
+    return np.fft.irfft(spectrum, u.size)
