@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from bench.outside_cases import Cell, chosen
+from dsd_cli.effects import kind_of
 from dsd_cli.identify.checks import check_log
 from dsd_cli.identify.improve import REFIT, improve
 from dsd_cli.identify.recordings.recording import prepare
@@ -27,7 +28,7 @@ from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.oracle.rig import RigCase, RigLog, make
-from tests.oracle.rig_cases import STRANGERS_UNSEEN
+from tests.oracle.rig_cases import RIPPLES, STRANGERS_UNSEEN
 
 RESULTS = Path(__file__).parent / "results" / "outside.json"
 #: Values of every model.
@@ -35,6 +36,8 @@ OWN = {INERTIA, DELAY}
 PAGE = Path(__file__).parents[1] / "docs" / "outside.md"
 #: A verdict as sure as this is a confident one.
 SURE = 0.9
+#: Of a period over the travel, by which the periods of a line may be off.
+_NEAR = 0.35
 Row = dict[str, Any]
 
 
@@ -123,6 +126,31 @@ def _pair(log: RigLog) -> Row:
     return row | {"right": taken == effects, "both": effects <= taken}
 
 
+def _lines(log: RigLog) -> Row:
+    """Right: these lines and no other, and no effect that is not there."""
+    recording, model, observer = _given(log)
+    answer = diagnose([recording], model, observer, Settings())
+    named = next((c for c in answer.ranking if c.effect == answer.verdict), None)
+    values = answer.whole_values or (named.all_values if named else {})
+    there = sorted(x["periods"] for p in log.truth["effects"].values() for x in p.get("lines", ()))
+    seen = sorted(e.value for name, e in values.items() if name.endswith(".periods"))
+    near = _NEAR * 2.0 * math.pi / log.floor["travel"]
+    false = sum(all(abs(n - true) > near for true in there) for n in seen)
+    missed = sum(all(abs(n - true) > near for n in seen) for true in there)
+    hidden = set(log.case.what) - set(RIPPLES)
+    others = {name for name in answer.found if kind_of(name) != "cogging"}
+    told = named is not None and not named.indistinguishable_from and answer.probability >= SURE
+    return {
+        "right": not (false or missed) and len(seen) == len(there) and others == hidden,
+        "verdict": answer.verdict,
+        "steps": list(answer.found),
+        "probability": answer.probability,
+        "missed": missed,
+        "false": false,
+        "wrong_and_sure": told and (false > 0 or answer.verdict not in {"cogging", *hidden}),
+    }
+
+
 def _stranger(log: RigLog) -> Row:
     row = _ladder(log)
     return row | {"right": row["verdict"] == UNKNOWN, "unseen": log.case.what[0] in STRANGERS_UNSEEN}
@@ -145,7 +173,15 @@ def _said(log: RigLog, channels: dict[str, Any], key: str) -> Row:
     return {"right": bool(said), "verdict": "said" if said else "not said", "probability": 1.0}
 
 
-_ASK = {"singles": _single, "none": _single, "pairs": _pair, "strangers": _stranger, "sign": _sign, "units": _units}
+_ASK = {
+    "singles": _single,
+    "none": _single,
+    "pairs": _pair,
+    "lines": _lines,
+    "strangers": _stranger,
+    "sign": _sign,
+    "units": _units,
+}
 
 
 def _keep(name: str, rows: list[Row]) -> None:
@@ -175,6 +211,10 @@ def _figures(cell: Cell) -> list[str]:
         said.append(f"{sum(r.get('wrong_and_sure', False) for r in rows)} wrong and sure")
     if cell.kind == "pairs":
         said.append(f"both of them in {sum(r.get('both', False) for r in rows)}")
+    if cell.kind == "lines":
+        missed, false = (sum(r.get(what, 0) for r in rows) for what in ("missed", "false"))
+        said.append(f"{missed} lines missed, {false} that are not there")
+        said.append(f"{sum(r.get('wrong_and_sure', False) for r in rows)} wrong and sure")
     if cell.kind == "strangers":
         unseen = [r for r in rows if r.get("unseen")]
         said.append(f"{sum(r['right'] for r in unseen)} of {len(unseen)} of kinds never looked at before")
@@ -192,8 +232,9 @@ before it was asked; after a run its failures are, so that the next version gets
 are of this version but for its last details, lower ones of those before. CPU was measured beside other work.
 
 "Right" is the name of what is hidden as the verdict; for two effects, a ladder with these two and no other (inertia and
-delay are fitted along with any step); for effects of no catalogue, "unknown" at the end. "Wrong and sure": another
-name, 90 % or more, no tie stated.
+delay are fitted along with any step); for several cogging lines, the set that is found: each line to a third of
+a period over the travel, and nothing else; for effects of no catalogue, "unknown" at the end. "Wrong and sure": another
+name (or a line that is not there), 90 % or more, no tie stated.
 
 | logs | right | | wanted | |
 |---|---|---|---|---|"""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from tests.oracle.rig import SINGLES, STRANGERS_SEEN, STRANGERS_UNSEEN, RigCase
-from tests.oracle.rig_cases import PAIRS
+from tests.oracle.rig_cases import PAIRS, RIPPLES
 
 #: First seed of the study; all lower ones were looked at while the search was written, or after an earlier run of it.
 FROM = 6000
@@ -15,7 +15,8 @@ FROM = 6000
 
 @dataclass(frozen=True)
 class Cell:
-    """Logs of one kind. kind : singles, none, pairs, strangers, sign or units; wanted : share that is to be right."""
+    """Logs of one kind. kind : singles, none, pairs, lines, strangers, sign or units; wanted : share that is to be
+    right."""
 
     name: str
     kind: str
@@ -30,6 +31,8 @@ class Cell:
             return tuple((name,) for name in SINGLES)
         if self.kind == "pairs":
             return tuple(tuple(pair) for pair in PAIRS)
+        if self.kind == "lines":
+            return (*((name,) for name in RIPPLES), ("coulomb_friction", "two_cogging_lines"))
         if self.kind == "strangers":
             return tuple((name,) for name in (*STRANGERS_SEEN, *STRANGERS_UNSEEN))
         return ((),) if self.kind == "none" else (("viscous_friction",),)
@@ -68,6 +71,9 @@ CELLS = (
     Cell("nothing missing, irregular stamps", "none", 0.99, "enc8192jitter500", seeds=50),
     Cell("nothing missing, u and d_hat", "none", 0.99, "udhat", seeds=50),
     Cell("two effects", "pairs", 0.90, seeds=3),
+    Cell("several cogging lines, speed", "lines", 0.95, seeds=5),
+    Cell("several cogging lines, 4096 counts", "lines", 0.95, "enc4096", seeds=5),
+    Cell("several cogging lines, irregular stamps", "lines", 0.95, "enc8192jitter500", seeds=5),
     Cell("effects of no catalogue", "strangers", 0.90, seeds=4),
 )
 

@@ -73,6 +73,14 @@ _HEADINGS = {
 }
 
 
+def _several(effect: Effect) -> str:
+    """How a model has more than one of it."""
+    from dsd_cli.effects import kind_of
+
+    kind = kind_of(effect.id)
+    return f"several of it are [model.effects.{kind}], [model.effects.{kind}_2], [model.effects.{kind}_3], ..."
+
+
 def _print_table(chosen: list[Effect]) -> None:
     import sys
 
@@ -123,6 +131,7 @@ def _in_full(effect: Effect) -> list[str]:
     lines += [f"  needs     {_channels(effect)}", f"  pattern   {effect.pattern}", "", "  in dsd.toml:"]
     lines += [f"  [model.effects.{effect.id}]"]
     lines += [f"  {p.name} = ..." for p in effect.parameters]
+    lines += ["", f"  {_several(effect)}"] if effect.repeats is not None else []
     return [*lines, "", LEGEND]
 
 
@@ -158,6 +167,7 @@ def _as_json(effect: Effect) -> dict[str, Any]:
         "parameters": [parameter(p) for p in effect.parameters],
         "needs": list(effect.needs),
         "pattern": effect.pattern,
+        "repeats": effect.repeats is not None,
     }
 
 
@@ -168,6 +178,7 @@ def markdown(chosen: list[Effect]) -> str:
         "",
         "What `dsd effects --format markdown` prints; a test keeps this page current. An effect is used by naming it",
         "in the config, `[model.effects.<id>]` with a value for each parameter, or with `--effect id:parameter=value`.",
+        "Effects with a line *Several* may be there more than once, each under a name and with values of its own.",
         "",
         LEGEND,
         "*applied* is a force on the plant. *friction* is a budget: at rest it holds against any force up to its",
@@ -178,7 +189,9 @@ def markdown(chosen: list[Effect]) -> str:
     for effect in chosen:
         lines += ["", f"## {effect.id}", "", effect.summary, ""]
         lines += [f"- Law: `{effect.law}` ({effect.role.value})", f"- Needs: {_channels(effect)}"]
-        lines += [f"- Pattern: {effect.pattern}", "", "| parameter | unit | range | meaning |", "|---|---|---|---|"]
+        lines += [f"- Pattern: {effect.pattern}"]
+        lines += [f"- Several: `{effect.id}`, `{effect.id}_2`, `{effect.id}_3`, ..."] if effect.repeats else []
+        lines += ["", "| parameter | unit | range | meaning |", "|---|---|---|---|"]
         lines += [
             f"| `{p.name}` | {in_words(p.unit)} | {_range(p)} | {p.meaning}{'' if p.linear else ' (shape)'} |"
             for p in effect.parameters

@@ -138,13 +138,13 @@ class Asker:
 
     @staticmethod
     def _can_add(diagnosis: Diagnosis, answer: str) -> bool:
-        from dsd_cli.effects import catalogue
+        from dsd_cli.effects import find_effect
         from dsd_cli.files.config.rules import suggestion
 
         ranked = {c.effect: c.untestable for c in diagnosis.ranking}
         if answer in ranked:
             why = ranked[answer]
-        elif answer in catalogue():
+        elif find_effect(answer) is not None:
             why = "it is in the model, or cannot be tried on this log"
         else:
             why = f"no such effect; {suggestion(answer, ranked)}"

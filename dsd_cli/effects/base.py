@@ -55,7 +55,7 @@ class Ranges(NamedTuple):
 
     speed : rms speed while moving; top_speed : largest; travel : range of the position; drive : rms of u; top_drive :
     largest |u| but for rare spikes; sample_time and duration in s; resolution : the shortest way that the sensor of
-    the position tells; band_hz : up to which forces are balanced.
+    the position tells; band_hz : up to which forces are balanced; passes : how often the axis goes over the travel.
     """
 
     speed: float
@@ -67,6 +67,7 @@ class Ranges(NamedTuple):
     duration: float
     resolution: float = 0.0
     band_hz: float = np.inf
+    passes: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -131,6 +132,8 @@ class Effect:
     rarity : of effects that explain a log alike, the one that is met more often (0) is named before a rarer one.
     varies : linear parameters that differ from log to log of one machine: an offset that drifts, friction that warms
         up.
+    repeats : ranges of the log -> whether it may tell several of this effect from one another, by their `periods`. A
+        model then has sections `<id>`, `<id>_2`, `<id>_3`, ... of one law. None: there is one in a model.
     told_apart : another effect, "inertia" or "delay", that logs often cannot tell from this one -> the experiment that
         can. It is enough if one of the two says so.
     """
@@ -154,6 +157,7 @@ class Effect:
     coupling: Callable[[Shape], Any] | None = None
     rarity: int = 6
     varies: tuple[str, ...] = ()
+    repeats: Callable[[Ranges], bool] | None = None
     told_apart: Mapping[str, str] = field(default_factory=dict)
 
     @property

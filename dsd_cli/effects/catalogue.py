@@ -1,10 +1,16 @@
-"""Finds the effects: every module of this folder that defines `EFFECT`, and those that were registered."""
+"""Finds the effects: every module of this folder that defines `EFFECT`, and those that were registered.
+
+A model may have several of an effect that repeats (`Effect.repeats`): `cogging`, `cogging_2`, `cogging_3`, ... Each is
+looked up by the id before its number, and is the same law under a name of its own.
+"""
 
 from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Iterable
+import re
+from collections.abc import Collection, Iterable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -16,6 +22,9 @@ _NOT_EFFECTS = {"base", "catalogue", "memory", "_memory", "user"}
 
 #: Effects of the user, by id: the one registry, written only by `register` and `unregister`.
 _REGISTERED: dict[str, Effect] = {}
+
+#: The name of a further effect of one kind: that of the first is the kind itself.
+_NUMBERED = re.compile(r"(?P<kind>.+)_(?P<number>[2-9]|[1-9][0-9])")
 
 
 @cache
@@ -42,22 +51,55 @@ def register(effects: Iterable[Effect]) -> None:
         if effect.id in catalogue():
             raise UsageError(f"effect '{effect.id}' is there already", "give it another id")
         _REGISTERED[effect.id] = effect
+    _numbered.cache_clear()
 
 
 def unregister(ids: Iterable[str]) -> None:
     """Undoes `register`."""
     for effect_id in ids:
         _REGISTERED.pop(effect_id, None)
+    _numbered.cache_clear()
 
 
-def get_effect(effect_id: str) -> Effect:
-    """The effect of that id.
+def find_effect(name: str) -> Effect | None:
+    """The effect of that name, or of that kind where the name has a number; None if there is none."""
+    return _own().get(name) or _REGISTERED.get(name) or _numbered(name)
+
+
+@cache
+def _numbered(name: str) -> Effect | None:
+    """The effect that repeats under a name with a number."""
+    found = _NUMBERED.fullmatch(name)
+    kind = found and (_own().get(found["kind"]) or _REGISTERED.get(found["kind"]))
+    return replace(kind, id=name) if kind and kind.repeats is not None else None
+
+
+def get_effect(name: str) -> Effect:
+    """The effect of that name, as `find_effect`.
 
     Raises
     ------
     UsageError : no such effect.
     """
-    found = _own().get(effect_id) or _REGISTERED.get(effect_id)
+    found = find_effect(name)
     if found is None:
-        raise UsageError(f"no effect '{effect_id}'", "known effects are " + ", ".join(catalogue()))
+        numbered = _NUMBERED.fullmatch(name)
+        if numbered and numbered["kind"] in catalogue():
+            raise UsageError(f"no effect '{name}'", f"a model has one {numbered['kind']}")
+        raise UsageError(f"no effect '{name}'", "known effects are " + ", ".join(catalogue()))
     return found
+
+
+def kind_of(name: str) -> str:
+    """The id in the catalogue of the effect of that name: the name without its number."""
+    found = _NUMBERED.fullmatch(name)
+    return found["kind"] if found and name not in catalogue() and find_effect(name) is not None else name
+
+
+def free_name(kind: str, taken: Collection[str]) -> str:
+    """The first name of that kind that is not taken; "" where there is one in a model and it is taken."""
+    if kind not in taken:
+        return kind
+    names = (f"{kind}_{number}" for number in range(2, 100))
+    known = catalogue()
+    return next((n for n in names if n not in taken and n not in known and find_effect(n) is not None), "")

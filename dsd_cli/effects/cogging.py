@@ -55,6 +55,7 @@ EFFECT = Effect(
     starts=_starts,
     seeds=lambda lines: [{"periods": n} for n in lines.over_position],
     periods=lambda shape, ranges: shape["periods"] * ranges.travel / (2.0 * np.pi),
+    repeats=lambda ranges: ranges.passes >= 2.0,
     split=_split,
     join=_join,
     told_apart={

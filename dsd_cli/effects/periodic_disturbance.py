@@ -55,6 +55,7 @@ EFFECT = Effect(
     starts=_starts,
     seeds=lambda lines: [{"frequency": f} for f in lines.over_time],
     periods=lambda shape, ranges: shape["frequency"] * ranges.duration,
+    repeats=lambda _: True,
     split=_split,
     join=_join,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from dsd_cli.effects import catalogue, get_effect
+from dsd_cli.effects import catalogue, free_name, get_effect, kind_of
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.ending import Ended, ended
 from dsd_cli.identify.fit.driven import with_driven_load
@@ -61,7 +61,11 @@ def add_effect(
     if not own:
         get_effect(effect_id)
     if effect_id in model.effects:
-        raise UsageError(f"{effect_id} is in the model already", "`dsd add LOG inertia` fits the values that are there")
+        another = free_name(kind_of(effect_id), model.effects)
+        more = f"; `dsd add LOG {another}` adds one more of its kind" if another else ""
+        raise UsageError(
+            f"{effect_id} is in the model already", f"`dsd add LOG inertia` fits the values that are there{more}"
+        )
     wanted = () if own else (effect_id,)
     asked = replace(settings or Settings(), effects=wanted)
     problem = pose(recordings, model, asked, holdout)
@@ -226,10 +230,11 @@ class _Climb:
 
 
 def _without(settings: Settings | None, refused: Sequence[str]) -> Settings:
-    """The settings without effects that did not lower the held-out error."""
+    """The settings without effects that did not lower the held-out error, and others of their kind."""
     settings = settings or Settings()
     wanted = settings.effects if settings.effects is not None else tuple(catalogue())
-    return replace(settings, effects=tuple(name for name in wanted if name not in refused))
+    kinds = {kind_of(name) for name in refused}
+    return replace(settings, effects=tuple(name for name in wanted if kind_of(name) not in kinds))
 
 
 def _stop(steps: Sequence[Step], last: Diagnosis) -> str:

@@ -55,6 +55,7 @@ class Policy:
     most_effects: int = 8  # added in one search; a rig tells no more apart
     most_steps: int = 10  # of a ladder; nobody believes a model with more parts from one rig
     least_periods: float = 2.5  # of a line in the log or the travel; fewer are a trend
+    periods_apart: float = 1.0  # of two lines of one kind in the log or the travel; nearer ones are not told apart
 
     # -- pulses in time --
     most_pulses: int = 6  # of a stretch and of a log; more are a law

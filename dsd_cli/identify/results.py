@@ -127,7 +127,7 @@ class Diagnosis:
         before anything that is missing can be told, "" if nothing.
     noise : rms of r that no smooth function of anything explains, unit of u.
     found : the whole set of effects that the search found; the verdict is the one of them that is worth most alone.
-    whole_model : with all of them; None where nothing was found.
+    whole_model : with all of them; None where nothing was found. whole_values : its values, where they are several.
     correlations : of the estimates. stability : the verdict with half of the data, and with half and twice the band.
     band_hz, floor : end of the band in which forces were balanced, Hz; rms of r that the sensor alone leaves in it.
     """
@@ -158,6 +158,7 @@ class Diagnosis:
     refitted_values: Estimates = field(default_factory=dict)
     refitted_correlations: Correlations = ()
     whole_model: PlantModel | None = None
+    whole_values: Estimates = field(default_factory=dict)
     nearest: str = ""
     at_stops: bool = False
     blocked: str = ""
@@ -231,5 +232,6 @@ def in_units(result: Any, units: Units) -> Any:
 
 #: Fields of results in which there are estimates.
 _WITH_UNITS = {
-    *("parameters", "all_values", "ranking", "estimates", "refitted_values", "units", "steps", "last", "values"),
+    *("parameters", "all_values", "ranking", "estimates", "refitted_values", "whole_values", "units"),
+    *("steps", "last", "values"),
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from dsd_cli.effects import catalogue
+from dsd_cli.effects import get_effect
 from dsd_cli.errors import DsdError
 from dsd_cli.identify.compare.forward import Forward, run_forward
 from dsd_cli.identify.fit.known import Known
@@ -58,7 +58,7 @@ def _validated(
     units: Units,
 ) -> Validation:
     held = Known().holding(model)
-    levels = (f"{effect.id}.{name}" for effect in catalogue().values() for name in effect.varies)
+    levels = (f"{effect}.{name}" for effect in model.effects for name in get_effect(effect).varies)
     free = [name for name in levels if name in held.fixed]
     known = replace(held, fixed={name: value for name, value in held.fixed.items() if name not in free})
     problem = pose([recording], model, Settings(effects=(), known=known))

@@ -102,6 +102,7 @@ def to_json(report: DiagnosisReport) -> dict[str, Any]:
         "probability": number_or_none(result.probability),
         "verdict_text": verdict_line(result, report.given),
         "found": list(result.found),
+        **({"found_values": estimates_json(result.whole_values)} if result.whole_values else {}),
         "stability": [asdict(one) for one in result.stability],
         **score_json(result.score),
         **balance_json(result.band_hz, result.floor, result.units),
@@ -208,7 +209,7 @@ def _closing_lines(report: DiagnosisReport) -> list[str]:
     result = report.result
     lines = []
     if len(result.found) > 1:
-        lines.append(f"found together: {listed(result.found)}")
+        lines.append(f"found together: {found_text(result)}")
     lines += [line for line in [stability_line(result)] if line]
     if result.estimates:
         fitted = (f"{name} {estimate_text(e)}" for name, e in result.estimates.items())
@@ -228,6 +229,15 @@ def _closing_lines(report: DiagnosisReport) -> list[str]:
         counts = ", ".join(f"{reason} {count:,}" for reason, count in report.dropped.items())
         lines.append(f"rows not taken as they are: {counts}")
     return [*lines, *filter(None, [result.units.legend]), *(f"-> {advice}" for advice in result.advice)]
+
+
+def found_text(result: Diagnosis) -> str:
+    """`cogging (amplitude 0.11 +- 0.01 u, ...) and ...`: the set that was found, with its values fitted together."""
+    names = []
+    for effect in result.found:
+        own = {k.partition(".")[2]: e for k, e in result.whole_values.items() if k.startswith(f"{effect}.")}
+        names.append(f"{effect} ({values_text(own)})" if own else effect)
+    return listed(names)
 
 
 def plain_table(title: str, *names: str) -> Any:

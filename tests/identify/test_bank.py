@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.fit.band import band_of
-from dsd_cli.identify.fit.bank import FIXED, INERTIA, Bank, Term, drive, holds, inputs_of, ranges, raw_columns
+from dsd_cli.identify.fit.bank import FIXED, INERTIA, Bank, Term, drive, holds, inputs_of, raw_columns
 from dsd_cli.identify.fit.equations import Equations, equations_of
+from dsd_cli.identify.fit.ranges import ranges
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Log

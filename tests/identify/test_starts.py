@@ -34,6 +34,18 @@ def test_cogging_is_one_of_the_lines_over_the_position(periods):
     assert {s["periods"] for s in starts("cogging", search.ranges, found)} >= set(found.over_position)
 
 
+def test_no_line_is_shorter_than_what_the_position_tells():
+    """An encoder's counts are a ripple of as many periods per turn: a line has three counts at least."""
+    found, _ = _lines({"cogging": {"amplitude": 0.05, "periods": 21.0, "phase": 0.5}}, reference=MOVES)
+    count, limit = 2.0 * np.pi / 90.0, 90.0 / (10.0 / np.sqrt(12.0))
+    assert max(found.over_position) > limit
+    coarse = [replace(r, position_noise=count / np.sqrt(12.0)) for r in found._equations.recordings]
+    blunt = Lines.__new__(Lines)
+    blunt._equations, blunt._residual = replace(found._equations, recordings=tuple(coarse)), found._residual
+    assert min(abs(n - 21.0) for n in blunt.over_position) < 1.0
+    assert max(blunt.over_position) < limit
+
+
 def test_no_line_lies_beyond_the_band_or_is_a_trend():
     for seed in range(4):
         found, search = _lines({"constant_load": {"force": 0.1}}, seed=seed, duration=4.0)

@@ -21,6 +21,7 @@ import numpy as np
 
 from tests.oracle.rig_cases import (
     LOOPS,
+    RIPPLES,
     SENSINGS,
     SINGLES,
     STRANGERS_SEEN,
@@ -81,7 +82,7 @@ def make_exact(case: RigCase) -> tuple[RigLog, Exact]:
 
 
 def _check(case: RigCase) -> None:
-    unknown = set(case.what) - {*SINGLES, *STRANGERS_SEEN, *STRANGERS_UNSEEN}
+    unknown = set(case.what) - {*SINGLES, *RIPPLES, *STRANGERS_SEEN, *STRANGERS_UNSEEN}
     for name, value, known in (
         ("sensing", case.sensing, SENSINGS),
         ("loop", case.loop, LOOPS),

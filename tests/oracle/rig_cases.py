@@ -51,6 +51,9 @@ STRANGERS_UNSEEN = (
     "slew_limit",
 )
 
+#: So many cogging lines at once, of different periods and sizes: one hidden cause, as they come from one motor.
+RIPPLES = {"two_cogging_lines": 2, "three_cogging_lines": 3, "five_cogging_lines": 5}
+
 #: Two causes at once, as they meet in machines.
 PAIRS = (
     ("coulomb_friction", "viscous_friction"),

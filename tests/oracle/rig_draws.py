@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tests.oracle.rig_cases import Values
+from tests.oracle.rig_cases import RIPPLES, Values
 from tests.oracle.rig_run import Motion
 
 Rng = np.random.Generator
@@ -218,7 +218,34 @@ def _slew(rng: Rng, seen: Seen) -> Sized:
     return Sized("slew_limit", 0.02, lambda s: {"rate": seen.drive / s}, least=1e-4)
 
 
+def _ripple(count: int) -> Callable[[Rng, Seen], Sized]:
+    """So many lines, no two within two periods over the travel; the least a third of the largest. One time in two the
+    second is the octave of the first, if there is room."""
+
+    def drawn(rng: Rng, seen: Seen) -> Sized:
+        bin_ = 2.0 * np.pi / seen.travel
+        least, most = 3.5 * bin_, max(2.0 * np.pi * 15.0 / seen.speed, (4.0 + 2.5 * count) * bin_)
+        periods: list[float] = []
+        while len(periods) < count:
+            n = float(np.exp(rng.uniform(np.log(least), np.log(most))))
+            if len(periods) == 1 and rng.random() < 0.5 and 2.0 * periods[0] < most:
+                n = 2.0 * periods[0]
+            if all(abs(n - other) > 2.0 * bin_ for other in periods):
+                periods.append(n)
+        shares = [1.0, *np.exp(rng.uniform(np.log(1.0 / 3.0), 0.0, count - 1)).tolist()]
+        phases = rng.uniform(-np.pi, np.pi, count).tolist()
+
+        def values(size: float) -> Values:
+            lines = zip(shares, periods, phases, strict=True)
+            return {"lines": [{"amplitude": size * a, "periods": n, "phase": phase} for a, n, phase in lines]}
+
+        return Sized(next(name for name, n in RIPPLES.items() if n == count), 1.0, values)
+
+    return drawn
+
+
 _OTHERS: dict[str, Callable[[Rng, Seen], Sized]] = {
+    **{name: _ripple(count) for name, count in RIPPLES.items()},
     "presliding_friction": _dahl,
     "external_force": _pushes,
     "actuator_lag": _lag,

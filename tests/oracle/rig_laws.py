@@ -8,7 +8,7 @@ from bisect import bisect_right
 from collections.abc import Callable
 from itertools import pairwise
 
-from tests.oracle.rig_cases import Values
+from tests.oracle.rig_cases import RIPPLES, Values
 
 Law = Callable[[float, float, float], float]
 Budget = Callable[[float, float, float, float], float]
@@ -22,6 +22,11 @@ def _gravity(p: Values) -> Law:
 def _cogging(p: Values) -> Law:
     a, n, phase = p["amplitude"], p["periods"], p["phase"]
     return lambda t, q, v: a * math.sin(n * q + phase)
+
+
+def _ripple(p: Values) -> Law:
+    lines = [(one["amplitude"], one["periods"], one["phase"]) for one in p["lines"]]
+    return lambda t, q, v: sum(a * math.sin(n * q + phase) for a, n, phase in lines)
 
 
 def _periodic(p: Values) -> Law:
@@ -97,6 +102,7 @@ APPLIED: dict[str, Callable[[Values], Law]] = {
     "cubic_stiffness": lambda p: lambda t, q, v, k=p["coefficient"]: -k * q * q * q,
     "gravity": _gravity,
     "cogging": _cogging,
+    **dict.fromkeys(RIPPLES, _ripple),
     "periodic_disturbance": _periodic,
     "external_force": _pushes,
     "random_walk_load": _walk,

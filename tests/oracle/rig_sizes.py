@@ -7,7 +7,7 @@ import numpy as np
 from scipy import signal
 
 from tests.oracle import rig_laws, rig_parts
-from tests.oracle.rig_cases import STRENGTHS, Array, Values
+from tests.oracle.rig_cases import RIPPLES, STRENGTHS, Array, Values
 from tests.oracle.rig_physics import Machine
 from tests.oracle.rig_run import Motion
 
@@ -194,6 +194,7 @@ _PROMISES: dict[str, Callable[[Values, Shown], bool]] = {
     "presliding_friction": lambda p, s: s.turns >= 6,
     "load_friction": lambda p, s: s.turns >= 4,
     "cogging": lambda p, s: p["periods"] * np.ptp(s.q) >= 8.0 * 2.0 * np.pi,
+    **dict.fromkeys(RIPPLES, lambda p, s: min(x["periods"] for x in p["lines"]) * np.ptp(s.q) >= 3.0 * 2.0 * np.pi),
     "gravity": lambda p, s: np.ptp(s.q) >= 1.0,
     "cubic_stiffness": lambda p, s: np.ptp(s.q) >= 0.8,
     "periodic_disturbance": lambda p, s: p["frequency"] * s.duration >= 8.0,

@@ -31,15 +31,15 @@ def effect_values(axes: bool = False) -> Rule:
 
 
 def _read_effect(name: str, parameters: Any, at: Place, axes: bool) -> Mapping[str, Any]:
-    from dsd_cli.effects import catalogue  # late: brings numpy, and most commands have it by then
+    from dsd_cli.effects import catalogue, find_effect  # late: brings numpy, and most commands have it by then
 
-    known = catalogue()
-    if name not in known:
-        raise at.unknown(name, known, what="effect")
+    effect = find_effect(name)
+    if effect is None:
+        raise at.unknown(name, catalogue(), what="effect")
     here = at.child(name)
     if not isinstance(parameters, Mapping):
         raise here.wrong(parameters, f"a table, written [{here.path}]")
-    specs = {p.name: p for p in known[name].parameters}
+    specs = {p.name: p for p in effect.parameters}
     values = {}
     for parameter, value in parameters.items():
         if parameter not in specs:
@@ -87,10 +87,10 @@ def check_complete(values: EffectValues, at: Place, believed: EffectValues = NON
     """
     if not values:
         return
-    from dsd_cli.effects import catalogue
+    from dsd_cli.effects import get_effect
 
     for name, given in values.items():
-        for p in catalogue()[name].parameters:
+        for p in get_effect(name).parameters:
             if p.name not in given and p.name not in believed.get(name, {}):
                 bounds = f", at least {p.lower:g}" if p.lower > -math.inf else ""
                 raise at.child(name).missing(p.name, f"{p.meaning}{bounds}")

@@ -58,13 +58,13 @@ def limits_of(name: str, at: Place) -> tuple[float, float]:
     """
     if name in _OWN:
         return _OWN[name]
-    from dsd_cli.effects import catalogue  # late: brings numpy, and most commands have it by then
+    from dsd_cli.effects import catalogue, find_effect  # late: brings numpy, and most commands have it by then
 
     effect, dot, parameter = name.partition(".")
-    known = catalogue()
-    if effect not in known:
-        raise UsageError(f"{at.subject}: no value is called '{name}'", _nearest(name, known))
-    specs = {p.name: p for p in known[effect].parameters}
+    known = find_effect(effect)
+    if known is None:
+        raise UsageError(f"{at.subject}: no value is called '{name}'", _nearest(name, catalogue()))
+    specs = {p.name: p for p in known.parameters}
     if not dot:
         names = " or ".join(f"{effect}.{one}" for one in specs)
         raise UsageError(f"{at.subject}: {effect} is an effect, not a value", f"write {names}")

@@ -9,9 +9,9 @@ import numpy as np
 
 from dsd_cli.effects import catalogue, get_effect
 from dsd_cli.errors import DataError, TooShort, UsageError
-from dsd_cli.identify.fit.bank import ranges
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.known import Known
+from dsd_cli.identify.fit.ranges import ranges
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import PlantModel
@@ -22,8 +22,9 @@ _ROUNDING = 1e-7
 
 @dataclass(frozen=True)
 class Settings:
-    """effects : candidates; None is all of the catalogue that the model does not have. known : of values, by the user.
+    """effects : candidates; None is all of the catalogue that the model does not have, and those that repeat.
 
+    known : of values, by the user.
     band : factor on the end of the band that the sensor suggests.
     """
 
@@ -45,7 +46,7 @@ def candidates_of(
             reason = "a push belongs to one log; diagnose the logs one by one"
         if reason:
             untestable[name] = reason
-        elif name not in model.effects:
+        elif name not in model.effects or get_effect(name).repeats is not None:
             testable.append(name)
     return tuple(testable), untestable
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsd_cli.effects import Effect, Ranges, Role, Shape, get_effect
+from dsd_cli.effects import Effect, Role, Shape, get_effect
 from dsd_cli.effects.memory import Coupling, driven_load
 from dsd_cli.identify.fit.equations import Equations, Stretch, mean_of_middles
 from dsd_cli.identify.policy import POLICY
@@ -276,24 +276,3 @@ def _columns(stretch: Stretch, term: Term, u: Array) -> list[Array]:
 def _pushed_load(stretch: Stretch, coupling: Coupling, share: float) -> Array:
     """Mean acceleration of a load behind a motor that the model's force drives (`fit.driven`)."""
     return driven_load(stretch.log["push"], stretch.log.sample_time, coupling, share, _STEP)
-
-
-def ranges(equations: Equations) -> Ranges:
-    """What the recordings contain, for starting shapes."""
-    logs = [s.log for s in equations.stretches]
-    speeds = [s.mean.velocity[s.free > 0.0] for s in equations.stretches]
-    speed = np.concatenate(speeds) if speeds else np.zeros(1)
-    u = np.concatenate([log["u"] for log in logs])
-    travel = max((float(np.ptp(log["position"])) for log in logs if "position" in log), default=0.0)
-    moving = speed[np.isfinite(speed)]
-    return Ranges(
-        speed=float(np.sqrt(np.mean(moving**2))) if moving.size else 0.0,
-        top_speed=float(np.abs(moving).max(initial=0.0)),
-        travel=travel,
-        drive=float(np.sqrt(np.mean(u**2))),
-        top_drive=float(np.quantile(np.abs(u), POLICY.exercised)) if u.size else 0.0,
-        sample_time=equations.sample_time,
-        duration=sum(len(log) for log in logs) * equations.sample_time,
-        resolution=POLICY.resolved_deviations * max(r.position_noise for r in equations.recordings),
-        band_hz=equations.band.hz,
-    )

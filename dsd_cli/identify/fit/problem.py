@@ -12,7 +12,7 @@ import numpy as np
 from dsd_cli.effects import Ranges, Role, get_effect
 from dsd_cli.errors import DataError
 from dsd_cli.identify.fit.asked import Settings, candidates_of, check_recordings, check_used
-from dsd_cli.identify.fit.bank import INERTIA, Bank, Term, Terms, holds, ranges
+from dsd_cli.identify.fit.bank import INERTIA, Bank, Term, Terms, holds
 from dsd_cli.identify.fit.blocks import Blocks, lay_blocks
 from dsd_cli.identify.fit.delay import best_delay
 from dsd_cli.identify.fit.driven import with_driven_load
@@ -20,6 +20,7 @@ from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.errors import Errors
 from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
 from dsd_cli.identify.fit.noise import fitted_noise, passed_variance, whitening
+from dsd_cli.identify.fit.ranges import ranges
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.sure import Weighed, inflation, weighed
 from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values, terms_of

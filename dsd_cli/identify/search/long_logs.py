@@ -22,7 +22,9 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts, with_part
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.sets import Option, Search
+from dsd_cli.identify.search.several import apart
 from dsd_cli.identify.search.starts import Lines, starts
+from dsd_cli.identify.search.told import told_only
 from dsd_cli.plant.model import PlantModel
 
 
@@ -124,7 +126,7 @@ def _found(
         whole = search.fit(begun.terms, begun.tap)
     search = Search(search.problem.measured_again(whole))
     report("sets of effects, the noise measured anew", 0.5)
-    return search, search.run(search.settled(search.fit(whole.terms, whole.tap)))
+    return search, told_only(search, search.run(search.settled(search.fit(whole.terms, whole.tap))))
 
 
 def on_all(
@@ -144,6 +146,7 @@ def _with_finer_line(judge: Search, fit: Fit, term: Term) -> Fit:
     rest = judge.fit(tuple(t for t in fit.terms if t is not term), fit.tap)
     scan = judge.scan(rest.terms, rest.tap)
     tried = [Term.of(term.id, shape) for shape in starts(term.id, judge.ranges, Lines(judge.problem.errors, rest))]
+    tried = [t for t in tried if apart(t, rest.terms, judge.ranges)]
     best = max((term, *tried), key=lambda t: scan.gain(t)[0])
     return fit if best is term else judge.fit(tuple(best if t is term else t for t in fit.terms), fit.tap)
 

@@ -23,6 +23,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import MOST_SHARE
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.scan import Scan
+from dsd_cli.identify.search.several import apart, names_to_try
 from dsd_cli.identify.search.shapes import refined
 from dsd_cli.identify.search.starts import Lines, starts
 
@@ -172,12 +173,13 @@ class Search:
         lines, scan = Lines(self.problem.errors, current), self.scan(current.terms, current.tap)
         here = {t.id for t in current.terms}
         found = []
-        for effect_id in self.allowed:
-            if effect_id in here or get_effect(effect_id).listed:  # `pulses` looks for those
+        for effect_id in names_to_try(self.allowed, here, self.ranges):
+            if get_effect(effect_id).listed:  # `pulses` looks for those
                 continue
             known = self.solver.known
             shapes = (known.pinned(effect_id, shape) for shape in starts(effect_id, self.ranges, lines))
             tried = list(dict.fromkeys(Term.of(effect_id, shape) for shape in shapes))
+            tried = [term for term in tried if apart(term, current.terms, self.ranges)]
             if tried:
                 found.append(max(((*scan.gain(term, keep=True), term) for term in tried), key=lambda f: f[0]))
         return found

@@ -11,12 +11,14 @@ from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.identify.fit.known import is_shape
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.identify.search.scan import Scan
+from dsd_cli.identify.search.several import apart
 
 #: Half width of the bracket, natural logarithm of the parameter; frequencies of lines have narrower ones.
 BRACKET = 0.6
 STEPS = 7
 #: With several parameters they are searched in turn, in so many rounds of narrower brackets, until a round gains less
-#: than this share; those that matter less come last. A single one takes a second, much narrower round at most.
+#: than this share; those that matter less come last. A single one takes a second, much narrower round at most, and the
+#: periods of a line, which a log tells to a thousandth of one, a third.
 ROUNDS, SHRINK, SHRINK_ALONE, ENOUGH = 5, 0.7, 0.1, 1e-3
 
 
@@ -39,13 +41,16 @@ def refined(search: Searched, terms: Terms, i: int, tap: int, rounds: int = ROUN
     names.sort(key=lambda name: name in term.effect.broad)
     found = (*scan.gain(term), term)
     shrink = SHRINK if len(names) > 1 else SHRINK_ALONE
-    alone = 1 + (rounds == ROUNDS) if names else 0
+    line = term.effect.periods is not None
+    alone = 1 + (rounds == ROUNDS) * (2 if line else 1) if names else 0
     for turn in range(rounds if len(names) > 1 else alone):
         before = found[0]
         for name in names:
             found = _along(search, scan, found, name, _half_width(search, term, name) * (shrink**turn))
-        if found[0] < (1.0 + ENOUGH) * before:
+        if not line and found[0] < (1.0 + ENOUGH) * before:
             break
+    if not apart(found[2], terms, search.ranges):  # it went where another of its kind is
+        return terms, tap
     return (*terms[:i], found[2], *terms[i + 1 :]), found[1]
 
 

@@ -60,6 +60,8 @@ class Lines:
         power = np.abs(np.fft.rfft(sums, 2 * BINS)) ** 2
         step = 2.0 * np.pi / (2.0 * travel)
         highest = 2.0 * np.pi * self._equations.band.hz / usual  # what passes the band at such speeds
+        told = POLICY.resolved_deviations * max(r.position_noise for r in self._equations.recordings)
+        highest = min(highest, 2.0 * np.pi / max(told, 1e-300))  # a line of the sensor's own counts is no force
         return tuple(k * step for k in _peaks(power[: int(highest / step) + 1], int(2 * POLICY.least_periods)))
 
 

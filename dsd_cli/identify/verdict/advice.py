@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from dsd_cli.effects import catalogue
+from dsd_cli.effects import catalogue, kind_of
 from dsd_cli.identify.fit.freeform import GAIN
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate
 
@@ -53,6 +53,6 @@ def _look_at(depends_on: Sequence[str]) -> str:
 
 def _experiment(one: str, other: str) -> str:
     """The experiment that distinguishes the two, from the file of either."""
-    effects = catalogue()
+    effects, one, other = catalogue(), kind_of(one), kind_of(other)
     found = (effects[a].told_apart.get(b) for a, b in ((one, other), (other, one)) if a in effects)
     return next((experiment for experiment in found if experiment), _GENERAL)

@@ -1,0 +1,236 @@
+"""The verdict on a search, and the whole answer: what is named, how sure, beside what else."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from dsd_cli.effects import get_effect
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
+from dsd_cli.identify.search.sets import Option, Search
+from dsd_cli.identify.verdict.advice import advice_for
+from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beside_stops, said_of_stops
+from dsd_cli.identify.verdict.contradictions import contradictions
+from dsd_cli.identify.verdict.evidence import NOTHING, Membership, probabilities
+from dsd_cli.identify.verdict.limits import Limits
+from dsd_cli.identify.verdict.own_values import Own
+from dsd_cli.identify.verdict.shown import Shown, note_on
+
+
+class Verdict:
+    """Derives the verdict from the search and assembles the result."""
+
+    def __init__(
+        self,
+        search: Search,
+        options: list[Option],
+        whole: Fit,
+        members: dict[str, Membership],
+        own: Own,
+        beyond: Beyond,
+        shown: Shown,
+        limits: Limits,
+    ) -> None:
+        self.search, self.problem, self.seen, self.shown = search, search.problem, shown.seen, shown
+        self.options, self.whole, self.members, self.own, self.beyond = options, whole, members, own, beyond
+        self.limits, self._named_for = limits, dict[str, str]()
+        self.alone = {o.effect: o for o in (*options, *self._events())}
+        self.named, self.sure = self.verdict()
+        if self.named in self.alone:  # what is to be added takes the shapes of the model's own effects along
+            fit = search.converged(self.alone[self.named].fit)
+            self.alone[self.named] = Option(self.named, fit, search.evidence(fit))
+
+    def _events(self) -> list[Option]:
+        """Pulses alone, where they belong to the answer: they are no candidate of the search."""
+        search = self.search
+        pulses = [t for t in search.added(self.whole.terms) if t.effect.listed]
+        fits = [search.fit((*search.base, t), self.whole.tap) for t in pulses]
+        return [Option(fit.terms[-1].id, fit, search.evidence(fit)) for fit in fits]
+
+    def verdict(self) -> tuple[str, float]:
+        """(verdict, probability)."""
+        search, beyond, rmse = self.search, self.beyond, self.problem.errors.rmse
+        if self.limits.blocked:
+            return UNKNOWN, 0.9
+        if self.seen is not None:
+            return self.seen.effect, POLICY.surest / (1.0 + len(self.seen.rivals))
+        if self.members:
+            best = self._first()
+            if not self._lowers(best) or self._weightless(self.whole):
+                return UNKNOWN, 0.5
+            known = self._share_of_possible(rmse(search.refit), rmse(self.whole))
+            if known < POLICY.share_of_possible:
+                return UNKNOWN, min(1.0 - max(known, 0.0), POLICY.surest)
+            group = (best, *self.members[best].alike)
+            belief = self.members[best].probabilities
+            named = min(group, key=lambda name: get_effect(name).rarity)
+            self._named_for[named] = best
+            tied = (best, *self.members[best].rivals)
+            shared = sum(belief.get(name, 0.0) for name in tied) / len(tied)
+            surest = min(self._surest(), self.members[best].surest)
+            return named, min(known * max(belief.get(named, 0.0), shared), surest)
+        known = self._share_of_possible(self.own.score.heldout_rmse, self.own.refitted.heldout_rmse)
+        left_over = above_floor(search, search.refit)
+        varies = beyond.unknown and beyond.of_gain  # then no one inertia is right
+        if self.own.wrong and known >= POLICY.share_of_possible and not left_over and not varies:
+            return self.own.wrong, min(known * self.own.probability, self._surest())
+        if beyond.unknown:
+            return UNKNOWN, 0.9
+        if left_over or self.shown.said:
+            return UNKNOWN, 0.6
+        return NONE, self._nothing()
+
+    def _first(self) -> str:
+        """The member with most evidence by itself; a commoner one with nearly the same error is preferred."""
+        best = max(self.members, key=self._worth)
+        if best not in self.alone:
+            return best
+        limit = (1.0 + POLICY.nearly_the_same) * self.problem.errors.rmse(self.alone[best].fit)
+        near = [m for m in self.members if m in self.alone and self.problem.errors.rmse(self.alone[m].fit) <= limit]
+        return min((best, *near), key=lambda name: get_effect(name).rarity)
+
+    def _weightless(self, fit: Fit) -> bool:
+        """Whether a fit leaves hardly any inertia: its effects explain u without any motion."""
+        return self.problem.scale.model(fit).inertia < POLICY.least_inertia * self.search.solver.inertia
+
+    def _surest(self) -> float:
+        """Upper bound on the probability of a verdict."""
+        few = self.problem.blocks.rows < POLICY.few_rows  # independent equations
+        return min(POLICY.surest_in_part if few else POLICY.surest, self.limits.surest)
+
+    def _share_of_possible(self, before: float, after: float) -> float:
+        """Explained share of the power that could be explained; 1 where nothing unknown remains."""
+        if self.beyond.unknown:
+            least = min(self.beyond.heldout_rmse, self.beyond.noise)
+        elif above_floor(self.search, self.whole):
+            least = POLICY.floor_factor * self.problem.floor
+        else:
+            return 1.0
+        return (before**2 - after**2) / max(before**2 - least**2, 1e-300)
+
+    def _lowers(self, name: str) -> bool:
+        """Whether the effect alone lowers the held-out error that is shown."""
+        option, rmse = self.alone.get(name), self.problem.errors.rmse
+        return option is not None and rmse(option.fit) < (1.0 - POLICY.least_alone) * rmse(self.search.refit)
+
+    def _worth(self, name: str) -> tuple[bool, float]:
+        """Effects that lower the held-out error by themselves come first."""
+        option = self.alone.get(name)
+        return self._lowers(name), option.evidence if option is not None else -math.inf
+
+    def _nothing(self) -> float:
+        """Probability that nothing is missing: effects of a practical size that no block confirms have half at most."""
+        search = self.search
+        useful = [o for o in self.options if search.practical(search.refit, o.fit)]
+        narrow = self.search.equations.band.hz < POLICY.narrow_band_hz
+        in_part = self.problem.untestable or narrow or beside_stops(search, search.refit)
+        surest = min(POLICY.surest_in_part, self._surest()) if in_part else self._surest()
+        return min(0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING], surest)
+
+    def diagnosis(self) -> Diagnosis:
+        """The whole answer."""
+        problem, verdict, score, refitted = self.problem, self.named, self.own.score, self.own.refitted
+        stops = said_of_stops(self.search, self.whole)
+        ranking = self._ranking(score, refitted)
+        named = next((c for c in ranking if c.effect == verdict), None)
+        fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
+        known, refit, nearest = problem.values(fit), problem.values(self.search.refit), self._nearest()
+        unknown, source = self.beyond.unknown, problem.recordings[0].provenance
+        return Diagnosis(
+            logs=tuple(r.name for r in problem.recordings),
+            samples=sum(r.samples for r in problem.recordings),
+            verdict=verdict,
+            probability=self.sure,
+            score=score,
+            refitted=refitted,
+            ranking=ranking,
+            ceiling=Ceiling(self.beyond.heldout_rmse, self.beyond.on),
+            advice=advice_for(verdict, named, unknown, self.beyond.on, source, nearest),
+            estimates=known.estimates,
+            correlations=known.correlations,
+            given=problem.model,
+            refitted_values=refit.estimates,
+            refitted_correlations=refit.correlations,
+            model=known.model,
+            refitted_model=refit.model,
+            whole_model=problem.scale.model(self.whole) if self.members else None,
+            whole_values=problem.values(self.whole).estimates if len(self.members) > 1 else {},
+            noise=self.beyond.noise,
+            found=() if self.limits.blocked else tuple(t.id for t in self.search.added(self.whole.terms)),
+            band_hz=self.search.equations.band.hz,
+            floor=problem.floor,
+            provenance=source,
+            warnings=(*self.limits.said, *contradictions(self.search, fit, known.estimates), *stops, *self.shown.said),
+            at_stops=bool(stops),
+            blocked=self.limits.blocked,
+            depends_on=self.beyond.on if unknown else (),
+            nearest=nearest,
+        )
+
+    def _nearest(self) -> str:
+        """The effect that would explain much of what is unknown, but is not confirmed block by block."""
+        if self.named != UNKNOWN or not self.options or self.limits.blocked or self.beyond.of_gain:
+            return ""
+        refit, best = self.search.refit, self.options[0]
+        before, after = self.problem.errors.rmse(refit), self.problem.errors.rmse(best.fit)
+        likely = best.evidence > self.search.evidence(refit) and after < (1.0 - POLICY.near_fall) * before
+        return best.effect if likely else ""
+
+    def _ranking(self, score: Score, refitted: Score) -> tuple[Candidate, ...]:
+        found = [self._candidate(o, refitted) for o in self.alone.values()]
+        found.sort(key=lambda c: (c.effect != self.named, c.heldout_rmse_after))
+        untestable = [
+            Candidate(name, math.nan, math.nan, math.nan, 0.0, {}, untestable=reason)
+            for name, reason in self.problem.untestable.items()
+        ]
+        own = [replace(c, heldout_rmse_before=score.heldout_rmse) for c in self.own.candidates]
+        lead = own if self.own.wrong and not self.members else []
+        return (*lead, *found, *(c for c in own if c not in lead), *untestable)
+
+    def _candidate(self, option: Option, refitted: Score) -> Candidate:
+        score, known = self.problem.score(option.fit), self.problem.values(option.fit)
+        prefix, rivals = f"{option.effect}.", self._rivals(option.effect)
+        values = {name.removeprefix(prefix): e for name, e in known.estimates.items() if name.startswith(prefix)}
+        if any(name.startswith(prefix) for name in known.tied):
+            rivals = (*rivals, INERTIA)
+        notes = [f"{name} stands on its bound" for name, e in values.items() if e.at_bound]
+        notes += [f"the log does not tell {name}" for name, e in values.items() if math.isnan(e.std_error)]
+        seen = self.seen if self.seen is not None and self.seen.effect == option.effect else None
+        if seen is not None:  # the load is driven by the values that are written, as in `dsd compare`
+            notes.append(note_on(seen, self.search.equations.band.hz))
+            own = self.problem.errors_for(known.model, self.problem.recordings).of_model(known.model)
+            score = replace(own, heldout_rmse=score.heldout_rmse)
+        return Candidate(
+            effect=option.effect,
+            seen=seen.values if seen else {},
+            rmse_after=score.rmse,
+            heldout_rmse_before=refitted.heldout_rmse,
+            heldout_rmse_after=score.heldout_rmse,
+            probability=self._probability(option.effect),
+            parameters=values,
+            indistinguishable_from=rivals,
+            note="; ".join(notes),
+            model=known.model,
+            score=score,
+            all_values=known.estimates,
+        )
+
+    def _rivals(self, effect: str) -> tuple[str, ...]:
+        """Effects that these recordings cannot distinguish from it."""
+        if self.seen is not None:
+            return self.seen.rivals if effect == self.seen.effect else ()
+        member = self._named_for.get(effect, effect)
+        found = self.members[member].rivals if member in self.members else ()
+        stands_in = (member,) if member != effect else ()
+        return (*stands_in, *(r for r in found if r != effect))
+
+    def _probability(self, effect: str) -> float:
+        if effect == self.named:
+            return self.sure
+        if effect in self.members:
+            return min(self.members[effect].probabilities[effect], POLICY.surest)
+        if not self.members:
+            return probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)
+        return max(m.probabilities.get(effect, 0.0) for m in self.members.values())

@@ -1,0 +1,104 @@
+"""Several lines of one kind in a search: names, what tells them apart, and which one comes first."""
+
+import pytest
+
+from dsd_cli.effects import Ranges
+from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.known import Known
+from dsd_cli.identify.fit.problem import Settings, pose
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.several import apart, names_to_try, renamed
+from dsd_cli.identify.search.shapes import refined
+from dsd_cli.identify.search.told import told_only
+from dsd_cli.identify.verdict.several import strongest_first
+from tests.identify.search_rig import BELIEVED, MOVES, posed, seen
+
+RANGES = Ranges(1.0, 3.0, 3.0, 0.5, 2.0, 1e-3, 10.0, passes=8.0)
+#: One period over the travel of RANGES, rad/rad.
+BIN = 6.283185307 / 3.0
+
+
+def line(name: str, periods: float) -> Term:
+    return Term.of(name, {"periods": periods})
+
+
+def test_what_is_there_is_asked_again_under_its_next_name_if_it_repeats():
+    allowed = ("viscous_friction", "cogging", "periodic_disturbance")
+    assert list(names_to_try(allowed, (), RANGES)) == list(allowed)
+    here = {"cogging", "cogging_2", "viscous_friction"}
+    assert list(names_to_try(allowed, here, RANGES)) == ["cogging_3", "periodic_disturbance"]
+    assert list(names_to_try(("cogging", "cogging_2"), (), RANGES)) == ["cogging"]
+    assert list(names_to_try(("cogging_2",), {"cogging"}, RANGES)) == ["cogging_2"]
+
+
+def test_an_axis_that_goes_over_its_travel_once_tells_one_line():
+    once = RANGES._replace(passes=1.2)
+    assert list(names_to_try(("cogging", "periodic_disturbance"), {"cogging"}, once)) == ["periodic_disturbance"]
+
+
+def test_lines_of_a_kind_are_a_period_apart_and_others_are_no_matter():
+    first = line("cogging", 20.0)
+    assert not apart(line("cogging_2", 20.0 + 0.9 * BIN), [first], RANGES)
+    assert apart(line("cogging_2", 20.0 + 1.1 * BIN), [first], RANGES)
+    assert apart(line("cogging_2", 40.0), [first], RANGES)
+    assert apart(Term.of("periodic_disturbance", {"frequency": 20.0}), [first], RANGES)
+    assert apart(Term.of("viscous_friction", {}), [first], RANGES)
+    assert apart(first, [first], RANGES)
+
+
+def test_names_follow_the_order_in_the_places_that_there_are():
+    drag, a, b, c = (
+        Term.of("viscous_friction", {}),
+        line("cogging_2", 6.0),
+        line("cogging_4", 12.0),
+        line("cogging", 9.0),
+    )
+    assert renamed((a, drag, b), (b, a)) == (line("cogging", 12.0), drag, line("cogging_2", 6.0))
+    assert renamed((c, a, drag, b), (b, a)) == (c, line("cogging_2", 12.0), drag, line("cogging_3", 6.0))
+
+
+TWO = {
+    "cogging": {"amplitude": 0.04, "periods": 21.0, "phase": 0.5},
+    "cogging_2": {"amplitude": 0.08, "periods": 13.0, "phase": -1.0},
+}
+ALLOWED = ("viscous_friction", "constant_load", "cogging", "periodic_disturbance")
+
+
+@pytest.fixture(scope="module")
+def search():
+    return posed(TWO, ALLOWED, reference=MOVES)
+
+
+def test_both_are_found_and_the_larger_has_the_first_name(search):
+    whole, (first,) = strongest_first(search, told_only(search, search.run(search.refit)))
+    found = {t.id: t.shape["periods"] for t in search.added(whole.terms)}
+    assert found == {"cogging": pytest.approx(13.0, rel=2e-3), "cogging_2": pytest.approx(21.0, rel=2e-3)}
+    assert (first.effect, first.fit.terms[-1].shape["periods"]) == ("cogging", found["cogging"])
+
+
+def test_a_name_of_which_the_user_knows_something_stays(search):
+    known = Known(priors={"cogging_2.periods": (13.0, 0.1)})
+    told = Search(pose([seen(TWO, reference=MOVES)], BELIEVED, Settings(ALLOWED, known)))
+    whole = told.fit((line("cogging", 21.0), line("cogging_2", 13.0)), told.refit.tap)
+    assert strongest_first(told, whole) == (whole, [])
+
+
+def test_a_line_of_which_no_force_is_told_is_dropped(search):
+    at = search.fit((line("cogging", 13.0), line("cogging_2", 21.0), line("cogging_3", 29.3)), search.refit.tap)
+    assert [t.shape["periods"] for t in told_only(search, at).terms] == pytest.approx([13.0, 21.0], rel=2e-3)
+
+
+def test_a_shape_is_not_searched_where_another_line_is(search):
+    """From half a period beyond the limit it would go to the true line, which is there already."""
+    width = 6.283185307 / search.ranges.travel
+    terms = (line("cogging", 13.0), line("cogging_2", 13.0 + 1.05 * width))
+    moved, _ = refined(search, terms, 1, search.refit.tap)
+    assert apart(moved[1], moved[:1], search.ranges)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_one_line_stays_one(seed):
+    one = {"cogging": TWO["cogging_2"]}
+    search = posed(one, ALLOWED, reference=MOVES, seed=seed)
+    search = Search(search.problem.measured_again(search.run(search.refit)))
+    assert [t.id for t in search.run(search.refit).terms] == ["cogging"]
