@@ -21,7 +21,7 @@ from dsd_cli.signals.log import Array
 
 #: Rows of a segment of the periodogram; rounds of the multiplicative update, each of which lowers the cost.
 _SEGMENT, _ROUNDS = 128, 200
-#: Half length of the whitening filter, rows, and points at which its response is laid down.
+#: Half length of the whitening filter, rows, and frequencies at which its response is specified.
 HALF, _POINTS = 12, 256
 
 
