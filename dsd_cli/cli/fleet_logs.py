@@ -13,10 +13,11 @@ from typing import Any
 from dsd_cli import __version__
 from dsd_cli.cli.fleet_tasks import ConfigText, Task, is_url
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.files.fleet_table import PART
+from dsd_cli.files.fleet_table import PART, read_rows
 from dsd_cli.files.formats.known import is_bag
 from dsd_cli.files.table_source import SIDECAR
 from dsd_cli.files.tables_in import is_stream
+from dsd_cli.files.whole import is_same
 
 _TABLES = (".csv", ".parquet", ".pq")
 
@@ -216,10 +217,22 @@ def refuse_output_among(found: Iterable[Entry], output: str) -> list[Entry]:
 
     Raises
     ------
+    UsageError : the output is one of the logs, and no table of results.
     DataError : nothing else is there.
     """
-    own = (os.path.realpath(output), os.path.realpath(output + PART))
-    kept = [entry for entry in found if os.path.realpath(entry.log) not in own]
+    kept = []
+    for entry in found:
+        if is_same(entry.log, output):
+            _refuse_log(output)
+        elif not is_same(entry.log, output + PART):
+            kept.append(entry)
     if not kept:
         raise DataError(f"{output}: is the only log", "write the results to another file")
     return kept
+
+
+def _refuse_log(output: str) -> None:
+    try:
+        read_rows(output)
+    except DataError:
+        raise UsageError(f"{output}: is one of the logs", "write the results to another file") from None

@@ -174,6 +174,7 @@ def look_at_rows(lines: Sequence[str], header: Header, skip: int, needed: Sequen
         units = [text.strip() for text in rows[0][1]]
         skip = rows[0][0] + 1
         rows = rows[1:]
-    cells = (fields[i] for _, fields in rows for i in needed if i < len(fields))
+    whole = (fields for at, fields in rows if lines[at].count('"') % 2 == 0)  # behind a stray quote a comma is none
+    cells = (fields[i] for fields in whole for i in needed if i < len(fields))
     decimal = "," if any(DECIMAL_COMMA.fullmatch(cell) for cell in cells) else "."
     return Dialect(header, skip, rows[0][1] if rows else [], decimal, units)

@@ -91,10 +91,11 @@ class CsvTable:
         """The first line at or after `rows` rows that cannot be read, found by reading it again, slowly."""
         header = self._dialect.header
         start = self._dialect.skip + rows  # blank lines only make the true place later
-        with open(self.name, "rb") as file:
+        end = "\n" if b"\n" in read_head(self.name, HEAD_BYTES) else "\r"
+        with open(self.name, encoding="latin-1", newline=end) as file:  # bytes as they are
             for at, raw in enumerate(islice(file, start, None), start=start + 1):
                 where = f"{self.name}, line {at}"
-                line = dialects.decode(raw.rstrip(b"\r\n"))
+                line = dialects.decode(raw.rstrip("\r\n").encode("latin-1"))
                 if not line.strip():
                     continue
                 if stray := _stray(line):

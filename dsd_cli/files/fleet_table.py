@@ -21,6 +21,8 @@ KEY = "key"
 #: What the journal is called, after the table's name.
 PART = ".part"
 _BATCH = 2048
+#: How a row begins in the journal.
+_BEGIN = b'{"log": '
 
 
 def check_table(path: str | Path, inputs: Collection[str | Path]) -> Path:
@@ -46,15 +48,17 @@ class Journal:
 
     Raises
     ------
-    UsageError : another run is writing it.
+    UsageError : another run is writing it, or a file of that name is none of ours.
     DataError : it cannot be written.
     """
 
     def __init__(self, table: Path) -> None:
         self.table, self.path = table, table.with_name(table.name + PART)
         self._places: dict[str, int] = {}
+        if self.path.is_symlink() or (self.path.exists() and not self.path.is_file()):
+            raise self._foreign()
         try:
-            self._file = open(self.path, "a+b")  # noqa: SIM115 (open as long as the run)
+            self._file = open(self.path, "a+b", opener=_no_link)  # noqa: SIM115 (open as long as the run)
         except OSError as error:
             raise cannot_be_written(self.path, error) from None
         try:
@@ -69,13 +73,20 @@ class Journal:
         self._file.seek(0)
         end = 0
         for line in self._file:
-            with contextlib.suppress(ValueError, TypeError, KeyError):
-                if line.endswith(b"\n"):
-                    self._places[str(json.loads(line)[KEY])] = end
+            if not line.startswith(_BEGIN[: len(line)]):
+                raise self._foreign()
             if line.endswith(b"\n"):
+                try:
+                    self._places[str(json.loads(line)[KEY])] = end
+                except (ValueError, TypeError, KeyError):
+                    raise self._foreign() from None
                 end += len(line)
         self._file.truncate(end)
         self._file.seek(0, os.SEEK_END)
+
+    def _foreign(self) -> UsageError:
+        why = "the rows of a run are kept under that name: rename it, or write to another file"
+        return UsageError(f"{self.path}: is not of dsd fleet", why)
 
     def __len__(self) -> int:
         return len(self._places)
@@ -120,7 +131,12 @@ class Journal:
         """A journal without rows goes; after `finish` nothing is left to do."""
         if not self._file.closed and not self._places:
             self.path.unlink(missing_ok=True)
-        self._file.close()
+        with contextlib.suppress(OSError):  # what a full disk did not take: `add` has said so
+            self._file.close()
+
+
+def _no_link(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0), 0o666)
 
 
 def _lock(file: Any, path: Path) -> None:

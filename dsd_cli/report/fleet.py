@@ -19,6 +19,8 @@ Row = Mapping[str, Any]
 MEASURES = ("force_rmse", "heldout_rmse", "rmse", "residual_rms", "explained_share", "confident_share", "sample_time")
 #: Robust standard deviations (1.4826 MAD) from the median at which a log stands out.
 FAR = 6.0
+#: Beyond it a value counts as this.
+LARGEST = 1e100
 #: A fleet that agrees better than this share of its median has no outliers worth a word.
 AGREES = 0.02
 #: Logs that it takes to say what is usual; dates that it takes to say that something drifts.
@@ -130,9 +132,10 @@ def measured_columns(rows: Sequence[Row]) -> list[str]:
 
 
 def numbers_of(rows: Sequence[Row], column: str) -> Array:
-    """The column, shape (rows,), NaN where a log has none."""
+    """The column, shape (rows,), NaN where a log has none; so large that squares still are numbers."""
     values = (row.get(column) for row in rows)
-    return np.array([float(value) if isinstance(value, int | float) else np.nan for value in values])
+    found = np.array([float(value) if isinstance(value, int | float) else np.nan for value in values])
+    return np.where(np.isfinite(found), np.clip(found, -LARGEST, LARGEST), found)
 
 
 def _odd(rows: Sequence[Row]) -> list[Odd]:
@@ -148,8 +151,8 @@ def _odd(rows: Sequence[Row]) -> list[Odd]:
         fitted = column.startswith("value.")
         own = numbers_of(rows, column.replace("value.", "error.")) if fitted else np.zeros(known.size)
         scale = np.sqrt(max(spread, AGREES * abs(usual)) ** 2 + np.where(np.isfinite(own), own, 0.0) ** 2)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            away = np.where(known & (scale > 0.0), (values - usual) / scale, 0.0)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            away = np.where(known & (scale > 0.0), np.clip((values - usual) / scale, -LARGEST, LARGEST), 0.0)
         for at in np.flatnonzero(np.abs(away) > FAR).tolist():
             found.append(Odd(str(rows[at]["log"]), column, float(values[at]), usual, float(away[at])))
     return sorted(found, key=lambda one: (-abs(one.away), one.log, one.column))

@@ -1,0 +1,36 @@
+"""Logs with little in them, as `bench fuzz` makes them: an answer or one line, and the line is the right one."""
+
+import numpy as np
+import pytest
+
+from dsd_cli.errors import DataError
+from dsd_cli.files.csv_in import CsvTable
+from tests.cli.rig import CONFIG, dsd
+
+
+def test_a_motion_that_would_drift_away_has_no_origin_to_find(tmp_path):
+    """u and d_hat alone, and nothing in them: the speed is rebuilt, its integral is not taken for a position."""
+    noise = np.random.default_rng(311922335).normal(size=(4, 120))[:2]  # one of a few that came to it
+    rows = [
+        f"{k * 1e-3!r},{u!r},{d!r}" for k, (u, d) in enumerate(zip(*(noise * [[1.0], [0.1]]).tolist(), strict=True))
+    ]
+    (tmp_path / "log.csv").write_text("\n".join(["t,u,d_hat", *rows]) + "\n")
+    (tmp_path / "dsd.toml").write_text(
+        CONFIG + "[model]\ninertia = 1.0\ndelay = 0.005\n[model.effects.viscous_friction]\ncoefficient = 0.1\n"
+    )
+    result = dsd("diagnose", "log.csv", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "would drift away" in result.stdout
+
+
+@pytest.mark.parametrize("end", ["\r", "\n"])
+@pytest.mark.parametrize(("bad", "said"), [("x", '"x" is not a number'), ('"1', "a quote that is not closed")])
+def test_the_line_is_named_whatever_ends_it(tmp_path, end, bad, said):
+    rows = [f"{k * 1e-3!r},{k % 7},{k % 5}" for k in range(100)]
+    rows[60] = f"0.06,{bad},1"
+    (tmp_path / "log.csv").write_text(end.join(["t,u,d_hat", *rows]), newline="")
+    names = ("t", "u", "d_hat")
+    with pytest.raises(DataError) as refused:
+        list(CsvTable(str(tmp_path / "log.csv"), dict(zip(names, names, strict=True))).batches())
+    assert str(refused.value).startswith(f"{tmp_path / 'log.csv'}, line 62")
+    assert said in str(refused.value)
