@@ -85,9 +85,10 @@ def against_told(found: Diagnosis, search: Search, whole: Fit) -> Diagnosis:
         return found
     beside = contradictions(search, whole, search.problem.values(whole).estimates)
     said = {one.about: one for one in (*_in_place_of_found(search, whole), *beside)}
-    stays = tuple(one for one in found.warnings if one not in hard or one.about in said)
-    there = {one.about for one in stays if isinstance(one, Contradiction)}
-    stays = (*stays, *(one for about, one in said.items() if about not in there))
+    gone = [one for one in hard if one.about not in said]
+    kept = [one for one in found.warnings if one not in gone]
+    there = {one.about for one in kept if isinstance(one, Contradiction)}
+    stays = (*kept, *(one for about, one in said.items() if about not in there))
     if not any(one.hard for one in said.values()):
         return replace(found, warnings=stays)
     surest = POLICY.surest_against_told
