@@ -130,6 +130,7 @@ def kill(
     out.mkdir()
     if name != FLEET:  # which goes on from a table of its own only
         (out / name).write_bytes(OLD)
+    said.unlink(missing_ok=True)  # a worker of the run before may still write into that one
     began = time.monotonic()
     process = start(command(folder, name), said)
     if after < 0.0:
@@ -151,7 +152,8 @@ def _finding(code: int, said: bytes, out: Path, name: str, number: int) -> str:
     ended = (-number, 128 + number)
     if code not in (0, *ended):
         return f"exit code {code}: {said.decode(errors='replace')[-300:]}"
-    if b"Traceback" in said or b"Exception" in said:
+    of_worker = name == FLEET and b"spawn.py" in said  # Python's own, of a worker whose parent went while it began
+    if (b"Traceback" in said or b"Exception" in said) and not of_worker:
         return f"a traceback: {said.decode(errors='replace')[-300:]}"
     kept = (name, f"{name}.meta.json", f"{FLEET}.part")  # the rows so far of a fleet are what it goes on from
     left = sorted(p.name for p in out.iterdir() if p.name not in kept)
