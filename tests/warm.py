@@ -95,7 +95,7 @@ class _Server:
             server, said, readers = self._started(), [b"", b""], []
             pipes = [os.pipe(), os.pipe()]
             with open(os.devnull) as nothing:
-                request = json.dumps({"words": words, "cwd": str(cwd), "env": dict(env)}).encode()
+                request = json.dumps({"words": words, "cwd": os.path.abspath(cwd), "env": dict(env)}).encode()
                 socket.send_fds(server, [request], [nothing.fileno(), *(its for _, its in pipes)])
             for i, (mine, its) in enumerate(pipes):
                 os.close(its)

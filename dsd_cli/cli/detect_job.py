@@ -16,12 +16,12 @@ from dsd_cli.cli.plan import (
     TIME_SCALE,
     TRUTH,
     as_logged,
+    as_read,
     detection_plan,
     limits,
     log_columns,
     naming,
     optional_columns,
-    part_read,
     widening,
 )
 from dsd_cli.cli.progress import Progress
@@ -36,7 +36,6 @@ from dsd_cli.detect.summary import Summarizer
 from dsd_cli.errors import DataError, TooShort, UsageError, printable
 from dsd_cli.files.background import read_ahead
 from dsd_cli.files.config import Config
-from dsd_cli.files.scaled import scaled
 from dsd_cli.files.table_source import Batch, TableSource, read_head
 from dsd_cli.files.tables_in import dropped_with_unreadable, is_stream, open_table
 from dsd_cli.files.tables_out import check_output
@@ -164,14 +163,13 @@ class Job:
         columns = log_columns(self.config.signals)
         columns.pop("reference", None)
         optional = optional_columns(self.config) & set(columns)
-        factors = self.config.signals.factors()
         if not self.follow or is_stream(self.log):
-            return scaled(part_read(open_table(self.log, columns, optional), self.config.signals), factors)
+            return as_read(open_table(self.log, columns, optional), self.config.signals)
         from dsd_cli.files.line_stream import LineStream
 
         read_head(self.log, 1)
         stream = LineStream(Path(self.log), columns, optional, stop=lambda: bool(interrupted))
-        return scaled(part_read(stream, self.config.signals), factors)
+        return as_read(stream, self.config.signals)
 
     def _plan(self, table: TableSource) -> Plan:
         plan = detection_plan(self.config, table.columns, table.metadata, table.name)

@@ -86,7 +86,7 @@ def _name_columns(path: str, look: FirstLook, out: Proposal) -> None:
         out.put("signals", "time", CLOCK, "the file stamps its rows itself")
     for channel, one in found.items():
         others = f"; it could be {', '.join(one.others[:3])} as well" if one.others else ""
-        unit = f", in {one.unit}" if one.unit else ""
+        unit = f", in {one.spoken}" if one.unit else ""
         out.put("signals", channel, one.column, f"by its name{unit}{others}")
         _name_unit(channel, one, out)
 

@@ -6,13 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.cli.plan import TIME_SCALE, TRUTH, detection_plan, limits, log_columns, naming, optional_columns, part_read
+from dsd_cli.cli.plan import TIME_SCALE, TRUTH, as_read, detection_plan, limits, log_columns, naming, optional_columns
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.rows import Rows
 from dsd_cli.detect.session import Session
 from dsd_cli.errors import DataError
 from dsd_cli.files.config import Config
-from dsd_cli.files.scaled import scaled
 from dsd_cli.files.table_source import TableSource
 from dsd_cli.files.tables_in import open_table
 from dsd_cli.files.watched import Watch, watched
@@ -32,8 +31,7 @@ def open_log(log: str, config: Config) -> tuple[TableSource, Plan]:
     """The log, and the plan of the config for it (see `as_logged`)."""
     columns = log_columns(config.signals)
     columns.pop("reference", None)
-    rows = part_read(open_table(log, columns, optional_columns(config) & set(columns)), config.signals)
-    table = scaled(rows, config.signals.factors())
+    table = as_read(open_table(log, columns, optional_columns(config) & set(columns)), config.signals)
     return table, detection_plan(config, table.columns, table.metadata, table.name)
 
 

@@ -58,7 +58,7 @@ def observe(
     columns.pop("d_hat", None)
     with naming(log), Progress(not quiet) as progress:
         how = reading(settings.signals)
-        loaded = load_log(log, columns, optional_columns(settings), **how, watch=progress.watch)
+        loaded = load_log(log, columns, optional_columns(settings), **how, unwrap=True, watch=progress.watch)
         progress("observing")
         observed = _observed(loaded, observer)
         _check_finite(loaded.log.source, observed)

@@ -15,6 +15,7 @@ from dsd_cli.files.scaled import FACTORS, factors_text, scaled
 from dsd_cli.files.table_source import TableSource
 from dsd_cli.files.tables_in import dropped_with_unreadable, open_table
 from dsd_cli.files.tables_out import open_writer
+from dsd_cli.files.unwrapped import unwrapped
 from dsd_cli.files.watched import Watch, watched
 from dsd_cli.files.windowed import Window, windowed
 from dsd_cli.signals.cleaning import Cleaner, Piece
@@ -53,6 +54,7 @@ def load_log(
     time_scale: float = 1.0,
     factors: Mapping[str, float] | None = None,
     command: Command | None = None,
+    unwrap: bool = False,
     limits: Limits | None = None,
     window: Window | None = None,
     most_rows: int | None = None,
@@ -67,6 +69,7 @@ def load_log(
     time_scale : s per unit of the time column.
     factors : channel -> what its column is multiplied by.
     command : how u was logged; None is a held one, as it acted.
+    unwrap : see `unwrapped`.
     limits : rows with values beyond them, with the factors in, are dropped.
     window : the rows that are read; None is all.
     most_rows : about so many rows are enough.
@@ -82,6 +85,8 @@ def load_log(
     table = watched(open_table(path, signals, optional, u_hold=command.hold), watch)
     table = as_it_acted(table, command, time_scale, sample_time)
     table = windowed(table, window or Window(), time_scale, sample_time)
+    if unwrap:
+        table = unwrapped(table, (factors or {}).get("position", 1.0))
     table = scaled(table, factors or {})
     cleaner = Cleaner(sample_time, time_scale, limits=limits)
     channels, restarts = _joined(_cleaned(table, cleaner, most_rows))

@@ -77,6 +77,13 @@ class Recognised:
         return OF_U[unit][0] if self.channel == "u" and unit in OF_U else NAMED.get(self.channel, {}).get(unit, "")
 
     @property
+    def spoken(self) -> str:
+        """Its unit for people: a torque in nm is in N m."""
+        if self.channel != "u" or not self.named:
+            return self.unit
+        return self.named if self.factor == 1.0 else f"{self.factor:g} {self.named}"
+
+    @property
     def factor(self) -> float | None:
         """What brings the column to SI; None: the unit is not said, or not known."""
         if self.channel == "u":

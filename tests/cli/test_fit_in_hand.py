@@ -68,6 +68,32 @@ def test_what_stops_on_a_bound_or_pulls_against_its_prior_is_said(tmp_path):
     assert "pulls against its prior 0.012 +- 0.0001" in words
 
 
+@pytest.mark.parametrize(
+    ("told", "says"),
+    [
+        (("--bounds", "coulomb_friction.level=0:0.05"), "is kept within 0 to 0.05; this log alone says"),
+        (("--fix", "coulomb_friction.level=0.4"), "is held at 0.4; this log alone says"),
+    ],
+    ids=["bounds", "held"],
+)
+def test_what_stands_in_for_an_effect_that_was_told_wrongly_is_not_sure(told, says):
+    """Coulomb friction is missing, 0.15; with a wrong size told of it something else takes its place."""
+    made = done("diagnose", LOG, "-c", BARE, "--to", "2", *told, cwd=SAMPLES)
+    verdict = made.stdout.splitlines()[0]
+    assert "this log is against what it was told of coulomb_friction.level: look at that first" in verdict
+    assert int(re.search(r"probability (\d+) %", verdict)[1]) <= 50
+    (line,) = [row for row in made.stderr.splitlines() if says in row]
+    assert float(line.split("says ")[1].split()[0]) == pytest.approx(0.15, abs=0.01)
+
+
+def test_an_inertia_in_another_unit_is_said():
+    """kg cm^2 held as kg m^2: no delay near the one that such an axis would have is that of this one."""
+    said = done("diagnose", LOG, "-c", KNOWN, "--to", "2", "--fix", "inertia=100", cwd=SAMPLES)
+    (line,) = [row for row in said.stderr.splitlines() if "inertia is held at 100; this log alone says" in row]
+    assert float(line.split("says ")[1].split()[0]) == pytest.approx(TRUTH["inertia"], rel=0.05)
+    assert "this log is against what it was told of inertia" in said.stdout.splitlines()[0]
+
+
 def test_a_creep_at_the_end_of_a_log_is_no_push(tmp_path):
     """Up to 2.95 s the log ends soon after a creep of 0.05 s, in which the logged speed does not tell the direction."""
     made = done("diagnose", LOG, "-c", KNOWN, "--to", "2.95", "--format", "json", cwd=SAMPLES)

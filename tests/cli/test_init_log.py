@@ -45,6 +45,8 @@ def test_units_in_names() -> None:
     assert (found["u"].factor, found["velocity"].factor) == (1e-3, pytest.approx(2 * math.pi / 60))
     assert found["position"].factor == pytest.approx(math.pi / 180)
     assert recognise(["t", "i", "position [counts]"])["position"].factor is None
+    spoken = {column: recognise([column])["u"].spoken for column in ("Torque_Nm", "force_N", "current [mA]", "u")}
+    assert spoken == {"Torque_Nm": "N m", "force_N": "N", "current [mA]": "0.001 A", "u": ""}
 
 
 def axis(rows: int = 6000, step: float = 0.001) -> dict[str, np.ndarray]:

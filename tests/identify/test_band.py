@@ -128,3 +128,12 @@ def test_the_band_is_never_wider_than_means_are_exact_nor_narrower_than_a_short_
     loud = SensorNoise("velocity", 0.0, 1e20)
     assert chosen_band([motion], loud, T).hz == POLICY.least_band_hz
     assert chosen_band([motion[:3000]], loud, T).hz == pytest.approx(POLICY.least_band_periods / 3.0)
+
+
+@pytest.mark.parametrize("hz", [2.0, 7.3, 62.0, 125.0])
+def test_the_gain_where_frequencies_fold_is_that_of_every_single_one(hz):
+    band = band_of(hz, 1e-3)
+    angle, folds = band.angles(16), band.folded_gain(16)
+    assert folds.shape == (band.step, 16)
+    for i, found in enumerate(folds):
+        np.testing.assert_allclose(found, band.gain(i * np.pi + (angle if i % 2 == 0 else np.pi - angle)), atol=1e-13)

@@ -111,30 +111,28 @@ def test_a_load_that_samples_cannot_tell_is_no_explanation():
         ((), 2, "enc4096"),
         ((), 2, "speed40k"),
         ((), 2016, "enc4096"),  # long moves at constant speed: the encoder's error is a tone, fed back into u
-        (("periodic_disturbance",), 3001, "enc4096"),  # a line above the band, fed back into u
         (("actuator_lag",), 2, "speedloud"),
         (("stribeck_friction",), 2, "speedloud"),
     ],
 )
 def test_no_load_where_there_is_none(what, seed, sensing):
-    """Even where play is looked for in any case."""
-    assert Axis(what, seed, sensing).seen() is None
+    """Even where play is looked for in any case; and noise and the tones of an encoder push nothing all along."""
+    found = Axis(what, seed, sensing).response()
+    assert found.seen is None
+    assert what or math.isnan(found.line_hz)
 
 
 def test_a_push_above_the_band_is_no_nothing():
-    """A line that pushes all along is said with its frequency, and "nothing is missing" is not the answer."""
+    """A line that pushes all along, fed back into u, is said with its frequency; "nothing is missing" is not the
+    answer, and no load is seen."""
     axis = Axis(("periodic_disturbance",), 3001)
     (truth,) = (v for name, v in axis.log.truth["effects"].items() if name == "periodic_disturbance")
-    assert axis.response().line_hz == pytest.approx(truth["frequency"], rel=0.01)
+    response = axis.response()
+    assert response.seen is None
+    assert response.line_hz == pytest.approx(truth["frequency"], rel=0.01)
     found = axis.diagnosed()
     assert (found.verdict, found.probability <= 0.6) == ("unknown", True)
     assert any("something pushes at" in said for said in found.warnings)
-
-
-@pytest.mark.parametrize("seed", [2, 2016])
-def test_noise_and_the_tones_of_an_encoder_push_nothing(seed):
-    """At constant speed its error is a line, but not all along."""
-    assert math.isnan(Axis((), seed).response().line_hz)
 
 
 def test_a_load_that_rattles_is_said_where_no_simulation_follows_it():

@@ -131,8 +131,7 @@ def _wraps(stretches: Sequence[Stretch]) -> list[Finding]:
         return []
     turn = next(s.turn for s in stretches if s.wraps)
     what = f"position wraps: it jumps by {turn:.6g} {'once' if wraps == 1 else f'{wraps} times'}"
-    remedy = "compare, diagnose, add and improve undo it; for detect and observe unwrap the column"
-    return [Finding(what, "position", "warning", 0.99, remedy)]
+    return [Finding(f"{what}, and every command undoes it", "position", "note", 0.99)]
 
 
 def _counts(stretches: Sequence[Stretch]) -> list[Finding]:

@@ -77,6 +77,17 @@ class Band:
         """`count` angles of rows, w = 2 pi f step T in (0, pi)."""
         return np.asarray((np.arange(count) + 0.5) * np.pi / count)
 
+    def folded_gain(self, count: int) -> Array:
+        """|H| at all angles of samples that fold onto `angles(count)` of rows, shape (step, count), by one transform.
+
+        Row i of the result: between i pi and (i + 1) pi, w = 2 pi f step T.
+        """
+        size = count * self.step
+        half_a_bin = np.exp(-0.5j * np.pi / size * np.arange(len(self.taps)))
+        found = np.abs(np.fft.fft(self.taps * half_a_bin, 2 * size)[:size]).reshape(self.step, count)
+        found[1::2] = found[1::2, ::-1]
+        return np.asarray(found)
+
     def gain(self, row_angles: Array) -> Array:
         """|H| at angles of rows."""
         k = np.arange(-self.half, self.half + 1)

@@ -250,12 +250,8 @@ def commands(equations: Equations, inputs: Terms) -> list[Array]:
 
 def raw_columns(equations: Equations, term: Term, delay: float) -> list[list[Array]]:
     """Regressor of each coefficient, mean per interval: [coefficient][stretch]; minus the unit force."""
-    by_stretch = []
-    unused = [s.log["u"] for s in equations.stretches]
-    for s, u in zip(
-        equations.stretches, drive(equations, (), delay) if "u" in term.effect.needs else unused, strict=True
-    ):
-        by_stretch.append([finite(c) for c in _columns(s, term, u)])
+    late = drive(equations, (), delay) if "u" in term.effect.needs else [s.log["u"] for s in equations.stretches]
+    by_stretch = [[finite(c) for c in _columns(s, term, u)] for s, u in zip(equations.stretches, late, strict=True)]
     return [list(column) for column in zip(*by_stretch, strict=True)]
 
 

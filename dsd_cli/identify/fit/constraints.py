@@ -22,9 +22,9 @@ from dsd_cli.identify.results import DELAY
 from dsd_cli.identify.results import INERTIA as INERTIA_NAME
 from dsd_cli.signals.log import Array
 
-#: Relative step of slopes, and how near a value comes to what it is held at.
+#: Relative step of numerical slopes, and relative tolerance of a value that is held.
 _STEP, _NEAR = 1e-6, 1e-9
-#: Slopes below this share of the largest are none.
+#: Slopes below this share of the largest count as 0.
 _NO_SLOPE = 1e-12
 
 
@@ -195,7 +195,7 @@ def _reduced(equalities: Sequence[Array], priors: Sequence[Array], size: int) ->
     for i in range(len(matrix)):
         usable = np.abs(matrix[i, 1:]) * np.isin(np.arange(1, size), list(pivots), invert=True)
         if not usable.max(initial=0.0) > _NEAR * sizes[i]:
-            continue  # says nothing more, or contradicts what was said before
+            continue  # depends linearly on earlier rules, or contradicts them
         if usable[1:].max(initial=0.0) > _NEAR * sizes[i]:
             usable[INERTIA] = 0.0  # the forward form stands on the acceleration: it goes last
         pivot = 1 + int(np.argmax(usable))

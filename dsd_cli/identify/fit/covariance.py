@@ -20,11 +20,11 @@ from dsd_cli.signals.log import Array
 
 #: Relative step of numerical derivatives.
 STEP = 1e-4
-#: Of unknowns of size 1, where one block alone tells an unknown.
+#: Ridge of unknowns scaled to size 1, for the jackknife where one block alone determines an unknown.
 _RIDGE = 1e-9
 #: Degrees of freedom, at least, of a value that few blocks tell.
 _FEWEST = 3.0
-#: Singular values below this share are rules that say nothing more.
+#: Singular values below this: the constraint depends linearly on the others.
 _RANK = 1e-9
 
 

@@ -24,12 +24,12 @@ from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.forces import IntervalChannels
 from dsd_cli.signals.log import Array, Log, with_channels
 
-#: s from knot to knot, but for so many knots at most, and how far the motion is moved to see what that does, as a
+#: s from knot to knot, but for so many knots at most, and the step of its numerical slopes, as a
 #: share of what it wanders in 1 s.
 KNOT, MOST_KNOTS, MOVED = 1.0, 60, 0.1
-#: Weight of the drift itself beside that of its steps: at the start it is hardly known.
+#: Prior weight of the level of the drift over that of its steps: the speed at the start is hardly known.
 LEVEL = 1e-4
-#: Shares of a step that are tried: the forces are no straight lines of the place.
+#: Step lengths of the line search: forces are not linear in the position.
 SHARES = (1.0, 0.5, 0.25)
 #: Zeros and constant speeds that are tried, each side of none, and how far they reach, in ranges of the motion: over
 #: the whole recording, for a speed.

@@ -11,7 +11,7 @@ from dsd_cli.effects import Effect, Shape, get_effect
 from dsd_cli.identify.results import DELAY, INERTIA
 from dsd_cli.plant.model import PlantModel
 
-#: Coefficients under which a parameter is asked whether it is a shape by itself.
+#: Coefficients under which it is tried whether a parameter is independent of them, that is a shape.
 _PROBES = (0.3, 0.6)
 
 

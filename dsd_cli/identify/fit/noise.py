@@ -21,7 +21,7 @@ from dsd_cli.signals.log import Array
 
 #: Rows of a segment of the periodogram; rounds of the multiplicative update, each of which lowers the cost.
 _SEGMENT, _ROUNDS = 128, 200
-#: Half length of the whitening filter, rows, and points at which its response is laid down.
+#: Half length of the whitening filter, rows, and frequencies at which its response is specified.
 HALF, _POINTS = 12, 256
 
 
@@ -76,10 +76,9 @@ def passed_variance(taps: Array, band: Band, noise: SensorNoise) -> float:
     """Variance that the sensor's noise leaves in a row of the acceleration, after low-pass and these taps."""
     angle = band.angles(_POINTS)
     # the low-pass is not perfect: what folds back from above half the rate of rows is counted by its own angle
-    total = np.zeros(_POINTS)
-    for fold in range(band.step):
-        true = fold * np.pi + (angle if fold % 2 == 0 else np.pi - angle)
-        total += band.gain(true) ** 2 * noise.density(true / band.step)
+    fold = np.arange(band.step)[:, None]
+    true = fold * np.pi + np.where(fold % 2 == 0, angle, np.pi - angle)
+    total = np.sum(band.folded_gain(_POINTS) ** 2 * noise.density(true / band.step), axis=0)
     return float(np.mean(total * response(taps, angle) ** 2) / band.step)
 
 

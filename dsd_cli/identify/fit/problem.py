@@ -154,9 +154,13 @@ class Problem:
 
 
 def pose(
-    recordings: Sequence[Recording], model: PlantModel, settings: Settings, holdout: Sequence[Recording] = ()
+    recordings: Sequence[Recording],
+    model: PlantModel,
+    settings: Settings,
+    holdout: Sequence[Recording] = (),
+    near: float | None = None,
 ) -> Problem:
-    """The problem which of the candidates the model lacks.
+    """The problem which of the candidates the model lacks; `near` : about the delay, s, where a fit found one.
 
     Raises
     ------
@@ -174,7 +178,8 @@ def pose(
     beside = (*base, *_functions_of_motion(candidates))
     bank, most_tap = _bank(recordings, longest, settings.band)
     solver = Solver(bank, lay_blocks(bank.equations.lengths, 1, recordings[0].name), known=known)
-    found = best_delay(solver, beside, most_tap) * bank.tap_time
+    about = None if near is None else round(near / bank.tap_time)
+    found = best_delay(solver, beside, most_tap, about) * bank.tap_time
     wanted = min(max(POLICY.least_delay_range, 2.0 * found, 2.0 * model.delay), longest)
     solver, most_tap, fit = _laid_out(recordings, wanted, base, beside, settings, found)
     errors = Errors(solver.bank, solver.blocks, _aside(holdout, solver.bank.equations))

@@ -27,11 +27,11 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY
 from dsd_cli.signals.log import Array
 
-#: Rounds in which values that are no linear function of coefficients are brought to what they are held at.
+#: Newton steps, at most and at least, towards held values that are no linear function of the coefficients.
 _ROUNDS, _LEAST_ROUNDS = 16, 3
-#: Of the target, that a residual must hold of a column to be more than rounding.
+#: Share of the target's norm below which the projection of a residual on a column is rounding.
 _ROUNDING = 1e-7
-#: Of the largest weight, below which one that was pressed onto 0 is there.
+#: Share of the largest weight below which a coefficient counts as 0.
 _PRESSED = 1e-9
 
 
@@ -188,7 +188,7 @@ class Solver:
                 break
             held, pressed = beyond, pressed + below[:1]
             found = rules.reduction(theta, held, pressed)
-        # a row that a rule has solved for is not seen by the signs of the forward form, whose coefficients are others
+        # a row that a rule eliminates escapes the sign constraints of the forward form: they are checked here
         quiet, forward = without_noise(total, _of_columns(design), len(design.rows[0])), found
         for _ in design.signed:
             below = [k for k in self._below(quiet, design, forward) if k not in pressed]
@@ -200,7 +200,7 @@ class Solver:
 
     @staticmethod
     def _below(gram: Array, design: Design, rules: Reduction) -> list[int]:
-        """Coefficients with the wrong sign in the forward form, of rows that these rules have solved for."""
+        """Coefficients with the wrong sign in the forward form, of rows that these rules eliminate."""
         weights = _solved(_with_priors(gram, rules)[None], 1, _forward_signs(design), rules)[1][0]
         weights = weights / weights[1 + INERTIA]  # all that takes of the drive has the sign of J a
         wrong = np.asarray(design.signed) & (weights[1:] < -_PRESSED * np.abs(weights[1:]).max())
@@ -251,7 +251,7 @@ def _solved(stack: Array, target: int, signs: Sequence[int], rules: Reduction | 
 
     Parameters
     ----------
-    stack : Gram matrices, (M, p+1, p+1). The first says which coefficients are pressed onto 0 by their sign.
+    stack : Gram matrices, (M, p+1, p+1). The first decides which sign constraints are active (coefficient 0).
     signs : 1 not negative, -1 not positive, 0 free; of all rows but the target.
     rules : weights are `rules.expand` times those of the rows that are left. Where the target is not left (a held
         inertia leaves no acceleration), the drive stands in for it.
@@ -286,7 +286,7 @@ def _signed(stack: Array, target: int, signs: Sequence[int]) -> tuple[Array, Arr
             continue
         if len(free) == len(others):
             break
-        # one that was pressed onto 0 beside others comes back, once, if without them it has the right sign
+        # active set: a coefficient held at 0 is freed again, once, if its gradient has the right sign
         left = (total[others][:, index] @ np.concatenate([[1.0], -theta])) / size * signs
         back = [k for k in range(len(others)) if k not in free and k not in returned and left[k] > least]
         if not back:

@@ -24,7 +24,7 @@ from dsd_cli.signals.log import Array
 
 #: Mean of sgn v from which on the direction is sure; rounds in which the weights are found, and the delay.
 _SURE, _ROUNDS, _DELAYS = 0.999, 3, 4
-#: Share of a step of delay that is the least aimed at, and the change of it that ends the rounds.
+#: Least share of a step of delay beyond the whole steps, and the change of that share that ends the rounds.
 _CLEAR, _SETTLED = 0.25, 0.01
 
 

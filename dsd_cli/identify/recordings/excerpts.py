@@ -13,7 +13,7 @@ from dsd_cli.signals.log import Array, Log
 
 #: Cells into which the range of a channel is cut, to see how much of what the axis does a window contains.
 _CELLS = 16
-#: Windows are tried every such share of their length.
+#: From one window that is tried to the next, as a share of their length.
 _STEP = 0.1
 
 

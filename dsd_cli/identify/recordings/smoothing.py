@@ -21,7 +21,7 @@ from dsd_cli.signals.log import Array
 HALF_WIDTHS = (0, 2, 3, 4, 6, 8, 11, 15, 20, 28)
 #: Steps of the stamps that differ by less than this share are a regular clock, rounded when printed.
 _REGULAR = 0.02
-#: Of the noise, by which an encoder at rest may change from sample to sample where a spline went through it.
+#: Share of the noise up to which a change between samples is none: a spline ripples around an encoder at rest.
 _RESTING = 1e-3
 _ORDER = 3
 #: Differences of these orders remove what is smooth and leave white noise, amplified by a known factor; what is not

@@ -73,7 +73,7 @@ def searched_with(
     found = settings.known.applied(found)
     recordings, holdout = with_driven_load(recordings, found), with_driven_load(holdout, found)
     parts = excerpts(recordings)
-    search = Search(pose(parts, model, settings, holdout))
+    search = Search(pose(parts, model, settings, holdout, near=found.delay))
     terms, tap = terms_of(found), search.refit.tap
     search = Search(search.problem.measured_again(search.fit(terms, tap)))
     whole = search.fit(terms, tap)

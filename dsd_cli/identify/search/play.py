@@ -48,7 +48,7 @@ _SCALES, _SCALE_OF_FORCES = (0.1, 0.1, 0.3, 0.05, 0.3), 0.05
 _FASTEST, _LATEST = 0.25, 8.0
 #: Of a share: 1e-4 and 1 - 1e-4.
 _MOST_LOGIT = 9.2
-#: Step of a derivative, and what a load that samples cannot tell leaves, times the signal.
+#: Step of a derivative, and the residual, times the signal, that stands for a load which the sampling cannot resolve.
 _STEP, _SENSELESS = 1e-3, 1e3
 
 
@@ -194,7 +194,7 @@ class Play:
         return left(np.stack(columns, axis=1), signals.target)
 
     def _sensible(self, at: Array) -> bool:
-        """Whether samples can tell such a load at all: far outside, a step of the integration takes ages."""
+        """Whether the sampling resolves such a load: far outside, one step of the integration takes very long."""
         frequency, gap, share, _, late = _plain(at)
         fastest = frequency / math.sqrt(1.0 - share)
         return 0.1 * _LOWEST < fastest < _FASTEST / self.signals.step and gap < self.travel and abs(late) < _LATEST

@@ -13,7 +13,7 @@ from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.identify.search.scan import Scan
 from dsd_cli.identify.search.several import apart
 
-#: Half width of the bracket (natural logarithm) by what is searched: lines of a spectrum are narrow.
+#: Half width of the bracket, natural logarithm of the parameter; frequencies of lines have narrower ones.
 BRACKET = 0.6
 STEPS = 7
 #: With several parameters they are searched in turn, in so many rounds of narrower brackets, until a round gains less

@@ -6,15 +6,21 @@ import math
 from dataclasses import replace
 from typing import Literal
 
-from dsd_cli.identify.fit.problem import Problem
+from dsd_cli.identify.fit.bank import Terms
+from dsd_cli.identify.fit.known import Known
+from dsd_cli.identify.fit.problem import Problem, best_delay
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.values import flat
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.results import DELAY, NONE, UNKNOWN, Diagnosis, Estimates
+from dsd_cli.identify.results import DELAY, NONE, UNKNOWN, Diagnosis, Estimate, Estimates
 from dsd_cli.identify.search.sets import Search
 
 #: The least share of a value (of a sample, for a delay) by which a contradiction is worth saying.
 LEAST_SHARE = 0.005
+
+
+#: How a value was told.
+Kind = Literal["held", "bound", "prior"]
 
 
 class Contradiction(str):
@@ -24,10 +30,10 @@ class Contradiction(str):
     """
 
     value: str
-    kind: Literal["held", "bound", "prior"]
+    kind: Kind
 
     @classmethod
-    def of(cls, value: str, kind: Literal["held", "bound", "prior"], text: str) -> Contradiction:
+    def of(cls, value: str, kind: Kind, text: str) -> Contradiction:
         """That sentence, which begins with the name."""
         found = cls(f"{value} {text}")
         found.value, found.kind = value, kind
@@ -70,14 +76,19 @@ def against_told(found: Diagnosis, search: Search, whole: Fit) -> Diagnosis:
     """An effect that stands beside a held or bounded value that the log contradicts may stand in for it: not sure.
 
     Whether it does contradict it is asked beside the whole set that was found: what one effect leaves another takes.
+    What is unknown beside such a value may be that value.
     """
     hard = [w for w in found.warnings if isinstance(w, Contradiction) and w.hard]
-    if found.verdict in (NONE, UNKNOWN) or not hard:
+    if found.verdict == UNKNOWN and hard and not found.blocked:
+        return replace(found, probability=min(found.probability, POLICY.surest_against_told))
+    if found.verdict in (NONE, UNKNOWN):
         return found
-    said = contradictions(search, whole, search.problem.values(whole).estimates)
+    beside = contradictions(search, whole, search.problem.values(whole).estimates)
+    instead = [one for one in _in_place_of_found(search, whole) if one.about not in {b.about for b in beside}]
+    said = (*beside, *instead)
     about = {one.about for one in said}
     gone = [one for one in hard if one.about not in about]
-    stays = tuple(one for one in found.warnings if one not in gone)
+    stays = (*(one for one in found.warnings if one not in gone), *instead)
     if not any(one.hard for one in said):
         return replace(found, warnings=stays)
     surest = POLICY.surest_against_told
@@ -91,8 +102,7 @@ def _of_held(problem: Problem, fit: Fit, estimates: Estimates) -> list[Contradic
     if not held:
         return []
     free = _freed(problem)
-    search = Search(free)
-    loose = search.fit(fit.terms, fit.tap)
+    loose = _loose(Search(free), fit.terms, fit.tap)
     values, given = free.values(loose).estimates, flat(problem.scale.model(fit))
     found = []
     for name in held:
@@ -108,6 +118,48 @@ def _of_held(problem: Problem, fit: Fit, estimates: Estimates) -> list[Contradic
             )
             found.append(Contradiction.of(name, "held", text))
     return found
+
+
+def _loose(free: Search, terms: Terms, tap: int) -> Fit:
+    """Effects with all values free; what was held may have moved the delay far off."""
+    anywhere = best_delay(free.solver, free.problem.beside, free.most_tap)
+    return min((free.fit(terms, near) for near in {tap, anywhere}), key=lambda one: one.squares)
+
+
+def _in_place_of_found(search: Search, whole: Fit) -> list[Contradiction]:
+    """Values that would be others if they were free, and then do what a found effect does."""
+    known, here = search.solver.known, {t.id for t in whole.terms}
+    names = [name for name in known.names if name not in known.seen]
+    members = search.added(whole.terms)
+    if not names or not members:
+        return []
+    told = {name.partition(".")[0] for name in names} - here
+    absent = [o.fit.terms[-1] for o in search.options(search.refit) if o.effect in told]
+    free, found = Search(_freed(search.problem)), dict[tuple[str, str], Contradiction]()
+    least = free.evidence(free.fit(whole.terms, whole.tap)) - POLICY.least_gain
+    for more in ((), *((term,) for term in absent)):
+        sets = [(*(t for t in whole.terms if t != member), *more) for member in members]
+        instead = max((_loose(free, terms, whole.tap) for terms in sets), key=free.evidence)
+        if free.evidence(instead) > least:
+            estimates = free.problem.values(instead).estimates
+            told_otherwise = (_told_otherwise(known, name, estimates[name]) for name in names if name in estimates)
+            found |= {one.about: one for one in told_otherwise if one is not None}
+    return list(found.values())
+
+
+def _told_otherwise(known: Known, name: str, alone: Estimate) -> Contradiction | None:
+    """What a log says by itself of a value of a candidate, where that is not what was told."""
+    if not alone.std_error > 0.0:
+        return None
+    low, high = known.limits(name)
+    value, spread = known.priors.get(name, (known.fixed.get(name, min(max(alone.value, low), high)), 0.0))
+    off = abs(alone.value - value)
+    if not off > max(POLICY.contradicting_deviations * math.hypot(alone.std_error, spread), LEAST_SHARE * abs(value)):
+        return None
+    kind: Kind = "prior" if spread else "held" if name in known.fixed else "bound"
+    what = {"prior": f"has the prior {value:.4g} +- {spread:.2g}", "held": f"is held at {value:.4g}"}
+    text = what.get(kind, f"is kept within {low:g} to {high:g}")
+    return Contradiction.of(name, kind, f"{text}; this log alone says {alone.value:.4g} +- {alone.std_error:.2g}")
 
 
 def _freed(problem: Problem) -> Problem:

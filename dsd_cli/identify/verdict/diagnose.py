@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from dsd_cli.identify.fit.asked import Settings
-from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.afloat import searched
 from dsd_cli.identify.search.pulses import event_effect
 from dsd_cli.identify.verdict.beyond import above_floor, beyond_of, pushed
 from dsd_cli.identify.verdict.contradictions import against_told
-from dsd_cli.identify.verdict.evidence import membership
+from dsd_cli.identify.verdict.evidence import memberships
 from dsd_cli.identify.verdict.imitation import without_imitations
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.limits import limits_of
@@ -68,10 +67,8 @@ def diagnose(
     report("how sure", 0.8)
     whole, first = strongest_first(search, whole)
     found = [t.id for t in search.added(whole.terms) if shown.seen is None]
-    reconstructed = any("reconstructed" in r.provenance.get("velocity", "") for r in search.problem.recordings)
-    misfit = beyond.unknown or reconstructed or search.noise.inflation > POLICY.most_inflation
     limits = limits_of(search, whole, shown.settings, shown.seen)
-    members = {} if limits.blocked else {name: membership(search, whole, name, misfit) for name in found}
+    members = {} if limits.blocked else memberships(search, whole, found, beyond.unknown)
     options, own = [*search.options(search.refit), *first], own_values(search)
     verdict = Verdict(search, options, whole, members, own, beyond, shown, limits)
     diagnosis = against_told(verdict.diagnosis(), search, whole)

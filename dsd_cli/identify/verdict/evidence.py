@@ -8,7 +8,7 @@ correlation within blocks does not count as evidence (pseudo-BMA+; Yao et al. 20
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +38,13 @@ class Membership:
     rivals: tuple[str, ...]
     alike: tuple[str, ...] = ()
     surest: float = 1.0
+
+
+def memberships(search: Search, whole: Fit, effects: Iterable[str], unknown: bool) -> dict[str, Membership]:
+    """Of each of these effects; `unknown` : something remains that nothing explains."""
+    reconstructed = any("reconstructed" in r.provenance.get("velocity", "") for r in search.problem.recordings)
+    misfit = unknown or reconstructed or search.noise.inflation > POLICY.most_inflation
+    return {name: membership(search, whole, name, misfit) for name in effects}
 
 
 def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Membership:

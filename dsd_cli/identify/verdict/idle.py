@@ -59,7 +59,8 @@ def idle_part(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
     effects, best, least = problem.scale.model(whole).effects, None, math.inf
     for part in _parts(problem.recordings, search.solver.inertia):
         forces = {name: values for name, values in effects.items() if get_effect(name).role not in part.imitators}
-        without = Search(pose(part.taken_off, replace(problem.model, effects=forces), settings))
+        there = replace(problem.model, effects=forces)
+        without = Search(pose(part.taken_off, there, settings, near=problem.scale.model(whole).delay))
         left = without.problem.errors.rmse(without.refit)
         if seen is not None and Role.STRUCTURE in part.imitators and not _shows(without, seen.effect):
             return Idle(part.what, f"{part.instead}, the response shows no load", part.question)

@@ -21,8 +21,8 @@ from dsd_cli.plant.model import PlantModel
 SHOWN = (COUPLING, PLAY)
 Report = Callable[[str, float], None]
 RATTLES = (
-    "the load may rattle in play: what the response leaves is no noise, and no simulation follows a load from flank to "
-    "flank well enough to predict it"
+    "the load may rattle in its play: the residual of the response is not white, and a load that bounces from flank to "
+    "flank cannot be simulated well enough to predict it"
 )
 LINE = (
     "something pushes at {hz:.3g} Hz, above {band:.3g} Hz where the balance of forces ends for this sensor: it cannot "

@@ -76,7 +76,7 @@ def test_wraps_are_found_and_undone_for_the_other_checks(turn):
     result = check_log(log_of(servo("position"), position=np.mod(q, turn)))
     (wraps,) = said(result, "wraps")
     assert wraps.what.startswith(f"position wraps: it jumps by {turn:.6g}")
-    assert wraps.severity == "warning"
+    assert wraps.severity == "note"
     assert result.errors == ()
     assert result.band_hz == pytest.approx(check_log(log_of(servo("position"), position=q)).band_hz, rel=0.2)
 
