@@ -1,4 +1,4 @@
-"""`python -m bench kills --runs 1000`: `dsd detect` ended by signals at random times, and what it leaves.
+"""`python -m bench kills --runs 1000`: commands that write, ended by signals at random times, and what they leave.
 
 Half of the signals come while a file is being written. A run is a forked copy of this process, which has the package
 imported already, so that signals meet work and not the start of an interpreter; the tests use new processes. The number
@@ -18,7 +18,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -110,16 +110,12 @@ def big_log(path: Path, rows: int) -> None:
 
 
 def command(folder: Path, name: str) -> list[str]:
-    """`dsd detect` of the log in the folder, into `name`."""
-    return [
-        "detect",
-        str(folder / "log.csv"),
-        "-c",
-        str(folder / "dsd.toml"),
-        "-o",
-        str(folder / "out" / name),
-        "--quiet",
-    ]
+    """What writes `name`: `dsd detect` of the log in the folder into `labels...`, or a command of `OTHERS`."""
+    if name in OTHERS:
+        made = [str(folder / word) if word.startswith("rig.") else word for word in OTHERS[name]]
+        return [*made, "-c", str(folder / "rig.toml"), "-o", str(folder / "out" / name), "--quiet"]
+    log, config, out = (str(folder / one) for one in ("log.csv", "dsd.toml", f"out/{name}"))
+    return ["detect", log, "-c", config, "-o", out, "--quiet"]
 
 
 def kill(
@@ -132,11 +128,13 @@ def kill(
     out, said = folder / "out", folder / "said"
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir()
-    (out / name).write_bytes(OLD)
+    if name != FLEET:  # which goes on from a table of its own only
+        (out / name).write_bytes(OLD)
+    said.unlink(missing_ok=True)  # a worker of the run before may still write into that one
     began = time.monotonic()
     process = start(command(folder, name), said)
     if after < 0.0:
-        while process.wait(0.0) is None and not any(p.name.endswith(".tmp") for p in out.iterdir()):
+        while process.wait(0.0) is None and not any(p.name.endswith((".tmp", ".part")) for p in out.iterdir()):
             time.sleep(0.001)
         after = -after
     if process.wait(after) is None:
@@ -154,24 +152,42 @@ def _finding(code: int, said: bytes, out: Path, name: str, number: int) -> str:
     ended = (-number, 128 + number)
     if code not in (0, *ended):
         return f"exit code {code}: {said.decode(errors='replace')[-300:]}"
-    if b"Traceback" in said or b"Exception" in said:
+    of_worker = name == FLEET and b"spawn.py" in said  # Python's own, of a worker whose parent went while it began
+    if (b"Traceback" in said or b"Exception" in said) and not of_worker:
         return f"a traceback: {said.decode(errors='replace')[-300:]}"
-    left = sorted(p.name for p in out.iterdir() if p.name not in (name, f"{name}.meta.json"))
+    kept = (name, f"{name}.meta.json", f"{FLEET}.part")  # the rows so far of a fleet are what it goes on from
+    left = sorted(p.name for p in out.iterdir() if p.name not in kept)
     if left and number != signal.SIGKILL:
         return f"left behind: {left}"
-    content = (out / name).read_bytes()
-    if content != OLD and not _is_whole(content, name):
+    content = (out / name).read_bytes() if (out / name).exists() else OLD
+    if content != OLD and not _is_whole(content, name, out.parent / f"whole.{name}"):
         return f"half a file of {len(content)} bytes"
     return ""
 
 
-def _is_whole(content: bytes, name: str) -> bool:
+def _is_whole(content: bytes, name: str, other: Path) -> bool:
+    """`other` : what a run wrote that nothing ended, if there is one; dates and times are as long in both."""
     if name.endswith(".parquet"):
         return content[:4] == content[-4:] == b"PAR1"
+    if name in OTHERS:
+        return not other.exists() or abs(len(content) - other.stat().st_size) <= SLACK
     return content.endswith(b"\n") and content.count(b"\n") == ROWS + 1
 
 
-ROWS = 60_000
+ROWS, SHORT = 60_000, 700
+#: Bytes by which two runs may differ.
+SLACK = 64
+#: File -> what writes it; rig.csv and rig.toml are in the folder.
+FLEET = "results.csv"
+OTHERS = {
+    "added.toml": ("add", "rig.csv", "coulomb_friction"),
+    "improved.toml": ("improve", "rig.csv", "--auto"),
+    "tuned.toml": ("tune", "rig.csv"),
+    "page.html": ("report", "rig.csv"),
+    FLEET: ("fleet", "detect", "rig.csv", "rig.toml", "--workers", "1"),
+}
+#: Most of the runs label.
+NAMES = (*["labels.csv", "labels.parquet"] * 4, *OTHERS)
 CONFIG = """
 [observer]
 nominal_inertia = 1.0
@@ -185,17 +201,30 @@ window = 40
 
 
 def prepare(folder: Path) -> None:
-    """log.csv and dsd.toml for `kill`."""
+    """Logs and configs for `kill`."""
     big_log(folder / "log.csv", ROWS)
     (folder / "dsd.toml").write_text(CONFIG)
+    samples = Path(__file__).parents[1] / "sample_logs"
+    lines = (samples / "servo-friction.csv").read_bytes().splitlines(keepends=True)
+    (folder / "rig.csv").write_bytes(b"".join(lines[: SHORT + 1]))
+    shutil.copy(samples / "servo-bare.toml", folder / "rig.toml")
 
 
-def random_kill(folder: Path, seed: int, longest: float) -> tuple[str, Kill]:
-    """A kill of a forked run that the seed decides; and what it was, in words."""
+def undisturbed(folder: Path, name: str) -> float:
+    """Seconds that a run takes which nothing ends; what it wrote is kept beside."""
+    found = kill(folder, name, signal.SIGTERM, PATIENCE, Forked)
+    if found.code or (folder / "out" / name).read_bytes() == OLD:
+        raise RuntimeError(f"{name}: exit code {found.code}: {(folder / 'said').read_text()}")
+    shutil.copy(folder / "out" / name, folder / f"whole.{name}")
+    return found.seconds
+
+
+def random_kill(folder: Path, seed: int, longest: Mapping[str, float]) -> tuple[str, Kill]:
+    """A kill of a forked run that the seed decides; and what it was, in words. `longest` : file -> s."""
     rng = random.Random(seed)
-    name = rng.choice(("labels.csv", "labels.parquet"))
+    name = rng.choice(NAMES)
     number = rng.choice((*ANSWERED, *ANSWERED, signal.SIGKILL))
-    after = rng.choice((rng.uniform(0.0, longest), -rng.uniform(0.0001, 0.06)))
+    after = rng.choice((rng.uniform(0.0, longest[name]), -rng.uniform(0.0001, 0.06)))
     what = f"{name}, {signal.Signals(number).name} {'while it writes, ' if after < 0 else ''}after {abs(after):.4f} s"
     found = kill(folder, name, number, after, Forked)
     if number == signal.SIGKILL and not found.finding:
@@ -225,7 +254,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         folder = Path(name)
         subprocess.run([sys.executable, "-c", PREPARE, name], check=True)  # it starts threads, which no fork may find
         warm_up()
-        longest = min(kill(folder, "labels.csv", signal.SIGTERM, PATIENCE, Forked).seconds for _ in range(3))
+        longest = {name: undisturbed(folder, name) for name in dict.fromkeys(NAMES)}
         for number in range(options.seed, options.seed + options.runs):
             what, one = random_kill(folder, number, longest)
             codes[one.code] += 1

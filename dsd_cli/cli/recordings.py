@@ -141,8 +141,10 @@ def beyond_known(settings: Config) -> list[str]:
     return lines
 
 
-#: Squares of larger values overflow.
+#: Squares of larger values overflow, and of channels below its inverse vanish.
 _LARGEST = 1e100
+#: u is so many times d_hat, more than rounding makes of a d_hat that should be 0: one of them is something else.
+_FARTHEST = 1e25
 
 
 def _check_channels(path: str, loaded: LoadedLog) -> None:
@@ -165,13 +167,19 @@ def check_sizes(path: str, loaded: LoadedLog) -> None:
 
     Raises
     ------
-    DataError : a channel with values whose squares overflow.
+    DataError : a channel with values whose squares overflow or vanish, or u and d_hat too far apart for one sum.
     """
     from dsd_cli.errors import DataError
 
-    for name, column in loaded.log.channels.items():
-        if float(abs(column).max()) > _LARGEST:
+    largest = {name: float(abs(column).max()) for name, column in loaded.log.channels.items()}
+    for name, size in largest.items():
+        if size > _LARGEST:
             raise DataError(f"{path}: {name} goes beyond {_LARGEST:g}", "is that its column?")
+        if name != "t" and 0.0 < size < 1.0 / _LARGEST:
+            raise DataError(f"{path}: {name} stays below {1.0 / _LARGEST:g}", f"is signals.{name}_scale right?")
+    u, d_hat = largest.get("u", 0.0), largest.get("d_hat", 0.0)
+    if d_hat > 0.0 and u > _FARTHEST * d_hat:
+        raise DataError(f"{path}: u goes to {u:g} where d_hat stays within {d_hat:.2g}", "are these their columns?")
 
 
 def absent(config: Config, columns: Mapping[str, str], loaded: LoadedLog) -> list[str]:
