@@ -16,6 +16,8 @@ from dsd_cli.signals.log import Array
 _IN_BAND = 0.01
 #: Share of the best agreement that a smaller lag may have and be taken.
 _NEARLY = 0.9
+#: And what is less than this share between two peaks makes them two.
+_DIP = 0.5
 #: Delays between the two that are tried, s.
 FARTHEST = 0.06
 
@@ -91,13 +93,16 @@ def _shifted(slope: Array, rows: Array, lags: Array) -> Array:
 
 
 def _nearest_peak(values: Array, lags: Array) -> int | None:
-    """The peak next to no lag that is nearly as high as the highest: half a period later a motion of one frequency
-    explains as much, with the other sign. None if the highest stands at an end."""
-    if not (values.max() > 0.0 and 0 < int(values.argmax()) < lags.size - 1):
+    """The peak next to no lag that is nearly as high as the highest, with a dip between: half a period later motion of
+    one frequency explains as much, with the other sign. None if the highest stands at an end."""
+    highest = int(values.argmax())
+    if not (values.max() > 0.0 and 0 < highest < lags.size - 1):
         return None
     inner = values[1:-1]
     tops = 1 + np.flatnonzero((inner >= values[:-2]) & (inner >= values[2:]) & (inner > _NEARLY * values.max()))
-    return int(tops[np.abs(lags[tops]).argmin()])
+    between = [values[min(k, highest) : max(k, highest) + 1].min() for k in tops.tolist()]
+    others = tops[np.array(between) < _DIP * values.max()]
+    return int(min((highest, *others.tolist()), key=lambda k: abs(lags[k])))
 
 
 def _peak(values: Array, at: Array, near: int) -> float:
