@@ -85,9 +85,7 @@ def load_log(
     table = watched(open_table(path, signals, optional, u_hold=command.hold), watch)
     table = as_it_acted(table, command, time_scale, sample_time)
     table = windowed(table, window or Window(), time_scale, sample_time)
-    if unwrap:
-        table = unwrapped(table, (factors or {}).get("position", 1.0))
-    table = scaled(table, factors or {})
+    table = _scaled(table, factors or {}, unwrap)
     cleaner = Cleaner(sample_time, time_scale, limits=limits)
     channels, restarts = _joined(_cleaned(table, cleaner, most_rows))
     if not channels or cleaner.sample_time is None:
@@ -95,8 +93,7 @@ def load_log(
             f"{table.name}: no row has a value in every needed column ({', '.join(table.columns.values())})"
         )
     metadata = {key: text for key, text in table.metadata.items() if key not in (D_HAT_SOURCE, SAMPLE_TIME)}
-    if factors:
-        metadata[FACTORS] = factors_text(factors)
+    metadata |= {FACTORS: factors_text(factors)} if factors else {}
     source = table.metadata.get(D_HAT_SOURCE, "logged")
     log = Log(
         channels,
@@ -108,6 +105,10 @@ def load_log(
     )
     dropped = dropped_with_unreadable(cleaner.dropped, table.unreadable)
     return LoadedLog(log, dropped, (*table.warnings, *cleaner.warnings), restarts, bool(cleaner.regular))
+
+
+def _scaled(table: TableSource, factors: Mapping[str, float], unwrap: bool) -> TableSource:
+    return scaled(unwrapped(table, factors.get("position", 1.0)) if unwrap else table, factors)
 
 
 def _cleaned(table: TableSource, cleaner: Cleaner, most_rows: int | None) -> list[Piece]:
