@@ -220,7 +220,7 @@ def undisturbed(folder: Path, name: str) -> float:
 
 
 def random_kill(folder: Path, seed: int, longest: dict[str, float]) -> tuple[str, Kill]:
-    """A kill of a forked run that the seed decides; and what it was, in words. `longest` : file -> s, found as needed."""
+    """A kill of a forked run that the seed decides; what it was, in words. `longest` : file -> s, as needed."""
     rng = random.Random(seed)
     name = rng.choice(NAMES)
     if name not in longest:
