@@ -131,6 +131,7 @@ def kill(
     if name != FLEET:  # which goes on from a table of its own only
         (out / name).write_bytes(OLD)
     said.unlink(missing_ok=True)  # a worker of the run before may still write into that one
+    said.touch()
     began = time.monotonic()
     process = start(command(folder, name), said)
     if after < 0.0:
