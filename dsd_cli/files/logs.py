@@ -92,19 +92,21 @@ def load_log(
         raise DataError(
             f"{table.name}: no row has a value in every needed column ({', '.join(table.columns.values())})"
         )
+    log = _log(table, channels, cleaner.sample_time, factors or {}, command)
+    dropped = dropped_with_unreadable(cleaner.dropped, table.unreadable)
+    return LoadedLog(log, dropped, (*table.warnings, *cleaner.warnings), restarts, bool(cleaner.regular))
+
+
+def _log(
+    table: TableSource, channels: dict[str, Array], sample_time: float, factors: Mapping[str, float], command: Command
+) -> Log:
+    """The channels with where they are from."""
     metadata = {key: text for key, text in table.metadata.items() if key not in (D_HAT_SOURCE, SAMPLE_TIME)}
     metadata |= {FACTORS: factors_text(factors)} if factors else {}
     source = table.metadata.get(D_HAT_SOURCE, "logged")
-    log = Log(
-        channels,
-        cleaner.sample_time,
-        source=table.name,
-        d_hat_source=cast(DHatSource, source) if source in _D_HAT_SOURCES and "d_hat" in channels else "logged",
-        metadata=metadata,
-        u_hold=command.hold,
-    )
-    dropped = dropped_with_unreadable(cleaner.dropped, table.unreadable)
-    return LoadedLog(log, dropped, (*table.warnings, *cleaner.warnings), restarts, bool(cleaner.regular))
+    known = source in _D_HAT_SOURCES and "d_hat" in channels
+    d_hat_source = cast(DHatSource, source) if known else "logged"
+    return Log(channels, sample_time, table.name, d_hat_source=d_hat_source, metadata=metadata, u_hold=command.hold)
 
 
 def _scaled(table: TableSource, factors: Mapping[str, float], unwrap: bool) -> TableSource:

@@ -84,12 +84,12 @@ def against_told(found: Diagnosis, search: Search, whole: Fit) -> Diagnosis:
     if found.verdict in (NONE, UNKNOWN):
         return found
     beside = contradictions(search, whole, search.problem.values(whole).estimates)
-    instead = [one for one in _in_place_of_found(search, whole) if one.about not in {b.about for b in beside}]
-    said = (*beside, *instead)
-    about = {one.about for one in said}
-    gone = [one for one in hard if one.about not in about]
-    stays = (*(one for one in found.warnings if one not in gone), *instead)
-    if not any(one.hard for one in said):
+    said = {one.about: one for one in (*_in_place_of_found(search, whole), *beside)}
+    gone = [one for one in hard if one.about not in said]
+    kept = [one for one in found.warnings if one not in gone]
+    there = {one.about for one in kept if isinstance(one, Contradiction)}
+    stays = (*kept, *(one for about, one in said.items() if about not in there))
+    if not any(one.hard for one in said.values()):
         return replace(found, warnings=stays)
     surest = POLICY.surest_against_told
     ranking = tuple(replace(c, probability=min(c.probability, surest)) for c in found.ranking)

@@ -96,8 +96,10 @@ def limits_of(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
 
 
 def _driven(search: Search, whole: Fit) -> float:
-    """Correlation of u and the acceleration without what the other columns explain of both."""
-    rows = np.stack(search.solver.bank.design(whole.terms, whole.tap).rows)
+    """Correlation of u and the acceleration without what the forces explain of both; a load that u drives is none."""
+    pushed = {s.pushed[0] for s in search.equations.stretches if s.pushed is not None}
+    terms = tuple(t for t in whole.terms if t.id not in pushed)
+    rows = np.stack(search.solver.bank.design(terms, whole.tap).rows)
     forces = np.linalg.qr(rows[1 + FIXED :].T)[0]
     u, acceleration = (x - forces @ (forces.T @ x) for x in (rows[0], rows[1 + INERTIA]))
     size = float(np.linalg.norm(u) * np.linalg.norm(acceleration))
