@@ -18,7 +18,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -131,6 +131,7 @@ def kill(
     if name != FLEET:  # which goes on from a table of its own only
         (out / name).write_bytes(OLD)
     said.unlink(missing_ok=True)  # a worker of the run before may still write into that one
+    said.touch()
     began = time.monotonic()
     process = start(command(folder, name), said)
     if after < 0.0:
@@ -219,10 +220,12 @@ def undisturbed(folder: Path, name: str) -> float:
     return found.seconds
 
 
-def random_kill(folder: Path, seed: int, longest: Mapping[str, float]) -> tuple[str, Kill]:
-    """A kill of a forked run that the seed decides; and what it was, in words. `longest` : file -> s."""
+def random_kill(folder: Path, seed: int, longest: dict[str, float]) -> tuple[str, Kill]:
+    """A kill of a forked run that the seed decides; what it was, in words. `longest` : file -> s, as needed."""
     rng = random.Random(seed)
     name = rng.choice(NAMES)
+    if name not in longest:
+        longest[name] = undisturbed(folder, name)
     number = rng.choice((*ANSWERED, *ANSWERED, signal.SIGKILL))
     after = rng.choice((rng.uniform(0.0, longest[name]), -rng.uniform(0.0001, 0.06)))
     what = f"{name}, {signal.Signals(number).name} {'while it writes, ' if after < 0 else ''}after {abs(after):.4f} s"
@@ -254,7 +257,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         folder = Path(name)
         subprocess.run([sys.executable, "-c", PREPARE, name], check=True)  # it starts threads, which no fork may find
         warm_up()
-        longest = {name: undisturbed(folder, name) for name in dict.fromkeys(NAMES)}
+        longest: dict[str, float] = {}
         for number in range(options.seed, options.seed + options.runs):
             what, one = random_kill(folder, number, longest)
             codes[one.code] += 1
