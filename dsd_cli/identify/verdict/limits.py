@@ -22,8 +22,9 @@ _LEAST_DRIVEN = 0.3
 
 @dataclass(frozen=True)
 class Limits:
-    """driven : correlation of u and the acceleration beside all forces. idle : a part of u that did not act.
-    time : whether u is late or smoothed. told : share of the samples in motion whose direction the sensor tells."""
+    """driven : size of the correlation of u and the acceleration beside all forces, 0 to 1. idle : a part of u that did
+    not act. time : whether u is late or smoothed. told : share of the samples in motion whose direction the sensor
+    tells, 0 to 1."""
 
     driven: float
     idle: Idle | None
@@ -51,7 +52,7 @@ class Limits:
         """One sentence each."""
         found = []
         if self.driven < _LEAST_DRIVEN:
-            share = 100.0 * max(self.driven, 0.0) ** 2
+            share = 100.0 * self.driven**2
             found.append(
                 f"{self.blocked} (beside all forces that were found, it explains {share:.0f} % of the acceleration). Is"
                 " it the column of another axis, or from another time?"
@@ -103,4 +104,4 @@ def _driven(search: Search, whole: Fit) -> float:
     forces = np.linalg.qr(rows[1 + FIXED :].T)[0]
     u, acceleration = (x - forces @ (forces.T @ x) for x in (rows[0], rows[1 + INERTIA]))
     size = float(np.linalg.norm(u) * np.linalg.norm(acceleration))
-    return float(u @ acceleration) / size if size > 0.0 else 0.0
+    return abs(float(u @ acceleration)) / size if size > 0.0 else 0.0  # of u with another sign, dsd check speaks
