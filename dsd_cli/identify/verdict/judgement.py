@@ -229,6 +229,8 @@ class Verdict:
     def _probability(self, effect: str) -> float:
         if effect == self.named:
             return self.sure
+        if self.limits.blocked:  # none is in an answer
+            return 0.0
         if effect in self.members:
             return min(self.members[effect].probabilities[effect], POLICY.surest)
         if not self.members:
