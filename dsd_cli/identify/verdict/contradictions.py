@@ -84,12 +84,13 @@ def against_told(found: Diagnosis, search: Search, whole: Fit) -> Diagnosis:
     if found.verdict in (NONE, UNKNOWN):
         return found
     beside = contradictions(search, whole, search.problem.values(whole).estimates)
-    said = {one.about: one for one in (*_in_place_of_found(search, whole), *beside)}
+    in_place = _in_place_of_found(search, whole)  # a prior so narrow that it does not give way is among these
+    said = {one.about: one for one in (*in_place, *beside)}
     gone = [one for one in hard if one.about not in said]
     kept = [one for one in found.warnings if one not in gone]
     there = {one.about for one in kept if isinstance(one, Contradiction)}
     stays = (*kept, *(one for about, one in said.items() if about not in there))
-    if not any(one.hard for one in said.values()):
+    if not in_place and not any(one.hard for one in said.values()):
         return replace(found, warnings=stays)
     surest = POLICY.surest_against_told
     ranking = tuple(replace(c, probability=min(c.probability, surest)) for c in found.ranking)
