@@ -1,6 +1,7 @@
 """Machines whose inertia varies: no catalogue has them, and a weight and a constant load pass for them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
+from tests.oracle.rig import RigCase, make
 
 J, DELAY_ROWS, STEP, COUNT = 0.01, 15, 1e-3, 20_000
 
@@ -69,3 +71,17 @@ def test_an_inertia_that_varies_is_unknown_and_said_to_vary(inertia, on):
 def test_an_inertia_that_does_not_vary_is_not_said_to():
     found = diagnosed(log_of(lambda t, q: (J, 0.0)))
     assert (found.verdict, found.depends_on) == ("none", ())
+
+
+def test_where_no_position_can_be_had_nothing_is_asked_of_it():
+    """Of u and d_hat alone, where what the speed adds up to drifts away: a traceback once."""
+    (log,) = make([RigCase(what=("coulomb_friction",), seed=7100, sensing="speed40k", duration=5.0)])
+    observer = ObserverSettings(log.observer["nominal_inertia"], log.observer["time_constant"])
+    model = PlantModel(log.believed["inertia"], log.believed["delay"], log.believed["effects"])
+    recording = prepare(Log(log.channels, log.sample_time, "log.csv"), observer)
+    bare = [
+        replace(piece, channels={name: x for name, x in piece.channels.items() if name != "position"})
+        for piece in recording.pieces
+    ]
+    recording = replace(recording, pieces=tuple(bare), missing={"position": "it would drift away"})
+    assert diagnose([recording], model, observer).verdict == "coulomb_friction"

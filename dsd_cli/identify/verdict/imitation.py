@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from dsd_cli.identify.fit.bank import Terms
-from dsd_cli.identify.fit.freeform import GAIN, PAIRS, FreeformFits, freeform_fits
+from dsd_cli.identify.fit.freeform import GAIN, Freeform, FreeformFits, freeform_fits
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
@@ -31,7 +31,9 @@ def without_imitations(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit,
     fit = whole if part is search else part.fit(whole.terms, whole.tap)
     if not part.added(fit.terms):
         return whole, beyond
-    laws = [law for law in (_law(part, fit, group) for group in PAIRS if group[0] == GAIN) if law is not None]
+    beside = _fits(part, fit)
+    found = (_law(part, fit, beside.fit_with(group)) for group in beside.groups() if group[0] == GAIN)
+    laws = [law for law in found if law is not None]
     if not laws:
         return whole, beyond
     best = min(laws, key=lambda law: law.loss)
@@ -42,9 +44,9 @@ def without_imitations(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit,
     return rest, Beyond(best.on, min(left, plain), True, beyond.noise)
 
 
-def _law(search: Search, whole: Fit, on: tuple[str, ...]) -> _Law | None:
-    """None where the gain explains nothing beside the whole set, or needs all of it."""
-    beside, nats = _fits(search, whole).fit_with(on), search.noise.nats
+def _law(search: Search, whole: Fit, beside: Freeform) -> _Law | None:
+    """`beside` : that gain beside the whole set. None where it explains nothing there, or needs all of it."""
+    on, nats = beside.on, search.noise.nats
     if beside.gain < POLICY.unknown_nats * nats:
         return None
     terms, loss = whole.terms, beside.loss
