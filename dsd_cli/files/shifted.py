@@ -11,7 +11,7 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.table_source import Batch, TableSource
-from dsd_cli.files.wrapped import WrappedTable
+from dsd_cli.files.wrapped import ClockedTable
 from dsd_cli.signals.log import Array, Hold
 
 #: A sample of u lasts until the next one, but not over a hole of more than so many steps: then for one step.
@@ -38,12 +38,12 @@ def shifted(table: TableSource, shift: Shift, time_scale: float, sample_time: fl
     return _Shifted(table, shift, time_scale, sample_time) if shift.seconds else table
 
 
-class _Shifted(WrappedTable):
+class _Shifted(ClockedTable):
     """With u moved in time. A row waits for the rows that tell its u: a live stream lags by a shift below 0."""
 
     def __init__(self, table: TableSource, shift: Shift, time_scale: float, sample_time: float | None) -> None:
-        super().__init__(table)
-        self._shift, self._time_scale, self._sample_time = shift, time_scale, sample_time or 0.0
+        super().__init__(table, time_scale, sample_time)
+        self._shift = shift
 
     def batches(self) -> Iterator[Batch]:
         """The same rows.
@@ -61,10 +61,8 @@ class _Shifted(WrappedTable):
             raise DataError(f"{self.name}: no row has a u with signals.u_shift = {self._shift.seconds:g}", hint)
 
     def _moved(self) -> Iterator[Batch]:
-        recording, before = _Recording(self._shift), 0
-        for batch in self._table.batches():
-            t = self._stamps(batch, before)
-            before += batch.rows
+        recording = _Recording(self._shift)
+        for batch, t in self.timed():
             for part, stamps, another in _recordings(batch, t, recording.last):
                 if another:
                     yield from recording.taken(final=True)
@@ -72,11 +70,6 @@ class _Shifted(WrappedTable):
                 recording.add(part, stamps)
                 yield from recording.taken(final=False)
         yield from recording.taken(final=True)
-
-    def _stamps(self, batch: Batch, before: int) -> Array:
-        if "t" in batch.columns:
-            return np.asarray(batch.columns["t"] * self._time_scale)
-        return np.asarray((before + np.arange(batch.rows)) * self._sample_time)
 
 
 def _recordings(batch: Batch, t: Array, last: float) -> Iterator[tuple[Batch, Array, bool]]:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from dsd_cli.files.table_source import Batch, TableSource
-from dsd_cli.files.wrapped import WrappedTable
+from dsd_cli.files.wrapped import ClockedTable
 from dsd_cli.signals.log import Array
 
 
@@ -26,21 +26,20 @@ def unfiltered(table: TableSource, time_constant: float, time_scale: float, samp
     return _Unfiltered(table, time_constant, time_scale, sample_time) if time_constant else table
 
 
-class _Unfiltered(WrappedTable):
+class _Unfiltered(ClockedTable):
     """Each row as it comes, for only the one before it is needed."""
 
     def __init__(self, table: TableSource, time_constant: float, time_scale: float, sample_time: float | None) -> None:
-        super().__init__(table)
-        self._time_constant, self._time_scale, self._sample_time = time_constant, time_scale, sample_time or 0.0
+        super().__init__(table, time_scale, sample_time)
+        self._time_constant = time_constant
 
     def batches(self) -> Iterator[Batch]:
         """The same rows."""
-        last, before = (math.nan, math.nan), 0  # stamp and u of the last sample, as logged; rows before
-        for batch in self._table.batches():
+        last = (math.nan, math.nan)  # stamp and u of the last sample, as logged
+        for batch, t in self.timed():
             if batch.restart:
-                last, before = (math.nan, math.nan), 0
-            t, u = self._stamps(batch, before), batch.columns["u"]
-            before += batch.rows
+                last = (math.nan, math.nan)
+            u = batch.columns["u"]
             kept = np.flatnonzero(np.isfinite(t) & np.isfinite(u))
             moved = u.copy()
             moved[kept], last = self._undone(t[kept], u[kept], last)
@@ -55,8 +54,3 @@ class _Unfiltered(WrappedTable):
         share = np.exp(-np.where(step > 0.0, step, np.inf) / self._time_constant)
         before = np.concatenate([[last[1]], u[:-1]])
         return np.where(share > 0.0, (u - share * before) / (1.0 - share), u), (float(t[-1]), float(u[-1]))
-
-    def _stamps(self, batch: Batch, before: int) -> Array:
-        if "t" in batch.columns:
-            return np.asarray(batch.columns["t"] * self._time_scale)
-        return np.asarray((before + np.arange(batch.rows)) * self._sample_time)

@@ -10,7 +10,7 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.table_source import Batch, TableSource
-from dsd_cli.files.wrapped import WrappedTable
+from dsd_cli.files.wrapped import ClockedTable
 from dsd_cli.signals.log import Array
 
 
@@ -53,12 +53,12 @@ def windowed(table: TableSource, window: Window, time_scale: float, sample_time:
     return _Windowed(table, window, time_scale, sample_time) if window else table
 
 
-class _Windowed(WrappedTable):
+class _Windowed(ClockedTable):
     """With the rows of a window alone."""
 
     def __init__(self, table: TableSource, window: Window, time_scale: float, sample_time: float | None) -> None:
-        super().__init__(table)
-        self._window, self._time_scale, self._sample_time = window, time_scale, sample_time or 0.0
+        super().__init__(table, time_scale, sample_time)
+        self._window = window
 
     def batches(self) -> Iterator[Batch]:
         """Rows of the window.
@@ -67,22 +67,16 @@ class _Windowed(WrappedTable):
         ------
         DataError : there are none.
         """
-        passed, restart, first, last, before = 0, False, math.inf, -math.inf, 0
-        for batch in self._table.batches():
-            t = self._stamps(batch, before)
-            before += batch.rows
+        passed, restart, first, last, rows = 0, False, math.inf, -math.inf, 0
+        for batch, t in self.timed():
+            rows += batch.rows
             finite = t[np.isfinite(t)]
             first, last = min(first, finite.min(initial=math.inf)), max(last, finite.max(initial=-math.inf))
             keep = self._window.holds(t)
-            rows, restart = int(keep.sum()), restart or batch.restart
-            if rows:
-                yield Batch(rows, {name: x[keep] for name, x in batch.columns.items()}, restart)
-                passed, restart = passed + rows, False
-        if before and not passed:
+            kept, restart = int(keep.sum()), restart or batch.restart
+            if kept:
+                yield Batch(kept, {name: x[keep] for name, x in batch.columns.items()}, restart)
+                passed, restart = passed + kept, False
+        if rows and not passed:
             hint = f"it goes from {first:g} s to {last:g} s, and --from and --to count as its stamps do"
             raise DataError(f"{self.name}: no row {self._window}", hint)
-
-    def _stamps(self, batch: Batch, before: int) -> Array:
-        if "t" in batch.columns:
-            return np.asarray(batch.columns["t"] * self._time_scale)
-        return np.asarray((before + np.arange(batch.rows)) * self._sample_time)
