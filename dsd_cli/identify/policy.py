@@ -54,6 +54,10 @@ class Policy:
     most_lost: float = 0.3  # of what blocks gain, that others may lose: a gain must not be that of a few blocks
     most_effects: int = 8  # added in one search; a rig tells no more apart
     most_steps: int = 10  # of a ladder; nobody believes a model with more parts from one rig
+    least_cycles: float = 3.0  # in a stretch, for its motion to be called one that repeats
+    cycle_left: float = 0.5  # correlation of the speed with itself, below which it has gone elsewhere in between
+    cycle_alike: float = 0.98  # and that it has again a cycle later
+    stands_alone: float = 10.0  # power of a line in time over those beside it, all harmonics of such a cycle
     least_periods: float = 2.5  # of a line in the log or the travel; fewer are a trend
     periods_apart: float = 1.0  # of two lines of one kind in the log or the travel; nearer ones are not told apart
 
@@ -99,7 +103,7 @@ class Policy:
     response_nats: float = 30.0  # that a resonance must gain over a rigid axis and over a lag; noise alone reaches 8
     response_lost: float = 0.3  # of what blocks gain, that others may lose
     response_share: float = 0.03  # least share of the inertia that swings; and that does not
-    response_damping: float = 0.4  # of the free vibration; above, nothing swings
+    response_damping: float = 0.25  # of the free vibration; above, nothing swings
     response_correlated: float = 6.0  # rows over which what a swinging load leaves is correlated; more: play may rattle
     response_fall: float = 0.5  # of the output error that it takes off: less, and it leaves something correlated
     response_in_band: float = 0.8  # of the band's end; a resonance below is told by the balance itself

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,32 +18,18 @@ from dsd_cli.identify.fit.delay import best_delay
 from dsd_cli.identify.fit.driven import with_driven_load
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.errors import Errors
-from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
-from dsd_cli.identify.fit.noise import fitted_noise, passed_variance, whitening
+from dsd_cli.identify.fit.measured import Noise, measured
+from dsd_cli.identify.fit.noise import passed_variance
 from dsd_cli.identify.fit.ranges import ranges
 from dsd_cli.identify.fit.solve import Fit, Solver
-from dsd_cli.identify.fit.sure import Weighed, inflation, weighed
+from dsd_cli.identify.fit.sure import Weighed, weighed
 from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values, terms_of
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.cycle import cycle_of
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.recordings.spectrum import SensorNoise
 from dsd_cli.identify.results import Score
 from dsd_cli.plant.model import PlantModel
-from dsd_cli.signals.log import Array
-
-
-@dataclass(frozen=True)
-class Noise:
-    """variance of a whitened row; inflation: integrated autocorrelation time, rows; rows: of it in the unit of u."""
-
-    variance: float
-    inflation: float
-    rows: Array | None = field(default=None, compare=False, repr=False)
-
-    @property
-    def nats(self) -> float:
-        """Squares of whitened rows per nat."""
-        return 2.0 * self.variance * self.inflation
 
 
 @dataclass(frozen=True)
@@ -174,7 +160,7 @@ def pose(
     candidates, untestable = candidates_of(recordings, holdout, model, settings)
     base, step = terms_of(model), recordings[0].sample_time
     longest = POLICY.longest_delay_share * max(len(p) for r in recordings for p in r.pieces) * step
-    longest = min(longest, POLICY.longest_delay)
+    longest = min(longest, POLICY.longest_delay, max(0.5 * cycle_of(recordings), 2.0 * model.delay))
     beside = (*base, *_functions_of_motion(candidates))
     bank, most_tap = _bank(recordings, longest, settings.band)
     solver = Solver(bank, lay_blocks(bank.equations.lengths, 1, recordings[0].name), known=known)
@@ -278,18 +264,8 @@ def _inertia_by_size(bank: Bank) -> float:
 
 def _with_noise(problem: Problem, fit: Fit) -> Problem:
     """Rows whitened by the noise that no function of single channels explains beside the fit."""
-    plain, blocks, sensor = problem.errors.bank, problem.blocks, _sensor(problem.recordings)
-    band = plain.equations.band
-    inertia = problem.solver.inertia
-    residual = rich_residual(freeform_fits(plain, plain.equations, blocks, fit, inertia))
-    levels = fitted_noise(plain.equations.by_stretch(residual), band, sensor)
-    taps = whitening(levels, band, sensor)
-    equations = plain.equations.with_whitening(taps)
-    white = equations.whitened(residual)[equations.kept]
-    noise = Noise(float(np.mean(white**2)), inflation(white), residual)
-    variance = passed_variance(taps, band, _sensor(problem.recordings, sure=True))
-    bank, known = Bank(equations, plain, variance), problem.solver.known
-    solver = Solver(bank, blocks, inertia, known, noise.variance * noise.inflation)
+    sensors = _sensor(problem.recordings), _sensor(problem.recordings, sure=True)
+    solver, noise = measured(problem.errors.bank, problem.solver, fit, *sensors)
     return replace(problem, solver=solver, noise=noise)
 
 

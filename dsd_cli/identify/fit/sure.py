@@ -66,6 +66,8 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     """
     fit, solver = _exact(fit, solver)
     equations = solver.bank.equations
+    if (trust := equations.trust) is not None:
+        return Weighed(solver, fit, _residual(fit, solver.bank), float(trust @ trust))
     counted = equations.kept if holds(fit.terms) else np.ones(len(plain.acceleration), dtype=bool)
     sure = counted & sure_rows(fit.terms, equations, POLICY.unsure_share)
     sure &= uncertain(equations) <= _harmless(fit, solver.bank, sure)

@@ -18,11 +18,16 @@ def resting(velocity: Array, rest_speed: ArrayLike) -> NDArray[np.bool_]:
     small part of the band of slow speeds, and so is its change along a fitted line; or the acceleration of that line
     is a small part of the usual one, for noise alone may tilt a rest. A mere reversal is no rest: friction's direction
     is known on either side of it. Noise may exceed the band for a moment, so that runs in wider bands count, too.
+    An axis that creeps, by a fine sensor, far below its usual speed, sticks: friction holds it up to its level, and its
+    direction tells nothing.
     """
-    most = POLICY.resting_most * float(np.sqrt(np.mean(velocity**2)))
+    usual_speed = float(np.sqrt(np.mean(velocity**2)))
+    most = POLICY.resting_most * usual_speed
     limit = np.broadcast_to(np.minimum(rest_speed, most), velocity.shape)
     usual = float(np.mean(np.abs(np.diff(velocity)))) if len(velocity) > 1 else 0.0
     found = np.zeros(len(velocity), dtype=bool)
+    for start, end in _runs(np.abs(velocity) <= POLICY.creep_share * usual_speed):
+        found[start:end] = True
     for width in POLICY.resting_bands:
         for start, end in _runs(np.abs(velocity) <= width * limit):
             found[start:end] |= _stays(velocity[start:end], float(np.median(limit[start:end])), usual)

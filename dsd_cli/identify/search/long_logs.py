@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from dsd_cli.identify.fit.asked import Settings
-from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.bank import Term, holds
 from dsd_cli.identify.fit.driven import with_driven_load
 from dsd_cli.identify.fit.problem import Problem, asked_of_all, pose
 from dsd_cli.identify.fit.solve import Fit
@@ -121,7 +121,10 @@ def _found(
     search = Search(pose(parts, model, settings, holdout))
     if begun is None:
         report("sets of effects", 0.2)
-        whole = search.run(search.refit, lambda share: report("sets of effects", 0.2 + 0.3 * share))
+        whole = search.run(search.refit, lambda share: report("sets of effects", 0.2 + 0.3 * share), to_friction=True)
+        if holds(whole.terms) and not holds(search.refit.terms):
+            search = Search(search.problem.measured_again(whole))
+            whole = search.run(search.settled(search.fit(whole.terms, whole.tap)))
     else:
         whole = search.fit(begun.terms, begun.tap)
     search = Search(search.problem.measured_again(whole))
@@ -145,7 +148,10 @@ def _with_finer_line(judge: Search, fit: Fit, term: Term) -> Fit:
     """All rows resolve a period more finely than an excerpt: another side lobe of its line may be the true one."""
     rest = judge.fit(tuple(t for t in fit.terms if t is not term), fit.tap)
     scan = judge.scan(rest.terms, rest.tap)
-    tried = [Term.of(term.id, shape) for shape in starts(term.id, judge.ranges, Lines(judge.problem.errors, rest))]
+    tried = [
+        Term.of(term.id, shape)
+        for shape in starts(term.id, judge.ranges, Lines(judge.problem.errors, rest, judge.ranges.cycle))
+    ]
     tried = [t for t in tried if apart(t, rest.terms, judge.ranges)]
     best = max((term, *tried), key=lambda t: scan.gain(t)[0])
     return fit if best is term else judge.fit(tuple(best if t is term else t for t in fit.terms), fit.tap)

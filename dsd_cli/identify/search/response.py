@@ -129,7 +129,10 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
         return Response(play.seen(highest))
     rattles = play is not None and play.rattles
     values, damping = modes.values(at, variance_of(swinging))
-    if COUPLING not in asked or not (_agreed(over_rigid) and _a_load(values) and damping < POLICY.response_damping):
+    inside = values["frequency"][0] < highest  # further out it is how the log samples u
+    if COUPLING not in asked or not (
+        inside and _agreed(over_rigid) and _a_load(values) and damping < POLICY.response_damping
+    ):
         return Response(None, rattles)
     fresh = _whatever_the_noise(signals, rival)
     target = fresh(signals.target)
@@ -138,8 +141,9 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     tied = play is not None and not _agreed(gains(play.rest, swinging))
     fall, nats = _fall(rival, swinging), float(over_rigid.sum())
     correlated = correlation_time(swinging) > POLICY.response_correlated
-    rattles = PLAY in asked and correlated and fall < POLICY.response_fall
-    rivals = (PLAY,) if tied or rattles else ()
+    if PLAY in asked and correlated and fall < POLICY.response_fall:
+        return Response(None, rattles=True)
+    rivals = (PLAY,) if tied else ()
     given = {name: value for name, (value, _) in values.items()}
     model = look.part.problem.scale.model(look.fit).changed(effects={COUPLING: given})
     seen = Seen(COUPLING, values, rivals, nats, fall, highest, values["frequency"][0], model)

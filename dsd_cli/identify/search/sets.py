@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 
 from dsd_cli.effects import Role, get_effect
-from dsd_cli.identify.fit.bank import SHARE, Term, Terms
+from dsd_cli.identify.fit.bank import SHARE, Term, Terms, holds
 from dsd_cli.identify.fit.delay import best_delay
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.problem import Problem
@@ -160,8 +160,7 @@ class Search:
         for gain, tap, term in found:
             terms = (*current.terms, term)
             narrow = term.effect.role is Role.STRUCTURE or term.effect.lateness is not None
-            share = WORTH_FOR_NARROW if narrow else WORTH_REFINING
-            worth = gain >= share * most
+            worth = gain >= (WORTH_FOR_NARROW if narrow else WORTH_REFINING) * most
             if term.items and worth:
                 terms, tap = refined(self, terms, len(terms) - 1, tap, ROUNDS_IN_SCAN)
             fit = self.fit(terms, tap) if worth else self.solver.fit(terms, tap)
@@ -170,7 +169,7 @@ class Search:
 
     def _at_best_starts(self, current: Fit) -> list[tuple[float, int, Term]]:
         """(gain, delay, term) of every allowed effect at the best of its starting shapes."""
-        lines, scan = Lines(self.problem.errors, current), self.scan(current.terms, current.tap)
+        lines, scan = Lines(self.problem.errors, current, self.ranges.cycle), self.scan(current.terms, current.tap)
         here = {t.id for t in current.terms}
         found = []
         for effect_id in names_to_try(self.allowed, here, self.ranges):
@@ -200,8 +199,8 @@ class Search:
         """What another effect would gain beside these."""
         return Scan(self.solver, terms, tap, self.taps_for)
 
-    def run(self, start: Fit, report: Callable[[float], None] = lambda _: None) -> Fit:
-        """The set of effects that nothing betters any more."""
+    def run(self, start: Fit, report: Callable[[float], None] = lambda _: None, *, to_friction: bool = False) -> Fit:
+        """The set of effects that nothing betters any more, or the first that has friction."""
         current = start
         for step in range(POLICY.most_effects):
             report(step / POLICY.most_effects)
@@ -217,6 +216,8 @@ class Search:
             if not reached:
                 break
             current = max(reached, key=self.evidence)
+            if to_friction and holds(current.terms) and not holds(start.terms):
+                break
         return current
 
     def _best_pair(self, current: Fit, options: Sequence[Option]) -> Fit | None:

@@ -15,13 +15,20 @@ from dsd_cli.identify.search.sets import Search
 def told_only(search: Search, whole: Fit) -> Fit:
     """The set without further effects of a kind of which no force is told: what is left at stops and turns repeats with
     the motion, and is a sum of lines to any accuracy, but the rows that tell values do not have it."""
+    while (told := _told(search, whole)) is not whole:
+        whole = search.settled(told)
+    return whole
+
+
+def _told(search: Search, whole: Fit) -> Fit:
+    """Without those, one after the other, shapes as they are; the same fit if there are none."""
     while any(kind_of(t.id) != t.id for t in search.added(whole.terms)):
         estimates = search.problem.values(whole).estimates
         sizes = {t: _deviations(t, estimates) for t in search.added(whole.terms) if kind_of(t.id) != t.id}
         least = min(sizes, key=lambda t: sizes[t])
         if sizes[least] > POLICY.value_deviations:
             break
-        whole = search.settled(search.fit(tuple(t for t in whole.terms if t != least), whole.tap))
+        whole = search.fit(tuple(t for t in whole.terms if t != least), whole.tap)
     return whole
 
 

@@ -1,0 +1,58 @@
+"""The noise of the rows, measured beside a fit, and how far each row is to be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from dsd_cli.identify.fit.bank import Bank
+from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
+from dsd_cli.identify.fit.noise import fitted_noise, passed_variance, whitening
+from dsd_cli.identify.fit.solve import Fit, Solver
+from dsd_cli.identify.fit.sure import inflation, weighed
+from dsd_cli.identify.recordings.spectrum import SensorNoise
+from dsd_cli.signals.log import Array
+
+
+@dataclass(frozen=True)
+class Noise:
+    """variance of a whitened row; inflation: integrated autocorrelation time, rows; rows: of it in the unit of u."""
+
+    variance: float
+    inflation: float
+    rows: Array | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def nats(self) -> float:
+        """Squares of whitened rows per nat."""
+        return 2.0 * self.variance * self.inflation
+
+
+def measured(plain: Bank, before: Solver, fit: Fit, sensor: SensorNoise, sure: SensorNoise) -> tuple[Solver, Noise]:
+    """(solver on rows whitened by the noise that no function of single channels explains beside a fit, that noise).
+
+    Where the fit has friction, rows in which the direction is not sure are weighed down: what they leave is no evidence
+    for anything else, and it leans on the other values.
+
+    Parameters
+    ----------
+    plain : bank of the rows in the unit of u. before : the solver that made the fit. sensor : its noise; sure : what
+        of it is taken out of the normal equations.
+    """
+    equations = plain.equations
+    residual = rich_residual(freeform_fits(plain, equations, before.blocks, fit, before.inertia))
+    taps = whitening(fitted_noise(equations.by_stretch(residual), equations.band, sensor), equations.band, sensor)
+    bank = Bank(equations.with_whitening(taps), plain, passed_variance(taps, equations.band, sure))
+    solver, noise = _beside(bank, residual, before)
+    trusting = weighed(solver.fit(fit.terms, fit.tap), solver, plain).solver.bank
+    if trusting.equations.trust is None:
+        return solver, noise
+    return _beside(Bank(trusting.equations, plain, trusting.variance), residual, before)
+
+
+def _beside(bank: Bank, residual: Array, before: Solver) -> tuple[Solver, Noise]:
+    """(solver on the rows of a bank, the noise in those that count)."""
+    equations = bank.equations
+    white = equations.whitened(residual)[equations.kept]
+    counted = float(len(white)) if equations.trust is None else float(equations.trust @ equations.trust)
+    noise = Noise(float(white @ white) / counted, inflation(white), residual)
+    return Solver(bank, before.blocks, before.inertia, before.known, noise.variance * noise.inflation), noise
