@@ -201,6 +201,7 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
 def _run(given: Given, auto: bool, quiet: bool, progress: Progress) -> Ladder:
     import sys
 
+    from dsd_cli.cli.identification import early
     from dsd_cli.cli.improve_loop import Asker, follow
     from dsd_cli.identify.improve import improve as run
     from dsd_cli.identify.results import Step, in_units
@@ -224,6 +225,7 @@ def _run(given: Given, auto: bool, quiet: bool, progress: Progress) -> Ladder:
         choose=follow if auto else Asker(progress, units),
         on_step=on_step,
         progress=progress,
+        on_told=early(quiet, progress),
     )
 
 

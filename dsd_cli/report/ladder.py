@@ -24,7 +24,7 @@ from dsd_cli.report.names import (
     values_text,
 )
 from dsd_cli.report.terminal import escaped
-from dsd_cli.report.told import once
+from dsd_cli.report.told import against_json, kept_values, once
 from dsd_cli.report.validation import validation_json, validation_lines
 from dsd_cli.report.values_table import correlations_json, print_values
 from dsd_cli.report.versus import moved_json, print_moved
@@ -66,6 +66,8 @@ def improve_json(report: LadderReport) -> dict[str, Any]:
         "values": estimates_json(result.values),
         "correlations": correlations_json(result.correlations),
         "verdict": result.verdict,
+        "probability": number_or_none(result.last.probability),
+        "against_told": against_json(result.last),
         "verdict_text": final_line(result),
         "stopped": result.stopped,
         "config": report.config,
@@ -134,7 +136,7 @@ def print_ladder(report: LadderReport, file: Any) -> None:
     if report.dropped:
         counts = ", ".join(f"{reason} {count:,}" for reason, count in report.dropped.items())
         console.print(escaped(f"rows not taken as they are: {counts}"))
-    print_values(console, "values at the end", result.values, result.correlations)
+    print_values(console, "values at the end", result.values, result.correlations, kept_values(result.last))
     if report.moved:
         print_moved(console, "prior", "this machine", report.moved)
     for one in report.validation:

@@ -1,0 +1,77 @@
+"""A value that is told wrongly: nothing takes its place in silence, and no verdict beside it is sure."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.cli.rig import done
+
+SAMPLES = Path(__file__).parents[2] / "sample_logs"
+LOG, KNOWN, BARE = "servo-friction.csv", "servo-friction.toml", "servo-bare.toml"
+#: Of servo-friction.toml, with which the log was made.
+COULOMB, VISCOUS = 0.15, 0.01
+
+
+def improved(*told, config=KNOWN):
+    made = done("improve", LOG, "-c", config, *told, "--auto", "--format", "json", cwd=SAMPLES)
+    return json.loads(made.stdout), made.stderr
+
+
+@pytest.mark.parametrize(
+    ("config", "told", "value", "kind"),
+    [
+        (KNOWN, ("--prior", "coulomb_friction.level=0.1+-0.000001"), "coulomb_friction.level", "prior"),
+        (KNOWN, ("--fix", "coulomb_friction.level=0.1"), "coulomb_friction.level", "held"),
+        (BARE, ("--bounds", "viscous_friction.coefficient=0.02:0.05"), "viscous_friction.coefficient", "bound"),
+        (BARE, ("--fix", "inertia=0.013"), "inertia", "held"),
+    ],
+    ids=["narrow prior", "held", "bounds", "held inertia"],
+)
+def test_nothing_is_added_in_place_of_a_value_that_was_told_wrongly(config, told, value, kind):
+    found, words = improved(*told, config=config)
+    assert found["probability"] <= 0.5
+    assert found["verdict_text"].count(f"against what it was told of {value}: look at that first") == 1
+    (against,) = found["against_told"]
+    assert (against["value"], against["told_by"], against["gave_way"]) == (value, kind, False)
+    taken = {step["effect"] for step in found["ladder"]} - {"as given", "refit"}
+    assert taken <= {"coulomb_friction", "viscous_friction"}  # what the log was made with
+    assert "this log alone says" in words or "alone it says" in words
+    assert words.splitlines()[0].startswith(f"dsd: this log is against what it was told of {value}")
+
+
+def test_an_effect_that_may_only_stand_in_is_not_taken():
+    """The inertia gives way and the friction does not: no narrower prior than what the first look sees."""
+    told = ("--prior", "coulomb_friction.level=0.1+-0.0005", "--prior", "inertia=0.012+-0.0004")
+    found, _ = improved(*told, "--to", "2")
+    assert found["probability"] <= 0.5
+    assert {one["value"] for one in found["against_told"] if not one["gave_way"]} == {"coulomb_friction.level"}
+    assert "nothing is missing (probability 9" not in found["verdict_text"]
+
+
+def test_a_prior_that_gives_way_leaves_the_verdict_alone():
+    found, words = improved("--prior", "inertia=0.012+-0.0002")
+    assert found["verdict"] == "none"
+    assert found["probability"] > 0.9
+    assert "against the prior of inertia, which gave way" in found["verdict_text"]
+    assert found["values"]["inertia"]["value"] == pytest.approx(0.01, rel=1e-3)
+    assert "pulls against its prior 0.012 +- 0.0002" in words
+
+
+def test_what_is_told_rightly_changes_no_verdict():
+    told = ("--fix", f"coulomb_friction.level={COULOMB}", "--bounds", f"viscous_friction.coefficient=0:{2 * VISCOUS}")
+    found, words = improved(*told, config=BARE)
+    assert [step["effect"] for step in found["ladder"]] == ["as given", "coulomb_friction", "viscous_friction"]
+    assert found["verdict"] == "none"
+    assert found["probability"] > 0.9
+    assert found["against_told"] == []
+    assert "against" not in words
+
+
+def test_parts_of_the_data_confirm_nothing_that_was_told_for_all_of_them():
+    made = done("diagnose", LOG, "-c", BARE, "--bounds", "viscous_friction.coefficient=0.02:0.05", cwd=SAMPLES)
+    (line,) = [row for row in made.stdout.splitlines() if row.startswith("the same with")]
+    assert line.endswith("all with viscous_friction.coefficient as told: no confirmation of that")
+    verdict = made.stdout.splitlines()[0]
+    assert int(re.search(r"probability (\d+) %", verdict)[1]) <= 50
