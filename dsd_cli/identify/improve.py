@@ -226,10 +226,9 @@ class _Climb:
         for end in ended(self.recordings, given, reached, self.settings, self.holdout):
             if end.without:
                 self.up(end.without, end.score, end.values, end.model, "taken back")
-            else:  # the values of the rung, as the whole set and its noise have them
-                top = self.steps[-1]
-                score = replace(end.score, heldout_rmse=top.score.heldout_rmse)
-                self.steps[-1] = replace(top, model=end.model, estimates=end.values, score=score)
+            else:  # the values of the rung, as the whole set and its noise have them; the error is the verdict's
+                score = replace(end.score, heldout_rmse=last.refitted.heldout_rmse)
+                self.steps[-1] = replace(self.steps[-1], model=end.model, estimates=end.values, score=score)
         assert end is not None
         warnings, last = tuple(dict.fromkeys((*last.warnings, *end.warnings))), beside_told(last, end.warnings)
         found = (end.values, end.correlations, warnings)

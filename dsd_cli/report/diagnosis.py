@@ -48,10 +48,11 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
     sure = f"probability {percent(result.probability)}"
     held, unit = f"the held-out {force_error(result.band_hz)}", result.units.force
     if result.verdict == NONE:
-        left = f"{held}, {error(result.refitted.heldout_rmse)} ({unit}),"
+        left = f"{error(result.refitted.heldout_rmse)} ({unit})"
         if result.at_stops:
-            return f"nothing is missing ({sure}) but what stops and creeping hide: most of {left} is from there"
-        return f"nothing is missing ({sure}): {left} is noise"
+            hidden = "what stops and creeping hide, where most of what the fit leaves is from"
+            return f"nothing is missing ({sure}) but {hidden}: {held} is {left}"
+        return f"nothing is missing ({sure}): {held}, {left}, is noise"
     if result.blocked:
         return (
             f"{result.blocked} ({sure}): what is missing cannot be told before that is mended;"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from dsd_cli.identify.compare.evaluation import Force
 from dsd_cli.identify.compare.versus import Moved
-from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Addition, Estimate, Estimates, Ladder, Step
+from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Addition, Diagnosis, Estimate, Estimates, Ladder, Step
 from dsd_cli.identify.validation import Validation
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import error, named, plain_table, score_json, stability_line, verdict_line
@@ -32,6 +32,7 @@ from dsd_cli.signals.units import Units
 
 #: Characters of the longest bar.
 BAR = 14
+_SIGMAS = "sigma: by the errors of both fits alone; `from its prior` above: with the spread between machines as well"
 _EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 
@@ -97,9 +98,19 @@ def final_line(result: Ladder) -> str:
         f"held-out {force_error(result.last.band_hz)}: {error(first.heldout_rmse)} -> {error(last.heldout_rmse)}"
         f" {result.last.units.force} ({fell}) in {_count(len(result.steps) - 1)}"
     )
+    refitted = error(result.last.refitted.heldout_rmse)
+    if len(result.steps) == 1 and refitted not in ("-", error(last.heldout_rmse)):
+        line += f" ({refitted} with the values of [model] fitted again)"
     if result.verdict in (NONE, UNKNOWN) or result.verdict == result.last.verdict:
-        line += f"; {verdict_line(result.last)}"
+        line += f"; {verdict_line(_judged(result))}"
     return f"{line}; stopped: {result.stopped}" if result.stopped else line
+
+
+def _judged(result: Ladder) -> Diagnosis:
+    """The last diagnosis, of the model at the end: where an effect was taken back, that is another one."""
+    if len(result.steps) == 1:
+        return result.last
+    return replace(result.last, refitted=result.steps[-1].score)
 
 
 def _count(steps: int) -> str:
@@ -136,9 +147,11 @@ def print_ladder(report: LadderReport, file: Any) -> None:
     if report.dropped:
         counts = ", ".join(f"{reason} {count:,}" for reason, count in report.dropped.items())
         console.print(escaped(f"rows not taken as they are: {counts}"))
-    print_values(console, "values at the end", result.values, result.correlations, kept_values(result.last))
+    print_values(console, _title(result), result.values, result.correlations, kept_values(result.last))
     if report.moved:
         print_moved(console, "prior", "this machine", report.moved)
+        if any(math.isfinite(one.sigma) for one in report.moved):
+            console.print(_SIGMAS)
     for one in report.validation:
         for line in validation_lines(one, result.last.units):
             console.print(escaped(line))
@@ -146,6 +159,13 @@ def print_ladder(report: LadderReport, file: Any) -> None:
         console.print(escaped(line))
     _print_legend(console, result.last.units)
     console.print(f"[bold]{escaped(final_line(result))}[/bold]")
+
+
+def _title(result: Ladder) -> str:
+    if len(result.steps) > 1:
+        return "values at the end"
+    held = all(one.held for one in result.values.values())
+    return "values of [model]" if held else "values of [model] fitted again (nothing was taken: the config keeps its own)"
 
 
 def _print_legend(console: Any, units: Units) -> None:

@@ -51,12 +51,16 @@ def test_an_effect_that_may_only_stand_in_is_not_taken():
 
 
 def test_a_prior_that_gives_way_leaves_the_verdict_alone():
-    found, words = improved("--prior", "inertia=0.012+-0.0002", "--to", "2")
+    """And the error of the last rung is that of the verdict: beside a prior every step is fitted anew."""
+    bare = ("--set", "model.effects.viscous_friction.coefficient=0.02", "--prior", "inertia=0.012+-0.0002")
+    found, words = improved(*bare, "--to", "2")
     assert found["verdict"] == "none"
     assert found["probability"] > 0.5
     assert "against the prior of inertia, which gave way" in found["verdict_text"]
     assert found["values"]["inertia"]["value"] == pytest.approx(0.01, rel=1e-3)
     assert "pulls against its prior 0.012 +- 0.0002" in words
+    shown = re.search(r"-> (\S+) unit of u .*error below \S+ Hz(?:,| is) (\S+) \(unit of u\)", found["verdict_text"])
+    assert shown[1] == shown[2] == f"{found['ladder'][-1]['heldout_rmse']:.3g}"
 
 
 def test_what_is_told_rightly_changes_no_verdict():
