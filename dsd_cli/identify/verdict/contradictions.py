@@ -14,9 +14,12 @@ from dsd_cli.identify.fit.known import Known
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.results import DELAY, UNKNOWN, Diagnosis, Estimate, Estimates
+from dsd_cli.identify.results import DELAY, INERTIA, UNKNOWN, Diagnosis, Estimate, Estimates
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.advice import asking_again
 
+#: The channel with which an inertia that is held wrongly errs.
+ACCELERATION = "acceleration"
 #: The least share of a value (of a sample, for a delay) by which a contradiction is worth saying.
 LEAST_SHARE = 0.005
 
@@ -129,7 +132,12 @@ def against_told(found: Diagnosis, search: Search, whole: Fit, asked: Settings) 
     others = [w for w in found.warnings if not isinstance(w, Contradiction)]
     stand_ins = {name: tuple(dict.fromkeys(one.value for one in some)) for name, some in in_place.items()}
     found = replace(found, warnings=(*others, *said.values()), stand_ins=stand_ins)
-    return _less_sure(found) if in_place else beside_told(found, found.warnings)
+    found = _less_sure(found) if in_place else beside_told(found, found.warnings)
+    kept = list(dict.fromkeys(one.value for one in said.values() if one.hard))
+    if found.verdict != UNKNOWN or not kept:
+        return found
+    depends_on = (ACCELERATION,) if kept == [INERTIA] else found.depends_on  # u and speed make up what J is off by
+    return replace(found, advice=(asking_again(kept),), depends_on=depends_on)
 
 
 def beside_told(found: Diagnosis, said: Sequence[str]) -> Diagnosis:
