@@ -118,7 +118,8 @@ def early(quiet: bool, progress: Progress) -> Callable[[Sequence[Contradiction]]
     def told(against: Sequence[Contradiction]) -> None:
         progress.clear()
         names = " and ".join(dict.fromkeys(one.value for one in against))
-        say(quiet, f"dsd: this log is against what it was told of {names}: only effects that it shows with nothing told are tried")
+        only = "only effects that it shows with nothing told are tried"
+        say(quiet, f"dsd: this log is against what it was told of {names}: {only}")
 
     return told
 

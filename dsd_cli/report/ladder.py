@@ -9,7 +9,18 @@ from typing import Any
 
 from dsd_cli.identify.compare.evaluation import Force
 from dsd_cli.identify.compare.versus import Moved
-from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Addition, Diagnosis, Estimate, Estimates, Ladder, Step
+from dsd_cli.identify.results import (
+    DELAY,
+    INERTIA,
+    NONE,
+    UNKNOWN,
+    Addition,
+    Diagnosis,
+    Estimate,
+    Estimates,
+    Ladder,
+    Step,
+)
 from dsd_cli.identify.validation import Validation
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import error, named, plain_table, score_json, stability_line, verdict_line
@@ -165,7 +176,9 @@ def _title(result: Ladder) -> str:
     if len(result.steps) > 1:
         return "values at the end"
     held = all(one.held for one in result.values.values())
-    return "values of [model]" if held else "values of [model] fitted again (nothing was taken: the config keeps its own)"
+    return (
+        "values of [model]" if held else "values of [model] fitted again (nothing was taken: the config keeps its own)"
+    )
 
 
 def _print_legend(console: Any, units: Units) -> None:

@@ -51,6 +51,6 @@ def kept_values(result: Diagnosis) -> tuple[str, ...]:
 
 
 def no_confirmation(result: Diagnosis) -> str:
-    """An end for a line on parts of the data, which were asked with the same values told; "" where that is no matter."""
+    """An end for a line on parts of the data, asked with the same values told; "" where that is no matter."""
     names = kept_values(result)
     return f", all with {listed(names)} as told: no confirmation of that" if names else ""

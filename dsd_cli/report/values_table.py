@@ -37,7 +37,13 @@ def print_values(
         table.add_column(name, justify=justify, no_wrap=name != "told", overflow="fold")  # type: ignore[arg-type]
     for name, one in values.items():
         number, spread = _number_and_spread(one)
-        table.add_row(name, number, spread, escaped("" if one.unit == "1" else in_words(one.unit)), AGAINST if name in against else told(one))
+        table.add_row(
+            name,
+            number,
+            spread,
+            escaped("" if one.unit == "1" else in_words(one.unit)),
+            AGAINST if name in against else told(one),
+        )
     console.print(table)
     for line in correlation_lines(correlations):
         console.print(escaped(line))

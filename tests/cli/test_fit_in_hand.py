@@ -27,7 +27,8 @@ def test_a_held_model_is_not_fitted_and_is_judged_on_what_no_fit_saw(tmp_path):
     assert "unit of u" not in out
     assert "without its part up to 2 s), not fitted: force error" in out
     assert "with levels of its own" in out
-    assert "free simulation, closed loop from the logged reference" in out
+    assert "free simulation, open loop from the logged u: position " in out
+    assert "; closed loop from the logged reference: position " in out
 
 
 def test_a_value_of_an_effect_that_the_model_lacks_is_not_ignored_in_silence():

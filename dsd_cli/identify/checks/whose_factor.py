@@ -1,4 +1,4 @@
-"""Velocity and position in units that contradict each other: is it the factor that the config has, or one that it lacks?"""
+"""Units of velocity and position that contradict each other: a factor too much in the config, or one that it lacks?"""
 
 from __future__ import annotations
 

@@ -46,7 +46,9 @@ def advice_for(
 def asking_again(kept: Sequence[str]) -> str:
     """What to do where values are kept from where the log would have them."""
     names = " and ".join(kept)
-    return f"ask again with nothing told of {names}: what the log then says of it, and whether anything is still missing"
+    return (
+        f"ask again with nothing told of {names}: what the log then says of it, and whether anything is still missing"
+    )
 
 
 def _look_at(depends_on: Sequence[str]) -> str:

@@ -57,7 +57,7 @@ def contradictions(search: Search, fit: Fit, estimates: Estimates) -> tuple[Cont
     known = search.solver.known
     if not known:
         return ()
-    found = []
+    found: list[Contradiction | None] = []
     told = [name for name, e in estimates.items() if e.held or e.at_bound or name in known.priors]
     alone = _alone(search.problem, fit) if told else {}
     for name, estimate in estimates.items():
@@ -80,7 +80,9 @@ def _beside(problem: Problem, known: Known, name: str, fitted: Estimate, alone: 
         if not abs(fitted.pull) > POLICY.contradicting_deviations:
             return _told_otherwise(known, name, alone) if kept else None
         value, spread = known.priors[name]
-        text = f"= {fitted.value:.4g} pulls against its prior {value:.4g} +- {spread:.2g} by {abs(fitted.pull):.1f} sigma"
+        text = (
+            f"= {fitted.value:.4g} pulls against its prior {value:.4g} +- {spread:.2g} by {abs(fitted.pull):.1f} sigma"
+        )
         text += f", and is kept from what this log alone says, {_said(alone)}" if kept else ""
         return Contradiction.of(name, "prior", text, hard=kept)
     if not _off(problem, name, fitted.value, alone):

@@ -1,5 +1,5 @@
-"""What the user told, held against the log before any long search: a value that is told wrongly makes the search add one
-effect after the other in its place, each of them found, none of them there.
+"""What the user told, held against the log before any long search: a value that is told wrongly makes that search add
+one effect after the other in its place, each of them found, none of them there.
 
 So the search is first made with nothing told. Where that explains the log, and the log is then against what was told,
 only the effects of that search are asked with it: what they leave is the told value's.

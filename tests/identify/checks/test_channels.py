@@ -43,7 +43,11 @@ RAD = np.pi / 180.0
 
 @pytest.mark.parametrize(
     ("factors", "key"),
-    [({"position": RAD}, "position_unit"), ({"velocity": RAD}, "velocity_unit"), ({"velocity": np.pi / 30.0}, "velocity")],
+    [
+        ({"position": RAD}, "position_unit"),
+        ({"velocity": RAD}, "velocity_unit"),
+        ({"velocity": np.pi / 30.0}, "velocity"),
+    ],
     ids=["position deg", "velocity deg/s", "velocity rpm"],
 )
 @pytest.mark.parametrize("witness", ["d_hat", "model", "none"])
@@ -53,7 +57,9 @@ def test_a_factor_that_the_config_has_too_much_is_to_be_left_out(factors, key, w
     log = log_of(right, **{name: factor * c[name] for name, factor in factors.items()})
     if witness != "d_hat":
         log = log_of(right, d_hat=None, **{name: factor * c[name] for name, factor in factors.items()})
-    error = only_error(check_log(log, model_of(right) if witness == "model" else None, observer_of(right), factors=factors))
+    error = only_error(
+        check_log(log, model_of(right) if witness == "model" else None, observer_of(right), factors=factors)
+    )
     assert error.remedy.startswith(f"leave out signals.{key}")
     assert ("or the other one has another unit" in error.remedy) == (witness == "none")
 

@@ -100,7 +100,9 @@ def test_an_overhauling_load_that_u_brakes_for_a_while_is_no_wrong_sign():
     assert check_log(Log({"t": t, "u": u, "velocity": velocity}, T)).errors == ()
 
 
-@pytest.mark.parametrize(("seed", "begin", "seconds"), [(41012, 5.728, 1.64), (41012, 8.222, 1.71), (51012, 14.44, 2.54)])
+@pytest.mark.parametrize(
+    ("seed", "begin", "seconds"), [(41012, 5.728, 1.64), (41012, 8.222, 1.71), (51012, 14.44, 2.54)]
+)
 def test_a_few_moves_against_falling_friction_are_no_wrong_sign(seed, begin, seconds):
     """One or two moves in which friction turns: late by 0.1 s, u looks turned; and it seems to brake throughout."""
     (rig,) = make([RigCase(what=("stribeck_friction",), sensing="speed40k", seed=seed)])
