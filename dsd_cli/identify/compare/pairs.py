@@ -1,4 +1,4 @@
-"""Which line of one model is which of another: by their periods, for their numbers say only in which order they came."""
+"""Which line of one model is which of another: by their periods, for their numbers only say in what order they came."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ def contradictions(search: Search, fit: Fit, estimates: Estimates) -> tuple[Cont
 def _beside(problem: Problem, known: Known, name: str, fitted: Estimate, alone: Estimate) -> Contradiction | None:
     """What is to be said of a value that is held or has a prior, beside what the log alone says of it."""
     if not fitted.held:
-        kept = _off(problem, name, fitted.value, alone)
+        kept = _off(problem, name, fitted.value, alone, known.priors[name][0])
         if not abs(fitted.pull) > POLICY.contradicting_deviations:
             return _told_otherwise(known, name, alone) if kept else None
         value, spread = known.priors[name]
@@ -92,11 +92,12 @@ def _beside(problem: Problem, known: Known, name: str, fitted: Estimate, alone: 
     return Contradiction.of(name, "held", text)
 
 
-def _off(problem: Problem, name: str, value: float, alone: Estimate) -> bool:
-    """Whether a value is off what the log alone says of it, by more than its error and by a size that matters."""
+def _off(problem: Problem, name: str, value: float, alone: Estimate, prior: float = 0.0) -> bool:
+    """Whether a value is off what the log alone says of it, by more than its error and by a size that matters beside it
+    and its prior."""
     if not alone.std_error > 0.0:
         return False
-    size = problem.equations.sample_time if name == DELAY else abs(value)
+    size = problem.equations.sample_time if name == DELAY else max(abs(value), abs(prior))
     least = max(POLICY.contradicting_deviations * alone.std_error, LEAST_SHARE * size)
     return abs(alone.value - value) > least
 
@@ -202,7 +203,8 @@ def _told_otherwise(known: Known, name: str, alone: Estimate) -> Contradiction |
     what = {"prior": f"has the prior {value:.4g} +- {spread:.2g}", "held": f"is held at {value:.4g}"}
     text = what.get(kind, f"is kept within {low:g} to {high:g}")
     kept = off * alone.std_error**2 / (alone.std_error**2 + spread**2)  # what a prior of that spread takes of it
-    hard = kept > max(POLICY.contradicting_deviations * alone.std_error, LEAST_SHARE * abs(alone.value))
+    size = max(abs(alone.value), abs(value))
+    hard = kept > max(POLICY.contradicting_deviations * alone.std_error, LEAST_SHARE * size)
     return Contradiction.of(name, kind, f"{text}; this log alone says {_said(alone)}", hard)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.recordings.recording import Recording
@@ -10,6 +11,7 @@ from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.afloat import searched
 from dsd_cli.identify.search.pulses import event_effect
 from dsd_cli.identify.verdict.beyond import above_floor, beyond_of, pushed
+from dsd_cli.identify.verdict.command_time import CommandTime
 from dsd_cli.identify.verdict.contradictions import Contradiction, against_told
 from dsd_cli.identify.verdict.evidence import memberships
 from dsd_cli.identify.verdict.first_look import first_look
@@ -74,6 +76,8 @@ def diagnose(
     whole, first = strongest_first(search, whole)
     found = [t.id for t in search.added(whole.terms) if shown.seen is None]
     limits = limits_of(search, whole, shown.settings, shown.seen)
+    if asked.against:  # with nothing told u was neither late nor smoothed
+        limits = replace(limits, time=CommandTime())
     members = {} if limits.blocked else memberships(search, whole, found, beyond.unknown)
     options, own = [*search.options(search.refit), *first], own_values(search)
     verdict = Verdict(search, options, whole, members, own, beyond, shown, limits)

@@ -21,6 +21,7 @@ from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.beyond import above_floor
 from dsd_cli.identify.verdict.contradictions import Contradiction, freed, told_otherwise
+from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.plant.model import PlantModel
 
 
@@ -41,12 +42,18 @@ def first_look(
     whole = free.run(free.refit)
     estimates = free.problem.values(whole).estimates
     against = tuple(one for one in told_otherwise(settings.known, estimates) if one.hard)
-    if not against or above_floor(free, whole):
+    if not against or above_floor(free, whole) or _to_mend(free, whole, settings):
         return looked, ()
     told = Search(pose(parts, model, settings))
     asked = {kind_of(t.id) for t in free.added(whole.terms)} | _as_good(told, whole)
     worth = tuple(name for name in told.problem.candidates if name in asked)
     return replace(looked, effects=worth, against=against), against
+
+
+def _to_mend(free: Search, whole: Fit, settings: Settings) -> bool:
+    """Whether the log itself is to be mended first: a u that is late or smoothed bends values."""
+    limits = limits_of(free, whole, replace(settings, known=Known()), None)
+    return bool(limits.blocked or limits.time.late or limits.time.smoothed)
 
 
 def _as_good(told: Search, whole: Fit) -> set[str]:
