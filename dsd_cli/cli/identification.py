@@ -117,7 +117,7 @@ def early(quiet: bool, progress: Progress) -> Callable[[Sequence[Contradiction]]
 
     def told(against: Sequence[Contradiction]) -> None:
         progress.clear()
-        names = " and ".join(dict.fromkeys(one.value for one in against))
+        names = ", ".join(dict.fromkeys(one.value for one in against))
         only = "only effects that it shows with nothing told are tried"
         say(quiet, f"dsd: this log is against what it was told of {names}: {only}")
 

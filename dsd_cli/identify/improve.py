@@ -255,7 +255,7 @@ def _stop(steps: Sequence[Step], last: Diagnosis) -> str:
 def _standing_in(last: Diagnosis) -> str:
     """That what was found next is not to be taken, or ""."""
     values = last.stand_ins.get(last.verdict, ())
-    return f"{last.verdict} may only stand in for {' and '.join(values)}" if values else ""
+    return f"{last.verdict} may only stand in for {', '.join(values)}" if values else ""
 
 
 def _why(last: Diagnosis, refused: Sequence[str]) -> str:
@@ -264,7 +264,7 @@ def _why(last: Diagnosis, refused: Sequence[str]) -> str:
     if last.verdict == NONE:
         return "nothing significant is left"
     if kept := dict.fromkeys(one.value for one in last.warnings if isinstance(one, Contradiction) and one.hard):
-        return f"what is left may come from what was told of {' and '.join(kept)}"
+        return f"what is left may come from what was told of {', '.join(kept)}"
     if last.nearest:
         return f"something is left; {last.nearest} comes nearest, but the log does not confirm it"
     on = " and ".join(last.depends_on)

@@ -205,7 +205,8 @@ def _told_otherwise(known: Known, name: str, alone: Estimate) -> Contradiction |
     kept = off * alone.std_error**2 / (alone.std_error**2 + spread**2)  # what a prior of that spread takes of it
     size = max(abs(alone.value), abs(value))
     hard = kept > max(POLICY.contradicting_deviations * alone.std_error, LEAST_SHARE * size)
-    return Contradiction.of(name, kind, f"{text}; this log alone says {_said(alone)}", hard)
+    sigma = off / math.hypot(alone.std_error, spread)
+    return Contradiction.of(name, kind, f"{text}; this log alone says {_said(alone)} ({sigma:.1f} sigma off)", hard)
 
 
 def freed(problem: Problem) -> Problem:
