@@ -241,7 +241,7 @@ def _show_history(settings: Config, wanted: Request) -> None:
     import sys
 
     from dsd_cli.cli.identification import print_json
-    from dsd_cli.report.ladder import history_json, print_history
+    from dsd_cli.report.history import history_json, print_history
 
     steps = settings.written.get("history", [])
     if wanted.form is Format.JSON:
@@ -255,7 +255,7 @@ def _undo(settings: Config, wanted: Request, origin: Origin) -> None:
     from dsd_cli.cli.improve_loop import put_config
     from dsd_cli.errors import UsageError
     from dsd_cli.files.config.edit import undone
-    from dsd_cli.report.ladder import history_json
+    from dsd_cli.report.history import history_json
 
     steps = settings.written.get("history", [])
     if not steps:

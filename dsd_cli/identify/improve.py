@@ -134,8 +134,7 @@ def improve(
     Parameters
     ----------
     choose : gets a diagnosis, gives the effect (or value) to take, or None to stop.
-    on_step : told of every rung, the model as given first.
-    on_told : see `diagnose`.
+    on_step : told of every rung, the model as given first. on_told : see `diagnose`.
 
     Raises
     ------
@@ -170,9 +169,7 @@ def improve(
         if not climb.lowered_by(taken.score, -POLICY.response_rise if taken.seen else 0.0):
             refused.append(chosen)
             continue
-        moves = (
-            last.refitted_model.inertia > POLICY.least_inertia * model.inertia
-        )  # otherwise the refit explains u without any motion
+        moves = last.refitted_model.inertia > POLICY.least_inertia * model.inertia  # else it explains u without motion
         if moves and climb.lowered_by(last.refitted, POLICY.least_fall):  # the rest of the fall is the effect's own
             climb.up(REFIT, last.refitted, last.refitted_values, last.refitted_model)
         model = climb.up(chosen, taken.score, taken.all_values, taken.model)
