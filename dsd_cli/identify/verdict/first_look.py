@@ -20,7 +20,7 @@ from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.beyond import above_floor
-from dsd_cli.identify.verdict.contradictions import Contradiction, freed, told_otherwise
+from dsd_cli.identify.verdict.contradictions import Contradiction, freed, told_far_off
 from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.plant.model import PlantModel
 
@@ -41,7 +41,7 @@ def first_look(
     free = Search(pose(parts, model, replace(settings, known=Known())))
     whole = free.run(free.refit)
     estimates = free.problem.values(whole).estimates
-    against = tuple(one for one in told_otherwise(settings.known, estimates) if one.hard)
+    against = told_far_off(settings.known, estimates, recordings[0].sample_time)
     if not against or above_floor(free, whole) or _to_mend(free, whole, settings):
         return looked, ()
     told = Search(pose(parts, model, settings))
