@@ -130,7 +130,7 @@ class Wanted:
             alone = [("--holdout", self.holdout), ("--max-rmse", self.max_rmse)]
             given = [name for name, value in [*alone, ("--horizon", self.horizon)] if value is not None]
             if given:
-                raise UsageError(f"{given[0]} looks at one model", "give one -c")
+                raise UsageError(f"{given[0]} looks at one model", "run it once for each -c, and compare its figures")
         elif not self.logs:
             raise UsageError("LOG is missing", "give the log to judge the model by, or two configs (-c a -c b)")
         check_logs(self.logs, aside, signals)

@@ -65,7 +65,7 @@ def diagnose(
     check_plot(plot, [config, *log, *apart, *settings.files, *(effects_from or ())])
     with Progress(not quiet) as progress, widening(settings.signals):
         given = load_given(settings, log, apart, progress)
-        found = _found(given, progress)
+        found = _found(given, progress, quiet)
     report = DiagnosisReport(
         replace(found, warnings=(*given.warnings, *found.warnings)), given.model, tuple(apart), given.dropped
     )
@@ -81,8 +81,9 @@ def diagnose(
         put_picture(plot, lambda: draw(report, residual_views(found, given.model, given.recordings)), quiet)
 
 
-def _found(given: Given, progress: Progress) -> Diagnosis:
+def _found(given: Given, progress: Progress, quiet: bool) -> Diagnosis:
     """The answer, in the user's units."""
+    from dsd_cli.cli.identification import early
     from dsd_cli.identify.results import in_units
     from dsd_cli.identify.verdict.diagnose import diagnose as run
 
@@ -94,6 +95,7 @@ def _found(given: Given, progress: Progress) -> Diagnosis:
         holdout=given.holdout,
         progress=progress,
         stability=True,
+        on_told=early(quiet, progress),
     )
     result: Diagnosis = in_units(found, given.settings.signals.units)
     return result

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import Annotated
 
 import typer
@@ -12,8 +11,8 @@ from dsd_cli.errors import UsageError
 
 #: Horizons that are words.
 PREDICTION, SIMULATION = "prediction", "simulation"
-#: s per unit that somebody may write.
-_UNITS = {"ms": 1e-3, "us": 1e-6, "min": 60.0}
+#: s per unit that may be written behind a number; the longer ones first.
+_UNITS = {"ms": 1e-3, "us": 1e-6, "min": 60.0, "s": 1.0}
 
 HorizonOption = Annotated[
     str,
@@ -21,7 +20,7 @@ HorizonOption = Annotated[
         "--horizon",
         metavar="prediction|simulation|SECONDS",
         help="Predict d_hat from u and the measured motion, or simulate the motion from u: over the whole log, or "
-        "begun anew from the measured motion every so many seconds (0.5s).",
+        "begun anew from the measured motion every so many seconds (0.5s, 50ms).",
     ),
 ]
 
@@ -35,21 +34,14 @@ def seconds_of(horizon: str) -> float | None:
     """
     if horizon in (PREDICTION, SIMULATION):
         return None if horizon == PREDICTION else math.inf
+    unit = next((unit for unit in _UNITS if horizon.endswith(unit)), "")
     try:
-        seconds = float(horizon.removesuffix("s"))
+        seconds = float(horizon.removesuffix(unit)) * _UNITS.get(unit, 1.0)
     except ValueError:
-        raise UsageError(f"--horizon {horizon}", _meant(horizon)) from None
+        what = "write prediction, simulation, or a time such as 0.5s or 50ms"
+        raise UsageError(f"--horizon {horizon}", what) from None
     if math.isinf(seconds):
         raise UsageError(f"--horizon {horizon}", "write simulation for the whole log")
     if not seconds > 0.0:
         raise UsageError(f"--horizon {horizon}", "must be above 0 s")
     return seconds
-
-
-def _meant(horizon: str) -> str:
-    found = re.fullmatch(r"(\d+\.?\d*)\s*(ms|us|min)", horizon)
-    return (
-        f"write {float(found[1]) * _UNITS[found[2]]:g}s"
-        if found
-        else "write prediction, simulation, or seconds such as 0.5s"
-    )

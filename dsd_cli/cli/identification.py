@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from dsd_cli.files.config import Config, Signals
     from dsd_cli.identify.fit.known import Known
     from dsd_cli.identify.recordings.recording import Recording
+    from dsd_cli.identify.verdict.contradictions import Contradiction
     from dsd_cli.identify.verdict.diagnose import Settings
     from dsd_cli.plant.model import ObserverSettings, PlantModel
 
@@ -109,6 +110,18 @@ def warn(quiet: bool, warnings: Iterable[str]) -> None:
     """Warnings, one line each."""
     for warning in warnings:
         say(quiet, f"dsd: warning: {warning}")
+
+
+def early(quiet: bool, progress: Progress) -> Callable[[Sequence[Contradiction]], None]:
+    """That the log is against what was told, before the search; with which figures is said at the end."""
+
+    def told(against: Sequence[Contradiction]) -> None:
+        progress.clear()
+        names = ", ".join(dict.fromkeys(one.value for one in against))
+        only = "only effects that it shows with nothing told are tried"
+        say(quiet, f"dsd: this log is against what it was told of {names}: {only}")
+
+    return told
 
 
 def print_json(result: dict[str, Any]) -> None:

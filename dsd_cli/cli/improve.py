@@ -201,6 +201,7 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
 def _run(given: Given, auto: bool, quiet: bool, progress: Progress) -> Ladder:
     import sys
 
+    from dsd_cli.cli.identification import early
     from dsd_cli.cli.improve_loop import Asker, follow
     from dsd_cli.identify.improve import improve as run
     from dsd_cli.identify.results import Step, in_units
@@ -224,6 +225,7 @@ def _run(given: Given, auto: bool, quiet: bool, progress: Progress) -> Ladder:
         choose=follow if auto else Asker(progress, units),
         on_step=on_step,
         progress=progress,
+        on_told=early(quiet, progress),
     )
 
 
@@ -239,7 +241,7 @@ def _show_history(settings: Config, wanted: Request) -> None:
     import sys
 
     from dsd_cli.cli.identification import print_json
-    from dsd_cli.report.ladder import history_json, print_history
+    from dsd_cli.report.history import history_json, print_history
 
     steps = settings.written.get("history", [])
     if wanted.form is Format.JSON:
@@ -253,7 +255,7 @@ def _undo(settings: Config, wanted: Request, origin: Origin) -> None:
     from dsd_cli.cli.improve_loop import put_config
     from dsd_cli.errors import UsageError
     from dsd_cli.files.config.edit import undone
-    from dsd_cli.report.ladder import history_json
+    from dsd_cli.report.history import history_json
 
     steps = settings.written.get("history", [])
     if not steps:

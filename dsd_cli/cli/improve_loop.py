@@ -103,8 +103,14 @@ def _units(estimates: Estimates, units: Units) -> dict[str, str]:
 
 
 def follow(diagnosis: Diagnosis) -> str | None:
-    """--auto: take what the diagnosis finds, until it finds nothing that it can name."""
-    return None if diagnosis.verdict in (NONE, UNKNOWN) else diagnosis.verdict
+    """--auto: take what the diagnosis finds, until it finds nothing that it can name, or nothing but what may stand in
+    for a value that was told wrongly."""
+    if diagnosis.verdict in (NONE, UNKNOWN):
+        return None
+    if diagnosis.verdict not in diagnosis.stand_ins:
+        return diagnosis.verdict
+    ranked = [c.effect for c in diagnosis.ranking if c.model is not None]
+    return next((e for e in ranked if e in diagnosis.found and e not in diagnosis.stand_ins), None)
 
 
 class Asker:

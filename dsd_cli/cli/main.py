@@ -171,10 +171,23 @@ def _invoke(arguments: list[str]) -> int:
     return 0
 
 
+#: (command, option that others have) -> why it has none.
+_ELSEWHERE = {
+    ("compare", "--hold"): "--hold: compare fits nothing, the model is as the config has it in any case",
+    ("check", "--hold"): "--hold: check asks what the log alone tells; improve takes --hold",
+    **{
+        ("check", option): f"{option}: check asks what the log alone tells; diagnose, add and improve take {option}"
+        for option in ("--prior", "--fix", "--bounds")
+    },
+}
+
+
 def _usage(error: Exception) -> str:
     """What the parser complains about, as one line with the way to the help."""
     text = " ".join(error.format_message().split()).rstrip(".").replace("Value error, ", "")  # type: ignore[attr-defined]
     context = getattr(error, "ctx", None)
+    if why := _ELSEWHERE.get((context.info_name if context else "", getattr(error, "option_name", ""))):
+        return why
     return f"{text}: see '{context.command_path if context else 'dsd'} --help'"
 
 

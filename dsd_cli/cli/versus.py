@@ -63,13 +63,16 @@ def compare_configs(
 
 def _moved(first: Config, second: Config) -> tuple[Moved, ...]:
     from dsd_cli.cli.recordings import believed_model
+    from dsd_cli.identify.compare.pairs import paired, renamed
     from dsd_cli.identify.compare.versus import moved
     from dsd_cli.identify.fit.values import flat
     from dsd_cli.report.value_units import units_of
 
-    one, other = flat(believed_model(first)), flat(believed_model(second))
+    model, beside = believed_model(first), believed_model(second)
+    names = paired(model, beside)
+    one, other = flat(model), renamed(flat(beside), names)
     units = units_of(dict.fromkeys((*one, *other)), first.signals.units)
-    return moved(one, other, fitted_errors(first), fitted_errors(second), units)
+    return moved(one, other, fitted_errors(first), renamed(fitted_errors(second), names), units)
 
 
 def fitted_errors(config: Config) -> dict[str, float]:

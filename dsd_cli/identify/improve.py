@@ -29,8 +29,9 @@ from dsd_cli.identify.results import (
 )
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.contradictions import contradictions
-from dsd_cli.identify.verdict.diagnose import Progress, Settings, diagnose
+from dsd_cli.identify.verdict.contradictions import Contradiction, beside_told, contradictions
+from dsd_cli.identify.verdict.diagnose import Progress, Settings, Told, diagnose
+from dsd_cli.identify.verdict.first_look import first_look
 from dsd_cli.identify.verdict.own_values import own_values
 from dsd_cli.identify.verdict.shown import told_by_response
 from dsd_cli.identify.verdict.stability import with_stability
@@ -125,6 +126,7 @@ def improve(
     choose: Callable[[Diagnosis], str | None],
     on_step: Callable[[Step], None] = lambda _: None,
     progress: Progress | None = None,
+    on_told: Told = lambda _: None,
 ) -> Ladder:
     """Diagnose, add what `choose` says, measure again; every step lowers the held-out error, but for one that only the
     response above the band tells: that one must not raise it by more than `POLICY.response_rise`.
@@ -132,13 +134,16 @@ def improve(
     Parameters
     ----------
     choose : gets a diagnosis, gives the effect (or value) to take, or None to stop.
-    on_step : told of every rung, the model as given first.
+    on_step : told of every rung, the model as given first. on_told : see `diagnose`.
 
     Raises
     ------
     DataError, UsageError : as `diagnose`.
     """
-    climb = _Climb(recordings, settings or Settings(), holdout, on_step)
+    looked, against = first_look(recordings, model, settings or Settings())
+    if against:
+        on_told(against)
+    climb = _Climb(recordings, looked, holdout, on_step)
     refused: list[str] = []
     while True:
         asked = _without(climb.settings, refused)
@@ -151,7 +156,7 @@ def improve(
         stop = _stop(climb.steps, last)
         chosen = None if stop else choose(last)
         if chosen is None:
-            return climb.ladder(last, stop or "stopped before the next step was taken")
+            return climb.ladder(last, stop or _standing_in(last) or "stopped before the next step was taken")
         own = chosen in (INERTIA, DELAY) or chosen in model.effects
         if own and not climb.lowered_by(last.refitted):
             return climb.ladder(last, f"{chosen} is fitted already: the held-out error does not fall")
@@ -164,13 +169,11 @@ def improve(
         if not climb.lowered_by(taken.score, -POLICY.response_rise if taken.seen else 0.0):
             refused.append(chosen)
             continue
-        moves = (
-            last.refitted_model.inertia > POLICY.least_inertia * model.inertia
-        )  # otherwise the refit explains u without any motion
+        moves = last.refitted_model.inertia > POLICY.least_inertia * model.inertia  # else it explains u without motion
         if moves and climb.lowered_by(last.refitted, POLICY.least_fall):  # the rest of the fall is the effect's own
             climb.up(REFIT, last.refitted, last.refitted_values, last.refitted_model)
         model = climb.up(chosen, taken.score, taken.all_values, taken.model)
-        climb.see(taken)
+        climb.take(taken)
 
 
 class _Climb:
@@ -195,8 +198,9 @@ class _Climb:
         self._on_step(self.steps[-1])
         return model
 
-    def see(self, taken: Candidate) -> None:
-        """What the response told of an effect that was taken stays so."""
+    def take(self, taken: Candidate) -> None:
+        """An effect was taken; what the response told of it stays so."""
+        self.settings = replace(self.settings, taken=(*self.settings.taken, taken.effect))
         if taken.seen:
             known = self.settings.known.seeing(taken.effect, taken.seen)
             self.settings = replace(self.settings, known=known)
@@ -219,12 +223,11 @@ class _Climb:
         for end in ended(self.recordings, given, reached, self.settings, self.holdout):
             if end.without:
                 self.up(end.without, end.score, end.values, end.model, "taken back")
-            else:  # the values of the rung, as the whole set and its noise have them
-                top = self.steps[-1]
-                score = replace(end.score, heldout_rmse=top.score.heldout_rmse)
-                self.steps[-1] = replace(top, model=end.model, estimates=end.values, score=score)
+            else:  # the values of the rung, as the whole set and its noise have them; the error is the verdict's
+                score = replace(end.score, heldout_rmse=last.refitted.heldout_rmse)
+                self.steps[-1] = replace(self.steps[-1], model=end.model, estimates=end.values, score=score)
         assert end is not None
-        warnings = tuple(dict.fromkeys((*last.warnings, *end.warnings)))
+        warnings, last = tuple(dict.fromkeys((*last.warnings, *end.warnings))), beside_told(last, end.warnings)
         found = (end.values, end.correlations, warnings)
         return Ladder(tuple(self.steps), last.verdict, stopped, last, names, *found)
 
@@ -246,11 +249,19 @@ def _stop(steps: Sequence[Step], last: Diagnosis) -> str:
     return ""
 
 
+def _standing_in(last: Diagnosis) -> str:
+    """That what was found next is not to be taken, or ""."""
+    values = last.stand_ins.get(last.verdict, ())
+    return f"{last.verdict} may only stand in for {', '.join(values)}" if values else ""
+
+
 def _why(last: Diagnosis, refused: Sequence[str]) -> str:
     if last.verdict == NONE and refused:
         return f"nothing lowers the held-out error any more ({', '.join(refused)} did not)"
     if last.verdict == NONE:
         return "nothing significant is left"
+    if kept := dict.fromkeys(one.value for one in last.warnings if isinstance(one, Contradiction) and one.hard):
+        return f"what is left may come from what was told of {', '.join(kept)}"
     if last.nearest:
         return f"something is left; {last.nearest} comes nearest, but the log does not confirm it"
     on = " and ".join(last.depends_on)

@@ -132,6 +132,19 @@ class Samples:
         return Trajectory(position, np.diff(position, prepend=position[:1]) / sample_time)
 
 
+@dataclass(frozen=True)
+class Logged(Samples):
+    """A reference as a log has it, whose rate is not logged: r' is the central difference where r is smooth, for the
+    backward one is late by half a sample; where r jumps it is the backward one.
+    """
+
+    def sample(self, samples: int, sample_time: float) -> Trajectory:
+        position, before = super().sample(samples, sample_time)
+        after = np.append(before[1:], before[-1:])
+        smooth = np.abs(after - before) < 0.5 * np.abs(before).max()
+        return Trajectory(position, np.where(smooth, 0.5 * (before + after), before))
+
+
 def _since(start: float, samples: int, sample_time: float) -> tuple[Array, Array]:
     """(time since `start`, 1 from `start` on and 0 before), each of shape (samples,)."""
     t = sample_time * np.arange(samples) - start

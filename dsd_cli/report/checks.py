@@ -158,11 +158,11 @@ def _print_parameters(console: Any, parameters: Sequence[Parameter], units: Unit
         table.add_column(name, no_wrap=True)
     for one in parameters:
         fitted = estimate_text(Estimate(one.value, one.std_error, one.unit)) if one.identified != "not" else "-"
-        table.add_row(escaped(one.name), one.identified, escaped(fitted))
+        table.add_row(escaped(one.name), "below 0" if _impossible(one) else one.identified, escaped(fitted))
         for other in one.tied_to:
             table.add_row(escaped(f"  not to be told from {other}"))
     console.print(table)
-    if below := [one.name for one in parameters if one.name in (INERTIA, DELAY) and _below_zero(one)]:
+    if below := [one.name for one in parameters if _impossible(one)]:
         late = ", or for a u that is late" if "delay" in below else ""
         console.print(
             f"{listed(below)} below 0 makes up for forces that the model lacks{late}: `dsd diagnose` says which"
@@ -171,5 +171,6 @@ def _print_parameters(console: Any, parameters: Sequence[Parameter], units: Unit
         console.print(units.legend)
 
 
-def _below_zero(one: Parameter) -> bool:
-    return one.identified != "not" and one.value + 2.0 * one.std_error < 0.0
+def _impossible(one: Parameter) -> bool:
+    """Whether it is a value that no axis has, clearly."""
+    return one.name in (INERTIA, DELAY) and one.identified != "not" and one.value + 2.0 * one.std_error < 0.0

@@ -25,6 +25,12 @@ _OTHER = {
     EXACT: "the model predicts this log exactly: the error is rounding",
     SHORT: "the log is too short to say on what the error depends",
 }
+#: Why a closed loop is further off than an open one.
+CONTROLLER = (
+    "the closed loop is further off than the open one, so that is not the model's error: the drive's controller is not"
+    " quite the configured one (the speed that it measures, its noise, how it differentiates the reference); judge the"
+    " model by the open loop"
+)
 
 
 def conclusion(result: Comparison) -> str:
@@ -65,4 +71,6 @@ def simulation_conclusion(result: Forward) -> str:
             "in open loop the model integrates every error of its forces twice, so its position drifts away: judge"
             " the model by --horizon prediction"
         )
+    if result.of_controller:
+        return CONTROLLER
     return "the controller holds the drift down in closed loop; in open loop the position drifts away in any case"

@@ -22,7 +22,7 @@ from dsd_cli.report.names import (
     values_text,
 )
 from dsd_cli.report.terminal import Hanging, escaped
-from dsd_cli.report.told import first_of_all
+from dsd_cli.report.told import against_json, first_of_all, kept_values, no_confirmation
 from dsd_cli.report.values_table import correlation_lines, correlations_json
 
 #: Rows of a table on the screen; the JSON has all.
@@ -41,18 +41,18 @@ class DiagnosisReport:
 
 def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:
     """The verdict in one plain sentence; `given`: the model whose inertia or delay may be wrong."""
-    line = _verdict(result, given)
-    return line if result.verdict == NONE else line + first_of_all(result.warnings)
+    return _verdict(result, given) + first_of_all(result)
 
 
 def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
     sure = f"probability {percent(result.probability)}"
     held, unit = f"the held-out {force_error(result.band_hz)}", result.units.force
     if result.verdict == NONE:
-        left = f"{held}, {error(result.refitted.heldout_rmse)} ({unit}),"
+        left = f"{error(result.refitted.heldout_rmse)} ({unit})"
         if result.at_stops:
-            return f"nothing is missing ({sure}) but what stops and creeping hide: most of {left} is from there"
-        return f"nothing is missing ({sure}): {left} is noise"
+            hidden = "what stops and creeping hide, where most of what the fit leaves is from"
+            return f"nothing is missing ({sure}) but {hidden}: {held} is {left}"
+        return f"nothing is missing ({sure}): {held}, {left}, is noise"
     if result.blocked:
         return (
             f"{result.blocked} ({sure}): what is missing cannot be told before that is mended;"
@@ -61,6 +61,8 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
     if result.verdict == UNKNOWN:
         on = f"; it depends on {listed(result.depends_on)}" if result.depends_on else ""
         left = f"{held} is {error(result.refitted.heldout_rmse)} ({unit})"
+        if kept := kept_values(result):
+            return f"with {listed(kept)} as told, something is left that no effect explains{on} ({sure}): {left}"
         near = candidate(result, result.nearest)
         if near is not None:
             falls = percent(1.0 - near.heldout_rmse_after / near.heldout_rmse_before)
@@ -100,6 +102,7 @@ def to_json(report: DiagnosisReport) -> dict[str, Any]:
         "samples": result.samples,
         "verdict": result.verdict,
         "probability": number_or_none(result.probability),
+        "against_told": against_json(result),
         "verdict_text": verdict_line(result, report.given),
         "found": list(result.found),
         **({"found_values": estimates_json(result.whole_values)} if result.whole_values else {}),
@@ -137,7 +140,7 @@ def stability_line(result: Diagnosis) -> str:
     other = [one for one in result.stability if not one.same]
     looked = listed(one.what for one in result.stability)
     if not other:
-        return f"the same with {looked}"
+        return f"the same with {looked}{no_confirmation(result)}"
     return "not sure: " + "; ".join(f"with {one.what} it is {one.verdict}" for one in other)
 
 

@@ -1,15 +1,25 @@
-"""The results of `dsd add` and `dsd improve`, and the history of a config, as JSON and as tables."""
+"""The results of `dsd add` and `dsd improve`, as JSON and as tables."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from dsd_cli.identify.compare.evaluation import Force
 from dsd_cli.identify.compare.versus import Moved
-from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Addition, Estimate, Estimates, Ladder, Step
+from dsd_cli.identify.results import (
+    DELAY,
+    INERTIA,
+    NONE,
+    UNKNOWN,
+    Addition,
+    Diagnosis,
+    Estimates,
+    Ladder,
+    Step,
+)
 from dsd_cli.identify.validation import Validation
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import error, named, plain_table, score_json, stability_line, verdict_line
@@ -24,7 +34,7 @@ from dsd_cli.report.names import (
     values_text,
 )
 from dsd_cli.report.terminal import escaped
-from dsd_cli.report.told import once
+from dsd_cli.report.told import against_json, kept_values, once
 from dsd_cli.report.validation import validation_json, validation_lines
 from dsd_cli.report.values_table import correlations_json, print_values
 from dsd_cli.report.versus import moved_json, print_moved
@@ -32,6 +42,7 @@ from dsd_cli.signals.units import Units
 
 #: Characters of the longest bar.
 BAR = 14
+_SIGMAS = "sigma: by the errors of both fits alone; `from its prior` above: with the spread between machines as well"
 _EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 
@@ -66,6 +77,8 @@ def improve_json(report: LadderReport) -> dict[str, Any]:
         "values": estimates_json(result.values),
         "correlations": correlations_json(result.correlations),
         "verdict": result.verdict,
+        "probability": number_or_none(result.last.probability),
+        "against_told": against_json(result.last),
         "verdict_text": final_line(result),
         "stopped": result.stopped,
         "config": report.config,
@@ -95,9 +108,19 @@ def final_line(result: Ladder) -> str:
         f"held-out {force_error(result.last.band_hz)}: {error(first.heldout_rmse)} -> {error(last.heldout_rmse)}"
         f" {result.last.units.force} ({fell}) in {_count(len(result.steps) - 1)}"
     )
+    refitted = error(result.last.refitted.heldout_rmse)
+    if len(result.steps) == 1 and refitted not in ("-", error(last.heldout_rmse)):
+        line += f" ({refitted} with the values of [model] fitted again)"
     if result.verdict in (NONE, UNKNOWN) or result.verdict == result.last.verdict:
-        line += f"; {verdict_line(result.last)}"
+        line += f"; {verdict_line(_judged(result))}"
     return f"{line}; stopped: {result.stopped}" if result.stopped else line
+
+
+def _judged(result: Ladder) -> Diagnosis:
+    """The last diagnosis, of the model at the end: where an effect was taken back, that is another one."""
+    if len(result.steps) == 1:
+        return result.last
+    return replace(result.last, refitted=result.steps[-1].score)
 
 
 def _count(steps: int) -> str:
@@ -134,9 +157,11 @@ def print_ladder(report: LadderReport, file: Any) -> None:
     if report.dropped:
         counts = ", ".join(f"{reason} {count:,}" for reason, count in report.dropped.items())
         console.print(escaped(f"rows not taken as they are: {counts}"))
-    print_values(console, "values at the end", result.values, result.correlations)
+    print_values(console, _title(result), result.values, result.correlations, kept_values(result.last))
     if report.moved:
         print_moved(console, "prior", "this machine", report.moved)
+        if any(math.isfinite(one.sigma) for one in report.moved):
+            console.print(_SIGMAS)
     for one in report.validation:
         for line in validation_lines(one, result.last.units):
             console.print(escaped(line))
@@ -144,6 +169,15 @@ def print_ladder(report: LadderReport, file: Any) -> None:
         console.print(escaped(line))
     _print_legend(console, result.last.units)
     console.print(f"[bold]{escaped(final_line(result))}[/bold]")
+
+
+def _title(result: Ladder) -> str:
+    if len(result.steps) > 1:
+        return "values at the end"
+    held = all(one.held for one in result.values.values())
+    return (
+        "values of [model]" if held else "values of [model] fitted again (nothing was taken: the config keeps its own)"
+    )
 
 
 def _print_legend(console: Any, units: Units) -> None:
@@ -252,45 +286,3 @@ def print_addition(report: AdditionReport, file: Any) -> None:
     console.print(table)
     print_values(console, "values", result.estimates, result.correlations)
     _print_legend(console, result.units)
-
-
-def history_json(config: str, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The steps that a config remembers; `steps` as its [[history]] has them."""
-    return {**head("improve", ()), "config": config, "history": list(steps)}
-
-
-def print_history(config: str, steps: Sequence[Mapping[str, Any]], file: Any) -> None:
-    """For a person."""
-    console = terminal.console(file)
-    if not steps:
-        console.print(escaped(f"{config}: no steps yet"))
-        return
-    table = plain_table(f"{config}: steps, newest last", "step", "date", "held-out error")
-    for step in steps:
-        before, after = (_given(step.get(f"heldout_rmse_{when}")) for when in ("before", "after"))
-        gone = " taken back" if step.get("taken_back") else ""
-        table.add_row(
-            named(
-                str(step["effect"]) + gone, {} if gone else _recorded(step), [f"from {x}" for x in step.get("logs", ())]
-            ),
-            escaped(str(step["date"]).replace("T", " ")[:16]),
-            f"{error(before)} -> {error(after)}{_of_errors(step)} ({change_text(before, after)})",
-        )
-    console.print(table)
-
-
-def _of_errors(step: Mapping[str, Any]) -> str:
-    unit = step.get("units", {}).get("rmse", "")
-    return f" {unit}" if unit else ""
-
-
-def _given(value: float | None) -> float:
-    return math.nan if value is None else value
-
-
-def _recorded(step: Mapping[str, Any]) -> dict[str, Estimate]:
-    errors = step.get("std_errors", {})
-    numbers = {name: v for name, v in step.get("values", {}).items() if isinstance(v, int | float)}
-    units, effect = step.get("units", {}), step["effect"]
-    unit = {name: units.get(name, units.get(f"{effect}.{name}", "")) for name in numbers}
-    return {name: Estimate(v, errors.get(name, math.nan), unit[name]) for name, v in numbers.items()}

@@ -20,16 +20,46 @@ def escaped(text: str) -> str:
 
 #: Columns of a table at least: with less its numbers are cut, and with none (COLUMNS=0) nothing is printed at all.
 NARROWEST = 60
+#: More columns than any table has.
+_ENDLESS = 10_000
 
 
 def console(file: Any, broken: bool | None = None) -> Any:
-    """Where tables are printed; long lines are `broken` between words, by default only on a terminal."""
+    """Where tables are printed; long lines are `broken` between words, by default only on a terminal.
+
+    A table is as wide as its numbers need: where the terminal is narrower, it folds the lines, and nothing is cut.
+    """
     from rich.console import Console
+    from rich.table import Table
+
+    class Roomy(Console):
+        def print(self, *objects: Any, **how: Any) -> None:
+            tables = [one for one in objects if isinstance(one, Table)]
+            given = self.width
+            self.width = max(given, *(_least_width(self, one) for one in tables), 0)
+            try:
+                super().print(*objects, **how)
+            finally:
+                self.width = given
 
     broken = file.isatty() if broken is None else broken
-    made = Console(file=file, highlight=False, emoji=False, soft_wrap=not broken)
+    made = Roomy(file=file, highlight=False, emoji=False, soft_wrap=not broken)
     made.width = max(made.width, NARROWEST)
     return made
+
+
+def _least_width(printer: Any, table: Any) -> int:
+    """Characters that a table needs so that no cell which stays on its line is cut, nor a word of the others."""
+    from rich.measure import Measurement
+
+    options = printer.options.update(width=_ENDLESS)
+    widest = least = 0
+    for column in table.columns:
+        cells = [Measurement.get(printer, options, cell) for cell in (column.header, *column.cells)]
+        most = max(one.maximum for one in cells)
+        widest += most
+        least += most if column.no_wrap else max(one.minimum for one in cells)
+    return Measurement.get(printer, options, table).maximum - widest + least
 
 
 class Hanging:

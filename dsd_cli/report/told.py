@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
+from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.verdict.contradictions import Contradiction
 from dsd_cli.report.names import listed
 
@@ -14,7 +16,41 @@ def once(warnings: Iterable[str]) -> tuple[str, ...]:
     return tuple(found.values())
 
 
-def first_of_all(warnings: Iterable[str]) -> str:
-    """An end for a verdict: what seems to be missing may be what was told wrongly; "" without a contradiction."""
-    names = dict.fromkeys(one.value for one in warnings if isinstance(one, Contradiction))
-    return f"; this log is against what it was told of {listed(names)}: look at that first" if names else ""
+def first_of_all(result: Diagnosis) -> str:
+    """An end for a verdict: what seems to be missing, or not to be, may be so only as long as a value is believed that
+    was told wrongly; "" without a contradiction."""
+    said = [one for one in result.warnings if isinstance(one, Contradiction)]
+    if not said:
+        return ""
+    names = listed(dict.fromkeys(one.value for one in said))
+    if not any(one.hard for one in said) and not result.stand_ins:
+        return f"; this log is against the prior of {names}, which gave way"
+    alone = f" ({listed(result.stand_ins)} may only stand in for that)" if result.stand_ins else ""
+    return f"; this log is against what it was told of {names}: look at that first{alone}"
+
+
+def against_json(result: Diagnosis) -> list[dict[str, Any]]:
+    """Values that the log has otherwise than they were told, and the effects that may only stand in for them."""
+    found = once(one for one in result.warnings if isinstance(one, Contradiction))
+    return [
+        {
+            "value": one.value,
+            "told_by": one.kind,
+            "gave_way": not one.hard,
+            "stand_ins": [effect for effect, values in result.stand_ins.items() if one.value in values],
+            "text": str(one),
+        }
+        for one in found
+        if isinstance(one, Contradiction)
+    ]
+
+
+def kept_values(result: Diagnosis) -> tuple[str, ...]:
+    """Values that are kept from where the log would have them."""
+    return tuple(dict.fromkeys(one.value for one in result.warnings if isinstance(one, Contradiction) and one.hard))
+
+
+def no_confirmation(result: Diagnosis) -> str:
+    """An end for a line on parts of the data, asked with the same values told; "" where that is no matter."""
+    names = kept_values(result)
+    return f", all with {listed(names)} as told: no confirmation of that" if names else ""

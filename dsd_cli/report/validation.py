@@ -6,8 +6,9 @@ import math
 from dataclasses import asdict
 from typing import Any
 
-from dsd_cli.identify.compare.forward import CLOSED_LOOP
+from dsd_cli.identify.compare.forward import Tracking
 from dsd_cli.identify.validation import Validation
+from dsd_cli.report.conclusions import CONTROLLER
 from dsd_cli.report.names import estimates_json, force_error, number_or_none, values_text
 from dsd_cli.signals.units import Units
 
@@ -19,9 +20,15 @@ def validation_lines(one: Validation, units: Units) -> list[str]:
         lines[0] += f"; with levels of its own {one.rmse_with_levels:.3g} ({values_text(one.levels)})"
     if one.simulation is None:
         return [*lines, f"  no free simulation: {one.not_simulated}"]
-    loop, main = one.simulation.main
-    how = "closed loop from the logged reference" if loop == CLOSED_LOOP else "open loop from the logged u"
-    return [*lines, f"  free simulation, {how}: {main.channel} {main.rmse:.3g} {main.unit} off (rms)"]
+    run = one.simulation
+    off = [_off("open loop from the logged u", run.open_loop[0])]
+    off += [_off("closed loop from the logged reference", run.closed_loop[0])] if run.closed_loop else []
+    lines.append(f"  free simulation, {'; '.join(off)} (rms)")
+    return [*lines, f"  {CONTROLLER}"] if run.of_controller else lines
+
+
+def _off(how: str, main: Tracking) -> str:
+    return f"{how}: {main.channel} {main.rmse:.3g} {main.unit} off"
 
 
 def validation_json(one: Validation) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from dsd_cli.identify.results import Correlations, Estimate, Estimates
@@ -12,10 +12,14 @@ from dsd_cli.report.terminal import escaped
 
 #: Correlations on the screen; the JSON has all.
 MOST_CORRELATIONS = 6
+#: What is said of a value that is kept from where the log would have it.
+AGAINST = "as told, against this log"
 
 
-def print_values(console: Any, title: str, values: Estimates, correlations: Correlations) -> None:
-    """For a person; nothing where there are none."""
+def print_values(
+    console: Any, title: str, values: Estimates, correlations: Correlations, against: Collection[str] = ()
+) -> None:
+    """For a person; nothing where there are none. against : values that are as told, and not as the log has them."""
     from rich import box
     from rich.table import Table
 
@@ -33,7 +37,13 @@ def print_values(console: Any, title: str, values: Estimates, correlations: Corr
         table.add_column(name, justify=justify, no_wrap=name != "told", overflow="fold")  # type: ignore[arg-type]
     for name, one in values.items():
         number, spread = _number_and_spread(one)
-        table.add_row(name, number, spread, escaped("" if one.unit == "1" else in_words(one.unit)), told(one))
+        table.add_row(
+            name,
+            number,
+            spread,
+            escaped("" if one.unit == "1" else in_words(one.unit)),
+            AGAINST if name in against else told(one),
+        )
     console.print(table)
     for line in correlation_lines(correlations):
         console.print(escaped(line))

@@ -122,9 +122,7 @@ def print_moved(console: Any, first: str, second: str, values: Sequence[Moved]) 
             _sigma(one.sigma).replace(" ", below),
             *([] if narrow else [unit]),
         )
-    wide = terminal.console(console.file)
-    wide.width = console.width if narrow else max(console.width, _WIDEST)
-    wide.print(table)
+    console.print(table)
     for line in alone_lines(*_short(first, second), values):
         console.print(escaped(line))
 

@@ -61,7 +61,8 @@ FORMS = [
     ("--prior", "inertia=x+-1", "'x' is no number"),
     ("--prior", "inertia=-1+-0.1", "above 0"),
     ("--prior", "inertia=0.35kg+-0.02", "write 0.35 without a unit"),
-    ("--prior", "inertia=0.35+-5%", "write 0.0175"),
+    ("--prior", "inertia=0.35+-x%", "'x' is no number"),
+    ("--prior", "delay=0+-5%", "the standard deviation must be above 0"),
     ("--prior", "mass=1+-1", "did you mean inertia?"),
     ("--prior", "viscous_friction.level=1+-1", "it has coefficient"),
 ]
@@ -151,8 +152,8 @@ def test_a_learnt_value_that_its_bounds_leave_out_is_no_prior():
         ("0", "above 0"),
         ("nan", "above 0"),
         ("inf", "write simulation"),
-        ("1ms", "write 0.001s"),
-        ("2min", "write 120s"),
+        ("1 h", "such as 0.5s or 50ms"),
+        ("ms", "such as 0.5s or 50ms"),
         ("s", "such as 0.5s"),
         ("whole", "such as 0.5s"),
         ("0.0004s", "the samples are 0.001 s apart"),
@@ -208,3 +209,17 @@ def test_check_says_to_widen_too(monkeypatch, capsys):
     monkeypatch.chdir(SAMPLES)
     assert run(["check", LOG, "-c", BARE, "--quiet", *SHORT]) == 0
     assert "widen --from and --to, or a longer log" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "words"),
+    [
+        ("check", "--prior", "check asks what the log alone tells; diagnose, add and improve take --prior"),
+        ("check", "--fix", "diagnose, add and improve take --fix"),
+        ("compare", "--hold", "compare fits nothing"),
+    ],
+)
+def test_an_option_of_another_command_says_why_this_one_has_none(command, option, words, monkeypatch, capsys):
+    monkeypatch.chdir(SAMPLES)
+    assert run([command, LOG, "-c", BARE, option, "inertia=0.01+-0.001"]) == 2
+    assert words in _line(capsys)

@@ -67,6 +67,20 @@ def test_the_values_at_the_end_have_the_users_units_and_are_si(learnt):
     assert "# Fc, the friction force while moving [N m]" in text
 
 
+def test_no_number_of_a_table_is_cut(learnt, tmp_path):
+    folder, _ = learnt
+    (tmp_path / "sister.toml").write_text((folder / "a.toml").read_text())
+    wide, narrow = (
+        done("compare", "-c", folder / "a.toml", "-c", "sister.toml", cwd=tmp_path, COLUMNS=columns).stdout
+        for columns in ("300", "60")
+    )
+    for name, unit in UNITS.items():
+        (line,) = [row.split() for row in narrow.splitlines() if row.strip().startswith(name)]
+        (whole,) = [row.split() for row in wide.splitlines() if row.strip().startswith(name)]
+        assert line == whole
+        assert (line.count("+-"), line[-1]) == (2, unit.split()[-1])
+
+
 def test_the_history_keeps_values_errors_and_units(learnt):
     folder, _ = learnt
     last = tomllib.loads((folder / "a.toml").read_text())["history"][-1]

@@ -12,6 +12,7 @@ from dsd_cli.identify.compare.evaluation import Force
 from dsd_cli.identify.results import Estimate, Score, Step
 from dsd_cli.report.diagnosis import named, plain_table
 from dsd_cli.report.figure import rendered
+from dsd_cli.report.history import history_json, print_history
 from dsd_cli.report.ladder import (
     BAR,
     AdditionReport,
@@ -19,11 +20,9 @@ from dsd_cli.report.ladder import (
     add_json,
     bar,
     final_line,
-    history_json,
     improve_json,
     own,
     print_addition,
-    print_history,
     print_ladder,
     step_line,
 )
@@ -91,7 +90,8 @@ def test_lines() -> None:
         " significant is left"
     )
     stopped = replace(LADDER, steps=STEPS[:1], verdict="unknown", last=UNKNOWN, stopped="")
-    assert "in 0 steps; something is missing that no effect" in final_line(stopped)
+    refitted = "in 0 steps (0.113 with the values of [model] fitted again); something is missing that no effect"
+    assert refitted in final_line(stopped)
 
 
 @pytest.mark.parametrize(("file", "full", "part"), [(Utf8(), "█", "▉"), (Ascii(), "#", "#")])

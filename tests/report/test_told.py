@@ -27,10 +27,22 @@ def test_of_a_value_the_last_fit_says_it():
     assert len(once([prior(0.0101), BOUND, held(1, 2)])) == 3
 
 
+def end(*warnings, **more):
+    return first_of_all(replace(DIAGNOSIS, warnings=warnings, **more))
+
+
 def test_the_end_of_a_verdict_names_each_value_once():
-    assert first_of_all([]) == first_of_all(["the log has a gap"]) == ""
-    said = first_of_all([held(1, 2), prior(0.0101), BOUND, "the log has a gap"])
+    assert end() == end("the log has a gap") == ""
+    said = end(held(1, 2), prior(0.0101), BOUND, "the log has a gap")
     assert said == "; this log is against what it was told of inertia and coulomb_friction.level: look at that first"
+    beside = {"stribeck_friction": ("coulomb_friction.level",)}
+    assert end(BOUND, stand_ins=beside).endswith(" look at that first (stribeck_friction may only stand in for that)")
+
+
+def test_a_prior_that_gave_way_is_nothing_to_look_at_first():
+    soft = Contradiction.of("inertia", "prior", "= 0.01 pulls against its prior 0.012 +- 0.0002", hard=False)
+    assert end(soft) == "; this log is against the prior of inertia, which gave way"
+    assert "look at that first" in end(soft, BOUND)
 
 
 def test_a_verdict_that_changes_on_half_of_the_data_says_which_way():
@@ -39,6 +51,9 @@ def test_a_verdict_that_changes_on_half_of_the_data_says_which_way():
     assert stability_line(DIAGNOSIS) == ""
     assert stability_line(replace(DIAGNOSIS, stability=(same,))) == "the same with the first half of the data"
     assert stability_line(replace(DIAGNOSIS, stability=(same, other))) == "not sure: with the second half it is none"
+    told = replace(DIAGNOSIS, stability=(same,), warnings=(held(1, 2), BOUND))
+    line = "the same with the first half of the data, all with inertia and coulomb_friction.level as told: "
+    assert stability_line(told) == line + "no confirmation of that"
 
 
 def test_values_that_a_log_hardly_tells_apart_are_named():

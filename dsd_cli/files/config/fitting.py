@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Named = Mapping[str, Any]
 _NOTHING: Named = MappingProxyType({})
 PRIOR = re.compile(r"\s*([^\s±]+?)\s*(?:\+-|\+/-|±)\s*(\S+)\s*")
-_PRIOR_FORM = 'a value and its standard deviation, such as "0.35+-0.02"'
+_PRIOR_FORM = 'a value and its standard deviation, such as "0.35+-0.02" or "0.35+-5%"'
 _BOUNDS_FORM = "a smaller and a larger number, such as [0, 5]"
 #: Of [model] itself; their bounds are those of [model].
 _OWN = {"inertia": (0.0, math.inf), "delay": (0.0, LONGEST)}
@@ -114,7 +114,7 @@ def read_prior(value: Any, at: Place, name: str) -> tuple[float, float]:
     low, high = limits_of(name, at)
     found = PRIOR.fullmatch(value) if isinstance(value, str) else None
     try:
-        mean, spread = (float(text) for text in found.groups()) if found else (math.nan, math.nan)
+        mean, spread = _mean_and_spread(*found.groups()) if found else (math.nan, math.nan)
     except ValueError:
         raise at.wrong(value, _PRIOR_FORM) from None
     if spread <= 0.0:
@@ -124,6 +124,13 @@ def read_prior(value: Any, at: Place, name: str) -> tuple[float, float]:
     if not low <= mean <= high or (name == "inertia" and mean == 0.0):
         raise at.refused(value, f"{name} cannot be there, it is {_range(name, low, high)}")
     return mean, spread
+
+
+def _mean_and_spread(mean: str, spread: str) -> tuple[float, float]:
+    """A spread may be a share of the mean: 5%."""
+    if spread.endswith("%"):
+        return float(mean), abs(float(mean)) * float(spread.removesuffix("%")) / 100.0
+    return float(mean), float(spread)
 
 
 def _range(name: str, low: float, high: float) -> str:

@@ -98,15 +98,14 @@ def _bounds(text: str) -> Told:
 
 
 def _prior(text: str) -> Told:
-    at, form = Option(f"--prior {text}"), "NAME=VALUE+-SPREAD, such as inertia=0.35+-0.02"
+    at, form = Option(f"--prior {text}"), "NAME=VALUE+-SPREAD, such as inertia=0.35+-0.02 or 0.35+-5%"
     name, _, value = _parts(text, at, form)
     found = PRIOR.fullmatch(value)
     if not found:
         raise UsageError(at.file, f"write {form}")
     mean = _number(found[1], at, form)
-    if re.fullmatch(rf"{_NUMBER}%", found[2]):
-        raise UsageError(at.file, f"the spread is no share: write {abs(mean) * float(found[2][:-1]) / 100:g}")
-    spread = _number(found[2], at, form)
+    share = found[2].endswith("%")
+    spread = _number(found[2].removesuffix("%"), at, form) * (abs(mean) / 100.0 if share else 1.0)
     read_prior(f"{mean!r}+-{spread!r}", at, name)
     return Told(at, "prior", name, f"{mean!r}+-{spread!r}")
 

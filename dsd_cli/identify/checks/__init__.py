@@ -21,6 +21,7 @@ from dsd_cli.identify.checks.signs import check_signs
 from dsd_cli.identify.checks.stretches import SHORTEST
 from dsd_cli.identify.checks.values import believable, check_values, delay_of
 from dsd_cli.identify.checks.view import View, look
+from dsd_cli.identify.checks.whose_factor import settled, times_too_large
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 
@@ -65,7 +66,7 @@ def check_log(
     found += [*check_jumps(log, restarts), *_unusable(view)]
     found += check_excitation(did, view.stretches, 0 if model is None else len(model.effects))
     if not _fails(found):
-        found += _judged(view, model, observer)
+        found += _judged(view, model, observer, factors or {})
     if _fails(found):
         parameters = unknown_parameters(model)
     else:
@@ -107,12 +108,17 @@ def _not_told(parameters: Sequence[Parameter]) -> list[Finding]:
     return [Finding(f"this log does not tell {', '.join(names)}", "log", "warning", 0.8, remedy)]
 
 
-def _judged(view: View, model: PlantModel | None, observer: ObserverSettings | None) -> list[Finding]:
+def _judged(
+    view: View, model: PlantModel | None, observer: ObserverSettings | None, applied: Mapping[str, float]
+) -> list[Finding]:
     """What can be said of a log in which something moves."""
     found, opposite = check_channels(view.stretches, view.cutoff)
     d_hat = None if observer is None else observed(view, observer)
+    found, contradict = settled(found, applied, view, times_too_large(view, model, d_hat, observer))
     signs = check_signs(view, opposite, d_hat, 1 if observer is None else observer.sign)
     found += [*check_sensor(view), *signs]
+    if contradict and applied:
+        return found  # which of two motions the inertia and d_hat belong to is not known
     if observer is not None and d_hat is not None and not signs:
         found += check_disturbance(d_hat, observer)
     elif observer is not None and view.band is None and not signs:

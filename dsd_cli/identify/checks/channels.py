@@ -79,6 +79,7 @@ def _scale(slope: Slope, stretches: Sequence[Stretch]) -> list[Finding]:
                 "error",
                 0.95,
                 multiply=((channel, scale),),
+                ratio=size,
             )
             for channel, scale, what in UNITS[known]
         ]
@@ -94,6 +95,7 @@ def _scale(slope: Slope, stretches: Sequence[Stretch]) -> list[Finding]:
             0.9,
             "or the position is wrong by as much",
             (("velocity", float(f"{1.0 / size:.4g}")),),
+            ratio=size,
         )
     ]
 

@@ -18,6 +18,8 @@ from dsd_cli.signals.log import Array
 
 #: Signs and factors are believed from so many standard errors, and this share of d_hat explained, on.
 CLEAR, EXPLAINED = 5.0, 0.6
+#: Rows of which d_hat is judged at least, each half a period of the highest frequency.
+LEAST_ROWS = 20
 #: A factor is worth a word from this far from 1 on.
 FAR = 0.1
 #: Time constants that are tried, as factors of the given one; another one must leave less than this share of the rest.
@@ -56,7 +58,7 @@ def observed(view: View, observer: ObserverSettings) -> Observed | None:
     for factor in FACTORS if observer.time_constant > 0.0 else (1.0,):
         tau = factor * observer.time_constant
         sides = [side for part in parts if (side := part.through(tau)) is not None]
-        if sides:
+        if sum(y.size for y, _ in sides) >= LEAST_ROWS:  # fewer are explained by any two columns, or by another tau
             fits[tau] = _fit(np.concatenate([y for y, _ in sides]), np.concatenate([x for _, x in sides]), tau)
     given = fits.get(observer.time_constant)
     if given is None:

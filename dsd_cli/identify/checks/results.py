@@ -26,6 +26,7 @@ class Finding:
     remedy : what to do; names the key of the config where there is one.
     multiply : (channel, factor) that would mend it; `worded` makes the remedy of it.
     late : s by which u is late, and the same.
+    ratio : of velocity and slope of position, where that is what is wrong; else 0.
     """
 
     what: str
@@ -35,6 +36,7 @@ class Finding:
     remedy: str = ""
     multiply: tuple[tuple[str, float], ...] = ()
     late: float = 0.0
+    ratio: float = 0.0
 
     def worded(self, applied: Mapping[str, float], u_shift: float = 0.0) -> Finding:
         """With a remedy that says what the keys of [signals] must be, where these are in them already."""
@@ -42,7 +44,8 @@ class Finding:
         keys += [f"signals.u_shift = {u_shift - self.late:.3g}"] if self.late else []
         if not keys:
             return self
-        return replace(self, remedy=" and ".join([*keys, self.remedy] if self.remedy else keys))
+        joint = ", " if self.remedy.startswith("or ") else " and "
+        return replace(self, remedy=" and ".join(keys) + (joint + self.remedy if self.remedy else ""))
 
 
 def _key(channel: str, factor: float, applied: float) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.compare.evaluation import rms
+from dsd_cli.identify.compare.watch import CHANNELS, Watch
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.controllers import Controller, ControllerSettings, Measured
 from dsd_cli.plant.filtering import delay_taps
@@ -21,16 +22,15 @@ from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.motion import Actuator, Plant
 from dsd_cli.plant.observer import DisturbanceObserver
 from dsd_cli.plant.prediction import Frame
-from dsd_cli.plant.references import Samples
+from dsd_cli.plant.references import Logged
 from dsd_cli.signals.log import Array, Log
 from dsd_cli.signals.units import Units
 
 OPEN_LOOP, CLOSED_LOOP = "open_loop", "closed_loop"
-_CHANNELS = ("position", "velocity")
 #: Samples out of which the speed at the start is had.
 _FIRST = 20
-#: A simulated channel this many times beyond the range of the logged one has diverged.
-_DIVERGED = 1e6
+#: Times the error of the open loop, from which on that of the closed one is not the model's; and least fit.
+_OF_CONTROLLER, _CLOSE_ENOUGH = 2.0, 99.95
 
 
 @dataclass(frozen=True)
@@ -76,6 +76,14 @@ class Forward:
     traces: tuple[Trace, ...] = field(default=(), repr=False, compare=False)
 
     @property
+    def of_controller(self) -> bool:
+        """Whether the closed loop is clearly further off than the open one: then it is the controller that differs from
+        the one of the log (what it measures, how it differentiates the reference), and not the model."""
+        if not self.closed_loop or (self.closed_loop[0].fit_percent or 0.0) > _CLOSE_ENOUGH:
+            return False
+        return self.closed_loop[0].rmse > _OF_CONTROLLER * self.open_loop[0].rmse
+
+    @property
     def main(self) -> tuple[str, Tracking]:
         """The loop and channel that stand for the whole: closed if there is one, position if there is one."""
         loop = CLOSED_LOOP if self.closed_loop else OPEN_LOOP
@@ -106,7 +114,7 @@ def run_forward(
     longest = max(piece.sample_time for piece in pieces)
     if horizon < (1.0 - 1e-6) * longest:
         raise UsageError(f"--horizon {horizon:g}s", f"the samples are {longest:g} s apart; a horizon is longer")
-    names = [name for name in _CHANNELS if all(name in piece for piece in pieces)]
+    names = [name for name in CHANNELS if all(name in piece for piece in pieces)]
     if "velocity" not in names:
         raise DataError(f"{recordings[0].name}: no motion to simulate against", "set signals.velocity or .position")
     not_closed = (
@@ -173,7 +181,7 @@ def open_loop(
     drive = frame.mean_u(frame.command(model.effects), model.delay).tolist()
     times, intervals = piece["t"].tolist(), frame.intervals.tolist()
     anew = frozenset(restart_rows(times, horizon))
-    plant, watch = _plant(piece, model, _at_rest(first, rest_speed)), _Watch(piece)
+    plant, watch = _plant(piece, model, _at_rest(first, rest_speed)), Watch(piece)
     for k in range(1, len(times)):
         if k - 1 in anew:
             plant.position = float(piece["position"][k - 1]) if "position" in piece else plant.position
@@ -198,11 +206,11 @@ def closed_loop(
 ) -> dict[str, Array]:
     """Position and velocity under the controller's own u, which follows the logged reference."""
     step = piece.sample_time
-    reference = Samples(tuple(piece["reference"].tolist())).sample(len(piece), step)
+    reference = Logged(tuple(piece["reference"].tolist())).sample(len(piece), step)
     targets = list(zip(reference.position.tolist(), reference.rate.tolist(), strict=True))
     times = piece["t"].tolist()
     start = _at_rest(float(piece["velocity"][0]), model.rest_speed)
-    plant, watch, actuator = _plant(piece, model, start), _Watch(piece), Actuator(model)
+    plant, watch, actuator = _plant(piece, model, start), Watch(piece), Actuator(model)
     watcher = DisturbanceObserver(observer, step, "velocity", float(piece["d_hat"][0]))
     law = Controller(controller, observer.nominal_inertia, step)
     whole, fraction = delay_taps(model.delay, step)
@@ -238,42 +246,6 @@ def _start(piece: Log, recording: Recording) -> float:
         return float(piece["velocity"][0])
     t = piece["t"][:_FIRST] - piece["t"][0]
     return float(np.polyfit(t / t[-1], piece["position"][:_FIRST], 2)[1] / t[-1])
-
-
-class _Watch:
-    """What a simulated plant did, and whether it ran away."""
-
-    def __init__(self, piece: Log) -> None:
-        self.name = piece.source
-        first = (float(piece["position"][0]) if "position" in piece else 0.0, float(piece["velocity"][0]))
-        self.rows = [first]
-        spans = [float(np.abs(piece[name]).max()) for name in _CHANNELS if name in piece]
-        self.limit = _DIVERGED * max(max(spans), 1e-9)
-
-    def guarded(self, plant: Plant, t: float, u: float, duration: float) -> None:
-        """Advance; a force that overflows has diverged."""
-        try:
-            plant.advance(t, u, duration)
-        except (OverflowError, ZeroDivisionError, ValueError):
-            raise self.diverged(t) from None
-
-    def note(self, plant: Plant, t: float) -> None:
-        """One more row."""
-        if not (abs(plant.position) <= self.limit and abs(plant.velocity) <= self.limit):
-            raise self.diverged(t)
-        self.rows.append((plant.position, plant.velocity))
-
-    def diverged(self, t: float) -> DataError:
-        """The error."""
-        return DataError(
-            f"{self.name}: the simulated axis runs away: at t = {t:g} s it is {_DIVERGED:g} times beyond the log",
-            "the model is unstable: check the signs of its effects, the gains, and the sample time",
-        )
-
-    def channels(self) -> dict[str, Array]:
-        """By name, shape (n,)."""
-        position, velocity = np.array(self.rows).T
-        return {"position": position, "velocity": velocity}
 
 
 def _tracking(

@@ -26,11 +26,15 @@ class Settings:
 
     known : of values, by the user.
     band : factor on the end of the band that the sensor suggests.
+    taken : effects of the model that this climb took: they may stand in for a value that is told wrongly.
+    against : what the log says against what is known, once that was looked at (`verdict.first_look`).
     """
 
     effects: tuple[str, ...] | None = None
     known: Known = field(default_factory=Known)
     band: float = 1.0
+    taken: tuple[str, ...] = ()
+    against: tuple[str, ...] | None = None
 
 
 def candidates_of(

@@ -98,8 +98,8 @@ def said_of_stops(search: Search, fit: Fit) -> tuple[str, ...]:
         return ()
     left, elsewhere = search.problem.errors.rmse(fit), _left_elsewhere(search, fit)
     return (
-        f"most of the error that is left, {left:.3g}, is from stops and creeping, where the direction is not sure and"
-        f" nothing can be told; elsewhere it is {elsewhere:.3g}",
+        f"most of the error that the fit leaves, {left:.3g}, is from stops and creeping, where the direction is not"
+        f" sure and nothing can be told; elsewhere it is {elsewhere:.3g}",
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.recordings.recording import Recording
@@ -10,8 +11,10 @@ from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.afloat import searched
 from dsd_cli.identify.search.pulses import event_effect
 from dsd_cli.identify.verdict.beyond import above_floor, beyond_of, pushed
-from dsd_cli.identify.verdict.contradictions import against_told
+from dsd_cli.identify.verdict.command_time import CommandTime
+from dsd_cli.identify.verdict.contradictions import Contradiction, against_told
 from dsd_cli.identify.verdict.evidence import memberships
+from dsd_cli.identify.verdict.first_look import first_look
 from dsd_cli.identify.verdict.imitation import without_imitations
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.limits import limits_of
@@ -24,6 +27,7 @@ from dsd_cli.plant.model import ObserverSettings, PlantModel
 __all__ = ["Settings", "diagnose"]
 
 Progress = Callable[[str, float], None]
+Told = Callable[[Sequence[Contradiction]], None]
 
 
 def diagnose(
@@ -34,6 +38,7 @@ def diagnose(
     holdout: Sequence[Recording] = (),
     progress: Progress | None = None,
     stability: bool = False,
+    on_told: Told = lambda _: None,
 ) -> Diagnosis:
     """The effect that is missing most, "inertia" or "delay" if a value is wrong, "none" or "unknown".
 
@@ -44,6 +49,7 @@ def diagnose(
     holdout : recordings that no fit sees; the held-out errors are then those of them.
     progress : called with what is being done and the share that is done.
     stability : ask again with half of the data, and with half and twice the band.
+    on_told : called before the search, if the log is against what the user told.
 
     Raises
     ------
@@ -52,7 +58,9 @@ def diagnose(
     """
     report = progress or (lambda _what, _share: None)
     report("preparing", 0.0)
-    asked = settings or Settings()
+    asked, against = first_look(recordings, model, settings or Settings())
+    if against:
+        on_told(against)
     search, whole = searched(recordings, model, asked, holdout, report)
     beyond = beyond_of(search, whole)
     doubtful = beyond.unknown or above_floor(search, whole)
@@ -68,10 +76,12 @@ def diagnose(
     whole, first = strongest_first(search, whole)
     found = [t.id for t in search.added(whole.terms) if shown.seen is None]
     limits = limits_of(search, whole, shown.settings, shown.seen)
+    if asked.against:  # with nothing told u was neither late nor smoothed
+        limits = replace(limits, time=CommandTime())
     members = {} if limits.blocked else memberships(search, whole, found, beyond.unknown)
     options, own = [*search.options(search.refit), *first], own_values(search)
     verdict = Verdict(search, options, whole, members, own, beyond, shown, limits)
-    diagnosis = against_told(verdict.diagnosis(), search, whole)
+    diagnosis = against_told(verdict.diagnosis(), search, whole, asked)
     if stability:
         report("how sure, on parts", 0.85)
         diagnosis = with_stability(diagnosis, recordings, model, shown.settings)

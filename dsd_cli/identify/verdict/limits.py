@@ -81,8 +81,8 @@ def _smoothed(time: CommandTime) -> str:
 def _said_of_filter(time: CommandTime) -> str:
     instead = f": undone, it leaves less than {' and '.join(time.imitated_by)}" if time.imitated_by else ""
     return (
-        f"{_smoothed(time)}{instead}. Is it logged behind a filter? Log it without, or undo it (signals.u_filter ="
-        f" {time.smoothed:.2g}). Or does the sensor sit behind something soft?"
+        f"{_smoothed(time)}{instead}. Is it logged behind a filter? Log it without, or undo it (signals.u_filter,"
+        f" {time.smoothed:.2g} s more than it has). Or does the sensor sit behind something soft?"
     )
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from dsd_cli.identify.checks import check_log
 from dsd_cli.signals.log import Log
-from tests.identify.checks.rig import log_of, only_error, recordings, said, servo
+from tests.identify.checks.rig import log_of, model_of, observer_of, only_error, recordings, said, servo
 
 DEGREE, TURN = np.pi / 180.0, 2.0 * np.pi
 #: (what the file's unit is of one SI unit for velocity and for position, remedies).
@@ -38,11 +38,48 @@ def test_factors_that_are_in_already_are_part_of_the_remedy():
     assert only_error(check_log(turned, factors={"velocity": 0.5})).remedy == "signals.velocity_scale = -0.5"
 
 
+RAD = np.pi / 180.0
+
+
+@pytest.mark.parametrize(
+    ("factors", "key"),
+    [
+        ({"position": RAD}, "position_unit"),
+        ({"velocity": RAD}, "velocity_unit"),
+        ({"velocity": np.pi / 30.0}, "velocity"),
+    ],
+    ids=["position deg", "velocity deg/s", "velocity rpm"],
+)
+@pytest.mark.parametrize("witness", ["d_hat", "model", "none"])
+def test_a_factor_that_the_config_has_too_much_is_to_be_left_out(factors, key, witness):
+    """The columns are in rad and rad/s: d_hat, or the believed inertia, tells which of them is right."""
+    c, right = servo("all").channels, servo("all")
+    log = log_of(right, **{name: factor * c[name] for name, factor in factors.items()})
+    if witness != "d_hat":
+        log = log_of(right, d_hat=None, **{name: factor * c[name] for name, factor in factors.items()})
+    error = only_error(
+        check_log(log, model_of(right) if witness == "model" else None, observer_of(right), factors=factors)
+    )
+    assert error.remedy.startswith(f"leave out signals.{key}")
+    assert ("or the other one has another unit" in error.remedy) == (witness == "none")
+
+
+@pytest.mark.parametrize("witness", ["d_hat", "model"])
+def test_a_factor_that_the_config_lacks_is_named_beside_one_that_it_has(witness):
+    """Degrees and degrees per second, and only the position's unit is named."""
+    right = servo("all")
+    log = log_of(right, velocity=right.channels["velocity"] / RAD, **({} if witness == "d_hat" else {"d_hat": None}))
+    model = model_of(right) if witness == "model" else None
+    error = only_error(check_log(log, model, observer_of(right), factors={"position": RAD}))
+    assert error.remedy == "signals.velocity_scale = 0.0174533"
+
+
 def test_a_factor_that_is_no_unit_is_said_as_it_is():
     c = servo("velocity").channels
     result = check_log(log_of(servo("velocity"), velocity=1.25 * c["velocity"]))
     (one,) = said(result, "times the slope")
-    assert (one.severity, one.remedy.split(" and ")[0]) == ("warning", "signals.velocity_scale = 0.8")
+    assert one.severity == "warning"
+    assert one.remedy == "signals.velocity_scale = 0.8, or the position is wrong by as much"
 
 
 def test_right_channels_are_left_alone():

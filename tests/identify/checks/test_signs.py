@@ -1,16 +1,20 @@
 """Whose sign is wrong: on logs of the independent machines, right ones and ones with a channel turned."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dsd_cli.identify.checks import check_log, to_mend_first
+from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.signals.log import Log
 from tests.identify.checks.rig import checked, log_of, observer_of, only_error, recordings, said, servo
 from tests.oracle import machines
 from tests.oracle.machine_cases import cases
+from tests.oracle.rig import RigCase, make
 
+SERVO = Path(__file__).parents[3] / "sample_logs" / "servo-friction.csv"
 KINDS = ("motion", "coarse", "dominated")
 
 
@@ -94,3 +98,28 @@ def test_an_overhauling_load_that_u_brakes_for_a_while_is_no_wrong_sign():
     velocity -= velocity.mean() - 0.05
     u = np.concatenate([J * np.diff(velocity) / T, [0.0]]) + weight
     assert check_log(Log({"t": t, "u": u, "velocity": velocity}, T)).errors == ()
+
+
+@pytest.mark.parametrize(
+    ("seed", "begin", "seconds"), [(41012, 5.728, 1.64), (41012, 8.222, 1.71), (51012, 14.44, 2.54)]
+)
+def test_a_few_moves_against_falling_friction_are_no_wrong_sign(seed, begin, seconds):
+    """One or two moves in which friction turns: late by 0.1 s, u looks turned; and it seems to brake throughout."""
+    (rig,) = make([RigCase(what=("stribeck_friction",), sensing="speed40k", seed=seed)])
+    first = round(begin / rig.sample_time)
+    rows = slice(first, first + round(seconds / rig.sample_time))
+    part = {name: rig.channels[name][rows] for name in ("t", "u", "velocity", "position")}
+    assert said(check_log(Log(part, rig.sample_time)), "sign") == []
+
+
+def test_a_handful_of_rows_of_d_hat_is_no_witness():
+    """Half a second of a short move, mostly braking; a turned u or d_hat is seen in it all the same."""
+    columns = np.genfromtxt(SERVO, delimiter=",", names=True)
+    observer = ObserverSettings(0.01, 0.005)
+    for first, last in ((1000, 1501), (990, 1360), (180, 680)):
+        part = {name: columns[name][first:last] for name in ("t", "u", "d_hat", "position")}
+        assert said(check_log(Log(part, 0.001), None, observer), "sign") == []
+    part = {name: columns[name][1000:1501] for name in ("t", "u", "d_hat", "position")}
+    for turned, remedy in (("u", "signals.u_sign = -1"), ("d_hat", "observer.sign = -1")):
+        wrong = Log({**part, turned: -part[turned]}, 0.001)
+        assert only_error(check_log(wrong, None, observer)).remedy == remedy
