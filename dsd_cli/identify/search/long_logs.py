@@ -105,6 +105,7 @@ def searched_as_is(
     worst = _less_explained(judge, judged, parts)
     if worst is None:
         return judge, judged
+    del search, judge, judged  # their rows and columns are as large as those that come
     search, whole = _found(with_part(parts, recordings, *worst), model, settings, holdout, report, begun=whole)
     return on_all(search, recordings, holdout, whole)
 
