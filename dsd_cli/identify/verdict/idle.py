@@ -71,6 +71,7 @@ def idle_part(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
         if left < _AT_MOST * found and left < least and problem.falls(before, left, search.refit):
             why = f"forces alone leave {left:.3g}, less than any effects with u as it is logged ({found:.3g})"
             best, least = Idle(part.what, f"{part.instead}, {why}", part.question), left
+        del without  # as large as the next
     return best
 
 
