@@ -80,7 +80,7 @@ class Stretch:
             return self.frame.channels(drive, self.mean._replace(velocity=velocity, position=position))
         if effect.memory:
             return self.frame.channels(drive, self.mean)
-        return self.frame.channels(drive, self.middle)._replace(interval=np.zeros(len(drive)))
+        return self.frame.channels(drive, self.middle)._replace(interval=np.broadcast_to(0.0, len(drive)))
 
     def acting(self, x: Array, smooth: bool, held: bool) -> Array:
         """A force per interval as the acceleration averages it.
@@ -266,13 +266,13 @@ def direction(speed: Array, noise: Array) -> Array:
     """
     before = np.concatenate([speed[:1], speed[:-1]])
     size = np.abs(speed) + np.abs(before)
-    exact = (speed + before) / np.where(size > 0.0, size, 1.0)
+    found = (speed + before) / np.where(size > 0.0, size, 1.0)
     x = 0.5 * (speed + before) / np.maximum(noise, 1e-300)
-    x = np.clip(x, -_CERTAIN, _CERTAIN)
-    likely = np.tanh(
-        np.sqrt(2.0 / np.pi) * (x + 0.044715 * x**3)
-    )  # erf(x / sqrt 2), the mean of sgn of v given v + noise
-    return np.where(np.abs(x) >= _CERTAIN, exact, likely)
+    doubtful = np.flatnonzero(~(np.abs(x) >= _CERTAIN))  # few, as a rule
+    x = x[doubtful]
+    # erf(x / sqrt 2), the mean of sgn of v given v + noise
+    found[doubtful] = np.tanh(np.sqrt(2.0 / np.pi) * (x + 0.044715 * x**3))
+    return np.asarray(found)
 
 
 def mean_of_middles(x: Array) -> Array:
