@@ -29,10 +29,6 @@ _SOFT = 10.0
 _LOWEST, _HIGHEST, _FREQUENCIES = 4.0, 0.07, 8
 _SMALLEST, _LARGEST, _GAPS = 7e-4, 0.12, 12
 _SHARES = (0.12, 0.25, 0.45)
-#: What the best of the grid, and the best near it, must gain over a rigid axis, as a share of what an answer must.
-#: The grid gained 50 to 26,000 nats in all 38 logs (4 to 20 s) whose play was found; where there is none, mostly less
-#: than 0.
-_HOPEFUL, _WORTH_A_FIT = 0.1, 0.5
 #: Starts that are refined, and how far apart they are; edges of the first simplex around a start, and later (log
 #: frequency, log gap, logit).
 _STARTS, _APART = 3, 0.5
@@ -74,11 +70,8 @@ class Play:
         None where none leaves clearly less than a rigid axis.
         """
         soft = Play(softened(self.signals, _SOFT), self.travel)
-        ranked = sorted(soft._grid(), key=lambda shape: soft._explained(shape)[0])
-        if soft._nats(ranked[0]) < _HOPEFUL * POLICY.response_nats:
-            return None
-        shapes = soft._refined(ranked)
-        if soft._nats(shapes[0]) <= _WORTH_A_FIT * POLICY.response_nats:
+        shapes = soft._shapes()
+        if not soft._worth_a_fit(shapes[0]):
             return None
         found = [self.fitted(soft.fitted(soft._at(x), _TOGETHER, _COARSE), _TOGETHER, _COARSE) for x in shapes]
         found += [self.fitted(self._at(self._lowest(at[:3], _WIDE)), _TOGETHER, _COARSE) for at in found]
@@ -148,11 +141,12 @@ class Play:
         found = float(rest @ rest)
         return found if math.isfinite(found) else math.inf
 
-    def _refined(self, ranked: Sequence[Array]) -> list[Array]:
-        """(log frequency, log gap, logit) of the best of these plays that are unlike each other, refined; best first.
+    def _shapes(self) -> list[Array]:
+        """(log frequency, log gap, logit) of the best plays of a grid that are unlike each other, refined; best first.
 
         Amplitude and delay of the motion are left free.
         """
+        ranked = sorted(self._grid(), key=lambda shape: self._explained(shape)[0])
         distinct: list[Array] = []
         for shape in ranked:
             if len(distinct) < _STARTS and all(np.abs(shape - d).max() > _APART for d in distinct):
@@ -187,10 +181,11 @@ class Play:
         rest = target - weights @ rows
         return float(rest @ rest), (float(weights[0]), float(weights[1])), rest
 
-    def _nats(self, shape: Array) -> float:
-        """What it gains over a rigid axis with all forces free."""
+    def _worth_a_fit(self, shape: Array) -> bool:
+        """Whether it gains over a rigid axis half of what an answer must."""
         rest, rigid = self._explained(shape)[2], self._rigid()
-        return (float(rigid @ rigid) - float(rest @ rest)) / (2.0 * variance_of(rest))
+        nats = (float(rigid @ rigid) - float(rest @ rest)) / (2.0 * variance_of(rest))
+        return nats > 0.5 * POLICY.response_nats
 
     def _rigid(self) -> Array:
         """What a rigid axis leaves with all forces free, shape (n,)."""
