@@ -40,13 +40,13 @@ from dsd_cli.files.table_source import Batch, TableSource, read_head
 from dsd_cli.files.tables_in import dropped_with_unreadable, is_stream, open_table
 from dsd_cli.files.tables_out import check_output
 from dsd_cli.files.watched import about_rows
-from dsd_cli.report.changes import Changes
 from dsd_cli.report.detection import Detection, print_table, to_json
 from dsd_cli.report.terminal import json_text
 from dsd_cli.signals.cleaning import BRIDGE, Cleaner
 
 if TYPE_CHECKING:
     from dsd_cli.detect.watched import WatchedSession
+    from dsd_cli.report.changes import Changes
 
 #: Forms whose lines are labels, not the summary.
 LABEL_LINES = ("csv", "jsonl")
@@ -275,6 +275,7 @@ def _changes(session: Session) -> Changes | None:
     if settings.method != "profile" or settings.change <= 0.0 or sample_time is None:
         return None
     from dsd_cli.detect.profile.alarms import false_alarms_per_hour
+    from dsd_cli.report.changes import Changes
 
     free = sum(len(set(values.tolist())) > 1 for values in session.plan.grid.axes.values())
     tau = session.plan.observer.time_constant

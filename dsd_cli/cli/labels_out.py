@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -76,6 +75,8 @@ class LabelsFile:
 @contextlib.contextmanager
 def json_lines(grid: Grid) -> Iterator[Write]:
     """One JSON object per sample on stdout; what could not be judged is null."""
+    import json
+
     axes = {name: values.tolist() for name, values in grid.axes.items()}
 
     def write(rows: Rows) -> None:

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.detect.coloured import SensorNoise
-from dsd_cli.detect.damping.derivative import check
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.settings import DetectorSettings
@@ -152,6 +151,8 @@ def detection_plan(config: Config, found: Mapping[str, str], metadata: Mapping[s
     aperture = 2 if metadata.get("d_hat_source") == "position" else 1
     settings = detector_settings(config, grid)
     if settings.output == "derivative":
+        from dsd_cli.detect.damping.derivative import check
+
         check(grid)
         if settings.method == "profile":
             raise UsageError('detector.output = "derivative" has no method "profile"', "use dsd or another method")

@@ -210,6 +210,11 @@ def amplitude_and_phase(a: float, b: float) -> tuple[float, float]:
     return math.hypot(a, b), math.atan2(b, a)
 
 
+def sinc(x: Any) -> Any:
+    """`np.sinc`; where no row lasts (x is 0 throughout) 1, which spares a sine of each."""
+    return np.sinc(x) if np.any(x) else 1.0
+
+
 def log_spaced(low: float, high: float, count: int) -> list[float]:
     """`count` values from low to high, each the same factor above the one before; [] unless 0 < low < high < inf."""
     if not 0.0 < low < high < math.inf:

@@ -7,7 +7,6 @@ looked up by the id before its number, and is the same law under a name of its o
 from __future__ import annotations
 
 import importlib
-import pkgutil
 import re
 from collections.abc import Collection, Iterable
 from dataclasses import replace
@@ -29,6 +28,8 @@ _NUMBERED = re.compile(r"(?P<kind>.+)_(?P<number>[2-9]|[1-9][0-9])")
 
 @cache
 def _own() -> dict[str, Effect]:
+    import pkgutil
+
     here = str(Path(__file__).parent)  # not the package itself, which imports this module
     names = sorted(m.name for m in pkgutil.iter_modules([here]) if m.name not in _NOT_EFFECTS)
     effects = (importlib.import_module(f"{__package__}.{name}").EFFECT for name in names)

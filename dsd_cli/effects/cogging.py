@@ -13,6 +13,7 @@ from dsd_cli.effects.base import (
     Shape,
     Values,
     amplitude_and_phase,
+    sinc,
     sine_and_cosine,
 )
 
@@ -21,7 +22,7 @@ def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
     """Mean over the interval at its mean speed; the speed is there wherever the position is."""
     periods = shape["periods"]
     angle = periods * channels.position
-    moved = np.sinc(periods * channels.velocity * channels.interval / (2.0 * np.pi))
+    moved = sinc(periods * channels.velocity * channels.interval / (2.0 * np.pi))
     return moved * np.sin(angle), moved * np.cos(angle)
 
 

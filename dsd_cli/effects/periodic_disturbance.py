@@ -13,6 +13,7 @@ from dsd_cli.effects.base import (
     Shape,
     Values,
     amplitude_and_phase,
+    sinc,
     sine_and_cosine,
 )
 
@@ -21,7 +22,7 @@ def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
     """Mean over the interval around t, exact."""
     frequency = shape["frequency"]
     angle = 2.0 * np.pi * frequency * channels.t
-    mean = np.sinc(frequency * channels.interval)
+    mean = sinc(frequency * channels.interval)
     return mean * np.sin(angle), mean * np.cos(angle)
 
 

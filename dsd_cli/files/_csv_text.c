@@ -91,11 +91,11 @@ typedef struct {
     Py_ssize_t longest;
 } Column;
 
-/* `to` has room for 2 * DIGITS more than the text */
-static char *put_text(char *to, const Column *c, Py_ssize_t at) {
+/* without `behind` bytes at its end; `to` has room for 2 * DIGITS more than the text */
+static inline char *put_text(char *to, const Column *c, Py_ssize_t at, int behind) {
     const int32_t *ends = c->view[ENDS].buf;
     const char *text = (const char *)c->view[TEXTS].buf + ends[at];
-    const Py_ssize_t n = ends[at + 1] - ends[at];
+    const Py_ssize_t n = ends[at + 1] - ends[at] - behind;
     if (n <= DIGITS && ends[at] + DIGITS <= c->view[TEXTS].len) memcpy(to, text, DIGITS);    /* two moves, no call */
     else memcpy(to, text, (size_t)n);
     return to + n;
@@ -133,11 +133,11 @@ static char *put_decimal(char *to, double v, int places) {
 static inline char *put(char *to, Column *c, Py_ssize_t row) {
     if (c->places < 0) {
         const int32_t at = ((const int32_t *)c->view[VALUES].buf)[row];
-        return at < 0 || at >= c->count ? NULL : put_text(to, c, at);
+        return at < 0 || at >= c->count ? NULL : put_text(to, c, at, 0);
     }
     if (((const uint8_t *)c->view[MARKS].buf)[row])
         return put_decimal(to, ((const double *)c->view[VALUES].buf)[row], c->places);
-    return c->next >= c->count ? NULL : put_text(to, c, c->next++);
+    return c->next >= c->count ? NULL : put_text(to, c, c->next++, 1);
 }
 
 static char *put_lines(char *to, Column *columns, Py_ssize_t width, Py_ssize_t rows) {
@@ -161,7 +161,7 @@ static int checked(Column *c, Py_ssize_t rows) {
     c->longest = c->places < 0 ? 0 : LONGEST;
     if (c->count < 0 || c->places > MOST_PLACES || ends[0] < 0 || ends[c->count] > c->view[TEXTS].len) return 0;
     for (i = 0; i < c->count; i++) {
-        if (ends[i + 1] < ends[i]) return 0;
+        if (ends[i + 1] - ends[i] < (c->places >= 0)) return 0;
         if (ends[i + 1] - ends[i] > c->longest) c->longest = ends[i + 1] - ends[i];
     }
     if (c->places < 0) return c->view[VALUES].len == rows * (Py_ssize_t)sizeof(int32_t);
@@ -171,7 +171,7 @@ static int checked(Column *c, Py_ssize_t rows) {
 /* lines(rows, [(places, values, marks, ends, texts)], out) -> how many bytes were written; below 0: no byte was, `out` must
  * have as many. places < 0: values (int32) are places in the list of texts, which lie one after the other, each from one of
  * the `ends` (int32) to the next. Else values are doubles, decimals of so many places where marked, and the list has the
- * texts of the others in their order. */
+ * texts of the others in their order, each with one byte behind it that is left out (its line end). */
 static PyObject *lines(PyObject *module, PyObject *args) {
     PyObject *list;
     Py_buffer out;

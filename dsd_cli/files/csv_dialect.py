@@ -176,5 +176,5 @@ def look_at_rows(lines: Sequence[str], header: Header, skip: int, needed: Sequen
         rows = rows[1:]
     whole = (fields for at, fields in rows if lines[at].count('"') % 2 == 0)  # behind a stray quote a comma is none
     cells = (fields[i] for fields in whole for i in needed if i < len(fields))
-    decimal = "," if any(DECIMAL_COMMA.fullmatch(cell) for cell in cells) else "."
+    decimal = "," if any("," in cell and DECIMAL_COMMA.fullmatch(cell) for cell in cells) else "."
     return Dialect(header, skip, rows[0][1] if rows else [], decimal, units)

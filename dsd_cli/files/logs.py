@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -93,6 +94,7 @@ def load_log(
             f"{table.name}: no row has a value in every needed column ({', '.join(table.columns.values())})"
         )
     log = _log(table, channels, cleaner.sample_time, factors or {}, command)
+    _give_back()
     dropped = dropped_with_unreadable(cleaner.dropped, table.unreadable)
     return LoadedLog(log, dropped, (*table.warnings, *cleaner.warnings), restarts, bool(cleaner.regular))
 
@@ -131,10 +133,17 @@ def _joined(pieces: Sequence[Piece]) -> tuple[dict[str, Array], tuple[int, ...]]
         samples += piece.t.size
     if not samples:
         return {}, ()
-    channels = {"t": np.concatenate([piece.t for piece in pieces])}
+    channels = {"t": _one([piece.t for piece in pieces])}
     for name in sorted(pieces[0].values, key=_order):
-        channels[name] = np.concatenate([piece.values[name] for piece in pieces])
+        channels[name] = _one([piece.values.pop(name) for piece in pieces])  # no channel is there twice
     return channels, tuple(restarts)
+
+
+def _one(parts: Sequence[Array]) -> Array:
+    """Parts joined, shape (n,), read-only, so that a `Log` need not copy it."""
+    joined = np.concatenate(parts)
+    joined.flags.writeable = False
+    return joined
 
 
 def write_log(path: str | Path, log: Log, inputs: Collection[str | Path] = ()) -> None:
@@ -145,6 +154,12 @@ def write_log(path: str | Path, log: Log, inputs: Collection[str | Path] = ()) -
         step = 1 << 17
         for start in range(0, len(log), step):
             writer.write({name: log[name][start : start + step] for name in names})
+
+
+def _give_back() -> None:
+    """Arrow keeps what the batches took for the next ones, as much as the log itself; there are none."""
+    if (arrow := sys.modules.get("pyarrow")) is not None:
+        arrow.default_memory_pool().release_unused()
 
 
 def _order(name: str) -> tuple[int, str]:

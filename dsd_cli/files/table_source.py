@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import Path
@@ -129,6 +128,8 @@ def read_sidecar(path: str | Path) -> dict[str, str]:
     try:
         if not beside.is_file() or beside.stat().st_size > LARGEST_SIDECAR:
             return {}
+        import json
+
         found = json.loads(beside.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}

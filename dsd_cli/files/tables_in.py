@@ -37,32 +37,37 @@ def open_table(
     ------
     DataError : the file cannot be read, is not a table, or lacks a column.
     """
-    from dsd_cli.files.csv_in import CsvTable
-    from dsd_cli.files.formats.known import HEAD_BYTES, format_of, is_bag
-    from dsd_cli.files.line_stream import LineStream
-    from dsd_cli.files.parquet_in import ParquetTable
-
     if str(path) == STDIN:
-        stdin: BinaryIO = sys.stdin.buffer
-        head = _first_bytes(stdin)
-        if head == PARQUET_MAGIC:
-            return ParquetTable("<stdin>", columns, optional, content=head + stdin.read())
-        return LineStream(stdin, columns, optional, head=head)
+        return _of_stream(sys.stdin.buffer, "<stdin>", columns, optional)
     if is_stream(path):
-        stream = _opened(path)
-        head = _first_bytes(stream)
-        if head == PARQUET_MAGIC:
-            return ParquetTable(str(path), columns, optional, content=head + stream.read())
-        return LineStream(stream, columns, optional, head=head, name=str(path))
+        return _of_stream(_opened(path), str(path), columns, optional)
+    from dsd_cli.files.formats.known import HEAD_BYTES, format_of, is_bag
+
     head = b"" if is_bag(path) else read_head(path, HEAD_BYTES)
     if head.startswith(PARQUET_MAGIC):
+        from dsd_cli.files.parquet_in import ParquetTable
+
         return ParquetTable(str(path), columns, optional)
     other = format_of(path, head)
     if other is None:
+        from dsd_cli.files.csv_in import CsvTable
+
         return CsvTable(str(path), columns, optional)
     from dsd_cli.files.formats.table import ContainerTable
 
     return ContainerTable(path, other, columns, optional, u_hold)
+
+
+def _of_stream(stream: BinaryIO, name: str, columns: Mapping[str, str], optional: Collection[str]) -> TableSource:
+    """What can be read only once."""
+    head = _first_bytes(stream)
+    if head == PARQUET_MAGIC:
+        from dsd_cli.files.parquet_in import ParquetTable
+
+        return ParquetTable(name, columns, optional, content=head + stream.read())
+    from dsd_cli.files.line_stream import LineStream
+
+    return LineStream(stream, columns, optional, head=head, name=name)
 
 
 def is_stream(path: str | Path) -> bool:

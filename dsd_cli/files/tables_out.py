@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -127,6 +126,8 @@ class FileWriter:
         try:
             if self._is_csv and self._out.replaces:
                 if self._metadata:
+                    import json
+
                     beside = WholeFile(sidecar(self._out.target))
                     beside.path.write_bytes((json.dumps(self._metadata, indent=1) + "\n").encode())
                 sidecar(self._out.target).unlink(missing_ok=True)

@@ -84,9 +84,9 @@ class Frame:
         self.log, self._lag = log, lag
         self._stamps = irregular_stamps(log)
         self._poles: dict[float, Array] = {}
-        self.intervals = np.full(len(log), log.sample_time)
+        self.intervals: Array = np.broadcast_to(log.sample_time, len(log))
         if self._stamps is not None:
-            self.intervals[1:] = np.diff(self._stamps)
+            self.intervals = np.concatenate([self.intervals[:1], np.diff(self._stamps)])
 
     def mean_u(self, command: Array, delay: float) -> Array:
         """Mean of command(t - L) over each interval; `command` shape (n,) is held from sample to sample."""

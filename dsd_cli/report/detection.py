@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dsd_cli.detect.profile.summary import Estimate
 from dsd_cli.detect.summary import Segment, StateShare, Summary
 from dsd_cli.report import terminal
-from dsd_cli.report.changes import Changes
 from dsd_cli.report.head import head
 from dsd_cli.report.terminal import escaped
 from dsd_cli.report.value_units import units_of
 from dsd_cli.signals.units import Units
+
+if TYPE_CHECKING:
+    from dsd_cli.report.changes import Changes
 
 #: Rows of a table on the screen; the JSON has all.
 MOST_STATES, MOST_SEGMENTS = 12, 15

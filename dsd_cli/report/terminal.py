@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator
 from textwrap import wrap
@@ -88,6 +87,8 @@ def _further_in(line: str) -> str:
 
 def json_text(result: Any, indent: int | None = None) -> str:
     """JSON as UTF-8 text without control characters; a NaN is a mistake of ours and fails."""
+    import json
+
     text = json.dumps(result, indent=indent, ensure_ascii=False, allow_nan=False)
     return re.sub("[^\n]", lambda one: ORDERS.sub(_as_json, one[0]), text) if _has_orders(text) else text
 

@@ -58,9 +58,7 @@ class Log:
     def __post_init__(self) -> None:
         frozen = {}
         for name, values in self.channels.items():
-            column = np.array(values, dtype=np.float64)
-            column.flags.writeable = False
-            frozen[name] = column
+            frozen[name] = _frozen(values)
         if len({column.size for column in frozen.values()}) > 1:
             raise ValueError("channels of unequal length")
         object.__setattr__(self, "channels", MappingProxyType(frozen))
@@ -73,6 +71,17 @@ class Log:
 
     def __len__(self) -> int:
         return next(iter(self.channels.values())).size if self.channels else 0
+
+
+def _frozen(values: Array) -> Array:
+    """A read-only copy; the array itself, or a part of one, where nobody can write to it: channels of another log."""
+    if isinstance(values, np.ndarray) and values.dtype == np.float64 and values.flags.c_contiguous:
+        owner = values if values.base is None else values.base
+        if isinstance(owner, np.ndarray) and owner.base is None and not owner.flags.writeable:
+            return values
+    column = np.array(values, dtype=np.float64)
+    column.flags.writeable = False
+    return column
 
 
 def with_channels(log: Log, **channels: Array) -> Log:

@@ -1,6 +1,8 @@
 """Lines of CSV: the shortest text of every number, by Python's repr; both ways to make them give the same bytes."""
 
 import math
+import subprocess
+import sys
 from decimal import Decimal
 
 import numpy as np
@@ -135,3 +137,14 @@ def test_buffers_that_do_not_fit_are_refused():
         COMPILED.marks(numbers, 10, np.zeros(2, dtype=np.uint8))
     with pytest.raises(ValueError, match="a byte each"):
         COMPILED.marks(numbers, 1, np.zeros(1, dtype=np.uint8))
+
+
+def test_texts_of_floats_load_no_more_of_arrow_than_a_file_needs():
+    """pyarrow.compute would be a tenth of the time of a short `dsd detect`."""
+    code = (
+        "import sys; from dsd_cli.files.csv_text import CsvText; "
+        "print([bytes(part) for part in CsvText({'x': 'float64'}).lines({'x': [0.1 + 0.2, 1e-300]})]); "
+        "print('pyarrow.compute' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[b'0.30000000000000004\\n1e-300\\n']\nFalse\n"

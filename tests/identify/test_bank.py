@@ -1,6 +1,7 @@
 """Columns of the bank: made once, by the law of the effect, at the delay that reaches the plant."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -165,10 +166,10 @@ def test_the_noise_that_a_load_takes_over_is_what_its_filter_makes_of_it():
         noise = recording.sensor.noise.made(len(stretch.log), rng)
         speeds = np.cumsum(noise) * T
         mean = np.concatenate([[0.0], speeds[:-1]]) if stretch.two_intervals else speeds - 0.5 * noise * T
-        moved = stretch.integrated._replace(velocity=stretch.integrated.velocity + mean)
+        velocity, position = stretch.sensed.motion
         ends = np.cumsum(mean) * T - 0.5 * mean * T
-        moved = moved._replace(position=moved.position + ends)
-        (noisy,) = Bank(replace(base, stretches=(replace(stretch, integrated=moved),))).columns(LOAD, 0)
+        moved = SimpleNamespace(motion=(velocity + mean, position + ends))
+        (noisy,) = Bank(replace(base, stretches=(replace(stretch, sensed=moved),))).columns(LOAD, 0)
         own, a = noisy - plain, base.plain([noise])
         found.append([own @ own / (a @ a), own @ a / (a @ a)])
     mean, error = np.mean(found, axis=0), np.std(found, axis=0)

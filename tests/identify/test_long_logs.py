@@ -8,10 +8,13 @@ import pytest
 from bench.hidden_cases import Job, prepared
 from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.fit.drift import without_drift
+from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts, with_part
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.afloat import searched
+from dsd_cli.identify.search.long_logs import posed
+from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
@@ -45,6 +48,17 @@ def test_an_excerpt_is_a_stretch_of_the_log_as_it_is(long):
     first = round((piece["t"][0] - long.pieces[0]["t"][0]) / T)
     for name in ("u", "velocity", "acceleration", "t"):
         np.testing.assert_array_equal(piece[name], long.pieces[0][name][first : first + len(piece)])
+
+
+def test_what_is_posed_anew_is_judged_on_all_rows(long):
+    """The rows, and nearly the error, of a problem that was posed on all of them in the first place."""
+    there = BELIEVED.changed(effects={**BELIEVED.effects, "coulomb_friction": {"level": 0.05}})
+    few, all_rows = posed([long], there, Settings(), there.delay), Search(pose([long], there, Settings()))
+    assert few.excerpt is not None
+    assert few.problem.blocks.rows == pytest.approx(all_rows.problem.blocks.rows, rel=0.3)  # of another band
+    assert few.problem.blocks.rows > 1.4 * few.excerpt.problem.blocks.rows  # 30,000 samples, 20,000 of them searched
+    left, expected = (x.problem.errors.rmse(x.refit) for x in (few, all_rows))
+    assert left == pytest.approx(expected, rel=0.3)
 
 
 def test_an_excerpt_is_where_the_axis_moves(long):

@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.files.formats.base import Container, understanding
+
+if TYPE_CHECKING:
+    from dsd_cli.files.formats.base import Container
 
 #: Bytes that tell every format.
 HEAD_BYTES = 4096
@@ -104,6 +106,8 @@ def open_container(path: str | Path, found: Format) -> Container:
         raise UsageError(
             f"{path}: is {found.kind}, and {missing[0]} is not installed", f"pip install 'dsd-cli[{found.extra}]'"
         )
+    from dsd_cli.files.formats.base import understanding
+
     with understanding(str(path), found.kind):
         opened: Container = getattr(import_module(f"dsd_cli.files.formats.{found.module}"), found.opener)(str(path))
     if not opened.groups:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.identify.checks.band import Band, difference
 from dsd_cli.identify.checks.lowpass import LowPass
@@ -71,8 +72,8 @@ def balance(stretches: Sequence[Stretch], band: Band, cutoff: float, reach: tupl
         speed = keep(_speed(s, band))
         position = s.position if s.position is not None else np.cumsum(speed) * T
         a = keep(difference(measured, T, band.source))
-        columns = motion_columns(speed, keep(position), keep)
-        parts.append((a[rows], columns[rows], rows.astype(np.float64) + offset))
+        columns = motion_columns(speed, keep(position), keep, rows)
+        parts.append((a[rows], columns, rows.astype(np.float64) + offset))
         us.append(keep(s.u))
         offset += s.t.size
     if not parts:
@@ -100,12 +101,14 @@ def _speed(s: Stretch, band: Band) -> Array:
     return np.gradient(s.position, s.T)
 
 
-def motion_columns(speed: Array, position: Array, keep: LowPass) -> Array:
-    """What friction, weight and springs may be made of, shape (n, 6), of low-passed motion; the first is the speed."""
+def motion_columns(speed: Array, position: Array, keep: LowPass, rows: NDArray[np.int64]) -> Array:
+    """What friction, weight and springs may be made of, shape (rows, 6), of low-passed motion; first is the speed."""
     soft = REST * max(float(np.sqrt(np.mean(speed**2))), 1e-300)
-    direction = keep(np.tanh(speed / soft))
-    others = (np.sin(position), np.cos(position), position - position.mean(), np.ones(speed.size))
-    return np.column_stack([speed, direction, *others])
+    direction, middle = keep(np.tanh(speed / soft))[rows], position.mean()
+    speed, position = speed[rows], position[rows]
+    return np.column_stack(
+        [speed, direction, np.sin(position), np.cos(position), position - middle, np.ones(rows.size)]
+    )
 
 
 def orthonormal(columns: Array) -> Array:

@@ -64,6 +64,6 @@ def _fast_size(least: int) -> int:
     return min(eighths << max(math.ceil(math.log2(least / eighths)), 0) for eighths in (8, 9, 10, 12))
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=2)  # each is as large as two channels
 def _response(keep: LowPass, size: int) -> NDArray[np.complex128]:
     return np.fft.rfft(keep.kernel(), size)

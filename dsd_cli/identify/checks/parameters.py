@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.effects import get_effect
 from dsd_cli.errors import UsageError
@@ -133,7 +134,7 @@ def _rows(
 
 
 def _stretch_rows(
-    s: Stretch, motion: Motion, keep: LowPass, rows: Array, model: PlantModel, values: Sequence[_Value]
+    s: Stretch, motion: Motion, keep: LowPass, rows: NDArray[np.int64], model: PlantModel, values: Sequence[_Value]
 ) -> tuple[Array, Array, Array, Array]:
     frame = Frame(Log(motion.channels(s), s.T))
     mean = 0.5 * (motion.acceleration + np.concatenate([motion.acceleration[:1], motion.acceleration[:-1]]))
@@ -146,9 +147,9 @@ def _stretch_rows(
     for value in values:
         changed, step = value.stepped(model)
         slopes.append((left(changed) - here) / step)
-    others = motion_columns(motion.velocity, motion.position, keep)
+    others = motion_columns(motion.velocity, motion.position, keep, rows)
     assert s.u is not None
-    return here, np.column_stack(slopes), others[rows], keep(s.u)[rows]
+    return here, np.column_stack(slopes), others, keep(s.u)[rows]
 
 
 def _judged(values: Sequence[_Value], left: Array, slopes: Array, drive: float, T: float) -> tuple[Parameter, ...]:

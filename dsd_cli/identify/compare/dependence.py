@@ -104,7 +104,8 @@ def freeform_columns(inputs: Sequence[Inputs], channels: Sequence[str], hats: in
     """
     count = hats or (HATS if len(channels) == 1 else HATS_IN_PAIR)
     counts = [min(count, TIME_HATS) if channel == "time" else count for channel in channels]
-    raw, penalty = basis(inputs, channels, counts)
+    units, penalty = basis(inputs, channels, counts)
+    raw = [one.together() for one in units]
     if {"velocity", "direction"} & set(channels):
         top = max(float(np.abs(piece.held).max()) for piece in inputs)
         if top > 0.0:

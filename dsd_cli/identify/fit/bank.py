@@ -176,7 +176,7 @@ class Bank:
 
     @cached_property
     def _noise_acceleration(self) -> Array:
-        rows = self.equations.plain([s.noise for s in self.equations.stretches])
+        rows = self.equations.plain([s.sensed.noise for s in self.equations.stretches])
         return self.equations.whitened(rows)
 
     def drive(self, inputs: Terms, tap: float, keep: bool = True, held: bool = False) -> Array:
@@ -227,7 +227,7 @@ def not_negative(term: Term, columns: int) -> bool:
 
 def noisy_load(equations: Equations, t: Term) -> list[Array]:
     """Change of a load's column under a synthetic realisation of the sensor noise, by stretch."""
-    both = [(s, replace(s, integrated=s.with_noise)) for s in equations.stretches]
+    both = [(s, replace(s, noisy=True)) for s in equations.stretches]
     return [finite(_columns(more, t, s.log["u"])[0] - _columns(s, t, s.log["u"])[0]) for s, more in both]
 
 

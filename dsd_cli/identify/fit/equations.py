@@ -23,19 +23,17 @@ from numpy.typing import NDArray
 from dsd_cli.effects import Channels, Effect, Role
 from dsd_cli.identify.fit.band import Band, band_of, chosen_band
 from dsd_cli.identify.fit.noise import HALF
+from dsd_cli.identify.fit.sensed import Sensed
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.recordings.regular import MEAN_OF_FOUR
 from dsd_cli.identify.recordings.rest import resting
-from dsd_cli.identify.recordings.sensor import Sensor
 from dsd_cli.plant.filtering import delay_taps
 from dsd_cli.plant.forces import IntervalChannels
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Array, Log
 
 _Kind = TypeVar("_Kind", bound=np.generic)
-#: Seed of the synthetic sensor noise that calibrates the errors-in-variables correction.
-_SEED = 20261121
 #: Standard deviations of the speed's noise beyond which the direction is certain.
 _CERTAIN = 4.0
 #: Value in the middle of the interval between the inner two of four samples (exact for cubics).
@@ -52,10 +50,8 @@ class Stretch:
 
     Attributes
     ----------
-    middle, mean : motion in the middle of each interval, and its mean over the interval.
-    integrated : mean motion out of the measured acceleration, noise and all, but for a constant speed. A load that
-        is coupled to the motor is driven by it: with a smoother motion it would imitate a noise-free acceleration.
-    noise : a synthetic realisation of the sensor noise in the acceleration; with_noise : `integrated` plus that.
+    middle, mean : speed and position in the middle of each interval, and their means over the interval.
+    sensed : what drives a load; `noisy` : with the synthetic noise of the sensor.
     free : 1 where the axis slides, so that friction's direction is known, 0 where friction holds.
     sign : mean of sgn v, 0 where it is not known.
     acceleration : as measured.
@@ -68,23 +64,23 @@ class Stretch:
     frame: Frame
     middle: IntervalChannels
     mean: IntervalChannels
-    integrated: IntervalChannels
-    noise: Array
-    with_noise: IntervalChannels
+    sensed: Sensed
     free: Array
     sign: Array
     acceleration: Array
     two_intervals: bool
     stepping: bool
     pushed: tuple[str, float] | None
+    noisy: bool = False
 
     def channels(self, drive: Array, effect: Effect) -> Channels:
         """What an effect looks at under that delayed u: means over the interval, or the values in the middle of it."""
         if effect.role is Role.STRUCTURE:
-            return self.frame.channels(drive, self.integrated)
+            velocity, position = self.sensed.noisy if self.noisy else self.sensed.motion
+            return self.frame.channels(drive, self.mean._replace(velocity=velocity, position=position))
         if effect.memory:
             return self.frame.channels(drive, self.mean)
-        return self.frame.channels(drive, self.middle)._replace(interval=np.zeros(len(drive)))
+        return self.frame.channels(drive, self.middle)._replace(interval=np.broadcast_to(0.0, len(drive)))
 
     def acting(self, x: Array, smooth: bool, held: bool) -> Array:
         """A force per interval as the acceleration averages it.
@@ -232,18 +228,14 @@ def _band(recordings: Sequence[Recording]) -> Band:
 
 def _stretch(log: Log, recording: Recording) -> Stretch:
     sensor, frame = recording.sensor, Frame(log)
-    motion = frame.motion(recording.rest_speed)
     speed = log["velocity"]
     known = ~resting(speed, log["rest_speed"])
-    noise = sensor.noise.made(len(log), np.random.default_rng(_SEED))
     return Stretch(
         log=log,
         frame=frame,
-        middle=_motion(log, motion, _MIDDLE_OF_FOUR),
-        mean=_motion(log, motion, MEAN_OF_FOUR),
-        integrated=_integrated(log["acceleration"], log.sample_time, motion, sensor),
-        noise=noise,
-        with_noise=_integrated(log["acceleration"] + noise, log.sample_time, motion, sensor),
+        middle=_motion(log, _MIDDLE_OF_FOUR),
+        mean=_motion(log, MEAN_OF_FOUR),
+        sensed=Sensed(log, sensor),
         free=known.astype(np.float64),
         sign=np.where(known, direction(speed, log["speed_noise"]), 0.0),
         acceleration=log["acceleration"],
@@ -253,16 +245,18 @@ def _stretch(log: Log, recording: Recording) -> Stretch:
     )
 
 
-def _motion(log: Log, motion: IntervalChannels, weights: Array) -> IntervalChannels:
+def _motion(log: Log, weights: Array) -> IntervalChannels:
     """Motion of each interval out of four samples; the first two and the last have the mean of their ends."""
+    unknown = np.broadcast_to(np.nan, len(log))
 
-    def of(name: str, fallback: Array) -> Array:
-        if name not in log or len(log) < 4:
-            return fallback
-        inner = np.convolve(log[name], weights, mode="valid")
-        return np.concatenate([fallback[:2], inner, fallback[-1:]])
+    def of(name: str) -> Array:
+        if name not in log:
+            return unknown
+        x = log[name]
+        first, last = [x[0], 0.5 * (x[0] + x[1])], [0.5 * (x[-2] + x[-1])]
+        return np.concatenate([first, np.convolve(x, weights, mode="valid"), last])
 
-    return motion._replace(velocity=of("velocity", motion.velocity), position=of("position", motion.position))
+    return IntervalChannels(of("velocity"), of("position"), unknown, unknown)
 
 
 def direction(speed: Array, noise: Array) -> Array:
@@ -272,22 +266,13 @@ def direction(speed: Array, noise: Array) -> Array:
     """
     before = np.concatenate([speed[:1], speed[:-1]])
     size = np.abs(speed) + np.abs(before)
-    exact = (speed + before) / np.where(size > 0.0, size, 1.0)
+    found = (speed + before) / np.where(size > 0.0, size, 1.0)
     x = 0.5 * (speed + before) / np.maximum(noise, 1e-300)
-    x = np.clip(x, -_CERTAIN, _CERTAIN)
-    likely = np.tanh(
-        np.sqrt(2.0 / np.pi) * (x + 0.044715 * x**3)
-    )  # erf(x / sqrt 2), the mean of sgn of v given v + noise
-    return np.where(np.abs(x) >= _CERTAIN, exact, likely)
-
-
-def _integrated(acceleration: Array, step: float, motion: IntervalChannels, sensor: Sensor) -> IntervalChannels:
-    """Mean speed and position of each interval that the measured accelerations add up to, from rest."""
-    speeds = np.cumsum(acceleration) * step
-    before = np.concatenate([[0.0], speeds[:-1]])
-    mean = before if sensor.two_intervals else 0.5 * (before + speeds)
-    ends = np.cumsum(mean) * step
-    return motion._replace(velocity=mean, position=ends - 0.5 * mean * step)
+    doubtful = np.flatnonzero(~(np.abs(x) >= _CERTAIN))  # few, as a rule
+    x = x[doubtful]
+    # erf(x / sqrt 2), the mean of sgn of v given v + noise
+    found[doubtful] = np.tanh(np.sqrt(2.0 / np.pi) * (x + 0.044715 * x**3))
+    return np.asarray(found)
 
 
 def mean_of_middles(x: Array) -> Array:

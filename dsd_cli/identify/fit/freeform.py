@@ -15,7 +15,7 @@ import numpy as np
 
 from dsd_cli.identify.fit.bank import FIXED, Bank, holds
 from dsd_cli.identify.fit.bank import drive as delayed
-from dsd_cli.identify.fit.basis import basis
+from dsd_cli.identify.fit.basis import Units, basis
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations, Stretch
 from dsd_cli.identify.fit.gram import Grams, grams, solve, total_gram
@@ -117,16 +117,16 @@ class FreeformFits:
         """Hats as rows in the unit of u, and the penalty on their bends, (c, c)."""
         if on not in self._made:
             raw, penalty = self._raw(on)
-            count = raw[0].shape[1]
+            held = holds(self.fit.terms)
             made = [
-                self.equations.acting([a[:, i] for a in raw], smooth=False, held=holds(self.fit.terms))
-                for i in range(count)
+                self.equations.acting([units.column(i) for units in raw], smooth=False, held=held)
+                for i in range(raw[0].size)
             ]
             self._made[on] = made, penalty
         return self._made[on]
 
-    def _raw(self, on: tuple[str, ...]) -> tuple[list[Array], Array]:
-        """Hats per interval of each stretch, shape (n, c), and the penalty on their bends, (c, c)."""
+    def _raw(self, on: tuple[str, ...]) -> tuple[list[Units], Array]:
+        """c hats per interval of each stretch, and the penalty on their bends, (c, c)."""
         if on == ("time",):
             count = max(self.blocks.count // BLOCKS_PER_TIME_HAT, 3)
             return basis(self.pieces, on, [count])
@@ -139,15 +139,15 @@ class FreeformFits:
             return basis(self.pieces, on, [min(HATS, most)])
         return basis(self.pieces, on, [min(HATS_IN_PAIR, max(math.isqrt(most), 2))] * len(on))
 
-    def _gain(self, channel: str, count: int) -> tuple[list[Array], Array]:
+    def _gain(self, channel: str, count: int) -> tuple[list[Units], Array]:
         """u times hats over a channel. Where J varies over the position, J' v^2 / 2 comes with it: v^2 times hats."""
         hats, penalty = basis(self.pieces, (channel,), [count])
         u = [piece.values["u"] for piece in self.pieces]
         if channel != "position" or any("velocity" not in piece.values for piece in self.pieces):
-            return [h * x[:, None] for h, x in zip(hats, u, strict=True)], penalty
+            return [h.times(x) for h, x in zip(hats, u, strict=True)], penalty
         squares = [piece.values["velocity"] ** 2 for piece in self.pieces]
         scale = float(np.std(np.concatenate(u))) / max(float(np.std(np.concatenate(squares))), 1e-300)
-        made = [np.hstack([h * x[:, None], h * (scale * v)[:, None]]) for h, x, v in zip(hats, u, squares, strict=True)]
+        made = [h.times(x).beside(h.times(scale * v)) for h, x, v in zip(hats, u, squares, strict=True)]
         return made, np.asarray(np.kron(np.eye(2), penalty))
 
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from dsd_cli.identify.recordings.smoothing import noise_of
 from dsd_cli.identify.recordings.spectrum import SensorKind, SensorNoise, sensor_noise
-from dsd_cli.plant.filtering import poles_of
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Array, Log, with_channels
@@ -85,15 +84,15 @@ def _acceleration(piece: Log, kind: SensorKind, observer: ObserverSettings) -> A
 
 
 def net_force(piece: Log, observer: ObserverSettings) -> Array:
-    """Jn a, mean over the interval that ends at each sample, from d_hat and u: Q undone, shape (n,).
+    """Jn a, mean over the interval that ends at each sample of a regular clock, from d_hat and u: Q undone, shape (n,).
 
     Where d_hat averages two intervals (from position) so does this. The first sample is 0.
     """
     frame = Frame(piece)
     d_hat = piece["d_hat"]
-    poles = poles_of(frame.intervals.tolist(), observer.time_constant)
+    pole = observer.pole(piece.sample_time)
     raw = np.zeros(len(d_hat))
-    raw[1:] = (d_hat[1:] - poles[1:] * d_hat[:-1]) / (1.0 - poles[1:])
+    raw[1:] = (d_hat[1:] - pole * d_hat[:-1]) / (1.0 - pole)
     u = frame.seen(frame.mean_u(piece["u"], 0.0), None)
     total = raw + u
     total[0] = 0.0

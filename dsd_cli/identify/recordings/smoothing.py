@@ -74,48 +74,71 @@ def smooth(x: Array, t: Array, known: ChannelNoise | None = None) -> Smoothed:
     x, t : shape (n,); t in s may be irregular. known : None reads the noise from x.
     """
     noise, quantised = known or channel_noise(x)
-    chosen, value, least = 0, x, POLICY.noise_misjudged
+    stamps = _Stamps.of(t)
+    found = _Adapted(x, stamps, noise)
+    chosen, least = 0, POLICY.noise_misjudged
+    moving = _moving(x, noise) if noise > 0.0 else None
     for half in HALF_WIDTHS[1:]:
-        if 2 * half + 1 > len(x) // 4 or not noise > 0.0:
+        if 2 * half + 1 > len(x) // 4 or moving is None:
             break
-        candidate, _ = _local(x, t, half)
-        removed = (x - candidate)[_moving(x, noise)]
+        candidate, slope = _local(x, stamps, half)
+        removed = (x - candidate)[moving]
         size = (_rms(removed) if quantised else _robust(removed)) / (noise * _kept(half))
         if size > POLICY.smoothing_growth * least:
             break
-        chosen, value, least = half, candidate, min(least, max(size, 1.0))
-    value, slope, value_spread, slope_spread = _adapted(x, t, chosen, noise)
-    value_noise = _spread(chosen, 0, noise, t) if chosen else noise
-    slope_noise = _spread(max(chosen, 1), 1, noise, t)
-    return Smoothed(value, slope, chosen, value_noise, slope_noise, value_spread, slope_spread)
+        chosen, least = half, min(least, max(size, 1.0))
+        found.widen(half, candidate, slope)
+    value_noise = _spread(chosen, 0, noise, stamps) if chosen else noise
+    slope_noise = _spread(max(chosen, 1), 1, noise, stamps)
+    return Smoothed(found.value, found.slope, chosen, value_noise, slope_noise, found.spreads, found.slope_spreads)
 
 
-def _adapted(x: Array, t: Array, widest: int, noise: float) -> tuple[Array, Array, Array, Array]:
-    """Value and slope in the widest window up to `widest` that the noise allows at every sample, and the standard
-    deviations of the noise in both; shape (n,) each.
+class _Stamps(NamedTuple):
+    """t in s, shape (n,), the usual step, and whether all are that."""
+
+    t: Array
+    step: float
+    regular: bool
+
+    @classmethod
+    def of(cls, t: Array) -> _Stamps:
+        steps = np.diff(t)
+        step = float(np.median(steps))
+        return cls(t, step, bool(np.ptp(steps) < _REGULAR * step))
+
+
+class _Adapted:
+    """Value and slope in the widest window that the noise allows at every sample, and the standard deviations of the
+    noise in both; shape (n,) each.
 
     Around a sudden change, wider windows differ from narrower ones by more than noise; there they end (the rule of
     intersecting confidence intervals).
     """
-    value = x
-    _, slope = _local(x, t, 1)
-    alive = np.ones(len(x), dtype=bool)
-    spread, slope_spread = noise, _spread(1, 1, noise, t)
-    spreads, slope_spreads = np.full(len(x), spread), np.full(len(x), slope_spread)
-    for half in [h for h in HALF_WIDTHS if 0 < h <= widest]:
-        wider, wider_slope = _local(x, t, half)
-        strange = np.abs(wider - value) > POLICY.windows_agree * spread
-        strange |= np.abs(wider_slope - slope) > POLICY.windows_agree * slope_spread
-        alive &= ~_widened(strange, half)
-        value, slope = np.where(alive, wider, value), np.where(alive, wider_slope, slope)
-        spread, slope_spread = _spread(half, 0, noise, t), _spread(half, 1, noise, t)
-        spreads, slope_spreads = np.where(alive, spread, spreads), np.where(alive, slope_spread, slope_spreads)
-    return np.asarray(value), np.asarray(slope), spreads, slope_spreads
+
+    def __init__(self, x: Array, stamps: _Stamps, noise: float) -> None:
+        self._stamps, self._noise = stamps, noise
+        self._alive = np.ones(len(x), dtype=bool)
+        self._last = noise, _spread(1, 1, noise, stamps)
+        self.value, self.slope = x, _local(x, stamps, 1)[1]
+        self.spreads, self.slope_spreads = (np.full(len(x), spread) for spread in self._last)
+
+    def widen(self, half: int, wider: Array, wider_slope: Array) -> None:
+        """To this half width, where it may; value and slope in such windows, shape (n,) each."""
+        strange = np.abs(wider - self.value) > POLICY.windows_agree * self._last[0]
+        strange |= np.abs(wider_slope - self.slope) > POLICY.windows_agree * self._last[1]
+        self._alive &= ~_widened(strange, half)
+        alive, noise = self._alive, self._noise
+        self._last = _spread(half, 0, noise, self._stamps), _spread(half, 1, noise, self._stamps)
+        self.value, self.slope = np.where(alive, wider, self.value), np.where(alive, wider_slope, self.slope)
+        self.spreads, self.slope_spreads = (
+            np.where(alive, spread, old)
+            for spread, old in zip(self._last, (self.spreads, self.slope_spreads), strict=True)
+        )
 
 
-def _spread(half: int, derivative: int, noise: float, t: Array) -> float:
+def _spread(half: int, derivative: int, noise: float, stamps: _Stamps) -> float:
     """Standard deviation that the noise leaves in a value (0) or slope (1)."""
-    return noise * float(np.sqrt(np.sum(_weights(half, derivative) ** 2))) / float(np.median(np.diff(t))) ** derivative
+    return noise * float(np.sqrt(np.sum(_weights(half, derivative) ** 2))) / stamps.step**derivative
 
 
 def _widened(marks: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
@@ -156,14 +179,14 @@ def _moving(x: Array, noise: float) -> Array:
     return moving if moving.sum() > 10 else np.ones(len(x), dtype=bool)
 
 
-def _local(x: Array, t: Array, half: int) -> tuple[Array, Array]:
+def _local(x: Array, stamps: _Stamps, half: int) -> tuple[Array, Array]:
     """Value and slope (per s) of local polynomials at every sample, in the true stamps; shape (n,) each."""
-    windows = 2 * half + 1
-    padded_x, padded_t = (_extended(channel, half) for channel in (x, t))
-    step = float(np.median(np.diff(t)))
-    if np.ptp(np.diff(t)) < _REGULAR * step:
+    t, step, regular = stamps
+    windows, padded_x = 2 * half + 1, _extended(x, half)
+    if regular:
         value, slope = (np.convolve(padded_x, _weights(half, d)[::-1], mode="valid") for d in (0, 1))
         return value, slope / step
+    padded_t = _extended(t, half)
     view = np.lib.stride_tricks.sliding_window_view
     tau = (view(padded_t, windows) - t[:, None]) / step
     order = min(_ORDER, 2 * half)

@@ -83,6 +83,18 @@ def searched_with(
     return judge, judge.fit(terms, whole.tap)
 
 
+def posed(recordings: Sequence[Recording], model: PlantModel, settings: Settings, near: float) -> Search:
+    """A search on all rows, nothing searched for: noise, and shapes of the model's effects, are those of excerpts.
+
+    near : about the delay, s.
+    """
+    parts = excerpts(recordings)
+    search = Search(pose(parts, model, settings, near=near))
+    if sum(r.samples for r in parts) == sum(r.samples for r in recordings):
+        return search
+    return Judge(asked_of_all(search.problem, recordings, (), search.refit), search)
+
+
 def searched_as_is(
     recordings: Sequence[Recording],
     model: PlantModel,
@@ -105,6 +117,7 @@ def searched_as_is(
     worst = _less_explained(judge, judged, parts)
     if worst is None:
         return judge, judged
+    del search, judge, judged  # their rows and columns are as large as those that come
     search, whole = _found(with_part(parts, recordings, *worst), model, settings, holdout, report, begun=whole)
     return on_all(search, recordings, holdout, whole)
 

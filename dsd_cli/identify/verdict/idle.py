@@ -10,10 +10,10 @@ import numpy as np
 
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.asked import Settings
-from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.search.long_logs import posed
 from dsd_cli.identify.search.response import Seen, response_of
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array, with_channels
@@ -64,13 +64,14 @@ def idle_part(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
             name: values for name, values in as_found.effects.items() if get_effect(name).role not in part.imitators
         }
         there = replace(problem.model, effects=forces)
-        without = Search(pose(part.taken_off, there, settings, near=as_found.delay))
+        without = posed(part.taken_off, there, settings, as_found.delay)
         left = without.problem.errors.rmse(without.refit)
         if seen is not None and Role.STRUCTURE in part.imitators and not _shows(without, seen.effect):
             return Idle(part.what, f"{part.instead}, the response shows no load", part.question)
         if left < _AT_MOST * found and left < least and problem.falls(before, left, search.refit):
             why = f"forces alone leave {left:.3g}, less than any effects with u as it is logged ({found:.3g})"
             best, least = Idle(part.what, f"{part.instead}, {why}", part.question), left
+        del without  # as large as the next
     return best
 
 
