@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Diagnosis
-from dsd_cli.identify.search.afloat import searched
+from dsd_cli.identify.search.levels import levelled
 from dsd_cli.identify.search.pulses import event_effect
 from dsd_cli.identify.verdict.beyond import above_floor, beyond_of, pushed
 from dsd_cli.identify.verdict.contradictions import against_told
@@ -53,7 +53,8 @@ def diagnose(
     report = progress or (lambda _what, _share: None)
     report("preparing", 0.0)
     asked = settings or Settings()
-    search, whole = searched(recordings, model, asked, holdout, report)
+    found = levelled(recordings, model, asked, holdout, report)
+    recordings, search, whole = found.recordings, found.search, found.whole
     beyond = beyond_of(search, whole)
     doubtful = beyond.unknown or above_floor(search, whole)
     shown = with_response(search, whole, recordings, model, asked, holdout, doubtful, report)
@@ -66,9 +67,9 @@ def diagnose(
         whole, beyond = without_imitations(search, whole, beyond)
     report("how sure", 0.8)
     whole, first = strongest_first(search, whole)
-    found = [t.id for t in search.added(whole.terms) if shown.seen is None]
+    members_of = [t.id for t in search.added(whole.terms) if shown.seen is None]
     limits = limits_of(search, whole, shown.settings, shown.seen)
-    members = {} if limits.blocked else memberships(search, whole, found, beyond.unknown)
+    members = {} if limits.blocked else memberships(search, whole, members_of, beyond.unknown)
     options, own = [*search.options(search.refit), *first], own_values(search)
     verdict = Verdict(search, options, whole, members, own, beyond, shown, limits)
     diagnosis = against_told(verdict.diagnosis(), search, whole)

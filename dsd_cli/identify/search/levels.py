@@ -1,0 +1,279 @@
+"""Levels that differ between the logs of one rig: friction that warmed up, an offset of one day.
+
+Effects say which of their values do (`Effect.varies`). Beside all functions of the motion such a value gets a deviation
+in each log; those that are certain and of use are forces that are known to act in that log, and the search begins again
+without them. The model keeps the mean of the logs. A force that depends on the place or the speed is no level, wherever
+the logs were taken: what a function of the motion does as well is not told.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from dsd_cli.effects import get_effect
+from dsd_cli.identify.fit.asked import Settings
+from dsd_cli.identify.fit.bank import INERTIA, Bank, Term, holds
+from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.freeform import freeform_fits
+from dsd_cli.identify.fit.gram import Grams, grams, solve, squares
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.sure import uncertain
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.levels import Deviations, with_levels
+from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.search.afloat import searched
+from dsd_cli.identify.search.long_logs import searched_with
+from dsd_cli.identify.search.sets import Search, spread_over_blocks
+from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.log import Array
+
+Report = Callable[[str, float], None]
+#: Channels of the motion whose functions stand beside the levels; pairs with them, one at a time.
+_MOTION, _PAIRS = (("velocity",), ("position",)), (("velocity", "position"), ("velocity", "u"))
+#: Of the size of columns, added to make them invertible: functions of two channels have the constant in common.
+_RIDGE = 1e-7
+#: Of the mean square of a column in the log that has most of it, that each log has: else there is nothing to compare.
+_LEAST_SIZE = 1e-3
+#: Rounds of levels and sets that are found beside each other.
+_ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class Levelled:
+    """A search that knows the levels of each log: its recordings have them as forces.
+
+    plain : the recordings without.
+    """
+
+    plain: tuple[Recording, ...]
+    recordings: tuple[Recording, ...]
+    search: Search
+    whole: Fit
+    levels: tuple[Deviations, ...] = ()
+
+
+def levelled(
+    recordings: Sequence[Recording],
+    model: PlantModel,
+    settings: Settings,
+    holdout: Sequence[Recording],
+    report: Report = lambda _what, _share: None,
+) -> Levelled:
+    """The search over these recordings, with levels per log where they differ.
+
+    Raises
+    ------
+    DataError, UsageError : as `pose`.
+    """
+    plain = tuple(recordings)
+    first = found = Levelled(plain, plain, *searched(plain, model, settings, holdout, report))
+    if len(plain) < 2 or any(r.walk > 0.0 for r in plain):
+        return first
+    for _ in range(_ROUNDS):
+        now = deviations(found.search, found.whole)
+        if _the_same(now, found.levels):
+            break
+        if not now:
+            return _without_levels(found, first, model, settings, holdout)
+        known = with_levels(plain, now)
+        found = Levelled(plain, known, *searched(known, model, settings, holdout, report), now)
+    return found if _possible(found) and _better(found, first) else first
+
+
+def _the_same(a: Sequence[Deviations], b: Sequence[Deviations]) -> bool:
+    """Whether these are the same levels, within a standard error."""
+    if [x.name for x in a] != [x.name for x in b]:
+        return False
+    pairs = ((p, q, s) for x, y in zip(a, b, strict=True) for p, q, s in zip(x.by_log, y.by_log, x.errors, strict=True))
+    return all(abs(p - q) <= s for p, q, s in pairs)
+
+
+def _without_levels(
+    found: Levelled, first: Levelled, model: PlantModel, settings: Settings, holdout: Sequence[Recording]
+) -> Levelled:
+    """No level differs beside the set that was found with levels: they stood in for a part of it."""
+    there = found.search.problem.scale.model(found.whole)
+    search, fit = searched_with(first.plain, there, model, settings, holdout)
+    whole = search.settled(fit)
+    better = search.problem.errors.rmse(whole) < first.search.problem.errors.rmse(first.whole)
+    return Levelled(first.plain, first.plain, search, whole) if better else first
+
+
+def _possible(found: Levelled) -> bool:
+    """Whether no log has a level beyond its bound: friction that drives the axis."""
+    values = found.search.problem.values(found.whole).estimates
+    for one in found.levels:
+        lower = next(p.lower for p in get_effect(one.effect).parameters if p.name == one.parameter)
+        mean = values[one.name].value if one.name in values else 0.0
+        slack = POLICY.told_deviations
+        if any(mean + d < lower - slack * s for d, s in zip(one.by_log, one.errors, strict=True)):
+            return False
+    return True
+
+
+def _better(found: Levelled, first: Levelled) -> bool:
+    """Whether another set with levels leaves less than the one without any, by more than two such sets may differ."""
+    sets = [{t.id for t in one.search.added(one.whole.terms)} for one in (found, first)]
+    with_them, without = (one.search.problem.errors.rmse(one.whole) for one in (found, first))
+    return sets[0] == sets[1] or with_them < without / (1.0 + POLICY.nearly_the_same)
+
+
+def deviations(search: Search, fit: Fit) -> tuple[Deviations, ...]:
+    """Levels that differ between the logs beside a fit, whatever levels are known already."""
+    asked = _Asked(search, fit)
+    names = [key for key in asked.columns if asked.told(key)]
+    while names:
+        doubtful = [key for key in names if not asked.certain(key, names)]
+        if not doubtful:
+            break
+        names.remove(min(doubtful, key=lambda key: asked.gain(key, names)))
+    for pair in _PAIRS:
+        if names:
+            beside = _Asked(search, fit, pair)
+            names = [key for key in names if beside.told(key) and beside.certain(key, names)]
+    return tuple(asked.values(key, names) for key in names)
+
+
+_Key = tuple[str, str, int]
+
+
+class _Asked:
+    """Levels per log beside a fit and functions of its motion: regressions out of one set of inner products."""
+
+    def __init__(self, search: Search, fit: Fit, pair: tuple[str, ...] = ()) -> None:
+        self.search, self.fit, problem = search, fit, search.problem
+        plain, white = _without_known(problem.errors.bank), search.equations
+        self.logs = logs_of_rows(white)
+        fits = freeform_fits(plain, white, problem.blocks, fit, search.solver.inertia)
+        groups = [g for g in fits.groups() if g in (*_MOTION, pair)]
+        rows = [*fits.base, *(x for group in groups for x in fits.columns(group)[0])]
+        self._others, self.columns = list(range(1, len(rows))), dict[_Key, list[int]]()
+        for key, column in _candidates(search, fit, plain):
+            made = _by_log(column, self.logs)
+            if made:
+                self.columns[key] = list(range(len(rows), len(rows) + len(made)))
+                rows += made
+        self._rows, sure = rows, _sure(white)
+        self._white = grams([white.whitened(x) * sure for x in rows], problem.blocks)
+
+    # -- what is asked of a level ------------------------------------------------------------------------------------
+
+    def told(self, key: _Key) -> bool:
+        """Whether functions of the motion leave enough of its columns: logs at other places tell no levels."""
+        for i in self.columns[key]:
+            if self._squares(self._white, self._others, i) <= POLICY.level_own_share * self._white.total[i, i]:
+                return False
+        return True
+
+    def gain(self, key: _Key, names: Sequence[_Key]) -> float:
+        """Nats on held-out blocks, without a price."""
+        return float(self._gains(self._white, key, names).sum()) / self.search.noise.nats
+
+    def certain(self, key: _Key, names: Sequence[_Key]) -> bool:
+        """Whether it differs between logs beside those levels: by its error, on all blocks, and by what is of use."""
+        one = self.values(key, names)
+        if max(abs(d) / max(s, 1e-300) for d, s in zip(one.by_log, one.errors, strict=True)) < POLICY.value_deviations:
+            return False
+        gains = self._gains(self._white, key, names) / self.search.noise.nats
+        price = POLICY.effect_price * len(self.columns[key])
+        return float(gains.sum()) - price > POLICY.least_gain and spread_over_blocks(gains) and self._of_use(key, names)
+
+    def _of_use(self, key: _Key, names: Sequence[_Key]) -> bool:
+        """See `Problem.falls`; of all rows, for the blocks have told that it is there."""
+        count = max(int(self.search.equations.kept.sum()), 1)
+        was, now = (math.sqrt(self._squares(self._plain, which) / count) for which in reversed(self._used(key, names)))
+        return self.search.problem.falls(was, now, self.fit)
+
+    # -- regressions -------------------------------------------------------------------------------------------------
+
+    def values(self, key: _Key, names: Sequence[_Key]) -> Deviations:
+        """Beside all others, with the jackknife's standard errors."""
+        used, _ = self._used(key, names)
+        index, found, at = [0, *used], self._white, [used.index(i) for i in self.columns[key]]
+        less = found.total[None] - found.held_out
+        stack = np.concatenate([found.total[None], less])[:, index][:, :, index]
+        unit = -float(self.fit.total[INERTIA]) / self.search.solver.inertia
+        theta = unit * solve(stack, _RIDGE)[:, at]
+        theta = np.column_stack([theta, -theta.sum(axis=1)])
+        count = len(theta) - 1
+        spread = np.sqrt((count - 1.0) * np.mean((theta[1:] - theta[1:].mean(axis=0)) ** 2, axis=0))
+        effect, parameter, column = key
+        return Deviations(effect, parameter, column, *(tuple(x.tolist()) for x in (theta[0], spread)))
+
+    def _gains(self, found: Grams, key: _Key, names: Sequence[_Key]) -> Array:
+        """By how much the squares of each held-out block fall with it, shape (B,)."""
+        used, rest = self._used(key, names)
+        return self._losses(found, rest) - self._losses(found, used)
+
+    def _used(self, key: _Key, names: Sequence[_Key]) -> tuple[list[int], list[int]]:
+        """Columns with those levels, and the same without that of `key`."""
+        used = [*self._others, *(i for n in names for i in self.columns[n])]
+        return used, [i for i in used if i not in self.columns[key]]
+
+    @staticmethod
+    def _squares(found: Grams, used: Sequence[int], target: int = 0) -> float:
+        """What those columns leave of a row, all rows fitted."""
+        gram = found.total[np.ix_(index := [target, *used], index)]
+        return squares(gram, solve(gram[None], _RIDGE)[0])
+
+    @cached_property
+    def _plain(self) -> Grams:
+        """Of rows in the unit of u."""
+        problem = self.search.problem
+        return grams([x * problem.equations.kept for x in self._rows], problem.blocks)
+
+    def _losses(self, found: Grams, used: Sequence[int]) -> Array:
+        index = [0, *used]
+        theta = solve(found.fitted[:, index][:, :, index], _RIDGE)
+        weights = np.concatenate([np.ones((len(theta), 1)), -theta], axis=1)[self.search.problem.blocks.fold]
+        return np.asarray(np.einsum("bi,bij,bj->b", weights, found.held_out[:, index][:, :, index], weights))
+
+
+def logs_of_rows(equations: Equations) -> Array:
+    """Recording of each row, shape (N,)."""
+    used = {id(s.log) for s in equations.stretches}
+    owners = [i for i, r in enumerate(equations.recordings) for p in r.pieces if id(p) in used]
+    return np.repeat(owners, equations.lengths)
+
+
+def _by_log(column: Array, logs: Array) -> list[Array]:
+    """A column for each log but the last, which has minus their sum; none where one log has nothing in the column."""
+    count = int(logs.max()) + 1
+    size = np.bincount(logs, column**2, count) / np.maximum(np.bincount(logs, minlength=count), 1)
+    if size.min() <= _LEAST_SIZE * size.max():
+        return []
+    last = np.where(logs == count - 1, column, 0.0)
+    return [np.where(logs == i, column, 0.0) - last for i in range(count - 1)]
+
+
+def _candidates(search: Search, fit: Fit, bank: Bank) -> Iterator[tuple[_Key, Array]]:
+    """Values that may differ between logs, of effects of the fit and of those that may be added, and their columns."""
+    for name in dict.fromkeys((*(t.id for t in fit.terms), *search.allowed)):
+        effect = get_effect(name)
+        if not effect.varies or effect.searched or effect.memory or effect.split is not None:
+            continue
+        columns = bank.columns(Term(name), fit.tap, held=holds(fit.terms))
+        linear = (p.name for p in effect.parameters if p.linear)
+        for i, (parameter, column) in enumerate(zip(linear, columns, strict=True)):
+            if parameter in effect.varies and f"{name}.{parameter}" not in search.solver.known.fixed:
+                yield (name, parameter, i), column
+
+
+def _without_known(bank: Bank) -> Bank:
+    """The same rows in the unit of u without any levels known of single logs."""
+    equations = bank.equations
+    if not any(s.levels for s in equations.stretches):
+        return bank
+    return Bank(replace(equations, stretches=tuple(replace(s, levels=()) for s in equations.stretches)))
+
+
+def _sure(equations: Equations) -> Array:
+    """1 in rows that tell where friction's direction is sure, or in all rows if few are so."""
+    sure = equations.kept & (uncertain(equations) <= POLICY.unsure_share)
+    enough = sure.sum() > POLICY.sure_part * equations.kept.sum()
+    return (sure if enough else equations.kept).astype(np.float64)
