@@ -180,8 +180,8 @@ class Bank:
         return self.equations.whitened(rows)
 
     def drive(self, inputs: Terms, tap: float, keep: bool = True, held: bool = False) -> Array:
-        """The command after these input effects, `tap` steps late, also between, with the forces that are known to act in
-        single logs; `held`: see `Stretch.acting`."""
+        """The command after these input effects, `tap` steps late, also between, and what acts in single logs alone;
+        `held`: see `Stretch.acting`."""
         key = (inputs, tap, held)
         if key in self._drives:
             return self._drives[key]

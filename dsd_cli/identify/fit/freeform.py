@@ -18,7 +18,7 @@ from dsd_cli.identify.fit.bank import drive as delayed
 from dsd_cli.identify.fit.basis import basis
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations, Stretch
-from dsd_cli.identify.fit.gram import Grams, grams, solve, total_gram
+from dsd_cli.identify.fit.gram import Grams, grams, losses, solve, total_gram
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.signals.log import Array
 
@@ -105,12 +105,12 @@ class FreeformFits:
         found = grams(rows, self.blocks)
         fixed = len(self.base) - 1
         alone = Grams(*(g[..., : fixed + 1, : fixed + 1] for g in found))
-        without = _losses(solve(alone.fitted), alone, self.blocks)
+        without = losses(solve(alone.fitted), alone, self.blocks)
         tried = []
         for strength in STRENGTHS:
             ridge = 1e-9 * np.eye(fixed + len(columns))
             ridge[fixed:, fixed:] += strength * (BENDS * penalty + SIZE * np.eye(len(columns)))
-            tried.append(Freeform(on, _losses(solve(found.fitted, ridge), found, self.blocks), without))
+            tried.append(Freeform(on, losses(solve(found.fitted, ridge), found, self.blocks), without))
         return loss_of(tried)
 
     def columns(self, on: tuple[str, ...]) -> tuple[list[Array], Array]:
@@ -180,12 +180,6 @@ def _piece(stretch: Stretch, u: Array) -> _Piece:
         if name in stretch.log:
             values[name] = getattr(stretch.mean, name)
     return _Piece(values, np.where(stretch.free > 0.0, stretch.sign, np.nan))
-
-
-def _losses(theta: Array, found: Grams, blocks: Blocks) -> Array:
-    """Squared residuals of each block by the fit that did not see it, shape (B,)."""
-    residual = np.concatenate([np.ones((len(theta), 1)), -theta], axis=1)[blocks.fold]
-    return np.asarray(np.einsum("bi,bij,bj->b", residual, found.held_out, residual))
 
 
 def _varies(piece: _Piece, name: str) -> bool:

@@ -17,7 +17,7 @@ class Deviations:
     Attributes
     ----------
     column : of the effect, that the parameter multiplies. by_log, errors : deviation of each log and its standard
-        error, unit of the parameter.
+        error, unit of the parameter. alike : effects whose levels would explain the logs as well in its place.
     """
 
     effect: str
@@ -25,6 +25,7 @@ class Deviations:
     column: int
     by_log: tuple[float, ...]
     errors: tuple[float, ...]
+    alike: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:

@@ -20,9 +20,9 @@ from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.fit.bank import INERTIA, Bank, Term, holds
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import freeform_fits
-from dsd_cli.identify.fit.gram import Grams, grams, solve, squares
+from dsd_cli.identify.fit.gram import Grams, grams, losses, solve, squares, total_gram
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.sure import uncertain
+from dsd_cli.identify.fit.sure import inflation, uncertain
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.levels import Deviations, with_levels
 from dsd_cli.identify.recordings.recording import Recording
@@ -39,8 +39,8 @@ _MOTION, _PAIRS = (("velocity",), ("position",)), (("velocity", "position"), ("v
 _RIDGE = 1e-7
 #: Of the mean square of a column in the log that has most of it, that each log has: else there is nothing to compare.
 _LEAST_SIZE = 1e-3
-#: Rounds of levels and sets that are found beside each other.
-_ROUNDS = 3
+#: Rounds of levels and sets that are found beside each other, and the change of a level that ends them.
+_ROUNDS, _SETTLED = 6, 1e-3
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def levelled(
     if len(plain) < 2 or any(r.walk > 0.0 for r in plain):
         return first
     for _ in range(_ROUNDS):
-        now = deviations(found.search, found.whole)
+        now = deviations(found.search, found.whole) or _beside_parts(found)
         if _the_same(now, found.levels):
             break
         if not now:
@@ -86,11 +86,11 @@ def levelled(
 
 
 def _the_same(a: Sequence[Deviations], b: Sequence[Deviations]) -> bool:
-    """Whether these are the same levels, within a standard error."""
+    """Whether these are the same levels, within a standard error or a small share."""
     if [x.name for x in a] != [x.name for x in b]:
         return False
     pairs = ((p, q, s) for x, y in zip(a, b, strict=True) for p, q, s in zip(x.by_log, y.by_log, x.errors, strict=True))
-    return all(abs(p - q) <= s for p, q, s in pairs)
+    return all(abs(p - q) <= max(s, _SETTLED * abs(q)) for p, q, s in pairs)
 
 
 def _without_levels(
@@ -123,9 +123,24 @@ def _better(found: Levelled, first: Levelled) -> bool:
     return sets[0] == sets[1] or with_them < without / (1.0 + POLICY.nearly_the_same)
 
 
-def deviations(search: Search, fit: Fit) -> tuple[Deviations, ...]:
-    """Levels that differ between the logs beside a fit, whatever levels are known already."""
-    asked = _Asked(search, fit)
+def _beside_parts(found: Levelled) -> tuple[Deviations, ...]:
+    """Levels where the whole set leaves more than noise: beside functions of u, as limits and dead zones are, and beside
+    the set without one effect, which may stand in for them."""
+    search, whole = found.search, found.whole
+    if search.problem.errors.rmse(whole) <= POLICY.floor_factor * search.problem.floor:
+        return ()
+    if levels := deviations(search, whole, ("u",)):
+        return levels
+    parts = (tuple(t for t in whole.terms if t != member) for member in search.added(whole.terms))
+    return next((levels for terms in parts if (levels := deviations(search, search.fit(terms, whole.tap)))), ())
+
+
+def deviations(search: Search, fit: Fit, more: tuple[str, ...] = ()) -> tuple[Deviations, ...]:
+    """Levels that differ between the logs beside a fit, whatever levels are known already.
+
+    more : channels of a further function that may be there.
+    """
+    asked = _Asked(search, fit, more)
     names = [key for key in asked.columns if asked.told(key)]
     while names:
         doubtful = [key for key in names if not asked.certain(key, names)]
@@ -135,11 +150,12 @@ def deviations(search: Search, fit: Fit) -> tuple[Deviations, ...]:
     for pair in _PAIRS:
         if names:
             beside = _Asked(search, fit, pair)
-            names = [key for key in names if beside.told(key) and beside.certain(key, names)]
-    return tuple(asked.values(key, names) for key in names)
+            names = [key for key in names if beside.told(key) and beside.clear(key, names)]
+    return tuple(replace(asked.values(key, names), alike=asked.alike(key, names)) for key in names)
 
 
-_Key = tuple[str, str, int]
+#: Effect, parameter, and the column that it multiplies.
+Key = tuple[str, str, int]
 
 
 class _Asked:
@@ -152,38 +168,51 @@ class _Asked:
         fits = freeform_fits(plain, white, problem.blocks, fit, search.solver.inertia)
         groups = [g for g in fits.groups() if g in (*_MOTION, pair)]
         rows = [*fits.base, *(x for group in groups for x in fits.columns(group)[0])]
-        self._others, self.columns = list(range(1, len(rows))), dict[_Key, list[int]]()
-        for key, column in _candidates(search, fit, plain):
-            made = _by_log(column, self.logs)
+        self._others, self.columns = list(range(1, len(rows))), dict[Key, list[int]]()
+        for key, column in varying(search, fit, plain):
+            made = by_log(column, self.logs)
             if made:
                 self.columns[key] = list(range(len(rows), len(rows) + len(made)))
                 rows += made
-        self._rows, sure = rows, _sure(white)
-        self._white = grams([white.whitened(x) * sure for x in rows], problem.blocks)
+        sure = _sure(white, holds(fit.terms))
+        self._rows, made = rows, [white.whitened(x) * sure for x in rows]
+        self._white, self._nats = grams(made, problem.blocks), min(search.noise.nats, _nats(made, sure))
 
     # -- what is asked of a level ------------------------------------------------------------------------------------
 
-    def told(self, key: _Key) -> bool:
+    def told(self, key: Key) -> bool:
         """Whether functions of the motion leave enough of its columns: logs at other places tell no levels."""
         for i in self.columns[key]:
             if self._squares(self._white, self._others, i) <= POLICY.level_own_share * self._white.total[i, i]:
                 return False
         return True
 
-    def gain(self, key: _Key, names: Sequence[_Key]) -> float:
+    def gain(self, key: Key, names: Sequence[Key]) -> float:
         """Nats on held-out blocks, without a price."""
-        return float(self._gains(self._white, key, names).sum()) / self.search.noise.nats
+        return float(self._gains(self._white, key, names).sum()) / self._nats
 
-    def certain(self, key: _Key, names: Sequence[_Key]) -> bool:
-        """Whether it differs between logs beside those levels: by its error, on all blocks, and by what is of use."""
-        one = self.values(key, names)
-        if max(abs(d) / max(s, 1e-300) for d, s in zip(one.by_log, one.errors, strict=True)) < POLICY.value_deviations:
+    def certain(self, key: Key, names: Sequence[Key]) -> bool:
+        """Whether it differs between logs beside those levels, on held-out blocks, too."""
+        if not self.clear(key, names):
             return False
-        gains = self._gains(self._white, key, names) / self.search.noise.nats
+        gains = self._gains(self._white, key, names) / self._nats
         price = POLICY.effect_price * len(self.columns[key])
-        return float(gains.sum()) - price > POLICY.least_gain and spread_over_blocks(gains) and self._of_use(key, names)
+        return float(gains.sum()) - price > POLICY.least_gain and spread_over_blocks(gains)
 
-    def _of_use(self, key: _Key, names: Sequence[_Key]) -> bool:
+    def clear(self, key: Key, names: Sequence[Key]) -> bool:
+        """Whether it differs by more than its error, and by what is of use."""
+        one = self.values(key, names)
+        most = max(abs(d) / max(s, 1e-300) for d, s in zip(one.by_log, one.errors, strict=True))
+        return most > POLICY.value_deviations and self._of_use(key, names)
+
+    def alike(self, key: Key, names: Sequence[Key]) -> tuple[str, ...]:
+        """Effects whose levels would do in its place: motion in one direction tells no friction from a load."""
+        used, rest = self._used(key, names)
+        least = self._losses(self._white, used).sum() + POLICY.least_gain * self._nats
+        others = [one for one in self.columns if one not in names]
+        return tuple(one[0] for one in others if self._losses(self._white, [*rest, *self.columns[one]]).sum() < least)
+
+    def _of_use(self, key: Key, names: Sequence[Key]) -> bool:
         """See `Problem.falls`; of all rows, for the blocks have told that it is there."""
         count = max(int(self.search.equations.kept.sum()), 1)
         was, now = (math.sqrt(self._squares(self._plain, which) / count) for which in reversed(self._used(key, names)))
@@ -191,12 +220,11 @@ class _Asked:
 
     # -- regressions -------------------------------------------------------------------------------------------------
 
-    def values(self, key: _Key, names: Sequence[_Key]) -> Deviations:
+    def values(self, key: Key, names: Sequence[Key]) -> Deviations:
         """Beside all others, with the jackknife's standard errors."""
         used, _ = self._used(key, names)
-        index, found, at = [0, *used], self._white, [used.index(i) for i in self.columns[key]]
-        less = found.total[None] - found.held_out
-        stack = np.concatenate([found.total[None], less])[:, index][:, :, index]
+        found, at = self._white.of([0, *used]), [used.index(i) for i in self.columns[key]]
+        stack = np.concatenate([found.total[None], found.total - found.held_out])
         unit = -float(self.fit.total[INERTIA]) / self.search.solver.inertia
         theta = unit * solve(stack, _RIDGE)[:, at]
         theta = np.column_stack([theta, -theta.sum(axis=1)])
@@ -205,12 +233,12 @@ class _Asked:
         effect, parameter, column = key
         return Deviations(effect, parameter, column, *(tuple(x.tolist()) for x in (theta[0], spread)))
 
-    def _gains(self, found: Grams, key: _Key, names: Sequence[_Key]) -> Array:
+    def _gains(self, found: Grams, key: Key, names: Sequence[Key]) -> Array:
         """By how much the squares of each held-out block fall with it, shape (B,)."""
         used, rest = self._used(key, names)
         return self._losses(found, rest) - self._losses(found, used)
 
-    def _used(self, key: _Key, names: Sequence[_Key]) -> tuple[list[int], list[int]]:
+    def _used(self, key: Key, names: Sequence[Key]) -> tuple[list[int], list[int]]:
         """Columns with those levels, and the same without that of `key`."""
         used = [*self._others, *(i for n in names for i in self.columns[n])]
         return used, [i for i in used if i not in self.columns[key]]
@@ -218,7 +246,7 @@ class _Asked:
     @staticmethod
     def _squares(found: Grams, used: Sequence[int], target: int = 0) -> float:
         """What those columns leave of a row, all rows fitted."""
-        gram = found.total[np.ix_(index := [target, *used], index)]
+        gram = found.of([target, *used]).total
         return squares(gram, solve(gram[None], _RIDGE)[0])
 
     @cached_property
@@ -228,10 +256,8 @@ class _Asked:
         return grams([x * problem.equations.kept for x in self._rows], problem.blocks)
 
     def _losses(self, found: Grams, used: Sequence[int]) -> Array:
-        index = [0, *used]
-        theta = solve(found.fitted[:, index][:, :, index], _RIDGE)
-        weights = np.concatenate([np.ones((len(theta), 1)), -theta], axis=1)[self.search.problem.blocks.fold]
-        return np.asarray(np.einsum("bi,bij,bj->b", weights, found.held_out[:, index][:, :, index], weights))
+        some = found.of([0, *used])
+        return losses(solve(some.fitted, _RIDGE), some, self.search.problem.blocks)
 
 
 def logs_of_rows(equations: Equations) -> Array:
@@ -241,7 +267,7 @@ def logs_of_rows(equations: Equations) -> Array:
     return np.repeat(owners, equations.lengths)
 
 
-def _by_log(column: Array, logs: Array) -> list[Array]:
+def by_log(column: Array, logs: Array) -> list[Array]:
     """A column for each log but the last, which has minus their sum; none where one log has nothing in the column."""
     count = int(logs.max()) + 1
     size = np.bincount(logs, column**2, count) / np.maximum(np.bincount(logs, minlength=count), 1)
@@ -251,7 +277,7 @@ def _by_log(column: Array, logs: Array) -> list[Array]:
     return [np.where(logs == i, column, 0.0) - last for i in range(count - 1)]
 
 
-def _candidates(search: Search, fit: Fit, bank: Bank) -> Iterator[tuple[_Key, Array]]:
+def varying(search: Search, fit: Fit, bank: Bank) -> Iterator[tuple[Key, Array]]:
     """Values that may differ between logs, of effects of the fit and of those that may be added, and their columns."""
     for name in dict.fromkeys((*(t.id for t in fit.terms), *search.allowed)):
         effect = get_effect(name)
@@ -272,8 +298,16 @@ def _without_known(bank: Bank) -> Bank:
     return Bank(replace(equations, stretches=tuple(replace(s, levels=()) for s in equations.stretches)))
 
 
-def _sure(equations: Equations) -> Array:
-    """1 in rows that tell where friction's direction is sure, or in all rows if few are so."""
+def _nats(rows: Sequence[Array], counted: Array) -> float:
+    """Squares per nat of what all columns leave of the first row: levels that are not known yet are no noise."""
+    gram = total_gram(rows)
+    left = rows[0] - solve(gram[None], _RIDGE)[0] @ np.stack(rows[1:])
+    free = max(float(counted.sum()) - len(rows), 0.1 * float(counted.sum()))
+    return 2.0 * float(left @ left) / free * inflation(left)
+
+
+def _sure(equations: Equations, held: bool) -> Array:
+    """1 in rows in which the direction of friction is sure, if there is any; in all if few are so."""
     sure = equations.kept & (uncertain(equations) <= POLICY.unsure_share)
-    enough = sure.sum() > POLICY.sure_part * equations.kept.sum()
+    enough = held and sure.sum() > POLICY.sure_part * equations.kept.sum()
     return (sure if enough else equations.kept).astype(np.float64)

@@ -14,6 +14,7 @@ from dsd_cli.identify.verdict.contradictions import against_told
 from dsd_cli.identify.verdict.evidence import memberships
 from dsd_cli.identify.verdict.imitation import without_imitations
 from dsd_cli.identify.verdict.judgement import Verdict
+from dsd_cli.identify.verdict.levels import with_levels_said
 from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.identify.verdict.own_values import own_values
 from dsd_cli.identify.verdict.several import strongest_first
@@ -53,8 +54,8 @@ def diagnose(
     report = progress or (lambda _what, _share: None)
     report("preparing", 0.0)
     asked = settings or Settings()
-    found = levelled(recordings, model, asked, holdout, report)
-    recordings, search, whole = found.recordings, found.search, found.whole
+    apart = levelled(recordings, model, asked, holdout, report)
+    recordings, search, whole = apart.recordings, apart.search, apart.whole
     beyond = beyond_of(search, whole)
     doubtful = beyond.unknown or above_floor(search, whole)
     shown = with_response(search, whole, recordings, model, asked, holdout, doubtful, report)
@@ -67,12 +68,13 @@ def diagnose(
         whole, beyond = without_imitations(search, whole, beyond)
     report("how sure", 0.8)
     whole, first = strongest_first(search, whole)
-    members_of = [t.id for t in search.added(whole.terms) if shown.seen is None]
+    found = [t.id for t in search.added(whole.terms) if shown.seen is None]
     limits = limits_of(search, whole, shown.settings, shown.seen)
-    members = {} if limits.blocked else memberships(search, whole, members_of, beyond.unknown)
+    members = {} if limits.blocked else memberships(search, whole, found, beyond.unknown)
     options, own = [*search.options(search.refit), *first], own_values(search)
     verdict = Verdict(search, options, whole, members, own, beyond, shown, limits)
     diagnosis = against_told(verdict.diagnosis(), search, whole)
+    diagnosis = with_levels_said(diagnosis, search, whole, apart)
     if stability:
         report("how sure, on parts", 0.85)
         diagnosis = with_stability(diagnosis, recordings, model, shown.settings)
