@@ -11,6 +11,7 @@ from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate, D
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.report import terminal
 from dsd_cli.report.head import head
+from dsd_cli.report.levels import levels_json, levels_text
 from dsd_cli.report.names import (
     balance_json,
     estimate_text,
@@ -41,7 +42,7 @@ class DiagnosisReport:
 
 def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:
     """The verdict in one plain sentence; `given`: the model whose inertia or delay may be wrong."""
-    line = _verdict(result, given)
+    line = _verdict(result, given) + levels_text(result.levels)
     return line if result.verdict == NONE else line + first_of_all(result.warnings)
 
 
@@ -103,6 +104,7 @@ def to_json(report: DiagnosisReport) -> dict[str, Any]:
         "verdict_text": verdict_line(result, report.given),
         "found": list(result.found),
         **({"found_values": estimates_json(result.whole_values)} if result.whole_values else {}),
+        **levels_json(result.levels),
         "stability": [asdict(one) for one in result.stability],
         **score_json(result.score),
         **balance_json(result.band_hz, result.floor, result.units),

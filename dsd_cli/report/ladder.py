@@ -14,6 +14,7 @@ from dsd_cli.identify.validation import Validation
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import error, named, plain_table, score_json, stability_line, verdict_line
 from dsd_cli.report.head import head
+from dsd_cli.report.levels import levels_json
 from dsd_cli.report.names import (
     balance_json,
     change_text,
@@ -65,6 +66,7 @@ def improve_json(report: LadderReport) -> dict[str, Any]:
         **({"moved": [moved_json(one) for one in report.moved]} if report.moved else {}),
         "values": estimates_json(result.values),
         "correlations": correlations_json(result.correlations),
+        **levels_json(result.levels),
         "verdict": result.verdict,
         "verdict_text": final_line(result),
         "stopped": result.stopped,

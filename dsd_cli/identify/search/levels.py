@@ -11,19 +11,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.asked import Settings
-from dsd_cli.identify.fit.bank import INERTIA, Bank, Term, holds
+from dsd_cli.identify.fit.bank import Bank, Term, holds
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import freeform_fits
 from dsd_cli.identify.fit.gram import Grams, grams, losses, solve, squares, total_gram
+from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.sure import inflation, uncertain
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.levels import Deviations, with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.afloat import searched
@@ -71,18 +73,28 @@ def levelled(
     DataError, UsageError : as `pose`.
     """
     plain = tuple(recordings)
-    first = found = Levelled(plain, plain, *searched(plain, model, settings, holdout, report))
+    alone = partial(searched, model=model, settings=settings, holdout=holdout, report=report)
     if len(plain) < 2 or any(r.walk > 0.0 for r in plain):
-        return first
+        return Levelled(plain, plain, *alone(plain))
+    now = _at_first(Search(pose(excerpts(plain), model, settings, holdout)))
     for _ in range(_ROUNDS):
-        now = deviations(found.search, found.whole) or _beside_parts(found)
-        if _the_same(now, found.levels):
-            break
-        if not now:
-            return _without_levels(found, first, model, settings, holdout)
         known = with_levels(plain, now)
-        found = Levelled(plain, known, *searched(known, model, settings, holdout, report), now)
-    return found if _possible(found) and _better(found, first) else first
+        found = Levelled(plain, known, *alone(known), now)
+        then = deviations(found.search, found.whole) or _beside_parts(found)
+        if _the_same(then, now):
+            break
+        if not then:
+            there = found.search.problem.scale.model(found.whole)
+            return _without(Levelled(plain, plain, *alone(plain)), there, model, settings, holdout)
+        now = then
+    else:
+        return Levelled(plain, plain, *alone(plain))  # levels that go on changing stand in for something else
+    return found if _possible(found) else Levelled(plain, plain, *alone(plain))
+
+
+def _at_first(search: Search) -> tuple[Deviations, ...]:
+    """Levels beside functions of the motion, and of u, alone: a search that knows none stands in for them as it can."""
+    return deviations(search, search.refit) or deviations(search, search.refit, ("u",))
 
 
 def _the_same(a: Sequence[Deviations], b: Sequence[Deviations]) -> bool:
@@ -93,11 +105,10 @@ def _the_same(a: Sequence[Deviations], b: Sequence[Deviations]) -> bool:
     return all(abs(p - q) <= max(s, _SETTLED * abs(q)) for p, q, s in pairs)
 
 
-def _without_levels(
-    found: Levelled, first: Levelled, model: PlantModel, settings: Settings, holdout: Sequence[Recording]
+def _without(
+    first: Levelled, there: PlantModel, model: PlantModel, settings: Settings, holdout: Sequence[Recording]
 ) -> Levelled:
-    """No level differs beside the set that was found with levels: they stood in for a part of it."""
-    there = found.search.problem.scale.model(found.whole)
+    """No level differs beside a set that was found with levels: they stood in for a part of it."""
     search, fit = searched_with(first.plain, there, model, settings, holdout)
     whole = search.settled(fit)
     better = search.problem.errors.rmse(whole) < first.search.problem.errors.rmse(first.whole)
@@ -116,15 +127,8 @@ def _possible(found: Levelled) -> bool:
     return True
 
 
-def _better(found: Levelled, first: Levelled) -> bool:
-    """Whether another set with levels leaves less than the one without any, by more than two such sets may differ."""
-    sets = [{t.id for t in one.search.added(one.whole.terms)} for one in (found, first)]
-    with_them, without = (one.search.problem.errors.rmse(one.whole) for one in (found, first))
-    return sets[0] == sets[1] or with_them < without / (1.0 + POLICY.nearly_the_same)
-
-
 def _beside_parts(found: Levelled) -> tuple[Deviations, ...]:
-    """Levels where the whole set leaves more than noise: beside functions of u, as limits and dead zones are, and beside
+    """Levels where the whole set leaves more than noise: beside functions of u, as a limit is one, and beside
     the set without one effect, which may stand in for them."""
     search, whole = found.search, found.whole
     if search.problem.errors.rmse(whole) <= POLICY.floor_factor * search.problem.floor:
@@ -167,7 +171,11 @@ class _Asked:
         self.logs = logs_of_rows(white)
         fits = freeform_fits(plain, white, problem.blocks, fit, search.solver.inertia)
         groups = [g for g in fits.groups() if g in (*_MOTION, pair)]
-        rows = [*fits.base, *(x for group in groups for x in fits.columns(group)[0])]
+        rows, self._of_u = list(fits.base), list[int]()
+        for group in groups:
+            made = fits.columns(group)[0]
+            self._of_u += range(len(rows), len(rows) + len(made)) if "u" in group else ()
+            rows += made
         self._others, self.columns = list(range(1, len(rows))), dict[Key, list[int]]()
         for key, column in varying(search, fit, plain):
             made = by_log(column, self.logs)
@@ -175,6 +183,7 @@ class _Asked:
                 self.columns[key] = list(range(len(rows), len(rows) + len(made)))
                 rows += made
         sure = _sure(white, holds(fit.terms))
+        self._counted = float(sure.sum())
         self._rows, made = rows, [white.whitened(x) * sure for x in rows]
         self._white, self._nats = grams(made, problem.blocks), min(search.noise.nats, _nats(made, sure))
 
@@ -225,8 +234,7 @@ class _Asked:
         used, _ = self._used(key, names)
         found, at = self._white.of([0, *used]), [used.index(i) for i in self.columns[key]]
         stack = np.concatenate([found.total[None], found.total - found.held_out])
-        unit = -float(self.fit.total[INERTIA]) / self.search.solver.inertia
-        theta = unit * solve(stack, _RIDGE)[:, at]
+        theta = -self._inertia * solve(stack, _RIDGE)[:, at]
         theta = np.column_stack([theta, -theta.sum(axis=1)])
         count = len(theta) - 1
         spread = np.sqrt((count - 1.0) * np.mean((theta[1:] - theta[1:].mean(axis=0)) ** 2, axis=0))
@@ -242,6 +250,18 @@ class _Asked:
         """Columns with those levels, and the same without that of `key`."""
         used = [*self._others, *(i for n in names for i in self.columns[n])]
         return used, [i for i in used if i not in self.columns[key]]
+
+    @cached_property
+    def _inertia(self) -> float:
+        """J over that of the forward form, by the inverse form beside functions of the motion and all levels.
+
+        0 where it is none. The noise of the acceleration is taken off. Functions of u would explain u.
+        """
+        motion = [i for i in self._others[1:] if i not in self._of_u]
+        gram = self._white.of([1, 0, *motion, *(i for at in self.columns.values() for i in at)]).total.copy()
+        noise = self.search.solver.bank.variance * self.search.solver.inertia**2 * self._counted
+        gram[1, 1] -= min(noise, 0.5 * gram[1, 1])
+        return max(float(solve(gram[None], _RIDGE)[0][0]), 0.0)
 
     @staticmethod
     def _squares(found: Grams, used: Sequence[int], target: int = 0) -> float:
