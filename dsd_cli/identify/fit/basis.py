@@ -20,9 +20,15 @@ class Regressors(Protocol):
     def sign(self) -> Array: ...
 
 
-def basis(inputs: Sequence[Regressors], channels: Sequence[str], counts: Sequence[int]) -> tuple[list[Array], Array]:
+#: Share of a channel's range by which knots are apart at least.
+APART = 1e-6
+
+
+def basis(
+    inputs: Sequence[Regressors], channels: Sequence[str], counts: Sequence[int], apart: float = APART
+) -> tuple[list[Array], Array]:
     """Unit functions of the channels (tensor product of two), per piece (n_i, c), and the penalty on their bends."""
-    bases = [_basis(inputs, channel, count) for channel, count in zip(channels, counts, strict=True)]
+    bases = [_basis(inputs, channel, count, apart) for channel, count in zip(channels, counts, strict=True)]
     raw, penalty = bases[0]
     for values, other in bases[1:]:
         penalty = np.kron(penalty, np.eye(len(other))) + np.kron(np.eye(len(penalty)), other)
@@ -30,17 +36,17 @@ def basis(inputs: Sequence[Regressors], channels: Sequence[str], counts: Sequenc
     return raw, penalty
 
 
-def _basis(inputs: Sequence[Regressors], channel: str, count: int) -> tuple[list[Array], Array]:
+def _basis(inputs: Sequence[Regressors], channel: str, count: int, apart: float) -> tuple[list[Array], Array]:
     """(unit functions of the channel per piece, shape (n_i, c) summing to 1; penalty on their bends)."""
     if channel not in ("velocity", "direction"):
-        knots = _knots(np.concatenate([piece.values[channel] for piece in inputs]), count)
+        knots = _knots(np.concatenate([piece.values[channel] for piece in inputs]), count, apart)
         return [_hats(piece.values[channel], knots) for piece in inputs], _bends(len(knots))
     half = max(count // 2, 2)
     speeds = np.concatenate([piece.values["velocity"] for piece in inputs])
     sides = []
     for side in (1.0, -1.0):
         own = side * speeds[side * speeds > 0.0]
-        sides.append((side, _knots(own, half) if channel == "velocity" and own.size else np.zeros(1)))
+        sides.append((side, _knots(own, half, apart) if channel == "velocity" and own.size else np.zeros(1)))
     values = []
     for piece in inputs:
         moving = np.nan_to_num(piece.sign, nan=0.0)
@@ -57,11 +63,13 @@ def _basis(inputs: Sequence[Regressors], channel: str, count: int) -> tuple[list
     return values, penalty
 
 
-def _knots(x: Array, count: int) -> Array:
-    """Quantiles of the channel, without those that fall together."""
-    knots = np.quantile(x, np.linspace(0.0, 1.0, count))
-    apart = np.concatenate([[True], np.diff(knots) > 1e-6 * max(float(np.ptp(x)), 1e-300)])
-    return np.asarray(knots[apart])
+def _knots(x: Array, count: int, apart: float) -> Array:
+    """Quantiles of the channel, without those that are nearer than that share of its range to the one before."""
+    least, kept = apart * max(float(np.ptp(x)), 1e-300), list[float]()
+    for knot in np.quantile(x, np.linspace(0.0, 1.0, count)).tolist():
+        if not kept or knot - kept[-1] > least:
+            kept.append(knot)
+    return np.array(kept)
 
 
 def _hats(x: Array, knots: Array) -> Array:

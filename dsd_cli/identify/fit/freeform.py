@@ -15,7 +15,7 @@ import numpy as np
 
 from dsd_cli.identify.fit.bank import FIXED, Bank, holds
 from dsd_cli.identify.fit.bank import drive as delayed
-from dsd_cli.identify.fit.basis import basis
+from dsd_cli.identify.fit.basis import APART, basis
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations, Stretch
 from dsd_cli.identify.fit.gram import Grams, grams, losses, solve, total_gram
@@ -80,7 +80,7 @@ class _Piece:
 class FreeformFits:
     """Free-form functions beside a fit.
 
-    Pulses of the fit keep their coefficients, in every fold as in the fit itself.
+    Pulses of the fit keep their coefficients, in every fold as in the fit itself. apart : see `basis`.
     """
 
     equations: Equations
@@ -88,6 +88,7 @@ class FreeformFits:
     fit: Fit
     base: Sequence[Array]
     pieces: Sequence[_Piece]
+    apart: float = APART
     _made: dict[tuple[str, ...], tuple[list[Array], Array]] = field(default_factory=dict)
 
     def groups(self) -> list[tuple[str, ...]]:
@@ -129,15 +130,15 @@ class FreeformFits:
         """Hats per interval of each stretch, shape (n, c), and the penalty on their bends, (c, c)."""
         if on == ("time",):
             count = max(self.blocks.count // BLOCKS_PER_TIME_HAT, 3)
-            return basis(self.pieces, on, [count])
+            return basis(self.pieces, on, [count], self.apart)
         most = max(self.blocks.rows // ROWS_PER_HAT, FEWEST_HATS)
         if on[0] == GAIN:
             return self._gain(on[1], min(HATS, most))
         if on == ("position",):
-            return basis(self.pieces, on, [min(FINE_HATS, most)])
+            return basis(self.pieces, on, [min(FINE_HATS, most)], self.apart)
         if len(on) == 1:
-            return basis(self.pieces, on, [min(HATS, most)])
-        return basis(self.pieces, on, [min(HATS_IN_PAIR, max(math.isqrt(most), 2))] * len(on))
+            return basis(self.pieces, on, [min(HATS, most)], self.apart)
+        return basis(self.pieces, on, [min(HATS_IN_PAIR, max(math.isqrt(most), 2))] * len(on), self.apart)
 
     def _gain(self, channel: str, count: int) -> tuple[list[Array], Array]:
         """u times hats over a channel. Where J varies over the position, J' v^2 / 2 comes with it: v^2 times hats."""

@@ -37,12 +37,14 @@ from dsd_cli.signals.log import Array
 Report = Callable[[str, float], None]
 #: Channels of the motion whose functions stand beside the levels; pairs with them, one at a time.
 _MOTION, _PAIRS = (("velocity",), ("position",)), (("velocity", "position"), ("velocity", "u"))
+#: Of the rows of a regression: what drives.
+_DRIVE = 1
 #: Of the size of columns, added to make them invertible: functions of two channels have the constant in common.
 _RIDGE = 1e-7
 #: Of the mean square of a column in the log that has most of it, that each log has: else there is nothing to compare.
 _LEAST_SIZE = 1e-3
 #: Rounds of levels and sets that are found beside each other, and the change of a level that ends them.
-_ROUNDS, _SETTLED = 6, 1e-3
+_ROUNDS, _SETTLED = 9, 2e-3
 
 
 @dataclass(frozen=True)
@@ -170,12 +172,14 @@ class _Asked:
         plain, white = _without_known(problem.errors.bank), search.equations
         self.logs = logs_of_rows(white)
         fits = freeform_fits(plain, white, problem.blocks, fit, search.solver.inertia)
+        fits = replace(fits, apart=POLICY.level_knots_apart)
         groups = [g for g in fits.groups() if g in (*_MOTION, pair)]
-        rows, self._of_u = list(fits.base), list[int]()
+        rows, of_u = list(fits.base), [_DRIVE]
         for group in groups:
             made = fits.columns(group)[0]
-            self._of_u += range(len(rows), len(rows) + len(made)) if "u" in group else ()
+            of_u += range(len(rows), len(rows) + len(made)) if "u" in group else ()
             rows += made
+        self._motion = [i for i in range(1, len(rows)) if i not in of_u]
         self._others, self.columns = list(range(1, len(rows))), dict[Key, list[int]]()
         for key, column in varying(search, fit, plain):
             made = by_log(column, self.logs)
@@ -190,11 +194,11 @@ class _Asked:
     # -- what is asked of a level ------------------------------------------------------------------------------------
 
     def told(self, key: Key) -> bool:
-        """Whether functions of the motion leave enough of its columns: logs at other places tell no levels."""
-        for i in self.columns[key]:
-            if self._squares(self._white, self._others, i) <= POLICY.level_own_share * self._white.total[i, i]:
-                return False
-        return True
+        """Whether the motion leaves enough of its columns: logs at other places tell no levels. u itself has them."""
+        return all(
+            self._squares(self._white, [0, *self._motion], i) > POLICY.level_own_share * self._white.total[i, i]
+            for i in self.columns[key]
+        )
 
     def gain(self, key: Key, names: Sequence[Key]) -> float:
         """Nats on held-out blocks, without a price."""
@@ -257,8 +261,7 @@ class _Asked:
 
         0 where it is none. The noise of the acceleration is taken off. Functions of u would explain u.
         """
-        motion = [i for i in self._others[1:] if i not in self._of_u]
-        gram = self._white.of([1, 0, *motion, *(i for at in self.columns.values() for i in at)]).total.copy()
+        gram = self._white.of([_DRIVE, 0, *self._motion, *(i for at in self.columns.values() for i in at)]).total.copy()
         noise = self.search.solver.bank.variance * self.search.solver.inertia**2 * self._counted
         gram[1, 1] -= min(noise, 0.5 * gram[1, 1])
         return max(float(solve(gram[None], _RIDGE)[0][0]), 0.0)

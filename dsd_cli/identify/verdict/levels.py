@@ -53,10 +53,18 @@ def said_of(levels: Sequence[LogLevels]) -> tuple[str, ...]:
         by = one.deviations
         for log, value, d, s in zip(one.logs, one.values, by.by_log, by.errors, strict=True):
             if abs(d) > POLICY.value_deviations * s:
-                share = f", {100.0 * abs(d / one.mean):.2g} % {'above' if d * one.mean > 0.0 else 'below'}"
-                away = f"{share if one.mean else f', {d:+.4g} off'} the mean of the logs, {one.mean:.4g}"
-                found.append(f"{log}: {by.name} is {value.value:.4g} +- {value.std_error:.2g} here{away}")
+                found.append(
+                    f"{log}: {by.name} is {value.value:.4g} +- {value.std_error:.2g} here, {_away(d, one.mean)} the"
+                    f" mean of the logs, {one.mean:.4g}"
+                )
     return tuple(found)
+
+
+def _away(deviation: float, mean: float) -> str:
+    """How far from the mean: as a share of it where that says more."""
+    if abs(deviation) > 10.0 * abs(mean):
+        return f"{deviation:+.4g} off"
+    return f"{100.0 * abs(deviation / mean):.2g} % {'more' if deviation * mean > 0.0 else 'less'} than"
 
 
 def stand_ins(search: Search, whole: Fit) -> dict[str, tuple[str, ...]]:
