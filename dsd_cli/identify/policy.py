@@ -74,7 +74,7 @@ class Policy:
     much_force: float = 0.015  # or the share of u that it explains, however loud the noise
 
     # -- several logs --
-    level_own_share: float = 0.1  # of a level's columns, that functions of the motion leave; else it is not told
+    level_own_share: float = 0.05  # of a level's columns, that functions of the motion leave; else it is not told
     level_knots_apart: float = 0.02  # of a channel's range, in which a function beside levels bends; no finer
 
     # -- long recordings --

@@ -17,7 +17,8 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.levels import Deviations
 from dsd_cli.identify.results import Diagnosis, Estimate, Estimates, LogLevels
-from dsd_cli.identify.search.levels import Levelled, by_log, logs_of_rows, varying
+from dsd_cli.identify.search.level_fits import by_log, logs_of_rows, varying
+from dsd_cli.identify.search.levels import Levelled
 from dsd_cli.identify.search.sets import Search
 
 
