@@ -16,12 +16,12 @@ from dsd_cli.cli.plan import (
     TIME_SCALE,
     TRUTH,
     as_logged,
-    as_read,
     detection_plan,
     limits,
     log_columns,
     naming,
     optional_columns,
+    rows_read,
     widening,
 )
 from dsd_cli.cli.progress import Progress
@@ -164,12 +164,12 @@ class Job:
         columns.pop("reference", None)
         optional = optional_columns(self.config) & set(columns)
         if not self.follow or is_stream(self.log):
-            return as_read(open_table(self.log, columns, optional), self.config.signals)
+            return rows_read(open_table(self.log, columns, optional), self.config.signals)
         from dsd_cli.files.line_stream import LineStream
 
         read_head(self.log, 1)
         stream = LineStream(Path(self.log), columns, optional, stop=lambda: bool(interrupted))
-        return as_read(stream, self.config.signals)
+        return rows_read(stream, self.config.signals)
 
     def _plan(self, table: TableSource) -> Plan:
         plan = detection_plan(self.config, table.columns, table.metadata, table.name)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.cli.plan import TIME_SCALE, TRUTH, as_read, detection_plan, limits, log_columns, naming, optional_columns
+from dsd_cli.cli.plan import TIME_SCALE, TRUTH, detection_plan, limits, log_columns, naming, optional_columns, rows_read
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.rows import Rows
 from dsd_cli.detect.session import Session
@@ -31,7 +31,7 @@ def open_log(log: str, config: Config) -> tuple[TableSource, Plan]:
     """The log, and the plan of the config for it (see `as_logged`)."""
     columns = log_columns(config.signals)
     columns.pop("reference", None)
-    table = as_read(open_table(log, columns, optional_columns(config) & set(columns)), config.signals)
+    table = rows_read(open_table(log, columns, optional_columns(config) & set(columns)), config.signals)
     return table, detection_plan(config, table.columns, table.metadata, table.name)
 
 

@@ -16,12 +16,11 @@ from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.detect.transition import Transition
 from dsd_cli.errors import DataError, TooShort, UsageError
-from dsd_cli.files.command import Command, as_it_acted
+from dsd_cli.files.as_read import as_read
+from dsd_cli.files.command import Command
 from dsd_cli.files.config import Config, Detector, Observer, Signals, States, Stay
-from dsd_cli.files.scaled import scaled
 from dsd_cli.files.table_source import TableSource
-from dsd_cli.files.unwrapped import unwrapped
-from dsd_cli.files.windowed import Window, windowed
+from dsd_cli.files.windowed import Window
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.cleaning import MEASURED
 from dsd_cli.signals.log import DHatSource
@@ -87,11 +86,10 @@ def window(signals: Signals) -> Window:
     return Window(signals.start, signals.end)
 
 
-def as_read(table: TableSource, signals: Signals) -> TableSource:
-    """The rows of a table that are read: u as and when it acted, a position that goes on where it wraps, scaled."""
-    clock, factors = (TIME_SCALE[signals.time_unit], signals.sample_time), signals.factors()
-    part = windowed(as_it_acted(table, command(signals), *clock), window(signals), *clock)
-    return scaled(unwrapped(part, factors.get("position", 1.0)), factors)
+def rows_read(table: TableSource, signals: Signals) -> TableSource:
+    """The rows of a table as [signals] says that they are read."""
+    clock: dict[str, Any] = {"time_scale": TIME_SCALE[signals.time_unit], "sample_time": signals.sample_time}
+    return as_read(table, command(signals), window(signals), signals.factors(), **clock)
 
 
 @contextmanager

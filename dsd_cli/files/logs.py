@@ -10,14 +10,14 @@ from typing import cast
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.files.command import Command, as_it_acted
-from dsd_cli.files.scaled import FACTORS, factors_text, scaled
+from dsd_cli.files.as_read import as_read
+from dsd_cli.files.command import Command
+from dsd_cli.files.scaled import FACTORS, factors_text
 from dsd_cli.files.table_source import TableSource
 from dsd_cli.files.tables_in import dropped_with_unreadable, open_table
 from dsd_cli.files.tables_out import open_writer
-from dsd_cli.files.unwrapped import unwrapped
 from dsd_cli.files.watched import Watch, watched
-from dsd_cli.files.windowed import Window, windowed
+from dsd_cli.files.windowed import Window
 from dsd_cli.signals.cleaning import Cleaner, Piece
 from dsd_cli.signals.log import CHANNELS, Array, DHatSource, Log
 from dsd_cli.signals.outliers import Limits
@@ -83,9 +83,9 @@ def load_log(
         raise DataError(f"{path}: no time column", "set signals.time, or signals.sample_time")
     command = command or Command()
     table = watched(open_table(path, signals, optional, u_hold=command.hold), watch)
-    table = as_it_acted(table, command, time_scale, sample_time)
-    table = windowed(table, window or Window(), time_scale, sample_time)
-    table = _scaled(table, factors or {}, unwrap)
+    table = as_read(
+        table, command, window or Window(), factors or {}, time_scale=time_scale, sample_time=sample_time, unwrap=unwrap
+    )
     cleaner = Cleaner(sample_time, time_scale, limits=limits)
     channels, restarts = _joined(_cleaned(table, cleaner, most_rows))
     if not channels or cleaner.sample_time is None:
@@ -107,10 +107,6 @@ def _log(
     known = source in _D_HAT_SOURCES and "d_hat" in channels
     d_hat_source = cast(DHatSource, source) if known else "logged"
     return Log(channels, sample_time, table.name, d_hat_source=d_hat_source, metadata=metadata, u_hold=command.hold)
-
-
-def _scaled(table: TableSource, factors: Mapping[str, float], unwrap: bool) -> TableSource:
-    return scaled(unwrapped(table, factors.get("position", 1.0)) if unwrap else table, factors)
 
 
 def _cleaned(table: TableSource, cleaner: Cleaner, most_rows: int | None) -> list[Piece]:

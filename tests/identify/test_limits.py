@@ -26,10 +26,22 @@ def given(case, samples=0):
     """(recording, model, observer) of a log; u so many samples later against the motion than it was."""
     (log,) = make([case])
     count = len(log.channels["t"]) - samples
-    late = {name: x[:count] if name in ("t", "u") else x[samples:] for name, x in log.channels.items()}
+    return asked(log, {name: x[:count] if name in ("t", "u") else x[samples:] for name, x in log.channels.items()})
+
+
+def asked(log, channels):
+    """(recording, model, observer) with these channels in place of those of a log."""
     observer = ObserverSettings(log.observer["nominal_inertia"], log.observer["time_constant"])
     model = PlantModel(log.believed["inertia"], log.believed["delay"], log.believed["effects"])
-    return prepare(Log(late, log.sample_time, "log.csv"), observer), model, observer
+    step = float(np.median(np.diff(channels["t"])))
+    return prepare(Log(channels, step, "log.csv"), observer), model, observer
+
+
+def spoilt(case, spoil):
+    """The diagnosis of a log of which something was spoilt."""
+    (log,) = make([case])
+    recording, model, observer = asked(log, spoil({name: np.array(x) for name, x in log.channels.items()}))
+    return diagnose([recording], model, observer)
 
 
 @pytest.mark.parametrize("late_ms", [5, 20])
@@ -69,12 +81,7 @@ def with_wrong_cells(channels):
 )
 def test_spikes_of_u_that_did_not_act_are_no_saturation(spoil, seed, sensing):
     """Saturation was missing at 98 %, for it takes spikes off u; a median does that better, and is no physics."""
-    (log,) = make([RigCase(what=(), seed=seed, sensing=sensing)])
-    channels = spoil({name: np.array(x) for name, x in log.channels.items()})
-    step = float(np.median(np.diff(channels["t"])))
-    observer = ObserverSettings(log.observer["nominal_inertia"], log.observer["time_constant"])
-    model = PlantModel(log.believed["inertia"], log.believed["delay"], log.believed["effects"])
-    found = diagnose([prepare(Log(channels, step, "log.csv"), observer)], model, observer)
+    found = spoilt(RigCase(what=(), seed=seed, sensing=sensing), spoil)
     assert found.verdict == "unknown"
     assert found.blocked == "spikes of u did not act on the axis"
     assert any("the median of u over" in w for w in found.warnings)
@@ -118,14 +125,6 @@ def with_hum(channels):
     return {**channels, "u": u + 0.3 * np.sqrt(2.0) * np.std(u) * np.sin(2.0 * np.pi * 50.0 * t)}
 
 
-def spoilt(case, spoil):
-    (log,) = make([case])
-    channels = spoil({name: np.array(x) for name, x in log.channels.items()})
-    observer = ObserverSettings(log.observer["nominal_inertia"], log.observer["time_constant"])
-    model = PlantModel(log.believed["inertia"], log.believed["delay"], log.believed["effects"])
-    return diagnose([prepare(Log(channels, log.sample_time, "log.csv"), observer)], model, observer)
-
-
 @pytest.mark.parametrize("sensing", ["speed40k", "enc4096"])
 def test_a_u_that_was_logged_behind_a_filter_is_no_load_and_no_play(sensing):
     """Presliding friction was missing at 99 %."""
@@ -154,9 +153,7 @@ def test_hum_in_a_measured_u_is_no_load_that_swings_there(sensing):
 def test_the_u_of_another_axis_is_said(sensing):
     """A line that moves the axis, and a spring, were missing at 99 %."""
     another, log = make([RigCase(what=(), seed=seed, sensing=sensing, duration=10.0) for seed in (7103, 7104)])
-    channels = {**log.channels, "u": another.channels["u"]}
-    model = PlantModel(log.believed["inertia"], log.believed["delay"], log.believed["effects"])
-    observer = ObserverSettings(log.observer["nominal_inertia"], log.observer["time_constant"])
-    found = diagnose([prepare(Log(channels, log.sample_time, "log.csv"), observer)], model, observer)
+    recording, model, observer = asked(log, {**log.channels, "u": another.channels["u"]})
+    found = diagnose([recording], model, observer)
     assert (found.verdict, found.found) == ("unknown", ())
     assert any("another axis" in w for w in found.warnings)

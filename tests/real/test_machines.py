@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import butter, decimate, filtfilt
 
 from dsd_cli.cli.identification import Given, load_given
 from dsd_cli.effects import get_effect
@@ -111,6 +112,11 @@ def refitted(folder: Path, logs: list[Path], config: str, tau: float | None = No
     return problem.scale.model(fit), problem.score(fit)
 
 
+def share(left: np.ndarray, whole: np.ndarray) -> float:
+    """In %."""
+    return 100.0 * float(np.linalg.norm(left) / np.linalg.norm(whole))
+
+
 def balance(loaded: Given, effects: tuple[str, ...], hz: float) -> tuple[np.ndarray, float]:
     """(inertia, then a coefficient of each column, relative force error in %) in that band, without delay."""
     recordings = loaded.recordings
@@ -120,7 +126,7 @@ def balance(loaded: Given, effects: tuple[str, ...], hz: float) -> tuple[np.ndar
     matrix = np.stack([acceleration, *columns])
     theta, *_ = np.linalg.lstsq(matrix.T, u, rcond=None)
     left, kept = u - theta @ matrix, equations.kept
-    return theta, 100.0 * float(np.linalg.norm(left[kept]) / np.linalg.norm(u[kept]))
+    return theta, share(left[kept], u[kept])
 
 
 def by_instruments(folder: Path, logs: list[Path], config: str, reference: str, effects: tuple[str, ...], hz: float):
@@ -234,10 +240,30 @@ def test_emps_friction_and_offset_are_the_published_ones_with_one_viscous_value(
     assert model.effects["constant_load"]["force"] == pytest.approx(OFFSET, rel=0.05)
 
 
-@missed("3.2 % in the band that the sensor allows (63 Hz); 3.1 % and less in bands up to 40 Hz")
-def test_emps_relative_force_error_is_the_published_one(tmp_path):
-    _, score = refitted(tmp_path, [recording("emps/emps_train.csv")], ASYMMETRIC)
-    assert score.relative_error_percent <= 3.11
+def as_published(log: Path) -> tuple[np.ndarray, np.ndarray]:
+    """(columns, motor force) as the publication prepares them: Butterworth filter of 100 Hz both ways, central
+    differences, decimation by ten, whose filter ends at 40 Hz. Columns: acceleration, sign, speed, its magnitude."""
+    data = np.genfromtxt(log, delimiter=",", names=True)
+    position = filtfilt(*butter(4, 100.0, fs=1000.0), data["position_m"])
+    speed = np.gradient(position, 1e-3)
+    columns = (np.gradient(speed, 1e-3), np.sign(speed), speed, np.abs(speed), data["force_N"])
+    *columns, force = (decimate(x[50:-50], 10, zero_phase=True) for x in columns)
+    return np.stack(columns), force
+
+
+def test_emps_relative_force_error_is_the_published_one_in_its_filter(tmp_path):
+    """The tool's own band is wider, 63 Hz, and has 3.2 % there: this judges its values as the publication does."""
+    columns, force = as_published(recording("emps/emps_train.csv"))
+    best, *_ = np.linalg.lstsq(columns.T, force, rcond=None)
+    assert best[:2] == pytest.approx([MASS, COULOMB_FRICTION], rel=0.01)  # this is the publication's filter
+    model, _ = refitted(tmp_path, [recording("emps/emps_train.csv")], ASYMMETRIC)
+    found = [
+        model.inertia,
+        model.effects["coulomb_friction"]["level"],
+        model.effects["viscous_friction"]["coefficient"],
+        model.effects["viscous_asymmetry"]["coefficient"],
+    ]
+    assert share(force - found @ columns, force) <= 3.11
 
 
 @pytest.mark.parametrize("hz", [5.0, 10.0, 20.0, 40.0])

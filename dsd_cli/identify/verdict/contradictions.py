@@ -7,8 +7,9 @@ from dataclasses import replace
 from typing import Literal
 
 from dsd_cli.identify.fit.bank import Terms
+from dsd_cli.identify.fit.delay import best_delay
 from dsd_cli.identify.fit.known import Known
-from dsd_cli.identify.fit.problem import Problem, best_delay
+from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.values import flat
 from dsd_cli.identify.policy import POLICY

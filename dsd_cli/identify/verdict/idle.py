@@ -58,11 +58,13 @@ def idle_part(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
     before, found = rmse(search.refit), rmse(whole)
     if before < POLICY.floor_factor * problem.floor and seen is None:
         return None
-    effects, best, least = problem.scale.model(whole).effects, None, math.inf
+    as_found, best, least = problem.scale.model(whole), None, math.inf
     for part in _parts(problem.recordings, search.solver.inertia):
-        forces = {name: values for name, values in effects.items() if get_effect(name).role not in part.imitators}
+        forces = {
+            name: values for name, values in as_found.effects.items() if get_effect(name).role not in part.imitators
+        }
         there = replace(problem.model, effects=forces)
-        without = Search(pose(part.taken_off, there, settings, near=problem.scale.model(whole).delay))
+        without = Search(pose(part.taken_off, there, settings, near=as_found.delay))
         left = without.problem.errors.rmse(without.refit)
         if seen is not None and Role.STRUCTURE in part.imitators and not _shows(without, seen.effect):
             return Idle(part.what, f"{part.instead}, the response shows no load", part.question)
@@ -124,7 +126,9 @@ def _without_lines(recording: Recording, inertia: float) -> tuple[Recording, lis
     if "velocity" in longest:  # where the axis moves, forces answer u, and hardly any acceleration need
         least = _ABOVE_MOTION * _end_of(longest["velocity"], step)
     lines = [hz for hz in _unanswered(longest["u"], inertia * longest["acceleration"], step) if hz > least]
-    without = _with_u(recording, [_notched(p["u"], lines, recording.sample_time) for p in recording.pieces])
+    if not lines:
+        return recording, []
+    without = _with_u(recording, [_notched(p["u"], lines, step) for p in recording.pieces])
     return without, lines if without is not recording else []
 
 
