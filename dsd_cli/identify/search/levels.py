@@ -104,13 +104,12 @@ def _without(
 
 
 def _possible(found: Levelled) -> bool:
-    """Whether no log has a level beyond its bound: friction that drives the axis."""
+    """Whether no log has a level beyond its bound by more than its error: friction that drives the axis."""
     values = found.search.problem.values(found.whole).estimates
     for one in found.levels:
         lower = next(p.lower for p in get_effect(one.effect).parameters if p.name == one.parameter)
         mean = values[one.name].value if one.name in values else 0.0
-        slack = POLICY.told_deviations
-        if any(mean + d < lower - slack * s for d, s in zip(one.by_log, one.errors, strict=True)):
+        if any(mean + d < lower - s for d, s in zip(one.by_log, one.errors, strict=True)):
             return False
     return True
 
