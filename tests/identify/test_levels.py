@@ -13,6 +13,7 @@ from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.recordings.levels import Deviations, with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Estimate
+from dsd_cli.identify.search.level_fits import Asked
 from dsd_cli.identify.search.levels import deviations, levelled
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.levels import log_levels, said_of, stand_ins
@@ -142,6 +143,8 @@ def test_a_spring_seen_at_three_places_is_not_three_loads():
 def test_two_loads_at_two_places_may_be_a_spring_and_it_is_said():
     search = asked(logs([load(-0.1), load(0.1)], places=(-4.0, 4.0)))
     assert deviations(search, search.refit) == ()
+    apart = Asked(search, search.refit)
+    assert {key[0] for key in apart.columns if apart.told(key)} == {"coulomb_friction", "viscous_friction"}
     spring = next(o for o in search.options(search.refit) if o.effect == "stiffness")
     assert stand_ins(search, spring.fit) == {"stiffness": ("constant_load",)}
 
