@@ -47,7 +47,7 @@ def logs(effects, places=None) -> list[Recording]:
     """One for each set of effects, with a motion of its own."""
     moves = [replace(SINES, seed=i) if isinstance(SINES, Multisine) else SINES for i in range(len(effects))]
     return [
-        settled(replace(seen(one, reference=At(move, place), seed=i), name=f"log{i}.csv"))
+        settled(replace(seen(one, reference=At(move, place), seed=i, duration=7.0), name=f"log{i}.csv"))
         for i, (one, move, place) in enumerate(zip(effects, moves, places or [0.0] * len(effects), strict=True))
     ]
 
