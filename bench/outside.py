@@ -13,12 +13,14 @@ import multiprocessing
 import os
 import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bench.outside_cases import Cell, chosen
+from bench.outside_days import of_days
 from dsd_cli.effects import kind_of
 from dsd_cli.identify.checks import check_log
 from dsd_cli.identify.improve import REFIT, improve
@@ -178,6 +180,7 @@ _ASK = {
     "none": _single,
     "pairs": _pair,
     "lines": _lines,
+    "days": partial(of_days, sure=SURE),
     "strangers": _stranger,
     "sign": _sign,
     "units": _units,
@@ -215,6 +218,10 @@ def _figures(cell: Cell) -> list[str]:
         missed, false = (sum(r.get(what, 0) for r in rows) for what in ("missed", "false"))
         said.append(f"{missed} lines missed, {false} that are not there")
         said.append(f"{sum(r.get('wrong_and_sure', False) for r in rows)} wrong and sure")
+    if cell.kind == "days":
+        said.append(f"the level of each day in {sum(r.get('levels', False) for r in rows)}")
+        said.append(f"{sum(r['verdict'] == UNKNOWN for r in rows)} unknown")
+        said.append(f"{sum(r.get('wrong_and_sure', False) for r in rows)} wrong and sure")
     if cell.kind == "strangers":
         unseen = [r for r in rows if r.get("unseen")]
         said.append(f"{sum(r['right'] for r in unseen)} of {len(unseen)} of kinds never looked at before")
@@ -233,8 +240,9 @@ are of this version but for its last details, lower ones of those before. CPU wa
 
 "Right" is the name of what is hidden as the verdict; for two effects, a ladder with these two and no other (inertia and
 delay are fitted along with any step); for several cogging lines, the set that is found: each line to a third of
-a period over the travel, and nothing else; for effects of no catalogue, "unknown" at the end. "Wrong and sure": another
-name (or a line that is not there), 90 % or more, no tie stated.
+a period over the travel, and nothing else; for three days (10 s each, friction or a load 30 % apart), exactly what is
+hidden; for effects of no catalogue, "unknown" at the end. "Wrong and sure": another name (or a line that is not there),
+90 % or more, no tie stated.
 
 | logs | right | | wanted | |
 |---|---|---|---|---|"""

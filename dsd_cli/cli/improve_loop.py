@@ -92,6 +92,8 @@ def _record(step: Step, before: Score, logs: Sequence[str], units: Units) -> His
             name: rounded(e.std_error, e.std_error) for name, e in step.estimates.items() if number_or_none(e.std_error)
         },
         units=_units(step.estimates, units),
+        levels={x.deviations.name: [rounded(e.value, e.std_error) for e in x.values] for x in step.levels},
+        level_errors={x.deviations.name: [rounded(e.std_error, e.std_error) for e in x.values] for x in step.levels},
     )
 
 

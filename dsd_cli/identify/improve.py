@@ -12,6 +12,7 @@ from dsd_cli.identify.fit.driven import with_driven_load
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.levels import with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import (
     DELAY,
@@ -23,6 +24,7 @@ from dsd_cli.identify.results import (
     Diagnosis,
     Estimates,
     Ladder,
+    LogLevels,
     Score,
     Step,
     StepKind,
@@ -32,6 +34,7 @@ from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.contradictions import Contradiction, beside_told, contradictions
 from dsd_cli.identify.verdict.diagnose import Progress, Settings, Told, diagnose
 from dsd_cli.identify.verdict.first_look import first_look
+from dsd_cli.identify.verdict.levels import log_levels, said_of
 from dsd_cli.identify.verdict.own_values import own_values
 from dsd_cli.identify.verdict.shown import told_by_response
 from dsd_cli.identify.verdict.stability import with_stability
@@ -151,6 +154,7 @@ def improve(
         if not climb.steps:
             climb.up(AS_GIVEN, last.score, last.refitted_values, last.given)
             model = last.given
+        climb.levels = last.levels
         if last.verdict in (NONE, UNKNOWN):
             return climb.ladder(last, _why(last, refused))
         stop = _stop(climb.steps, last)
@@ -188,15 +192,22 @@ class _Climb:
     ) -> None:
         self.recordings, self.settings, self.holdout, self._on_step = recordings, settings, holdout, on_step
         self.steps: list[Step] = []
+        self.levels: tuple[LogLevels, ...] = ()
 
     def up(
         self, effect: str, score: Score, values: Estimates, model: PlantModel, kind: StepKind = "added"
     ) -> PlantModel:
         """One more rung; the model that stands on it."""
         kind = _KINDS.get(effect, kind)
-        self.steps.append(Step(len(self.steps), effect, score, values, model, kind))
-        self._on_step(self.steps[-1])
+        step = Step(len(self.steps), effect, score, values, model, kind, self._with_mean(values))
+        self.steps.append(step)
+        self._on_step(step)
         return model
+
+    def _with_mean(self, values: Estimates) -> tuple[LogLevels, ...]:
+        """The levels of the logs around the means that were fitted in this rung."""
+        logs = [r.name for r in self.recordings]
+        return log_levels([one.deviations for one in self.levels], values, logs) if self.steps else ()
 
     def take(self, taken: Candidate) -> None:
         """An effect was taken; what the response told of it stays so."""
@@ -216,19 +227,24 @@ class _Climb:
             model = self.steps[-1].model
             last = with_stability(last, self.recordings, model, self.settings)
         if len(self.steps) == 1:
-            found = (last.refitted_values, last.refitted_correlations, last.warnings)
+            found = (last.refitted_values, last.refitted_correlations, last.warnings, last.levels)
             return Ladder(tuple(self.steps), last.verdict, stopped, last, names, *found)
         given, reached = self.steps[0].model, self.steps[-1].model
         end: Ended | None = None
-        for end in ended(self.recordings, given, reached, self.settings, self.holdout):
+        recordings = with_levels(self.recordings, [one.deviations for one in self.levels])
+        for end in ended(recordings, given, reached, self.settings, self.holdout):
             if end.without:
                 self.up(end.without, end.score, end.values, end.model, "taken back")
             else:  # the values of the rung, as the whole set and its noise have them; the error is the verdict's
                 score = replace(end.score, heldout_rmse=last.refitted.heldout_rmse)
-                self.steps[-1] = replace(self.steps[-1], model=end.model, estimates=end.values, score=score)
+                levels, top = self._with_mean(end.values), self.steps[-1]
+                self.steps[-1] = replace(top, model=end.model, estimates=end.values, score=score, levels=levels)
         assert end is not None
+        levels, before = self._with_mean(end.values), said_of(last.levels)
+        stay = tuple(one for one in last.warnings if one not in before)
+        last = replace(last, levels=levels, warnings=(*stay, *said_of(levels)))
         warnings, last = tuple(dict.fromkeys((*last.warnings, *end.warnings))), beside_told(last, end.warnings)
-        found = (end.values, end.correlations, warnings)
+        found = (end.values, end.correlations, warnings, levels)
         return Ladder(tuple(self.steps), last.verdict, stopped, last, names, *found)
 
 

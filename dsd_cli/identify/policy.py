@@ -77,6 +77,10 @@ class Policy:
     least_force_at_turns: float = 0.01  # the same beside friction, which is not known better where the axis turns
     much_force: float = 0.015  # or the share of u that it explains, however loud the noise
 
+    # -- several logs --
+    level_own_share: float = 0.05  # of a level's columns, that functions of the motion leave; else it is not told
+    level_knots_apart: float = 0.02  # of a channel's range, in which a function beside levels bends; no finer
+
     # -- long recordings --
     searched_samples: int = 20_000  # of excerpts in which sets of effects are searched; all rows judge them
     searched_seconds: float = 10.0  # the least that they last

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
+from dsd_cli.identify.recordings.levels import Deviations
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.units import Units
 
@@ -108,6 +109,20 @@ class Variant:
 
 
 @dataclass(frozen=True)
+class LogLevels:
+    """A value that differs between logs of one rig (`Effect.varies`).
+
+    deviations : of each log from the mean. mean : of the logs, each counting once; the model has it, or has no such
+    effect. values : by log, in the order of the logs.
+    """
+
+    deviations: Deviations
+    mean: float
+    logs: tuple[str, ...]
+    values: tuple[Estimate, ...]
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The answer of `dsd diagnose`.
 
@@ -131,6 +146,7 @@ class Diagnosis:
     whole_model : with all of them; None where nothing was found. whole_values : its values, where they are several.
     correlations : of the estimates. stability : the verdict with half of the data, and with half and twice the band.
     band_hz, floor : end of the band in which forces were balanced, Hz; rms of r that the sensor alone leaves in it.
+    levels : values that differ between the logs: every error but `score` is beside them.
     """
 
     logs: tuple[str, ...]
@@ -164,6 +180,7 @@ class Diagnosis:
     at_stops: bool = False
     blocked: str = ""
     stand_ins: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    levels: tuple[LogLevels, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -188,7 +205,8 @@ class Addition:
 class Step:
     """One rung of the ladder: what was done ("as given", "refit" or an effect's id), and the errors after it.
 
-    `kind` says whether the effect was added or taken back.
+    `kind` says whether the effect was added or taken back. levels : values that differ between the logs, beside which
+    it was fitted.
     """
 
     step: int
@@ -197,13 +215,15 @@ class Step:
     estimates: Estimates
     model: PlantModel
     kind: StepKind = "added"
+    levels: tuple[LogLevels, ...] = ()
 
 
 @dataclass(frozen=True)
 class Ladder:
     """The answer of `dsd improve`; `stopped` says why no further step was taken, `last` is the last diagnosis.
 
-    `values` : of the model at the end, fitted once more with the noise as it is beside it; `correlations` of these.
+    `values` : of the model at the end, fitted once more with the noise as it is beside it; `correlations` of these;
+    `levels` : those that differ between the logs.
     """
 
     steps: tuple[Step, ...]
@@ -214,6 +234,7 @@ class Ladder:
     values: Estimates = field(default_factory=dict)
     correlations: Correlations = ()
     warnings: tuple[str, ...] = ()
+    levels: tuple[LogLevels, ...] = ()
 
 
 def in_units(result: Any, units: Units) -> Any:
@@ -226,7 +247,7 @@ def in_units(result: Any, units: Units) -> Any:
         return tuple(in_units(value, units) for value in result)
     if isinstance(result, Units):
         return units
-    if isinstance(result, Diagnosis | Candidate | Addition | Step | Ladder):
+    if isinstance(result, Diagnosis | Candidate | Addition | Step | Ladder | LogLevels):
         held = {f.name: getattr(result, f.name) for f in fields(result)}
         return replace(result, **{name: in_units(x, units) for name, x in held.items() if name in _WITH_UNITS})
     return result
@@ -235,5 +256,5 @@ def in_units(result: Any, units: Units) -> Any:
 #: Fields of results in which there are estimates.
 _WITH_UNITS = {
     *("parameters", "all_values", "ranking", "estimates", "refitted_values", "whole_values", "units"),
-    *("steps", "last", "values"),
+    *("steps", "last", "values", "levels"),
 }

@@ -11,6 +11,7 @@ from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate, D
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.report import terminal
 from dsd_cli.report.head import head
+from dsd_cli.report.levels import levels_json, levels_text
 from dsd_cli.report.names import (
     balance_json,
     estimate_text,
@@ -41,7 +42,7 @@ class DiagnosisReport:
 
 def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:
     """The verdict in one plain sentence; `given`: the model whose inertia or delay may be wrong."""
-    return _verdict(result, given) + first_of_all(result)
+    return _verdict(result, given) + levels_text(result.levels) + first_of_all(result)
 
 
 def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
@@ -106,6 +107,7 @@ def to_json(report: DiagnosisReport) -> dict[str, Any]:
         "verdict_text": verdict_line(result, report.given),
         "found": list(result.found),
         **({"found_values": estimates_json(result.whole_values)} if result.whole_values else {}),
+        **levels_json(result.levels),
         "stability": [asdict(one) for one in result.stability],
         **score_json(result.score),
         **balance_json(result.band_hz, result.floor, result.units),

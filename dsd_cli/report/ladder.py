@@ -24,6 +24,7 @@ from dsd_cli.identify.validation import Validation
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import error, named, plain_table, score_json, stability_line, verdict_line
 from dsd_cli.report.head import head
+from dsd_cli.report.levels import levels_json
 from dsd_cli.report.names import (
     balance_json,
     change_text,
@@ -76,6 +77,7 @@ def improve_json(report: LadderReport) -> dict[str, Any]:
         **({"moved": [moved_json(one) for one in report.moved]} if report.moved else {}),
         "values": estimates_json(result.values),
         "correlations": correlations_json(result.correlations),
+        **levels_json(result.levels),
         "verdict": result.verdict,
         "probability": number_or_none(result.last.probability),
         "against_told": against_json(result.last),

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.search.sets import Search, _agreed
+from dsd_cli.identify.search.sets import Search, spread_over_blocks
 from dsd_cli.identify.verdict import evidence
 from dsd_cli.identify.verdict.evidence import NOTHING, _shares, membership, probabilities
 from dsd_cli.plant.references import Multisine
@@ -65,7 +65,7 @@ def test_one_lucky_block_does_not_convince(blocks):
     gains[1] = -0.2
     gains[1, 3] = 30.0
     assert _shares(gains, np.array([0.0, 6.0]))[1] < 0.9
-    assert not _agreed(gains[1])
+    assert not spread_over_blocks(gains[1])
     spread = np.zeros((2, blocks))
     spread[1] = gains[1].sum() / blocks
     assert _shares(spread, np.array([0.0, 6.0]))[1] > _shares(gains, np.array([0.0, 6.0]))[1]
@@ -75,7 +75,7 @@ def test_a_gain_in_every_block_convinces():
     rng = np.random.default_rng(1)
     gains = np.array([np.zeros(20), rng.uniform(1.0, 4.0, 20)])
     assert _shares(gains, np.array([0.0, 6.0]))[1] > 0.99
-    assert _agreed(gains[1])
+    assert spread_over_blocks(gains[1])
 
 
 def test_chance_convinces_nobody():
@@ -100,7 +100,7 @@ def test_gains_without_end_do_not_overflow():
     ],
 )
 def test_blocks_agree_if_more_than_one_gains_and_few_lose(gains, agreed):
-    assert bool(_agreed(gains)) is agreed
+    assert bool(spread_over_blocks(gains)) is agreed
 
 
 NAMES = ("coulomb_friction", "gravity", "viscous_friction", "stiffness", "constant_load")

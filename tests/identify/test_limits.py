@@ -87,6 +87,12 @@ def test_spikes_of_u_that_did_not_act_are_no_saturation(spoil, seed, sensing):
     assert any("the median of u over" in w for w in found.warnings)
 
 
+def test_kicks_of_a_controller_act_whatever_a_median_leaves():
+    """Beside a friction that grows with u a median of u leaves less than u; the acceleration has all of the kicks."""
+    recording, model, observer = given(RigCase(what=("load_friction",), seed=6000, sensing="enc4096"))
+    assert "spikes" not in diagnose([recording], model, observer).blocked
+
+
 @pytest.mark.parametrize("what", ["saturation", "dead_zone"])
 def test_a_true_effect_on_the_command_is_not_taken_for_spikes(what):
     recording, model, observer = given(RigCase(what=(what,), seed=4400, sensing="speedloud"))

@@ -11,6 +11,7 @@ at t_k and the command that is held from t_k to t_(k+1) and reaches the plant `d
 | rig_physics, rig_run | the integrator; a machine under a loop, with its delay |
 | rig_motion, rig_sensors, rig_designs | references; sensors, loops, observer; a whole machine drawn at random |
 | rig_draws, rig_sizes, rig_rivals, rig_trials | parameters; what a log must show; what may be taken for it; sizing |
+| rig_days | one machine on several days |
 """
 
 from collections.abc import Iterable

@@ -85,7 +85,7 @@ def _best_size(case: RigCase, attempt: int) -> Trial | None:
     """None if the machine ran away with every size."""
     plan = design(case, attempt)
     rng = generator(case, "hidden", attempt)
-    bare = _run(plan, {})
+    bare = run_design(plan, {})
     if bare is None:
         return None
     machine, motion, _ = bare
@@ -110,7 +110,7 @@ def _best_size(case: RigCase, attempt: int) -> Trial | None:
     return best
 
 
-def _run(plan: Design, effects: dict[str, Values]) -> tuple[Machine, Motion, Servo] | None:
+def run_design(plan: Design, effects: dict[str, Values]) -> tuple[Machine, Motion, Servo] | None:
     """None if the axis ran away."""
     machine, servo = Machine(plan.inertia, plan.delay, effects), plan.servo()
     try:
@@ -176,7 +176,7 @@ def _beliefs(case: RigCase, plan: Design, sized: Sequence[Sized]) -> dict[str, f
 
 def _try(case: RigCase, plan: Design, sized: Sequence[Sized], base: tuple[str, ...], attempt: int) -> Trial | None:
     effects = {s.effect: s.values(s.size) for s in sized if s.effect not in BELIEFS}
-    done = _run(plan, effects)
+    done = run_design(plan, effects)
     if done is None:
         return None
     machine, motion, servo = done

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 DIGITS, BEYOND = 6, 2
 #: Enough for any value, and one less than shows the noise of binary fractions.
 EXACT = 15
+#: Comments on keys of a step.
+_REMARKS = {"levels": "  # one for each of `logs`; [model] has their mean, each log counting once"}
 #: The keys of [model] that a fit changes.
 FITTED = ("inertia", "delay", "effects")
 
@@ -67,7 +69,9 @@ def with_step(text: str, step: History, before: str) -> str:
     lines = ["[[history]]  # `dsd improve --undo` takes the last step back"]
     given = {name: getattr(step, name) for name in History.keys if name != "before"}
     lines += [
-        f"{name} = {_history_value(v)}" for name, v in given.items() if v is not None and v != {} and v is not False
+        f"{name} = {_history_value(v)}{_REMARKS.get(name, '')}"
+        for name, v in given.items()
+        if v is not None and v != {} and v is not False
     ]
     if "model" in tomllib.loads(before):
         kept = {path[1:]: raw for path, raw in _raws(before).items() if path[1] in FITTED}

@@ -81,6 +81,8 @@ class History(Section):
         "units of the fitted values and of the errors, where they are known",
         default=_NOTHING,
     )
+    levels: Values = _values("values that differ between `logs`, one for each; [model] has their mean")
+    level_errors: Values = _values("their standard errors")
     before: Mapping[str, Any] | None = key(
         Rule("a table as [model]", _read_before), "[model] before the step, for `dsd improve --undo`", default=None
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -180,7 +180,8 @@ class Bank:
         return self.equations.whitened(rows)
 
     def drive(self, inputs: Terms, tap: float, keep: bool = True, held: bool = False) -> Array:
-        """The command after these input effects, `tap` steps late, also between; `held`: see `Stretch.acting`."""
+        """The command after these input effects, `tap` steps late, also between, and what acts in single logs alone;
+        `held`: see `Stretch.acting`."""
         key = (inputs, tap, held)
         if key in self._drives:
             return self._drives[key]
@@ -189,9 +190,17 @@ class Bank:
             made = self.equations.whitened(self._plain.drive(inputs, tap, keep and whole, held))
         else:
             made = self.equations.commanded(self._commands(inputs), tap * self.tap_time, held)
+            for smooth, taken in of_single_logs(self.equations, tap * self.tap_time):
+                made = made - self.equations.acting(taken, smooth, held)
         if keep:
             self._drives[key] = made
         return made
+
+    def command(self, inputs: Terms, tap: float, held: bool = False) -> Array:
+        """`drive` without forces of single logs, in the unit of u."""
+        if not any(s.levels for s in self.equations.stretches):
+            return self.drive(inputs, tap, held=held)
+        return self.equations.commanded(self._commands(inputs), tap * self.tap_time, held)
 
     def _commands(self, inputs: Terms) -> list[Array]:
         """The last ones stay: the same effects are asked for at several delays."""
@@ -253,6 +262,14 @@ def raw_columns(equations: Equations, term: Term, delay: float) -> list[list[Arr
     late = drive(equations, (), delay) if "u" in term.effect.needs else [s.log["u"] for s in equations.stretches]
     by_stretch = [[finite(c) for c in _columns(s, term, u)] for s, u in zip(equations.stretches, late, strict=True)]
     return [list(column) for column in zip(*by_stretch, strict=True)]
+
+
+def of_single_logs(equations: Equations, delay: float) -> Iterator[tuple[bool, list[Array]]]:
+    """(whether it is smooth, what it takes of the drive: mean per interval, by stretch) of levels of single logs."""
+    for name, column in dict.fromkeys((e, c) for s in equations.stretches for e, c, _ in s.levels):
+        by = [sum(x for e, c, x in s.levels if (e, c) == (name, column)) for s in equations.stretches]
+        raw = raw_columns(equations, Term(name), delay)[column]
+        yield get_effect(name).role is not Role.FRICTION, [c * x for c, x in zip(by, raw, strict=True)]
 
 
 def finite(x: Array) -> Array:

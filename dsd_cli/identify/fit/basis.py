@@ -21,6 +21,10 @@ class Regressors(Protocol):
     def sign(self) -> Array: ...
 
 
+#: Share of a channel's range by which knots are apart at least.
+APART = 1e-6
+
+
 class Units(NamedTuple):
     """So many unit functions of channels of one piece, each of shape (n,) and made when asked for: all of them at once
     are a hundred times the channels of a long log."""
@@ -49,9 +53,11 @@ class Units(NamedTuple):
         return np.column_stack([self.column(i) for i in range(self.size)])
 
 
-def basis(inputs: Sequence[Regressors], channels: Sequence[str], counts: Sequence[int]) -> tuple[list[Units], Array]:
+def basis(
+    inputs: Sequence[Regressors], channels: Sequence[str], counts: Sequence[int], apart: float = APART
+) -> tuple[list[Units], Array]:
     """Unit functions of the channels (tensor product of two) of every piece, and the penalty on their bends."""
-    bases = [_basis(inputs, channel, count) for channel, count in zip(channels, counts, strict=True)]
+    bases = [_basis(inputs, channel, count, apart) for channel, count in zip(channels, counts, strict=True)]
     raw, penalty = bases[0]
     for values, other in bases[1:]:
         penalty = np.kron(penalty, np.eye(len(other))) + np.kron(np.eye(len(penalty)), other)
@@ -59,17 +65,17 @@ def basis(inputs: Sequence[Regressors], channels: Sequence[str], counts: Sequenc
     return raw, penalty
 
 
-def _basis(inputs: Sequence[Regressors], channel: str, count: int) -> tuple[list[Units], Array]:
+def _basis(inputs: Sequence[Regressors], channel: str, count: int, apart: float) -> tuple[list[Units], Array]:
     """(unit functions of the channel per piece, which sum to 1; penalty on their bends)."""
     if channel not in ("velocity", "direction"):
-        knots = _knots(np.concatenate([piece.values[channel] for piece in inputs]), count)
+        knots = _knots(np.concatenate([piece.values[channel] for piece in inputs]), count, apart)
         return [_hats(piece.values[channel], knots) for piece in inputs], _bends(len(knots))
     half = max(count // 2, 2)
     speeds = np.concatenate([piece.values["velocity"] for piece in inputs])
     sides = []
     for side in (1.0, -1.0):
         own = side * speeds[side * speeds > 0.0]
-        sides.append((side, _knots(own, half) if channel == "velocity" and own.size else np.zeros(1)))
+        sides.append((side, _knots(own, half, apart) if channel == "velocity" and own.size else np.zeros(1)))
     sizes = [len(knots) for _, knots in sides]
     penalty = np.zeros((sum(sizes) + 1,) * 2)
     penalty[: sizes[0], : sizes[0]] = _bends(sizes[0])
@@ -88,11 +94,13 @@ def _of_direction(piece: Regressors, sides: Sequence[tuple[float, Array]]) -> Un
     return forth.beside(back).beside(Units(1, lambda _: rest.astype(np.float64)))
 
 
-def _knots(x: Array, count: int) -> Array:
-    """Quantiles of the channel, without those that fall together."""
-    knots = np.quantile(x, np.linspace(0.0, 1.0, count))
-    apart = np.concatenate([[True], np.diff(knots) > 1e-6 * max(float(np.ptp(x)), 1e-300)])
-    return np.asarray(knots[apart])
+def _knots(x: Array, count: int, apart: float) -> Array:
+    """Quantiles of the channel, without those that are nearer than that share of its range to the one before."""
+    least, kept = apart * max(float(np.ptp(x)), 1e-300), list[float]()
+    for knot in np.quantile(x, np.linspace(0.0, 1.0, count)).tolist():
+        if not kept or knot - kept[-1] > least:
+            kept.append(knot)
+    return np.array(kept)
 
 
 def _hats(x: Array, knots: Array) -> Units:

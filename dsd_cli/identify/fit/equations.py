@@ -57,7 +57,7 @@ class Stretch:
     acceleration : as measured.
     two_intervals : the acceleration is a mean over both intervals beside a sample.
     stepping : the command jumps at samples alone; not where it was measured, or put on a regular clock.
-    pushed : see `Recording`.
+    pushed, levels : see `Recording`.
     """
 
     log: Log
@@ -71,6 +71,7 @@ class Stretch:
     two_intervals: bool
     stepping: bool
     pushed: tuple[str, float] | None
+    levels: tuple[tuple[str, int, float], ...]
     noisy: bool = False
 
     def channels(self, drive: Array, effect: Effect) -> Channels:
@@ -242,6 +243,7 @@ def _stretch(log: Log, recording: Recording) -> Stretch:
         two_intervals=sensor.two_intervals,
         stepping=log.u_hold == "held" and "white" not in log,
         pushed=recording.pushed,
+        levels=recording.levels,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 
 import numpy as np
 
@@ -32,10 +33,10 @@ class Errors:
         self._fold = blocks.fold[blocks.block_of_rows()]
         self._known: dict[tuple[Terms, int], float] = {}
 
-    @property
+    @cached_property
     def force(self) -> float:
         """rms of u within the band, unit of u."""
-        return _rms(self.bank.drive((), 0)[self._keep])
+        return _rms(self.bank.command((), 0)[self._keep])
 
     def residual(self, fit: Fit, held_out: bool = True) -> Array:
         """Of the forward form, each row by the fit that did not see its block, or by the fit to all.
@@ -80,7 +81,7 @@ def _errors(bank: Bank, model: PlantModel) -> tuple[Array, Array]:
     terms = terms_of(model)
     tap, theta = coefficients_of(model, terms, bank.tap_time)
     design, keep = bank.design(terms, tap), bank.equations.kept
-    return _residual(design, theta)[keep], bank.drive((), tap, held=holds(terms))[keep]
+    return _residual(design, theta)[keep], bank.command((), tap, holds(terms))[keep]
 
 
 def _residual(design: Design, theta: Array) -> Array:

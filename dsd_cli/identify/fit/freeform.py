@@ -15,10 +15,10 @@ import numpy as np
 
 from dsd_cli.identify.fit.bank import FIXED, Bank, holds
 from dsd_cli.identify.fit.bank import drive as delayed
-from dsd_cli.identify.fit.basis import Units, basis
+from dsd_cli.identify.fit.basis import APART, Units, basis
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations, Stretch
-from dsd_cli.identify.fit.gram import Grams, grams, solve, total_gram
+from dsd_cli.identify.fit.gram import Grams, grams, losses, solve, total_gram
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.signals.log import Array
 
@@ -80,7 +80,7 @@ class _Piece:
 class FreeformFits:
     """Free-form functions beside a fit.
 
-    Pulses of the fit keep their coefficients, in every fold as in the fit itself.
+    Pulses of the fit keep their coefficients, in every fold as in the fit itself. apart : see `basis`.
     """
 
     equations: Equations
@@ -88,6 +88,7 @@ class FreeformFits:
     fit: Fit
     base: Sequence[Array]
     pieces: Sequence[_Piece]
+    apart: float = APART
     _made: dict[tuple[str, ...], tuple[list[Array], Array]] = field(default_factory=dict)
 
     def groups(self) -> list[tuple[str, ...]]:
@@ -105,12 +106,12 @@ class FreeformFits:
         found = grams(rows, self.blocks)
         fixed = len(self.base) - 1
         alone = Grams(*(g[..., : fixed + 1, : fixed + 1] for g in found))
-        without = _losses(solve(alone.fitted), alone, self.blocks)
+        without = losses(solve(alone.fitted), alone, self.blocks)
         tried = []
         for strength in STRENGTHS:
             ridge = 1e-9 * np.eye(fixed + len(columns))
             ridge[fixed:, fixed:] += strength * (BENDS * penalty + SIZE * np.eye(len(columns)))
-            tried.append(Freeform(on, _losses(solve(found.fitted, ridge), found, self.blocks), without))
+            tried.append(Freeform(on, losses(solve(found.fitted, ridge), found, self.blocks), without))
         return loss_of(tried)
 
     def columns(self, on: tuple[str, ...]) -> tuple[list[Array], Array]:
@@ -129,15 +130,15 @@ class FreeformFits:
         """c hats per interval of each stretch, and the penalty on their bends, (c, c)."""
         if on == ("time",):
             count = max(self.blocks.count // BLOCKS_PER_TIME_HAT, 3)
-            return basis(self.pieces, on, [count])
+            return basis(self.pieces, on, [count], self.apart)
         most = max(self.blocks.rows // ROWS_PER_HAT, FEWEST_HATS)
         if on[0] == GAIN:
             return self._gain(on[1], min(HATS, most))
         if on == ("position",):
-            return basis(self.pieces, on, [min(FINE_HATS, most)])
+            return basis(self.pieces, on, [min(FINE_HATS, most)], self.apart)
         if len(on) == 1:
-            return basis(self.pieces, on, [min(HATS, most)])
-        return basis(self.pieces, on, [min(HATS_IN_PAIR, max(math.isqrt(most), 2))] * len(on))
+            return basis(self.pieces, on, [min(HATS, most)], self.apart)
+        return basis(self.pieces, on, [min(HATS_IN_PAIR, max(math.isqrt(most), 2))] * len(on), self.apart)
 
     def _gain(self, channel: str, count: int) -> tuple[list[Units], Array]:
         """u times hats over a channel. Where J varies over the position, J' v^2 / 2 comes with it: v^2 times hats."""
@@ -180,12 +181,6 @@ def _piece(stretch: Stretch, u: Array) -> _Piece:
         if name in stretch.log:
             values[name] = getattr(stretch.mean, name)
     return _Piece(values, np.where(stretch.free > 0.0, stretch.sign, np.nan))
-
-
-def _losses(theta: Array, found: Grams, blocks: Blocks) -> Array:
-    """Squared residuals of each block by the fit that did not see it, shape (B,)."""
-    residual = np.concatenate([np.ones((len(theta), 1)), -theta], axis=1)[blocks.fold]
-    return np.asarray(np.einsum("bi,bij,bj->b", residual, found.held_out, residual))
 
 
 def _varies(piece: _Piece, name: str) -> bool:

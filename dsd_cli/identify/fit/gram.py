@@ -23,6 +23,10 @@ class Grams(NamedTuple):
     fitted: Array
     held_out: Array
 
+    def of(self, rows: Sequence[int]) -> Grams:
+        """Of some rows, y first."""
+        return Grams(*(gram[..., rows, :][..., rows] for gram in self))
+
 
 def total_gram(rows: Sequence[Array]) -> Array:
     """Over all rows, shape (p+1, p+1)."""
@@ -79,6 +83,12 @@ def solve(matrices: Array, ridge: float | Array = 1e-9) -> Array:
     else:
         normal += ridge
     return np.linalg.solve(normal, (b / scale)[..., None])[..., 0] / scale
+
+
+def losses(theta: Array, found: Grams, blocks: Blocks) -> Array:
+    """Squared residuals of each block by the fit that did not see it, shape (B,); `theta` : by fold, shape (K, p)."""
+    residual = np.concatenate([np.ones((len(theta), 1)), -theta], axis=1)[blocks.fold]
+    return np.asarray(np.einsum("bi,bij,bj->b", residual, found.held_out, residual))
 
 
 def squares(matrix: Array, theta: Array) -> float:

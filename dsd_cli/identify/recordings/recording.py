@@ -42,7 +42,7 @@ class Recording:
     missing : channel -> why it cannot be had.
     rest_speed : speed up to which the plant may be at rest, as far as the measurement can tell.
     pushed : (effect, share of the inertia) of the load that "push" of the pieces drives (`fit.driven`); None where the
-        motion drives every load.
+        motion drives every load. levels : (effect, column, coefficient) of forces that act in this log alone.
     """
 
     name: str
@@ -55,6 +55,7 @@ class Recording:
     walk: float
     sensor: Sensor
     pushed: tuple[str, float] | None = None
+    levels: tuple[tuple[str, int, float], ...] = ()
 
     @property
     def samples(self) -> int:

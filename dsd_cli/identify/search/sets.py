@@ -94,8 +94,8 @@ class Search:
         gain = self.evidence(after) - self.evidence(before)
         if gain < POLICY.least_gain:
             return False
-        agreed = _events(before) != _events(after) or _agreed(self.gains(before, after))
-        return agreed and self.practical(before, after)
+        spread = _events(before) != _events(after) or spread_over_blocks(self.gains(before, after))
+        return spread and self.practical(before, after)
 
     # -- fits ------------------------------------------------------------------------------------------------------
 
@@ -292,7 +292,7 @@ def _events(fit: Fit) -> set[Term]:
     return {t for t in fit.terms if t.effect.listed}
 
 
-def _agreed(gains: np.ndarray) -> bool:
+def spread_over_blocks(gains: np.ndarray) -> bool:
     """Whether the gain is spread over the blocks: not one block alone, and few blocks lose. Gains may be unequal: a
     cubic spring shows where the axis goes far."""
     lost = -float(gains[gains < 0.0].sum())

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dsd_cli.effects import Role
 from dsd_cli.effects.memory import one_pole
-from dsd_cli.identify.fit.bank import INERTIA, SHARE, drive, holds, inputs_of, raw_columns
+from dsd_cli.identify.fit.bank import INERTIA, SHARE, drive, holds, inputs_of, of_single_logs, raw_columns
 from dsd_cli.identify.fit.equations import Stretch
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.sure import inflation
@@ -74,6 +74,8 @@ def signals_of(search: Search, fit: Fit, delay: float) -> Signals | None:
     step, noise = equations.sample_time, equations.recordings[0].sensor.noise
     held, inputs = holds(fit.terms), inputs_of(fit.terms)
     u, before, after = (drive(equations, inputs, d) for d in (delay, max(delay - step, 0.0), delay + step))
+    for _, taken in of_single_logs(equations, delay):
+        u = [x - force for x, force in zip(u, taken, strict=True)]
     columns = {t: raw_columns(equations, t, delay) for t in fit.terms if t.effect.role is not Role.INPUT}
     others = [x for t, c in columns.items() if t.effect.role is not Role.STRUCTURE for x in c]
     given: list[list[Array]] = [[] for _ in others]

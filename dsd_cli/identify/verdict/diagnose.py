@@ -8,7 +8,7 @@ from dataclasses import replace
 from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Diagnosis
-from dsd_cli.identify.search.afloat import searched
+from dsd_cli.identify.search.levels import levelled
 from dsd_cli.identify.search.pulses import event_effect
 from dsd_cli.identify.verdict.beyond import above_floor, beyond_of, pushed
 from dsd_cli.identify.verdict.command_time import CommandTime
@@ -17,6 +17,7 @@ from dsd_cli.identify.verdict.evidence import memberships
 from dsd_cli.identify.verdict.first_look import first_look
 from dsd_cli.identify.verdict.imitation import without_imitations
 from dsd_cli.identify.verdict.judgement import Verdict
+from dsd_cli.identify.verdict.levels import with_levels_said
 from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.identify.verdict.own_values import own_values
 from dsd_cli.identify.verdict.several import strongest_first
@@ -61,7 +62,8 @@ def diagnose(
     asked, against = first_look(recordings, model, settings or Settings())
     if against:
         on_told(against)
-    search, whole = searched(recordings, model, asked, holdout, report)
+    apart = levelled(recordings, model, asked, holdout, report)
+    recordings, search, whole = apart.recordings, apart.search, apart.whole
     beyond = beyond_of(search, whole)
     doubtful = beyond.unknown or above_floor(search, whole)
     shown = with_response(search, whole, recordings, model, asked, holdout, doubtful, report)
@@ -82,6 +84,7 @@ def diagnose(
     options, own = [*search.options(search.refit), *first], own_values(search)
     verdict = Verdict(search, options, whole, members, own, beyond, shown, limits)
     diagnosis = against_told(verdict.diagnosis(), search, whole, asked)
+    diagnosis = with_levels_said(diagnosis, search, whole, apart)
     if stability:
         report("how sure, on parts", 0.85)
         diagnosis = with_stability(diagnosis, recordings, model, shown.settings)

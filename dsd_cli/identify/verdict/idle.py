@@ -10,6 +10,9 @@ import numpy as np
 
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.asked import Settings
+from dsd_cli.identify.fit.bank import Bank, holds
+from dsd_cli.identify.fit.equations import equations_of
+from dsd_cli.identify.fit.gram import solve, total_gram
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
@@ -29,7 +32,7 @@ _CREST = 8.0
 _LINE = 30.0
 #: Bins beside a line that are looked at, and that it fills itself (Hann window).
 _BESIDE, _WIDTH = 50, 2
-#: Amplitude of the acceleration at a line, as a share of what u would cause there: below it, it did not act.
+#: The acceleration at a line, or along with spikes, as a share of what u would cause there: below it, it did not act.
 _UNANSWERED = 0.3
 #: Hz by which a line may wander: mains do by some hundredths.
 _WANDERS = 0.2
@@ -68,11 +71,27 @@ def idle_part(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
         left = without.problem.errors.rmse(without.refit)
         if seen is not None and Role.STRUCTURE in part.imitators and not _shows(without, seen.effect):
             return Idle(part.what, f"{part.instead}, the response shows no load", part.question)
-        if left < _AT_MOST * found and left < least and problem.falls(before, left, search.refit):
+        better = left < _AT_MOST * found and left < least and problem.falls(before, left, search.refit)
+        if better and _answered(search, whole, part.taken_off) < _UNANSWERED:
             why = f"forces alone leave {left:.3g}, less than any effects with u as it is logged ({found:.3g})"
             best, least = Idle(part.what, f"{part.instead}, {why}", part.question), left
         del without  # as large as the next
     return best
+
+
+def _answered(search: Search, whole: Fit, taken_off: Sequence[Recording]) -> float:
+    """How much of what it would cause the acceleration has of the part of u that was taken off: 0 where it did not act.
+
+    1 where it did; beside the forces that were found, and the rest of u.
+    """
+    bank, tap = search.problem.errors.bank, whole.tap
+    terms = tuple(t for t in whole.terms if t.effect.role is not Role.INPUT)
+    drive, acceleration, *others = bank.design(terms, tap).rows
+    equations = equations_of(taken_off, bank.equations.startup, bank.equations.band)
+    rest = Bank(equations).drive((), tap, held=holds(terms))
+    kept = bank.equations.kept
+    theta = solve(total_gram([x[kept] for x in (acceleration, rest, drive - rest, *others)])[None])[0]
+    return float(theta[1] / theta[0]) if theta[0] > 0.0 else 1.0
 
 
 def _shows(search: Search, effect: str) -> bool:

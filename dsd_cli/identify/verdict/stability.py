@@ -12,6 +12,7 @@ from dsd_cli.errors import DsdError
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts
+from dsd_cli.identify.recordings.levels import with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Diagnosis, Variant
 from dsd_cli.identify.search.sets import Search
@@ -31,6 +32,7 @@ def with_stability(
         return found
     if any(c.seen for c in found.ranking if c.effect == found.verdict):
         return found
+    recordings = with_levels(recordings, [one.deviations for one in found.levels])
     asked = [
         ("the first half of the data", _half(recordings, 0), settings),
         ("the second half", _half(recordings, 1), settings),

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from dsd_cli.identify.results import Candidate, Diagnosis
 from dsd_cli.report.diagnosis import error, found_text, percent, stability_line, verdict_line
+from dsd_cli.report.levels import level_rows
 from dsd_cli.report.names import estimate_text, fall_text, force_error, listed
 from dsd_cli.report.page.html import Html, bar, joined, left, listing, name, table, tag, typeset
 from dsd_cli.report.page.parts import missing, section
@@ -31,6 +32,14 @@ def diagnosis_section(story: Story) -> Html:
         tag("p", typeset(verdict_line(result, report.given)), ".", class_="verdict"),
         tag("p", f"Found together: {found_text(result)}.") if len(result.found) > 1 else None,
         tag("p", _sentence(stability_line(result))) if result.stability else None,
+        table(
+            ("log", *(f"{one.deviations.name}, mean {one.mean:.4g}" for one in result.levels)),
+            [(left(log), *map(typeset, values)) for log, *values in level_rows(result.levels)],
+            "",
+            "Values that differ between the logs",
+        )
+        if result.levels
+        else None,
         _ranking(result, tested[:MOST_CANDIDATES]),
         tag(
             "details",

@@ -1,0 +1,145 @@
+"""Levels that differ between the logs of one rig: friction that warmed up, an offset of one day.
+
+Effects say which of their values do (`Effect.varies`). Beside all functions of the motion such a value gets a deviation
+in each log; those that are certain and of use are forces that are known to act in that log, and the search begins again
+without them. The model keeps the mean of the logs. A force that depends on the place or the speed is no level, wherever
+the logs were taken: what a function of the motion does as well is not told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+from dsd_cli.effects import get_effect
+from dsd_cli.identify.fit.asked import Settings
+from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.excerpts import excerpts
+from dsd_cli.identify.recordings.levels import Deviations, with_levels
+from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.search.afloat import searched
+from dsd_cli.identify.search.level_fits import Asked
+from dsd_cli.identify.search.long_logs import searched_with
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.plant.model import PlantModel
+
+Report = Callable[[str, float], None]
+#: Channels whose functions stand beside the levels in a second look, one pair at a time.
+_PAIRS = (("velocity", "position"), ("velocity", "u"))
+#: Rounds of levels and sets that are found beside each other, and the change of a level that ends them.
+_ROUNDS, _SETTLED = 9, 2e-3
+
+
+@dataclass(frozen=True)
+class Levelled:
+    """A search that knows the levels of each log: its recordings have them as forces.
+
+    plain : the recordings without.
+    """
+
+    plain: tuple[Recording, ...]
+    recordings: tuple[Recording, ...]
+    search: Search
+    whole: Fit
+    levels: tuple[Deviations, ...] = ()
+
+
+def levelled(
+    recordings: Sequence[Recording],
+    model: PlantModel,
+    settings: Settings,
+    holdout: Sequence[Recording],
+    report: Report = lambda _what, _share: None,
+) -> Levelled:
+    """The search over these recordings, with levels per log where they differ.
+
+    Raises
+    ------
+    DataError, UsageError : as `pose`.
+    """
+    plain = tuple(recordings)
+    alone = partial(searched, model=model, settings=settings, holdout=holdout, report=report)
+    if len(plain) < 2 or any(r.walk > 0.0 for r in plain):
+        return Levelled(plain, plain, *alone(plain))
+    now = _at_first(Search(pose(excerpts(plain), model, settings, holdout)))
+    for _ in range(_ROUNDS):
+        known = with_levels(plain, now)
+        found = Levelled(plain, known, *alone(known), now)
+        then = deviations(found.search, found.whole) or _beside_parts(found)
+        if _the_same(then, now):
+            break
+        if not then:
+            there = found.search.problem.scale.model(found.whole)
+            return _without(Levelled(plain, plain, *alone(plain)), there, model, settings, holdout)
+        now = then
+    else:
+        return Levelled(plain, plain, *alone(plain))  # levels that go on changing stand in for something else
+    return found if _possible(found) else Levelled(plain, plain, *alone(plain))
+
+
+def _at_first(search: Search) -> tuple[Deviations, ...]:
+    """Levels beside functions of the motion, and of u, alone: a search that knows none stands in for them as it can."""
+    return deviations(search, search.refit) or deviations(search, search.refit, ("u",))
+
+
+def _the_same(a: Sequence[Deviations], b: Sequence[Deviations]) -> bool:
+    """Whether these are the same levels, within a standard error or a small share."""
+    if [x.name for x in a] != [x.name for x in b]:
+        return False
+    pairs = ((p, q, s) for x, y in zip(a, b, strict=True) for p, q, s in zip(x.by_log, y.by_log, x.errors, strict=True))
+    return all(abs(p - q) <= max(s, _SETTLED * abs(q)) for p, q, s in pairs)
+
+
+def _without(
+    first: Levelled, there: PlantModel, model: PlantModel, settings: Settings, holdout: Sequence[Recording]
+) -> Levelled:
+    """No level differs beside a set that was found with levels: they stood in for a part of it."""
+    search, fit = searched_with(first.plain, there, model, settings, holdout)
+    whole = search.settled(fit)
+    better = search.problem.errors.rmse(whole) < first.search.problem.errors.rmse(first.whole)
+    return Levelled(first.plain, first.plain, search, whole) if better else first
+
+
+def _possible(found: Levelled) -> bool:
+    """Whether no log has a level beyond its bound by more than its error: friction that drives the axis."""
+    values = found.search.problem.values(found.whole).estimates
+    for one in found.levels:
+        lower = next(p.lower for p in get_effect(one.effect).parameters if p.name == one.parameter)
+        mean = values[one.name].value if one.name in values else 0.0
+        if any(mean + d < lower - s for d, s in zip(one.by_log, one.errors, strict=True)):
+            return False
+    return True
+
+
+def _beside_parts(found: Levelled) -> tuple[Deviations, ...]:
+    """Levels where the whole set leaves more than noise: beside functions of u, as a limit is one, and beside
+    the set without one effect, which may stand in for them."""
+    search, whole = found.search, found.whole
+    if search.problem.errors.rmse(whole) <= POLICY.floor_factor * search.problem.floor:
+        return ()
+    if levels := deviations(search, whole, ("u",)):
+        return levels
+    parts = (tuple(t for t in whole.terms if t != member) for member in search.added(whole.terms))
+    return next((levels for terms in parts if (levels := deviations(search, search.fit(terms, whole.tap)))), ())
+
+
+def deviations(search: Search, fit: Fit, more: tuple[str, ...] = ()) -> tuple[Deviations, ...]:
+    """Levels that differ between the logs beside a fit, whatever levels are known already.
+
+    more : channels of a further function that may be there.
+    """
+    asked = Asked(search, fit, more)
+    names = [key for key in asked.columns if asked.told(key)]
+    while names:
+        doubtful = [key for key in names if not asked.certain(key, names)]
+        if not doubtful:
+            break
+        names.remove(min(doubtful, key=lambda key: asked.gain(key, names)))
+    for pair in _PAIRS:
+        if names:
+            beside = Asked(search, fit, pair)
+            names = [key for key in names if beside.told(key) and beside.clear(key, names)]
+    return tuple(replace(asked.values(key, names), alike=asked.alike(key, names)) for key in names)

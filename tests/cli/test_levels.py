@@ -1,0 +1,104 @@
+"""Two logs of one axis whose friction warmed up in between, by the commands alone: said, written, kept, taken back."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from dsd_cli.files.config import load_config
+from tests.cli.rig import done
+from tests.cli.test_schema import holds, published
+
+HEAD = """
+[signals]
+u = "u"
+position = "position"
+
+[observer]
+nominal_inertia = 0.01
+time_constant = 0.005
+
+[model]
+inertia = 0.01
+delay = 0.004
+
+[model.effects.coulomb_friction]
+level = 0.1
+"""
+TRUTH = (
+    HEAD
+    + """
+[simulate]
+duration = 5.0
+sample_time = 0.002
+encoder_step = 3.835e-4
+
+[simulate.reference]
+kind = "multisine"
+frequencies = [1.7, 3.1, 5.3, 7.9, 11.3]
+amplitude = 0.5
+seed = 3
+
+[simulate.controller]
+kind = "pd"
+kp = 5.0
+kd = 0.4
+derivative = "error"
+"""
+)
+LEVELS = {"cold.csv": 0.13, "warm.csv": 0.07}
+WEIGHT = "gravity:amplitude=0.1,phase=0.2"
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log of the cold axis and one of the warm one; the config of its owner, who knows the mean and no weight."""
+    folder = tmp_path_factory.mktemp("levels")
+    (folder / "dsd.toml").write_text(HEAD)
+    (folder / "truth.toml").write_text(TRUTH)
+    for log, level in LEVELS.items():
+        friction = f"model.effects.coulomb_friction.level={level}"
+        done("simulate", "-c", "truth.toml", "-o", log, "--set", friction, "--effect", WEIGHT, cwd=folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def improved(rig: Path) -> dict:
+    got = done("improve", *LEVELS, "--auto", "-o", "better.toml", "--format", "json", cwd=rig)
+    holds("improve", got.stdout)
+    return json.loads(got.stdout)
+
+
+def test_the_weight_is_named_and_the_level_of_each_log_said(improved):
+    assert [step["effect"] for step in improved["ladder"]][-1] == "gravity"
+    assert improved["verdict"] == "none"
+    assert list(improved["levels"]) == ["coulomb_friction.level"]
+    levels = improved["levels"]["coulomb_friction.level"]
+    assert {one["log"]: one["value"] for one in levels["logs"]} == pytest.approx(LEVELS, rel=0.03)
+    assert levels["mean"] == pytest.approx(0.1, rel=0.03)
+    assert "coulomb_friction.level differs between the logs: 0.1" in improved["verdict_text"]
+    for log in LEVELS:
+        assert any(line.startswith(f"{log}: coulomb_friction.level is 0.") for line in improved["warnings"])
+
+
+def test_the_schema_of_diagnose_has_them_too():
+    one, other = published("diagnose")["properties"], published("improve")["oneOf"][0]["properties"]
+    assert one["levels"] == other["levels"]
+
+
+def test_improve_writes_the_mean_and_its_history_has_the_levels(improved, rig):
+    model = load_config(rig / "better.toml").model
+    assert model.effects["coulomb_friction"]["level"] == pytest.approx(0.1, rel=0.03)
+    text = (rig / "better.toml").read_text()
+    last = tomllib.loads(text)["history"][-1]
+    assert last["levels"] == {"coulomb_friction.level": pytest.approx(list(LEVELS.values()), rel=0.03)}
+    assert all(0.0 < e < 0.01 for e in last["level_errors"]["coulomb_friction.level"])
+    assert "[model] has their mean, each log counting once" in text
+
+
+def test_undo_takes_the_levels_back_too(improved, rig):
+    text = (rig / "better.toml").read_text()
+    for _ in tomllib.loads(text)["history"]:
+        done("improve", "--undo", "-c", "better.toml", cwd=rig)
+    assert (rig / "better.toml").read_text() == HEAD
