@@ -65,17 +65,20 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     def share(option: Option) -> float:
         return (plain.rmse(rest) ** 2 - plain.rmse(option.fit) ** 2) / max(worth, 1e-300)
 
+    def may_be(option: Option) -> bool:
+        """At stops and turns rows count little as evidence, but what is far off there is no rival."""
+        far_off = plain.rmse(option.fit) > POLICY.rival_error * plain.rmse(whole)
+        return option.evidence > search.evidence(rest) and not far_off
+
     def rivals(option: Option) -> bool:
-        if share(option) < POLICY.rival_share or option.evidence <= search.evidence(rest):
+        if share(option) < POLICY.rival_share or not may_be(option):
             return False
         lead = search.gains(option.fit, whole)
         spread = float(np.std(lead, ddof=1)) * math.sqrt(len(lead))
         return float(lead.sum()) < POLICY.rival_deviations * spread or not search.matters(option.fit, whole)
 
     def alike_to(option: Option) -> bool:
-        if option.evidence <= search.evidence(rest):
-            return False
-        if plain.rmse(option.fit) > POLICY.rival_error * plain.rmse(whole):
+        if not may_be(option):
             return False
         cheaper = search.price(option.fit.terms) < search.price(whole.terms)
         return share(option) > (

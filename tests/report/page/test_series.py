@@ -1,5 +1,7 @@
 """The axis of time, and what is drawn of long signals, against plain loops."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from dsd_cli.report.page.html import data
 from dsd_cli.report.page.series import CLOUD, _medians, views
 from dsd_cli.report.page.story import Part, Story
 from dsd_cli.report.page.timebase import laid_out, onward
-from dsd_cli.signals.log import Log
+from dsd_cli.signals.log import Log, with_channels
 from dsd_cli.signals.units import Units
 
 OBSERVER = ObserverSettings(1.0, 0.01)
@@ -86,8 +88,9 @@ def test_the_force_residual_of_a_missing_damper_is_its_force(found):
 
 def test_a_peak_of_a_long_log_is_drawn():
     long = recording(30.0)
-    long.pieces[0].channels["u"].flags.writeable = True
-    long.pieces[0].channels["u"][12_345] = 77.0
+    u = np.array(long.pieces[0]["u"])
+    u[12_345] = 77.0
+    long = replace(long, pieces=(with_channels(long.pieces[0], u=u), *long.pieces[1:]))
     seen = views([long], [PlantModel()], OBSERVER)
     t, u = seen.channels["u"]
     assert t.size <= seen.points < 30_000
