@@ -30,7 +30,7 @@ LATE = (
     *("matplotlib.backends.backend_agg", "scipy.linalg", "scipy.signal", "scipy.special", "scipy.optimize"),
 )
 #: Variables that are looked at when a command runs, and those of the tests themselves.
-AT_RUN = {"NO_COLOR", "COLUMNS", "PYTEST_CURRENT_TEST", "MIMALLOC_PURGE_DELAY"}
+AT_RUN = {"NO_COLOR", "COLUMNS", "PYTEST_CURRENT_TEST", "MIMALLOC_PURGE_DELAY", "KMP_DUPLICATE_LIB_OK"}
 _LONGEST = 1 << 17  # bytes of a request
 
 

@@ -23,7 +23,7 @@ def first_of_all(result: Diagnosis) -> str:
     if not said:
         return ""
     names = listed(dict.fromkeys(one.value for one in said))
-    if not any(one.hard for one in said) and not result.stand_ins:
+    if not any(one.hard or one.kind == "bound" for one in said) and not result.stand_ins:
         return f"; this log is against the prior of {names}, which gave way"
     alone = f" ({listed(result.stand_ins)} may only stand in for that)" if result.stand_ins else ""
     return f"; this log is against what it was told of {names}: look at that first{alone}"

@@ -22,6 +22,7 @@ FORMS = [
     ("--fix", "inertia=0", "above 0"),
     ("--fix", "inertia=-1", "above 0"),
     ("--fix", "inertia=0.35kg", "write 0.35 without a unit"),
+    ("--fix", "delay=2ms", "write 0.002 without a unit"),
     ("--fix", "inertia=3.5e-1 kg m^2", "write 3.5e-1 without a unit"),
     ("--fix", "inertia=0,35", "write 0.35, with a point"),
     ("--fix", "inertai=1", "did you mean inertia?"),

@@ -68,3 +68,19 @@ def test_parts_of_the_data_confirm_nothing_that_was_told_for_all_of_them():
     assert line.endswith("all with viscous_friction.coefficient as told: no confirmation of that")
     verdict = made.stdout.splitlines()[0]
     assert int(re.search(r"probability (\d+) %", verdict)[1]) <= 50
+
+
+@pytest.mark.parametrize(
+    ("told", "value", "bound"),
+    [
+        ("coulomb_friction.level=0.2:0.3", "coulomb_friction.level", "lower bound, 0.2: the log asks for less"),
+        ("delay=0.004:0.01", "delay", "lower bound, 0.004: the log asks for less"),
+    ],
+)
+def test_a_bound_that_the_truth_is_beyond_is_no_prior_that_gave_way(told, value, bound):
+    """The verdict was 95 and 98 % sure; drag is missing as well, so that the log alone is two sigma off only."""
+    made = done("diagnose", LOG, "-c", BARE, "--bounds", told, "--format", "json", cwd=SAMPLES)
+    found = json.loads(made.stdout)
+    assert found["probability"] <= 0.5
+    assert f"against what it was told of {value}: look at that first" in found["verdict_text"]
+    assert bound in made.stderr

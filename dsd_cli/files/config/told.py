@@ -136,8 +136,9 @@ def _number(text: str, at: Option, form: str, infinite: float = math.nan) -> flo
     why = f"'{text}' is no number: write {form}" if text else f"write {form}"
     if re.fullmatch(r"[+-]?\d*,\d+", text):
         why = f"write {text.replace(',', '.')}, with a point"
-    elif number := re.fullmatch(rf"({_NUMBER})\s*[^\W\d_].*", text):
-        why = f"'{text}' is no number: write {number[1]} without a unit, in that of [model]"
+    elif number := re.fullmatch(rf"({_NUMBER})\s*([^\W\d_].*)", text):
+        bare = f"{1e-3 * float(number[1]):g}" if number[2] == "ms" else number[1]
+        why = f"'{text}' is no number: write {bare} without a unit, in that of [model]"
     raise UsageError(at.file, why)
 
 

@@ -67,8 +67,9 @@ def contradictions(search: Search, fit: Fit, estimates: Estimates) -> tuple[Cont
         low, high = known.limits(name)
         side = next((s for s, b in (("lower", low), ("upper", high)) if math.isclose(estimate.value, b)), "")
         if estimate.at_bound and side:
-            sure = name in alone and _told_otherwise(known, name, alone[name]) is not None
-            text = f"stands on its {side} bound, {estimate.value:.4g}: the log asks for more"
+            sure = name in alone and _beyond(estimate.value, alone[name])
+            wanted = "less" if side == "lower" else "more"
+            text = f"stands on its {side} bound, {estimate.value:.4g}: the log asks for {wanted}"
             text += f", alone it says {_said(alone[name])}" if sure else ""
             found.append(Contradiction.of(name, "bound", text, hard=sure))
         if name in alone and (estimate.held or name in known.priors):
@@ -93,6 +94,11 @@ def _beside(problem: Problem, known: Known, name: str, fitted: Estimate, alone: 
     sigma = abs(alone.value - fitted.value) / alone.std_error
     text = f"is held at {fitted.value:.4g}; this log alone says {_said(alone)} ({sigma:.1f} sigma off)"
     return Contradiction.of(name, "held", text)
+
+
+def _beyond(bound: float, alone: Estimate) -> bool:
+    """Whether a log alone has a value beyond its bound by more than scatter: standing there, the fit says the same."""
+    return abs(alone.value - bound) > max(alone.std_error, LEAST_SHARE * abs(bound))
 
 
 def _off(problem: Problem, name: str, value: float, alone: Estimate, prior: float = 0.0) -> bool:
