@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from dsd_cli.identify.fit.bank import Bank
 from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
 from dsd_cli.identify.fit.noise import fitted_noise, passed_variance, whitening
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.sure import inflation, weighed
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.spectrum import SensorNoise
 from dsd_cli.signals.log import Array
 
@@ -44,8 +47,9 @@ def measured(plain: Bank, before: Solver, fit: Fit, sensor: SensorNoise, sure: S
     bank = Bank(equations.with_whitening(taps), plain, passed_variance(taps, equations.band, sure))
     solver, noise = _beside(bank, residual, before)
     trusting = weighed(solver.fit(fit.terms, fit.tap), solver, plain).solver.bank
-    if trusting.equations.trust is None:
-        return solver, noise
+    trust = trusting.equations.trust
+    if trust is None or float(np.mean(trust[equations.kept] == 1.0)) <= POLICY.sure_part:
+        return solver, noise  # too few are sure to tell a whole set by: on the XL330 7 %
     return _beside(Bank(trusting.equations, plain, trusting.variance), residual, before)
 
 
