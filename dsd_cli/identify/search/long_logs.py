@@ -136,8 +136,10 @@ def _found(
         report("sets of effects", 0.2)
         whole = search.run(search.refit, lambda share: report("sets of effects", 0.2 + 0.3 * share), to_friction=True)
         if holds(whole.terms) and not holds(search.refit.terms):
-            search = Search(search.problem.measured_again(whole))
-            whole = search.run(search.settled(search.fit(whole.terms, whole.tap)))
+            again = Search(search.problem.measured_again(whole))
+            if again.equations.trust is not None:  # friction decides which rows count
+                search, whole = again, again.settled(again.fit(whole.terms, whole.tap))
+            whole = search.run(whole)
     else:
         whole = search.fit(begun.terms, begun.tap)
     search = Search(search.problem.measured_again(whole))
