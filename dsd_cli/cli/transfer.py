@@ -35,7 +35,7 @@ def with_priors(config: Config, spread: float) -> Config:
     model, texts = believed_model(config), []
     for name, value in flat(model).items():
         effect, _, parameter = name.partition(".")
-        angle = parameter and next(p.unit for p in get_effect(effect).parameters if p.name == parameter) == "rad"
+        angle = parameter and get_effect(effect).parameter(parameter).unit == "rad"
         width = math.hypot(errors.get(name, 0.0), spread * (1.0 if angle else abs(value)))
         low, high = config.fit.bounds.get(name, (-math.inf, math.inf))
         if name not in said and not low <= value <= high:

@@ -172,6 +172,10 @@ class Effect:
         """Whether it is a list of events, found in the residual over time and not from the ranges of a log."""
         return any(p.listed for p in self.parameters)
 
+    def parameter(self, name: str) -> Parameter:
+        """The parameter of that name, which must exist."""
+        return next(p for p in self.parameters if p.name == name)
+
     def run(self, channels: Channels, shape: Shape, state: Any = None) -> tuple[tuple[Any, ...], Any]:
         """(columns, state to carry on from); the state of an effect without memory is None."""
         if self.memory:

@@ -31,7 +31,7 @@ from dsd_cli.identify.results import (
 )
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.contradictions import Contradiction, beside_told, contradictions
+from dsd_cli.identify.verdict.contradictions import beside_told, contradictions, kept_values
 from dsd_cli.identify.verdict.diagnose import Progress, Settings, Told, diagnose
 from dsd_cli.identify.verdict.first_look import first_look
 from dsd_cli.identify.verdict.levels import log_levels, said_of
@@ -276,7 +276,7 @@ def _why(last: Diagnosis, refused: Sequence[str]) -> str:
         return f"nothing lowers the held-out error any more ({', '.join(refused)} did not)"
     if last.verdict == NONE:
         return "nothing significant is left"
-    if kept := dict.fromkeys(one.value for one in last.warnings if isinstance(one, Contradiction) and one.hard):
+    if kept := kept_values(last.warnings):
         return f"what is left may come from what was told of {', '.join(kept)}"
     if last.nearest:
         return f"something is left; {last.nearest} comes nearest, but the log does not confirm it"

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate, Diagnosis, Estimates, Score
+from dsd_cli.identify.verdict.contradictions import kept_values
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.report import terminal
 from dsd_cli.report.head import head
@@ -23,7 +24,7 @@ from dsd_cli.report.names import (
     values_text,
 )
 from dsd_cli.report.terminal import Hanging, escaped
-from dsd_cli.report.told import against_json, first_of_all, kept_values, no_confirmation
+from dsd_cli.report.told import against_json, first_of_all, no_confirmation
 from dsd_cli.report.values_table import correlation_lines, correlations_json
 
 #: Rows of a table on the screen; the JSON has all.
@@ -62,7 +63,7 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
     if result.verdict == UNKNOWN:
         on = f"; it depends on {listed(result.depends_on)}" if result.depends_on else ""
         left = f"{held} is {error(result.refitted.heldout_rmse)} ({unit})"
-        if kept := kept_values(result):
+        if kept := kept_values(result.warnings):
             return f"with {listed(kept)} as told, something is left that no effect explains{on} ({sure}): {left}"
         near = candidate(result, result.nearest)
         if near is not None:

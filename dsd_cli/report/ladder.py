@@ -21,6 +21,7 @@ from dsd_cli.identify.results import (
     Step,
 )
 from dsd_cli.identify.validation import Validation
+from dsd_cli.identify.verdict.contradictions import kept_values
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import error, named, plain_table, score_json, stability_line, verdict_line
 from dsd_cli.report.head import head
@@ -35,7 +36,7 @@ from dsd_cli.report.names import (
     values_text,
 )
 from dsd_cli.report.terminal import escaped
-from dsd_cli.report.told import against_json, kept_values, once
+from dsd_cli.report.told import against_json, once
 from dsd_cli.report.validation import validation_json, validation_lines
 from dsd_cli.report.values_table import correlations_json, print_values
 from dsd_cli.report.versus import moved_json, print_moved
@@ -159,7 +160,7 @@ def print_ladder(report: LadderReport, file: Any) -> None:
     if report.dropped:
         counts = ", ".join(f"{reason} {count:,}" for reason, count in report.dropped.items())
         console.print(escaped(f"rows not taken as they are: {counts}"))
-    print_values(console, _title(result), result.values, result.correlations, kept_values(result.last))
+    print_values(console, _title(result), result.values, result.correlations, kept_values(result.last.warnings))
     if report.moved:
         print_moved(console, "prior", "this machine", report.moved)
         if any(math.isfinite(one.sigma) for one in report.moved):

@@ -141,7 +141,7 @@ def axis_label(name: str, units: Units) -> str:
     effect, _, parameter = name.partition(".")
     if not parameter:
         return channel_label(name, units)
-    unit = next(one.unit for one in get_effect(effect).parameters if one.name == parameter)
+    unit = get_effect(effect).parameter(parameter).unit
     known = units.u and units.position and unit not in ("", "1")
     return f"{effect}\n{parameter}{f' ({units.words(unit)})' if known else ''}"
 

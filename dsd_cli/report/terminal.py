@@ -52,13 +52,16 @@ def _least_width(printer: Any, table: Any) -> int:
     from rich.measure import Measurement
 
     options = printer.options.update(width=_ENDLESS)
+    needed = Measurement.get(printer, options, table).maximum
+    if needed <= printer.width:
+        return int(needed)
     widest = least = 0
     for column in table.columns:
         cells = [Measurement.get(printer, options, cell) for cell in (column.header, *column.cells)]
         most = max(one.maximum for one in cells)
         widest += most
         least += most if column.no_wrap else max(one.minimum for one in cells)
-    return Measurement.get(printer, options, table).maximum - widest + least
+    return int(needed) - widest + least
 
 
 class Hanging:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from dsd_cli.identify.results import Diagnosis
-from dsd_cli.identify.verdict.contradictions import Contradiction
+from dsd_cli.identify.verdict.contradictions import Contradiction, kept_values
 from dsd_cli.report.names import listed
 
 
@@ -45,12 +45,7 @@ def against_json(result: Diagnosis) -> list[dict[str, Any]]:
     ]
 
 
-def kept_values(result: Diagnosis) -> tuple[str, ...]:
-    """Values that are kept from where the log would have them."""
-    return tuple(dict.fromkeys(one.value for one in result.warnings if isinstance(one, Contradiction) and one.hard))
-
-
 def no_confirmation(result: Diagnosis) -> str:
     """An end for a line on parts of the data, asked with the same values told; "" where that is no matter."""
-    names = kept_values(result)
+    names = kept_values(result.warnings)
     return f", all with {listed(names)} as told: no confirmation of that" if names else ""

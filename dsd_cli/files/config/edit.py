@@ -157,7 +157,7 @@ def _rounded_leaf(path: Path, value: Any, estimates: Estimates) -> Any:
     if path[1] == "effects":
         from dsd_cli.effects import get_effect
 
-        bounds = next(p for p in get_effect(path[2]).parameters if p.name == path[3])
+        bounds = get_effect(path[2]).parameter(path[3])
         return short if bounds.lower <= short <= bounds.upper else float(value)
     return short
 

@@ -154,6 +154,12 @@ class Equations:
         """Rows of each stretch."""
         return [len(self.band.centres(self.startup, len(s.log))) for s in self.stretches]
 
+    @cached_property
+    def owners(self) -> list[int]:
+        """Recording of each stretch, by its place among `recordings`."""
+        used = {id(s.log) for s in self.stretches}
+        return [i for i, r in enumerate(self.recordings) for p in r.pieces if id(p) in used]
+
     def of_rows(self, by_sample: Sequence[Array]) -> Array:
         """Values of samples at the centres of rows, joined."""
         pairs = zip(self.stretches, by_sample, strict=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dsd_cli.identify.fit.bank import Bank
+from dsd_cli.identify.fit.bank import Bank, holds
 from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
 from dsd_cli.identify.fit.noise import fitted_noise, passed_variance, whitening
 from dsd_cli.identify.fit.solve import Fit, Solver
@@ -46,6 +46,8 @@ def measured(plain: Bank, before: Solver, fit: Fit, sensor: SensorNoise, sure: S
     taps = whitening(fitted_noise(equations.by_stretch(residual), equations.band, sensor), equations.band, sensor)
     bank = Bank(equations.with_whitening(taps), plain, passed_variance(taps, equations.band, sure))
     solver, noise = _beside(bank, residual, before)
+    if not holds(fit.terms):
+        return solver, noise
     trusting = weighed(solver.fit(fit.terms, fit.tap), solver, plain).solver.bank
     trust = trusting.equations.trust
     if trust is None or float(np.mean(trust[equations.kept] == 1.0)) <= POLICY.sure_part:

@@ -25,7 +25,6 @@ from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.sure import Weighed, weighed
 from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values, terms_of
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.cycle import cycle_of
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.recordings.spectrum import SensorNoise
 from dsd_cli.identify.results import Score
@@ -160,7 +159,7 @@ def pose(
     candidates, untestable = candidates_of(recordings, holdout, model, settings)
     base, step = terms_of(model), recordings[0].sample_time
     longest = POLICY.longest_delay_share * max(len(p) for r in recordings for p in r.pieces) * step
-    longest = min(longest, POLICY.longest_delay, max(0.5 * cycle_of(recordings), 2.0 * model.delay))
+    longest = min(longest, POLICY.longest_delay, max(0.5 * max(r.cycle for r in recordings), 2.0 * model.delay))
     beside = (*base, *_functions_of_motion(candidates))
     bank, most_tap = _bank(recordings, longest, settings.band)
     solver = Solver(bank, lay_blocks(bank.equations.lengths, 1, recordings[0].name), known=known)

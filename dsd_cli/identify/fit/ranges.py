@@ -7,7 +7,6 @@ import numpy as np
 from dsd_cli.effects import Ranges
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.cycle import cycle_of
 
 
 def ranges(equations: Equations) -> Ranges:
@@ -30,5 +29,5 @@ def ranges(equations: Equations) -> Ranges:
         resolution=POLICY.resolved_deviations * max(r.position_noise for r in equations.recordings),
         band_hz=equations.band.hz,
         passes=way / travel if travel > 0.0 else 0.0,
-        cycle=cycle_of(equations.recordings),
+        cycle=max(r.cycle for r in equations.recordings),
     )

@@ -135,6 +135,12 @@ def sure_rows(terms: Terms, equations: Equations, most: float) -> NDArray[np.boo
     return np.asarray(uncertain(equations) <= most)
 
 
+def many_sure(equations: Equations) -> NDArray[np.bool_] | None:
+    """Rows that count in which the direction is sure, shape (N,); None where they are a small part of those."""
+    sure = equations.kept & (uncertain(equations) <= POLICY.unsure_share)
+    return sure if sure.sum() > POLICY.sure_part * equations.kept.sum() else None
+
+
 def uncertain(equations: Equations) -> Array:
     """Share of each whitened row's weight on samples in which the axis may rest or turn, shape (N,).
 

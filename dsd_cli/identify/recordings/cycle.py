@@ -3,31 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.signals.log import Array
 
 #: Samples of the speed that are compared; longer logs are averaged down to so many.
 _SAMPLES = 20_000
 
 
-def cycle_of(recordings: Sequence[Recording]) -> float:
-    """s after which the motion of every recording repeats itself, the longest of theirs; infinite where one does not.
+def cycle_of(speed: Array, sample_time: float) -> float:
+    """s after which a speed is about the same again, throughout; by its correlation with itself at each lag.
 
-    What is a cycle later is the same again: so such a motion tells no delay beyond it, and no line in time at one of
-    its harmonics from a force that depends on the motion.
+    Infinite where the motion does not repeat itself. What is a cycle later is the same again: so such a motion tells no
+    delay beyond it, and no line in time at one of its harmonics from a force that depends on the motion.
     """
-    return max(_cycle(max(r.pieces, key=len).channels.get("velocity"), r.sample_time) for r in recordings)
-
-
-def _cycle(speed: Array | None, sample_time: float) -> float:
-    """s after which a speed is about the same again, throughout; by its correlation with itself at each lag."""
-    if speed is None:
-        return math.inf
     step = -(-len(speed) // _SAMPLES)
     speed = speed[: len(speed) // step * step].reshape(-1, step).mean(axis=1)
     most = int(len(speed) / POLICY.least_cycles)

@@ -33,6 +33,11 @@ class Deviations:
         return f"{self.effect}.{self.parameter}"
 
 
+def may_differ(recordings: Sequence[Recording]) -> bool:
+    """Whether levels of single logs can be asked for: of one there are none, and a reconstructed motion floats."""
+    return len(recordings) > 1 and not any(r.walk > 0.0 for r in recordings)
+
+
 def with_levels(recordings: Sequence[Recording], known: Sequence[Deviations]) -> tuple[Recording, ...]:
     """The recordings with these deviations, and no others, as forces that are known to act in them."""
     if not known and not any(r.levels for r in recordings):

@@ -6,20 +6,23 @@ smoothing only removes what the noise of the channel itself explains: an exact l
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
 from dsd_cli.errors import DataError, TooShort
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.cycle import cycle_of
+from dsd_cli.identify.recordings.d_hat_signs import check_signs
 from dsd_cli.identify.recordings.jumps import in_pieces
 from dsd_cli.identify.recordings.reconstruction import drift
 from dsd_cli.identify.recordings.regular import regularised
 from dsd_cli.identify.recordings.sensor import Sensor, net_force, with_acceleration
 from dsd_cli.identify.recordings.smoothing import Smoothed, channel_noise, noise_of, smooth
-from dsd_cli.plant.filtering import SETTLED
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import Frame
@@ -67,6 +70,12 @@ class Recording:
         """s."""
         return self.pieces[0].sample_time
 
+    @cached_property
+    def cycle(self) -> float:
+        """s after which the motion of the longest piece repeats itself; infinite where it does not, or none is had."""
+        longest = max(self.pieces, key=len)
+        return cycle_of(longest["velocity"], self.sample_time) if "velocity" in longest else math.inf
+
 
 def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), rest_speed: float = 0.0) -> Recording:
     """The log in stretches, with d_hat and the motion.
@@ -97,7 +106,7 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
         pieces = [observe_log(piece, settings) for piece in pieces]
         provenance["d_hat"] = f"computed from {pieces[0].d_hat_source}"
     if "d_hat" in log:
-        _check_signs(pieces, replace(observer, sign=1), log.source)
+        check_signs(pieces, replace(observer, sign=1), log.source)
     pieces, sensor = with_acceleration(pieces, observer)
     pieces, noise, margin, missing = _with_motion(pieces, parts, observer, provenance)
     creep = POLICY.creep_share * max(
@@ -260,40 +269,3 @@ def _reconstructed(
     reason = "the log has no position, and one integrated from u and d_hat would drift away"
     done = [replace(p, channels={k: x for k, x in p.channels.items() if k != "position"}) for p in done]
     return done, noise, margin, {"position": reason}
-
-
-def _check_signs(pieces: Sequence[Log], observer: ObserverSettings, name: str) -> None:
-    """A logged d_hat must be Q { Jn a } - Q u with the a of the logged motion.
-
-    Raises
-    ------
-    DataError : a sign is wrong, as far as noise lets it be seen.
-    """
-    if not any(channel in pieces[0] for channel in ("velocity", "position")):
-        return
-    d_hat, force, drive = (np.concatenate(parts) for parts in zip(*(_sides(p, observer) for p in pieces), strict=True))
-    x = np.stack([force, drive])
-    (g, h), *_ = np.linalg.lstsq(x.T, d_hat, rcond=None)
-    variance = POLICY.correlated_samples * float(np.mean((d_hat - g * force - h * drive) ** 2))
-    errors = np.sqrt(np.maximum(variance * np.diag(np.linalg.pinv(x @ x.T)), 1e-300))
-    if (g > 0.0 > h) or min(abs(g) / errors[0], abs(h) / errors[1]) < POLICY.clear_signs:
-        return
-    if g < 0.0 < h:
-        raise DataError(f"{name}: d_hat has the other sign than its velocity or position", "set observer.sign")
-    wrong, key = ("velocity or position", "velocity_scale, position_scale") if g < 0.0 else ("u", "u_sign")
-    raise DataError(
-        f"{name}: {wrong} has the other sign than the other channels", f"turn the sign of {wrong} in [signals]: {key}"
-    )
-
-
-def _sides(piece: Log, observer: ObserverSettings) -> tuple[Array, Array, Array]:
-    """(d_hat, Q { Jn a } from the motion, Q u), without the samples in which they settle."""
-    motion = {name: x for name, x in piece.channels.items() if name != "d_hat"}
-    if piece.d_hat_source == "position" and "position" in motion:
-        motion.pop("velocity", None)
-    bare = replace(piece, channels=motion, d_hat_source="logged")
-    observed = observe_log(bare, observer)
-    frame = Frame(observed)
-    drive = frame.seen(frame.mean_u(piece["u"], 0.0), observer)
-    first = min(int(SETTLED * observer.time_constant / piece.sample_time) + 3, len(piece) // 2)
-    return piece["d_hat"][first:], (observed["d_hat"] + drive)[first:], drive[first:]

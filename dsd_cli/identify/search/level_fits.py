@@ -15,7 +15,7 @@ from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import freeform_fits
 from dsd_cli.identify.fit.gram import Grams, grams, losses, solve, squares, total_gram
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.sure import inflation, uncertain
+from dsd_cli.identify.fit.sure import inflation, many_sure
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.levels import Deviations
 from dsd_cli.identify.search.sets import Search, spread_over_blocks
@@ -154,9 +154,7 @@ class Asked:
 
 def logs_of_rows(equations: Equations) -> Array:
     """Recording of each row, shape (N,)."""
-    used = {id(s.log) for s in equations.stretches}
-    owners = [i for i, r in enumerate(equations.recordings) for p in r.pieces if id(p) in used]
-    return np.repeat(owners, equations.lengths)
+    return np.repeat(equations.owners, equations.lengths)
 
 
 def by_log(column: Array, logs: Array) -> list[Array]:
@@ -200,6 +198,5 @@ def _nats(rows: Sequence[Array], counted: Array) -> float:
 
 def _sure(equations: Equations, held: bool) -> Array:
     """1 in rows in which the direction of friction is sure, if there is any; in all if few are so."""
-    sure = equations.kept & (uncertain(equations) <= POLICY.unsure_share)
-    enough = held and sure.sum() > POLICY.sure_part * equations.kept.sum()
-    return (sure if enough else equations.kept).astype(np.float64)
+    sure = many_sure(equations) if held else None
+    return (equations.kept if sure is None else sure).astype(np.float64)

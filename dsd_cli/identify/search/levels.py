@@ -18,7 +18,7 @@ from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts
-from dsd_cli.identify.recordings.levels import Deviations, with_levels
+from dsd_cli.identify.recordings.levels import Deviations, may_differ, with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.afloat import searched
 from dsd_cli.identify.search.level_fits import Asked
@@ -62,7 +62,7 @@ def levelled(
     """
     plain = tuple(recordings)
     alone = partial(searched, model=model, settings=settings, holdout=holdout, report=report)
-    if len(plain) < 2 or any(r.walk > 0.0 for r in plain):
+    if not may_differ(plain):
         return Levelled(plain, plain, *alone(plain))
     now = _at_first(Search(pose(excerpts(plain), model, settings, holdout)))
     for _ in range(_ROUNDS):
@@ -107,7 +107,7 @@ def _possible(found: Levelled) -> bool:
     """Whether no log has a level beyond its bound by more than its error: friction that drives the axis."""
     values = found.search.problem.values(found.whole).estimates
     for one in found.levels:
-        lower = next(p.lower for p in get_effect(one.effect).parameters if p.name == one.parameter)
+        lower = get_effect(one.effect).parameter(one.parameter).lower
         mean = values[one.name].value if one.name in values else 0.0
         if any(mean + d < lower - s for d, s in zip(one.by_log, one.errors, strict=True)):
             return False

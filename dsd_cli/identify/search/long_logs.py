@@ -77,7 +77,7 @@ def searched_with(
     terms, tap = terms_of(found), search.refit.tap
     search = Search(search.problem.measured_again(search.fit(terms, tap)))
     whole = search.fit(terms, tap)
-    if sum(r.samples for r in parts) == sum(r.samples for r in recordings):
+    if _all_of(recordings, parts):
         return search, whole
     judge = Judge(asked_of_all(search.problem, recordings, holdout, whole), search)
     return judge, judge.fit(terms, whole.tap)
@@ -90,7 +90,7 @@ def posed(recordings: Sequence[Recording], model: PlantModel, settings: Settings
     """
     parts = excerpts(recordings)
     search = Search(pose(parts, model, settings, near=near))
-    if sum(r.samples for r in parts) == sum(r.samples for r in recordings):
+    if _all_of(recordings, parts):
         return search
     return Judge(asked_of_all(search.problem, recordings, (), search.refit), search)
 
@@ -111,7 +111,7 @@ def searched_as_is(
     """
     parts = excerpts(recordings)
     search, whole = _found(parts, model, settings, holdout, report)
-    if sum(r.samples for r in parts) == sum(r.samples for r in recordings):
+    if _all_of(recordings, parts):
         return search, whole
     judge, judged = on_all(search, recordings, holdout, whole)
     worst = _less_explained(judge, judged, parts)
@@ -120,6 +120,11 @@ def searched_as_is(
     del search, judge, judged  # their rows and columns are as large as those that come
     search, whole = _found(with_part(parts, recordings, *worst), model, settings, holdout, report, begun=whole)
     return on_all(search, recordings, holdout, whole)
+
+
+def _all_of(recordings: Sequence[Recording], parts: Sequence[Recording]) -> bool:
+    """Whether nothing was left out: the logs are short enough to be searched as they are."""
+    return sum(r.samples for r in parts) == sum(r.samples for r in recordings)
 
 
 def _found(
@@ -177,8 +182,7 @@ def _less_explained(judge: Search, fit: Fit, parts: Sequence[Recording]) -> tupl
     errors, equations = judge.problem.errors, judge.equations
     squares = errors.residual(fit, held_out=False) ** 2
     times = equations.by_stretch(equations.of_rows([s.frame.times for s in equations.stretches]))
-    used = {id(s.log) for s in equations.stretches}
-    place = [i for i, r in enumerate(equations.recordings) for p in r.pieces if id(p) in used]
+    place = equations.owners
     seen = _seen(times, place, parts)
     rows = max(int(POLICY.unexplained_seconds / (equations.band.step * equations.sample_time)), 1)
     worst, usual = (0.0, 0, 0.0), 0.0

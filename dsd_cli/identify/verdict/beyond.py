@@ -11,7 +11,7 @@ import numpy as np
 from dsd_cli.identify.fit.freeform import GAIN, freeform_fits, loss_of
 from dsd_cli.identify.fit.noise import structured_share
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.sure import uncertain
+from dsd_cli.identify.fit.sure import many_sure
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
@@ -105,9 +105,8 @@ def said_of_stops(search: Search, fit: Fit) -> tuple[str, ...]:
 
 def _left_elsewhere(search: Search, fit: Fit) -> float:
     """rms of what is left where the direction of the motion is sure, unit of u; inf where few rows are so, or all."""
-    kept = search.equations.kept
-    sure = kept & (uncertain(search.equations) <= POLICY.unsure_share)
-    if sure.all() or sure.sum() <= POLICY.sure_part * kept.sum():
+    sure = many_sure(search.equations)
+    if sure is None or sure.all():
         return math.inf
     return float(np.sqrt(np.mean(search.problem.errors.residual(fit, held_out=False)[sure] ** 2)))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -145,16 +145,21 @@ def against_told(found: Diagnosis, search: Search, whole: Fit, asked: Settings) 
     stand_ins = {name: tuple(dict.fromkeys(one.value for one in some)) for name, some in in_place.items()}
     found = replace(found, warnings=(*others, *said.values()), stand_ins=stand_ins)
     found = _less_sure(found) if in_place else beside_told(found, found.warnings)
-    kept = list(dict.fromkeys(one.value for one in said.values() if one.hard))
+    kept = kept_values(said.values())
     if found.verdict != UNKNOWN or not kept:
         return found
-    depends_on = (ACCELERATION,) if kept == [INERTIA] else found.depends_on  # u and speed make up what J is off by
+    depends_on = (ACCELERATION,) if kept == (INERTIA,) else found.depends_on  # u and speed make up what J is off by
     return replace(found, advice=(asking_again(kept),), depends_on=depends_on)
+
+
+def kept_values(said: Iterable[str]) -> tuple[str, ...]:
+    """Values that are kept from where the log would have them, of what is said."""
+    return tuple(dict.fromkeys(one.value for one in said if isinstance(one, Contradiction) and one.hard))
 
 
 def beside_told(found: Diagnosis, said: Sequence[str]) -> Diagnosis:
     """No verdict is sure beside a value that is kept from where the log would have it."""
-    return _less_sure(found) if any(isinstance(one, Contradiction) and one.hard for one in said) else found
+    return _less_sure(found) if kept_values(said) else found
 
 
 def _less_sure(found: Diagnosis) -> Diagnosis:

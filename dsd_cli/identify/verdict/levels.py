@@ -15,7 +15,7 @@ from dsd_cli.identify.fit.freeform import freeform_fits
 from dsd_cli.identify.fit.gram import grams, losses, solve
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.levels import Deviations
+from dsd_cli.identify.recordings.levels import Deviations, may_differ
 from dsd_cli.identify.results import Diagnosis, Estimate, Estimates, LogLevels
 from dsd_cli.identify.search.level_fits import by_log, logs_of_rows, varying
 from dsd_cli.identify.search.levels import Levelled
@@ -40,7 +40,7 @@ def log_levels(deviations: Sequence[Deviations], values: Estimates, logs: Sequen
 
 
 def _log_levels(one: Deviations, fitted: Estimate | None, logs: tuple[str, ...]) -> LogLevels:
-    unit = next(p.unit for p in get_effect(one.effect).parameters if p.name == one.parameter)
+    unit = get_effect(one.effect).parameter(one.parameter).unit
     mean = fitted or Estimate(0.0, 0.0, unit)
     own = mean.std_error if math.isfinite(mean.std_error) else 0.0
     values = (Estimate(mean.value + d, math.hypot(own, s), unit) for d, s in zip(one.by_log, one.errors, strict=True))
@@ -74,7 +74,7 @@ def stand_ins(search: Search, whole: Fit) -> dict[str, tuple[str, ...]]:
     A force seen at one place in each log, and not between, may be a function of the place or a level of each log.
     """
     problem = search.problem
-    if len(problem.recordings) < 2 or any(r.walk > 0.0 for r in problem.recordings):
+    if not may_differ(problem.recordings):
         return {}
     most = -_loss(search, whole, []) - search.price(whole.terms)
     found = {}
