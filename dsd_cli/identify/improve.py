@@ -143,7 +143,7 @@ def improve(
     ------
     DataError, UsageError : as `diagnose`.
     """
-    looked, against = first_look(recordings, model, settings or Settings())
+    looked, against = first_look(recordings, model, settings or Settings(), progress or (lambda _what, _share: None))
     if against:
         on_told(against)
     climb = _Climb(recordings, looked, holdout, on_step)

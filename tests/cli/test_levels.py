@@ -1,6 +1,7 @@
 """Two logs of one axis whose friction warmed up in between, by the commands alone: said, written, kept, taken back."""
 
 import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -102,3 +103,29 @@ def test_undo_takes_the_levels_back_too(improved, rig):
     for _ in tomllib.loads(text)["history"]:
         done("improve", "--undo", "-c", "better.toml", cwd=rig)
     assert (rig / "better.toml").read_text() == HEAD
+
+
+# -- beside a value that is told wrongly ------------------------------------------------------------------------------
+
+
+def test_a_wrong_inertia_is_not_paid_for_by_effects_where_levels_differ_too(rig):
+    """The first look must know levels: without them it explains nothing, and is silent."""
+    got = done("improve", *LEVELS, "--auto", "--fix", "inertia=0.013", "--format", "json", cwd=rig)
+    found = json.loads(got.stdout)
+    assert [one["value"] for one in found["against_told"]] == ["inertia"]
+    assert found["probability"] <= 0.5
+    assert {step["effect"] for step in found["ladder"]} <= {"as given", "refit", "inertia", "gravity"}
+
+
+@pytest.mark.parametrize("level", [0.13, 0.1], ids=["of one log", "the mean"])
+def test_a_level_that_is_held_is_held_in_every_log(rig, level):
+    """What each of them says instead is said, and no other value is said to differ in its place."""
+    told = ("--fix", f"coulomb_friction.level={level}", "--fix", "delay=0.004")
+    got = done("diagnose", *LEVELS, *told, "--format", "json", cwd=rig)
+    found = json.loads(got.stdout)
+    (against,) = found["against_told"]
+    assert (against["value"], against["told_by"], against["gave_way"]) == ("coulomb_friction.level", "held", False)
+    said = {log: float(value) for value, log in re.findall(r"(\S+) \+- \S+ \((\w+\.csv)\)", against["text"])}
+    assert said == pytest.approx(LEVELS, rel=0.03)
+    assert "levels" not in found
+    assert found["probability"] <= 0.5

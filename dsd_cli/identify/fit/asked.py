@@ -13,6 +13,7 @@ from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.known import Known
 from dsd_cli.identify.fit.ranges import ranges
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.levels import Deviations
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import PlantModel
 
@@ -28,6 +29,7 @@ class Settings:
     band : factor on the end of the band that the sensor suggests.
     taken : effects of the model that this climb took: they may stand in for a value that is told wrongly.
     against : what the log says against what is known, once that was looked at (`verdict.first_look`).
+    levels : of single logs, found with nothing told; None to look for them.
     """
 
     effects: tuple[str, ...] | None = None
@@ -35,6 +37,7 @@ class Settings:
     band: float = 1.0
     taken: tuple[str, ...] = ()
     against: tuple[str, ...] | None = None
+    levels: tuple[Deviations, ...] | None = None
 
 
 def candidates_of(

@@ -64,6 +64,9 @@ def levelled(
     alone = partial(searched, model=model, settings=settings, holdout=holdout, report=report)
     if not may_differ(plain):
         return Levelled(plain, plain, *alone(plain))
+    if settings.levels is not None:
+        known = with_levels(plain, settings.levels)
+        return Levelled(plain, known, *alone(known), settings.levels)
     now = _at_first(Search(pose(excerpts(plain), model, settings, holdout)))
     for _ in range(_ROUNDS):
         known = with_levels(plain, now)

@@ -14,7 +14,7 @@ from dsd_cli.identify.fit.known import Known
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.results import DELAY, INERTIA, UNKNOWN, Diagnosis, Estimate, Estimates
+from dsd_cli.identify.results import DELAY, INERTIA, UNKNOWN, Diagnosis, Estimate, Estimates, LogLevels
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.advice import asking_again
 
@@ -197,18 +197,42 @@ def _loose(free: Search, terms: Terms, tap: int) -> Fit:
     return min((free.fit(terms, near) for near in {tap, anywhere}), key=lambda one: one.squares)
 
 
-def told_far_off(known: Known, estimates: Estimates, sample_time: float) -> tuple[Contradiction, ...]:
-    """What estimates of a log alone say of values of which something is told, where a fit is kept far from that."""
-    names = [name for name in known.names if name in estimates and name not in known.seen]
-    least = {name: FAR_SHARE * abs(estimates[name].value) for name in names} | {DELAY: FAR_SAMPLES * sample_time}
-    found = (_told_otherwise(known, name, estimates[name], FAR_DEVIATIONS, least[name]) for name in names)
+def told_far_off(
+    known: Known, estimates: Estimates, sample_time: float, levels: Sequence[LogLevels] = ()
+) -> tuple[Contradiction, ...]:
+    """What estimates of logs alone say of values of which something is told, where a fit is kept far from that.
+
+    levels : of single logs; a value that is held is held in each of them.
+    """
+    by_log = {one.deviations.name: one for one in levels if one.deviations.name in known.fixed}
+    found = []
+    for name in (name for name in known.names if name in estimates and name not in known.seen):
+        each = by_log[name].values if name in by_log else (estimates[name],)
+        told = known.fixed.get(name, 0.0)
+        off = max(each, key=lambda one: abs(one.value - told) / max(one.std_error, 1e-300))
+        least = FAR_SAMPLES * sample_time if name == DELAY else FAR_SHARE * abs(off.value)
+        said = _each_said(by_log[name]) if name in by_log else ""
+        found.append(_told_otherwise(known, name, off, FAR_DEVIATIONS, least, said))
     return tuple(one for one in found if one is not None and one.hard)
 
 
+def _each_said(levels: LogLevels) -> str:
+    """What each log says by itself."""
+    return ", ".join(f"{_said(value)} ({log})" for log, value in zip(levels.logs, levels.values, strict=True))
+
+
 def _told_otherwise(
-    known: Known, name: str, alone: Estimate, deviations: float = POLICY.contradicting_deviations, least: float = 0.0
+    known: Known,
+    name: str,
+    alone: Estimate,
+    deviations: float = POLICY.contradicting_deviations,
+    least: float = 0.0,
+    said: str = "",
 ) -> Contradiction | None:
-    """What a log says by itself of a value, where that is not what was told, by so many deviations and `least`."""
+    """What a log says by itself of a value, where that is not what was told, by so many deviations and `least`.
+
+    said : what several logs say by themselves, `alone` being that of the one that is off most.
+    """
     if not alone.std_error > 0.0:
         return None
     low, high = known.limits(name)
@@ -223,7 +247,8 @@ def _told_otherwise(
     size = max(abs(alone.value), abs(value))
     hard = kept > max(POLICY.contradicting_deviations * alone.std_error, LEAST_SHARE * size)
     sigma = off / math.hypot(alone.std_error, spread)
-    return Contradiction.of(name, kind, f"{text}; this log alone says {_said(alone)} ({sigma:.1f} sigma off)", hard)
+    whose = f"the logs alone say {said}" if said else f"this log alone says {_said(alone)}"
+    return Contradiction.of(name, kind, f"{text}; {whose} ({sigma:.1f} sigma off)", hard)
 
 
 def freed(problem: Problem) -> Problem:

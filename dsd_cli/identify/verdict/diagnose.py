@@ -59,7 +59,7 @@ def diagnose(
     """
     report = progress or (lambda _what, _share: None)
     report("preparing", 0.0)
-    asked, against = first_look(recordings, model, settings or Settings())
+    asked, against = first_look(recordings, model, settings or Settings(), report)
     if against:
         on_told(against)
     apart = levelled(recordings, model, asked, holdout, report)

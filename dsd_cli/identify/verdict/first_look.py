@@ -7,7 +7,7 @@ only the effects of that search are asked with it: what they leave is the told v
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from dsd_cli.effects import kind_of
@@ -17,16 +17,24 @@ from dsd_cli.identify.fit.known import Known
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.recordings.excerpts import excerpts
+from dsd_cli.identify.recordings.levels import may_differ, with_levels
 from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.search.levels import Levelled, levelled
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.beyond import above_floor
 from dsd_cli.identify.verdict.contradictions import Contradiction, freed, told_far_off
+from dsd_cli.identify.verdict.levels import log_levels
 from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.plant.model import PlantModel
 
+Report = Callable[[str, float], None]
+
 
 def first_look(
-    recordings: Sequence[Recording], model: PlantModel, settings: Settings
+    recordings: Sequence[Recording],
+    model: PlantModel,
+    settings: Settings,
+    report: Report = lambda _what, _share: None,
 ) -> tuple[Settings, tuple[Contradiction, ...]]:
     """(settings with the effects that are worth a search, what the log says against what was told).
 
@@ -35,19 +43,29 @@ def first_look(
     DataError, UsageError : as `pose`.
     """
     looked = replace(settings, against=settings.against or ())
-    if not settings.known or settings.against is not None:
+    known = settings.known
+    if not known or settings.against is not None:
         return looked, ()
-    parts = excerpts(recordings)
-    free = Search(pose(parts, model, replace(settings, known=Known())))
-    whole = free.run(free.refit)
+    apart = _free(tuple(excerpts(recordings)), model, replace(settings, known=Known()), report)
+    free, whole = apart.search, apart.whole
     estimates = free.problem.values(whole).estimates
-    against = told_far_off(settings.known, estimates, recordings[0].sample_time)
+    by_log = log_levels(apart.levels, estimates, [r.name for r in recordings])
+    against = told_far_off(known, estimates, recordings[0].sample_time, by_log)
     if not against or above_floor(free, whole) or _to_mend(free, whole, settings):
         return looked, ()
-    told = Search(pose(parts, model, settings))
+    levels = tuple(one for one in apart.levels if one.name not in known.fixed)
+    told = Search(pose(with_levels(apart.plain, levels), model, settings))
     asked = {kind_of(t.id) for t in free.added(whole.terms)} | _as_good(told, whole)
     worth = tuple(name for name in told.problem.candidates if name in asked)
-    return replace(looked, effects=worth, against=against), against
+    return replace(looked, effects=worth, against=against, levels=levels), against
+
+
+def _free(parts: tuple[Recording, ...], model: PlantModel, settings: Settings, report: Report) -> Levelled:
+    """What the logs say with nothing told; a level that differs between them would look like a value told wrongly."""
+    if may_differ(parts):
+        return levelled(parts, model, settings, (), report)
+    search = Search(pose(parts, model, settings))
+    return Levelled(parts, parts, search, search.run(search.refit))
 
 
 def _to_mend(free: Search, whole: Fit, settings: Settings) -> bool:
