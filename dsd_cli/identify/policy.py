@@ -139,6 +139,7 @@ class Policy:
     least_told_direction: float = 0.9  # of the samples in motion; a sensor that tells fewer cannot tell friction
     surest: float = 0.99  # no verdict is surer: the catalogue is not the world
     surest_in_part: float = 0.8  # where some effects could not be tested, or rows are few
+    surest_unnamed: float = 0.5  # a member of a set of which the verdict names none
     surest_unstable: float = 0.9  # where the verdict changes on half of the data or in another band
     narrower_band: float = 0.5  # times the band, in which the verdict is tried again
     wider_band: float = 2.0  # the same

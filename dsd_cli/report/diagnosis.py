@@ -80,14 +80,23 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
     values = f"{values}, " if values else ""
     before, after = error(winner.heldout_rmse_before), error(winner.heldout_rmse_after)
     falls = f"{held} falls from {before} to {after} ({unit})"
-    if winner.effect in (INERTIA, DELAY):
-        was = "" if given is None else f" {getattr(given, winner.effect):.4g}"
-        line = f"{winner.effect}{was} of [model] is wrong: {values}{sure}; {falls}"
+    if winner.effect in (INERTIA, DELAY) or (given is not None and winner.effect in given.effects):
+        line = f"{_as_given(winner, given)} of [model] is wrong: {values}{sure}; {falls}"
     else:
         line = f"{winner.effect} is missing: {values}{sure}; {falls}"
     if winner.indistinguishable_from:
         line += f"; this log cannot tell it from {listed(winner.indistinguishable_from, 'or')}"
     return line
+
+
+def _as_given(winner: Candidate, given: PlantModel | None) -> str:
+    """A value of the model and what it is there; of an effect with several values its name."""
+    if given is None or len(winner.parameters) != 1:
+        return winner.effect
+    own = winner.effect in (INERTIA, DELAY)
+    (name,) = winner.parameters
+    value = getattr(given, winner.effect) if own else given.effects[winner.effect][name]
+    return f"{winner.effect if own else f'{winner.effect}.{name}'} {value:.4g}"
 
 
 def candidate(result: Diagnosis, effect: str) -> Candidate | None:
@@ -193,11 +202,15 @@ def _print_ranking(console: Any, result: Diagnosis, most: int) -> None:
     tested = [c for c in result.ranking if not c.untestable]
     if not tested:
         return
-    before = next((c.heldout_rmse_before for c in tested if math.isfinite(c.heldout_rmse_before)), math.nan)
+    before = result.refitted.heldout_rmse
     title = f"held-out {force_error(result.band_hz)} with one effect more (without: {error(before)})"
     table = plain_table(title, "effect", "error", "falls by", "in the final set")
     for one in tested[:most]:
         notes = [one.note] if one.note else []
+        if error(one.heldout_rmse_before) != error(before):
+            how = "alone" if one.score is None else "all values fitted again"
+            there = " with each log's level" if result.levels else ""
+            notes.append(f"{how}, from {error(one.heldout_rmse_before)} as given{there}")
         notes += [f"not to be told from {other}" for other in one.indistinguishable_from]
         table.add_row(
             named(one.effect, one.parameters, notes),

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
+from dsd_cli.identify.fit.values import LEAST_INERTIA
 from dsd_cli.identify.results import DELAY, INERTIA, Estimate, Estimates
 from dsd_cli.signals.units import LEGEND, Units, in_words
 
@@ -28,7 +29,8 @@ DIGITS = 4
 
 def estimate_text(estimate: Estimate, unit: bool = True) -> str:
     """`0.52 +- 0.01 u`: as many digits as the error deserves."""
-    text, error = f"{estimate.value:.{DIGITS}g}", estimate.std_error
+    value = 0.0 if abs(estimate.value) <= LEAST_INERTIA else estimate.value  # a config cannot hold an inertia of 0
+    text, error = f"{value:.{DIGITS}g}", estimate.std_error
     if math.isfinite(error) and error > 0.0 and math.isfinite(estimate.value):
         leading = math.floor(math.log10(error))
         second = int(error < 2.0 * 10.0**leading)  # 0.013, but 0.03
@@ -40,7 +42,9 @@ def estimate_text(estimate: Estimate, unit: bool = True) -> str:
             text = f"{estimate.value:.{max(places, 0)}f} +- {error:.{max(places, 0)}f}"
     if unit and estimate.unit not in ("", "1"):
         text += f" {in_words(estimate.unit)}"
-    return f"{text} (held)" if estimate.held else f"{text} (at its bound)" if estimate.at_bound else text
+    if estimate.held or estimate.at_bound:
+        return f"{text} ({'held' if estimate.held else 'at its bound'})"
+    return f"{text} (not told)" if estimate.told == "not" and math.isnan(error) else text
 
 
 def values_text(estimates: Estimates, separator: str = ", ") -> str:

@@ -129,3 +129,20 @@ def test_a_level_that_is_held_is_held_in_every_log(rig, level):
     assert said == pytest.approx(LEVELS, rel=0.03)
     assert "levels" not in found
     assert found["probability"] <= 0.5
+
+
+# -- a level of the model that is wrong, and nothing else -------------------------------------------------------------
+
+
+def test_a_wrong_value_of_an_effect_that_the_model_has_is_no_effect_that_is_missing(rig):
+    """Its value, and what it is in the model, are said; the way on is one that the tool goes."""
+    weight = "\n[model.effects.gravity]\namplitude = 0.1\nphase = 0.2\n"
+    (rig / "known.toml").write_text(HEAD.replace("level = 0.1", "level = 0.2") + weight)
+    shown = done("diagnose", "cold.csv", "-c", "known.toml", cwd=rig).stdout
+    assert shown.startswith("coulomb_friction.level 0.2 of [model] is wrong: level 0.1")
+    assert "is missing" not in shown.splitlines()[0]
+    assert "-> dsd improve LOG -o FILE fits all values of the model again" in shown
+    assert "all values fitted again, from" in shown
+    got = done("improve", "cold.csv", "-c", "known.toml", "--auto", "--format", "json", cwd=rig)
+    values = json.loads(got.stdout)["values"]
+    assert values["coulomb_friction.level"]["value"] == pytest.approx(LEVELS["cold.csv"], rel=0.03)

@@ -73,7 +73,14 @@ def test_a_candidate_changes_its_one_value_and_nothing_else():
 
 def test_a_wrong_value_of_an_effect_is_blamed_on_that_effect():
     believed = replace(BELIEVED, effects={"coulomb_friction": {"level": 0.2}})
-    assert asked(believed, effects=FRICTION).wrong == "coulomb_friction"
+    found = asked(believed, effects=FRICTION)
+    first = found.candidates[0]
+    assert (found.wrong, first.effect) == ("coulomb_friction", "coulomb_friction")
+    assert first.parameters["level"].value == pytest.approx(FRICTION["coulomb_friction"]["level"], rel=0.03)
+    assert (first.heldout_rmse_before, first.heldout_rmse_after) == (
+        found.score.heldout_rmse,
+        found.refitted.heldout_rmse,
+    )
 
 
 def test_the_least_of_one_value_is_where_a_fine_grid_has_it():
@@ -96,10 +103,25 @@ def test_another_delay_that_a_lag_explains_as_well_says_so():
     assert without.candidates[0].indistinguishable_from == ()
 
 
+def knowing(problem, **told):
+    """The candidates of a problem of whose values this is told."""
+    solver, known = problem.solver, replace(problem.solver.known, **told)
+    solver = type(solver)(solver.bank, problem.blocks, solver.inertia, known)
+    return own_values(Search(replace(problem, solver=solver)))
+
+
+@pytest.mark.parametrize(
+    ("name", "bounds"),
+    [(DELAY, (0.0, 0.5 * BELIEVED.delay)), (INERTIA, (0.5 * BELIEVED.inertia, 0.8 * BELIEVED.inertia))],
+)
+def test_a_candidate_stays_within_the_bounds_that_were_told(name, bounds):
+    found = knowing(posed(None, (), duration=6.0).problem, bounds={name: bounds})
+    (own,) = (c for c in found.candidates if c.effect == name)
+    assert bounds[0] * (1.0 - 1e-9) <= own.parameters[name].value <= bounds[1] * (1.0 + 1e-9)
+
+
 def test_held_values_are_no_candidates():
     problem = posed(None, (), replace(BELIEVED, inertia=1.3 * BELIEVED.inertia), duration=6.0).problem
-    held = replace(problem.solver.known, fixed={INERTIA: problem.model.inertia})
-    solver = type(problem.solver)(problem.solver.bank, problem.blocks, problem.solver.inertia, held)
-    found = own_values(Search(replace(problem, solver=solver)))
+    found = knowing(problem, fixed={INERTIA: problem.model.inertia})
     assert [c.effect for c in found.candidates] == [DELAY]
     assert found.wrong != INERTIA

@@ -384,6 +384,14 @@ def test_xl330_answer_is_that_something_is_left(xl330):
     assert xl330[0]["verdict"] == "unknown"
 
 
+@pytest.mark.parametrize("run", ["kp200_sin_sin", "kp800_up_and_down"])
+def test_u_that_mostly_holds_a_weight_drives_its_axis_all_the_same(run, tmp_path):
+    """Beside the weight the inertia hardly shows in a slow run; u goes with the motion nevertheless."""
+    found = diagnose(tmp_path, [recording(f"bam_xl330/{run}.csv")], XL330)
+    assert "drives this axis" not in found["verdict_text"]
+    assert not any("another axis" in w for w in found["warnings"])
+
+
 nearly_one_column = missed(
     "in the swing-up J and G are nearly one column: J is 0.09 +- 0.015 for 0.15, with no word on the tie"
 )

@@ -8,7 +8,7 @@ the regressand: beside a function of u, u would explain itself.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -107,12 +107,29 @@ class FreeformFits:
         fixed = len(self.base) - 1
         alone = Grams(*(g[..., : fixed + 1, : fixed + 1] for g in found))
         without = losses(solve(alone.fitted), alone, self.blocks)
-        tried = []
+        return loss_of([Freeform(on, left, without) for left in self._left(found, penalty)])
+
+    def _left(self, found: Grams, penalty: Array) -> Iterator[Array]:
+        """Held-out squares per block with the hats that come last, at each strength of the penalty."""
+        hats = len(penalty)
+        fixed = found.total.shape[-1] - 1 - hats
         for strength in STRENGTHS:
-            ridge = 1e-9 * np.eye(fixed + len(columns))
-            ridge[fixed:, fixed:] += strength * (BENDS * penalty + SIZE * np.eye(len(columns)))
-            tried.append(Freeform(on, losses(solve(found.fitted, ridge), found, self.blocks), without))
-        return loss_of(tried)
+            ridge = 1e-9 * np.eye(fixed + hats)
+            ridge[fixed:, fixed:] += strength * (BENDS * penalty + SIZE * np.eye(hats))
+            yield losses(solve(found.fitted, ridge), found, self.blocks)
+
+    def share_of_u(self, groups: Sequence[tuple[str, ...]]) -> float:
+        """Of the squares of u, what the acceleration, the fit's effects and functions of these groups explain of blocks
+        that no fit saw; below 0 where they explain nothing."""
+        acceleration, u, _later, *others = self.base
+        made = [self.columns(group) for group in groups]
+        rows = [u, acceleration, *others, *(x for columns, _ in made for x in columns)]
+        found = grams([x * self.equations.kept for x in rows], self.blocks)
+        sizes = np.cumsum([0, *(len(penalty) for _, penalty in made)])
+        penalty = np.zeros((sizes[-1], sizes[-1]))
+        for (_, own), a, b in zip(made, sizes, sizes[1:], strict=False):
+            penalty[a:b, a:b] = own
+        return 1.0 - min(float(left.sum()) for left in self._left(found, penalty)) / float(found.total[0, 0])
 
     def columns(self, on: tuple[str, ...]) -> tuple[list[Array], Array]:
         """Hats as rows in the unit of u, and the penalty on their bends, (c, c)."""

@@ -18,8 +18,9 @@ def advice_for(
     depends_on: Sequence[str],
     provenance: Mapping[str, str],
     nearest: str = "",
+    own: bool = False,
 ) -> tuple[str, ...]:
-    """Sentences, the most useful first; nearest : see `Diagnosis`."""
+    """Sentences, the most useful first; nearest : see `Diagnosis`. own : the model has the effect."""
     lines = []
     rivals = named.indistinguishable_from if named is not None else ()
     for rival in rivals:
@@ -32,7 +33,8 @@ def advice_for(
     elif verdict != NONE and more_unknown:
         lines.append("this is not all: something else remains that no effect of the catalogue explains")
     if verdict not in (NONE, UNKNOWN, INERTIA, DELAY) and not lines:
-        lines.append(f"dsd add LOG {verdict} -o FILE puts it into the model")
+        again = "dsd improve LOG -o FILE fits all values of the model again"
+        lines.append(again if own else f"dsd add LOG {verdict} -o FILE puts it into the model")
     if verdict != NONE:
         lines.append(
             "inertia and forces are per unit of u: where u is no torque or force (volts, amperes), J is known only up "

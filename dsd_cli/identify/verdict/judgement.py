@@ -138,6 +138,7 @@ class Verdict:
         fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
         known, refit, nearest = problem.values(fit), problem.values(self.search.refit), self._nearest()
         unknown, source = self.beyond.unknown, problem.recordings[0].provenance
+        own = verdict in problem.model.effects
         return Diagnosis(
             logs=tuple(r.name for r in problem.recordings),
             samples=sum(r.samples for r in problem.recordings),
@@ -147,7 +148,7 @@ class Verdict:
             refitted=refitted,
             ranking=ranking,
             ceiling=Ceiling(self.beyond.heldout_rmse, self.beyond.on),
-            advice=advice_for(verdict, named, unknown, self.beyond.on, source, nearest),
+            advice=advice_for(verdict, named, unknown, self.beyond.on, source, nearest, own),
             estimates=known.estimates,
             correlations=known.correlations,
             given=problem.model,
@@ -232,7 +233,8 @@ class Verdict:
         if self.limits.blocked:  # none is in an answer
             return 0.0
         if effect in self.members:
-            return min(self.members[effect].probabilities[effect], POLICY.surest)
+            most = self._surest() if self.named != UNKNOWN else POLICY.surest_unnamed
+            return min(self.members[effect].probabilities[effect], most)
         if not self.members:
             return probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)
         return max(m.probabilities.get(effect, 0.0) for m in self.members.values())

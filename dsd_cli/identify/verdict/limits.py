@@ -7,26 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsd_cli.identify.fit.asked import Settings
-from dsd_cli.identify.fit.bank import FIXED, INERTIA
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.response import Seen
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.command_time import CommandTime, command_time
 from dsd_cli.identify.verdict.idle import Idle, idle_part
-
-#: Correlation from which on u drives the axis. Logs with weak sensors have 0.97, a pendulum swung up by a u that
-#: goes with friction 0.47, the u of another axis 0.2 at most.
-_LEAST_DRIVEN = 0.3
+from dsd_cli.identify.verdict.whose_u import CommonGround, common_ground
 
 
 @dataclass(frozen=True)
 class Limits:
-    """driven : size of the correlation of u and the acceleration beside all forces, 0 to 1. idle : a part of u that did
-    not act. time : whether u is late or smoothed. told : share of the samples in motion whose direction the sensor
-    tells, 0 to 1."""
+    """common : what u and the motion have in common. idle : a part of u that did not act. time : whether u is late or
+    smoothed. told : share of the samples in motion whose direction the sensor tells, 0 to 1."""
 
-    driven: float
+    common: CommonGround
     idle: Idle | None
     time: CommandTime
     told: float
@@ -39,8 +34,8 @@ class Limits:
     @property
     def blocked(self) -> str:
         """What must be mended before anything that is missing can be told; "" if nothing."""
-        if self.driven < _LEAST_DRIVEN:
-            return "u and the motion have too little in common: u does not seem to drive this axis"
+        if self.common.lacking:
+            return self.common.lacking
         if self.idle is not None:
             return f"{self.idle.what} did not act on the axis"
         if self.time.late:
@@ -51,12 +46,8 @@ class Limits:
     def said(self) -> tuple[str, ...]:
         """One sentence each."""
         found = []
-        if self.driven < _LEAST_DRIVEN:
-            share = 100.0 * self.driven**2
-            found.append(
-                f"{self.blocked} (beside all forces that were found, it explains {share:.0f} % of the acceleration). Is"
-                " it the column of another axis, or from another time?"
-            )
+        if self.common.lacking:
+            found.append(self.common.said)
         elif self.idle is not None:
             found.append(f"{self.blocked}: {self.idle.why}. {self.idle.question}")
         elif self.time.late:
@@ -93,15 +84,4 @@ def limits_of(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
     moving = free > 0.0
     told = float(np.mean(np.abs(sign[moving]))) if moving.any() else 1.0
     idle = idle_part(search, whole, settings, seen)
-    return Limits(_driven(search, whole), idle, command_time(search, whole), told)
-
-
-def _driven(search: Search, whole: Fit) -> float:
-    """Correlation of u and the acceleration without what the forces explain of both; a load that u drives is none."""
-    pushed = {s.pushed[0] for s in search.equations.stretches if s.pushed is not None}
-    terms = tuple(t for t in whole.terms if t.id not in pushed)
-    rows = np.stack(search.solver.bank.design(terms, whole.tap).rows)
-    forces = np.linalg.qr(rows[1 + FIXED :].T)[0]
-    u, acceleration = (x - forces @ (forces.T @ x) for x in (rows[0], rows[1 + INERTIA]))
-    size = float(np.linalg.norm(u) * np.linalg.norm(acceleration))
-    return abs(float(u @ acceleration)) / size if size > 0.0 else 0.0  # of u with another sign, dsd check speaks
+    return Limits(common_ground(search, whole), idle, command_time(search, whole, settings), told)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.golden import golden_section
-from dsd_cli.identify.fit.values import flat
+from dsd_cli.identify.fit.values import LEAST_INERTIA, flat
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
 from dsd_cli.identify.search.sets import Search
@@ -32,7 +32,8 @@ class Own:
 
 
 def own_values(search: Search) -> Own:
-    """Scores of the model as given and refitted, and the ranked candidates "inertia" and "delay"."""
+    """Scores of the model as given and refitted, and the ranked candidates "inertia" and "delay", and first the effect
+    of the model whose values are wrong."""
     problem = search.problem
     given, refit = problem.errors.of_model(problem.model), search.refit
     refitted, values = problem.score(refit), problem.values(refit).estimates
@@ -49,6 +50,8 @@ def own_values(search: Search) -> Own:
         candidates = (replace(best, indistinguishable_from=late), *candidates[1:])
     wrong = best.effect if best is not None and reached > POLICY.one_value_share * fall else sure[0].split(".")[0]
     sure_of_it = min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), 0.99)
+    if wrong not in (INERTIA, DELAY):
+        candidates = (_all_of_an_effect(search, wrong, given, refitted), *candidates)
     candidates = tuple(replace(c, probability=sure_of_it if c.effect == wrong else 0.0) for c in candidates)
     return Own(given, refitted, candidates, wrong, sure_of_it)
 
@@ -81,17 +84,28 @@ def _deviations(search: Search, values: dict[str, Estimate]) -> list[tuple[str, 
     ]
 
 
+def _all_of_an_effect(search: Search, effect: str, given: Score, refitted: Score) -> Candidate:
+    """An effect that the model has with other values: all values of the model fitted again."""
+    known, prefix = search.problem.values(search.refit), f"{effect}."
+    own = {name.removeprefix(prefix): e for name, e in known.estimates.items() if name.startswith(prefix)}
+    errors = (refitted.rmse, given.heldout_rmse, refitted.heldout_rmse)
+    return Candidate(effect, *errors, 0.0, own, model=known.model, score=refitted, all_values=known.estimates)
+
+
 def _alone(search: Search, name: str, given: Score, estimate: Estimate) -> Candidate:
-    """The model with only that value changed, at the least error."""
+    """The model with only that value changed, at the least error within its bounds."""
     model, errors = search.problem.model, search.problem.errors
     if name == INERTIA:
         centre = math.log(model.inertia)
         reach = 0.7 + (0.0 if estimate.at_bound else abs(math.log(estimate.value / model.inertia)))
         make: Callable[[float], PlantModel] = lambda x: replace(model, inertia=max(math.exp(x), 1e-300))  # noqa: E731
         low, high = centre - reach, centre + reach
+        least, most = (math.log(max(bound, LEAST_INERTIA)) for bound in search.solver.known.limits(INERTIA))
     else:
         make = lambda x: replace(model, delay=x)  # noqa: E731
         low, high = 0.0, max(2.0 * model.delay, estimate.value) + 5.0 * search.equations.sample_time
+        least, most = search.solver.known.limits(DELAY)
+    low, high = (min(max(end, least), most) for end in (low, high))
     x = golden_section(lambda x: errors.of_model(make(x)).rmse, low, high, STEPS)
     changed = make(x)
     score = errors.of_model(changed)
