@@ -220,7 +220,7 @@ def _compare(path: str, settings: Config) -> Row:
 def _diagnose(path: str, settings: Config) -> Row:
     from dsd_cli.cli.identification import load_given
     from dsd_cli.identify.verdict.diagnose import diagnose
-    from dsd_cli.report.diagnosis import candidate, verdict_line
+    from dsd_cli.report.verdict import candidate, verdict_line
 
     given = load_given(settings, [path], [])
     result = diagnose(given.recordings, given.model, given.observer, given.engine_settings)

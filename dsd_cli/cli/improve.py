@@ -234,7 +234,7 @@ def validated(given: Given, ladder: Ladder) -> tuple[Validation, ...]:
     from dsd_cli.identify.validation import validate
 
     model, units = ladder.steps[-1].model, given.settings.signals.units
-    return validate(given.holdout, model, given.observer, controller_of(given.settings), units)
+    return validate(given.holdout, model, given.observer, controller_of(given.settings), units, ladder.last.band_hz)
 
 
 def _show_history(settings: Config, wanted: Request) -> None:

@@ -141,6 +141,7 @@ class Diagnosis:
     at_stops : most of what is left is from stops and creeping, where it is not judged. blocked : what must be mended
         before anything that is missing can be told, "" if nothing. stand_ins : effect that was found, or taken
         before -> values for which it may only stand in, because the user told them otherwise than the log has them.
+    held_out : logs that no fit saw; the held-out errors are theirs.
     noise : rms of r that no smooth function of anything explains, unit of u.
     found : the whole set of effects that the search found; the verdict is the one of them that is worth most alone.
     whole_model : with all of them; None where nothing was found. whole_values : its values, where they are several.
@@ -181,6 +182,7 @@ class Diagnosis:
     blocked: str = ""
     stand_ins: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     levels: tuple[LogLevels, ...] = ()
+    held_out: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

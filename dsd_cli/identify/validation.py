@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -45,9 +46,13 @@ def validate(
     observer: ObserverSettings,
     controller: ControllerSettings | None = None,
     units: Units = Units(),  # noqa: B008
+    band_hz: float = math.nan,
 ) -> tuple[Validation, ...]:
-    """Each log by itself; nothing but `levels` is fitted."""
-    return tuple(_validated(one, model, observer, controller, units) for one in recordings)
+    """Each log by itself; nothing but `levels` is fitted.
+
+    band_hz : end of the band in which the model was fitted, so that errors compare; NaN for that of each log's sensor.
+    """
+    return tuple(_validated(one, model, observer, controller, units, band_hz) for one in recordings)
 
 
 def _validated(
@@ -56,12 +61,15 @@ def _validated(
     observer: ObserverSettings,
     controller: ControllerSettings | None,
     units: Units,
+    band_hz: float,
 ) -> Validation:
     held = Known().holding(model)
     levels = (f"{effect}.{name}" for effect in model.effects for name in get_effect(effect).varies)
     free = [name for name in levels if name in held.fixed]
     known = replace(held, fixed={name: value for name, value in held.fixed.items() if name not in free})
     problem = pose([recording], model, Settings(effects=(), known=known))
+    if math.isfinite(band_hz) and not math.isclose(band_hz, own := problem.equations.band.hz):
+        problem = pose([recording], model, Settings(effects=(), known=known, band=band_hz / own))
     search = Search(problem)
     rmse = problem.errors.of_model(model).rmse
     fit = search.fit(terms_of(model), round(model.delay / problem.solver.bank.tap_time))

@@ -7,25 +7,27 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate, Diagnosis, Estimates, Score
-from dsd_cli.identify.verdict.contradictions import kept_values
+from dsd_cli.identify.results import Candidate, Diagnosis, Estimates, Score
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.report import terminal
 from dsd_cli.report.head import head
-from dsd_cli.report.levels import levels_json, levels_text
+from dsd_cli.report.levels import levels_json
 from dsd_cli.report.names import (
     balance_json,
+    error,
     estimate_text,
     estimates_json,
     fall_text,
     force_error,
     listed,
     number_or_none,
+    percent,
     values_text,
 )
 from dsd_cli.report.terminal import Hanging, escaped
-from dsd_cli.report.told import against_json, first_of_all, no_confirmation
+from dsd_cli.report.told import against_json, no_confirmation
 from dsd_cli.report.values_table import correlation_lines, correlations_json
+from dsd_cli.report.verdict import verdict_line
 
 #: Rows of a table on the screen; the JSON has all.
 MOST_CANDIDATES = 12
@@ -39,69 +41,6 @@ class DiagnosisReport:
     given: PlantModel | None = None
     holdout: tuple[str, ...] = ()
     dropped: Mapping[str, int] = field(default_factory=dict)
-
-
-def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:
-    """The verdict in one plain sentence; `given`: the model whose inertia or delay may be wrong."""
-    return _verdict(result, given) + levels_text(result.levels) + first_of_all(result)
-
-
-def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
-    sure = f"probability {percent(result.probability)}"
-    held, unit = f"the held-out {force_error(result.band_hz)}", result.units.force
-    if result.verdict == NONE:
-        left = f"{error(result.refitted.heldout_rmse)} ({unit})"
-        if result.at_stops:
-            hidden = "what stops and creeping hide, where most of what the fit leaves is from"
-            return f"nothing is missing ({sure}) but {hidden}: {held} is {left}"
-        return f"nothing is missing ({sure}): {held}, {left}, is noise"
-    if result.blocked:
-        return (
-            f"{result.blocked} ({sure}): what is missing cannot be told before that is mended;"
-            f" {held} is {error(result.refitted.heldout_rmse)} ({unit})"
-        )
-    if result.verdict == UNKNOWN:
-        on = f"; it depends on {listed(result.depends_on)}" if result.depends_on else ""
-        left = f"{held} is {error(result.refitted.heldout_rmse)} ({unit})"
-        if kept := kept_values(result.warnings):
-            return f"with {listed(kept)} as told, something is left that no effect explains{on} ({sure}): {left}"
-        near = candidate(result, result.nearest)
-        if near is not None:
-            falls = percent(1.0 - near.heldout_rmse_after / near.heldout_rmse_before)
-            return (
-                f"something is missing, and this log does not confirm what{on} ({sure}): {left};"
-                f" {near.effect} comes nearest ({falls} less), but not in all parts of the log"
-            )
-        return f"something is missing that no effect of the catalogue explains{on} ({sure}): {left}"
-    winner = candidate(result, result.verdict)
-    if winner is None:
-        return f"{result.verdict} is missing ({sure})"
-    values = values_text(winner.parameters)
-    values = f"{values}, " if values else ""
-    before, after = error(winner.heldout_rmse_before), error(winner.heldout_rmse_after)
-    falls = f"{held} falls from {before} to {after} ({unit})"
-    if winner.effect in (INERTIA, DELAY) or (given is not None and winner.effect in given.effects):
-        line = f"{_as_given(winner, given)} of [model] is wrong: {values}{sure}; {falls}"
-    else:
-        line = f"{winner.effect} is missing: {values}{sure}; {falls}"
-    if winner.indistinguishable_from:
-        line += f"; this log cannot tell it from {listed(winner.indistinguishable_from, 'or')}"
-    return line
-
-
-def _as_given(winner: Candidate, given: PlantModel | None) -> str:
-    """A value of the model and what it is there; of an effect with several values its name."""
-    if given is None or len(winner.parameters) != 1:
-        return winner.effect
-    own = winner.effect in (INERTIA, DELAY)
-    (name,) = winner.parameters
-    value = getattr(given, winner.effect) if own else given.effects[winner.effect][name]
-    return f"{winner.effect if own else f'{winner.effect}.{name}'} {value:.4g}"
-
-
-def candidate(result: Diagnosis, effect: str) -> Candidate | None:
-    """The candidate of that id."""
-    return next((c for c in result.ranking if c.effect == effect), None)
 
 
 def to_json(report: DiagnosisReport) -> dict[str, Any]:
@@ -275,18 +214,3 @@ def named(effect: str, values: Estimates, notes: Sequence[str] = ()) -> Hanging:
     several = len(values) > 1  # then each needs its name
     lines = [f"{name} {estimate_text(e)}" if several else values_text({name: e}) for name, e in values.items()]
     return Hanging(effect, *(f"  {line}" for line in (*lines, *notes)))
-
-
-def error(rmse: float) -> str:
-    """An error, three digits."""
-    return f"{rmse:.3g}" if math.isfinite(rmse) else "-"
-
-
-def percent(probability: float) -> str:
-    """Whole percent; a probability is never 0 or 100."""
-    if not math.isfinite(probability):
-        return "-"
-    share = 100.0 * probability
-    if share < 0.5:
-        return "< 1 %"
-    return "> 99 %" if share >= 99.5 else f"{share:.0f} %"

@@ -8,9 +8,9 @@ from typing import Any
 
 from dsd_cli.identify.results import Estimate
 from dsd_cli.report import terminal
-from dsd_cli.report.diagnosis import error, named, plain_table
+from dsd_cli.report.diagnosis import named, plain_table
 from dsd_cli.report.head import head
-from dsd_cli.report.names import change_text
+from dsd_cli.report.names import change_text, error
 from dsd_cli.report.terminal import escaped
 
 

@@ -23,12 +23,13 @@ from dsd_cli.identify.results import (
 from dsd_cli.identify.validation import Validation
 from dsd_cli.identify.verdict.contradictions import kept_values
 from dsd_cli.report import terminal
-from dsd_cli.report.diagnosis import error, named, plain_table, score_json, stability_line, verdict_line
+from dsd_cli.report.diagnosis import named, plain_table, score_json, stability_line
 from dsd_cli.report.head import head
 from dsd_cli.report.levels import levels_json
 from dsd_cli.report.names import (
     balance_json,
     change_text,
+    error,
     estimates_json,
     fall_text,
     force_error,
@@ -39,6 +40,7 @@ from dsd_cli.report.terminal import escaped
 from dsd_cli.report.told import against_json, once
 from dsd_cli.report.validation import validation_json, validation_lines
 from dsd_cli.report.values_table import correlations_json, print_values
+from dsd_cli.report.verdict import verdict_line
 from dsd_cli.report.versus import moved_json, print_moved
 from dsd_cli.signals.units import Units
 

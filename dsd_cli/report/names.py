@@ -13,6 +13,7 @@ from dsd_cli.signals.units import LEGEND, Units, in_words
 __all__ = [
     "LEGEND",
     "balance_json",
+    "error",
     "estimate_text",
     "estimates_json",
     "fall_text",
@@ -20,6 +21,7 @@ __all__ = [
     "in_words",
     "listed",
     "number_or_none",
+    "percent",
     "values_text",
 ]
 
@@ -104,3 +106,18 @@ def listed(words: Iterable[str], last: str = "and") -> str:
     """`a, b and c`."""
     *first, end = words
     return f"{', '.join(first)} {last} {end}" if first else end
+
+
+def error(rmse: float) -> str:
+    """An error, three digits."""
+    return f"{rmse:.3g}" if math.isfinite(rmse) else "-"
+
+
+def percent(probability: float) -> str:
+    """Whole percent; a probability is never 0 or 100."""
+    if not math.isfinite(probability):
+        return "-"
+    share = 100.0 * probability
+    if share < 0.5:
+        return "< 1 %"
+    return "> 99 %" if share >= 99.5 else f"{share:.0f} %"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.identify.results import Candidate, Diagnosis
-from dsd_cli.report.diagnosis import DiagnosisReport, error, percent, verdict_line
+from dsd_cli.report.diagnosis import DiagnosisReport
 from dsd_cli.report.figure import (
     LIMIT,
     MEASURED,
@@ -26,8 +26,9 @@ from dsd_cli.report.figure import (
     line,
     sheet,
 )
-from dsd_cli.report.names import force_error, listed
+from dsd_cli.report.names import error, force_error, listed, percent
 from dsd_cli.report.timeline import zero
+from dsd_cli.report.verdict import verdict_line
 from dsd_cli.report.views_comparison import bins_for
 from dsd_cli.report.views_diagnosis import ResidualView
 from dsd_cli.signals.log import Array

@@ -11,9 +11,9 @@ from typing import Any
 from dsd_cli.identify.compare.versus import CHANCE, Contender, Moved, Versus
 from dsd_cli.identify.results import Estimate
 from dsd_cli.report import terminal
-from dsd_cli.report.diagnosis import error, plain_table
+from dsd_cli.report.diagnosis import plain_table
 from dsd_cli.report.head import head
-from dsd_cli.report.names import estimate_text, force_error, in_words, listed, number_or_none
+from dsd_cli.report.names import error, estimate_text, force_error, in_words, listed, number_or_none
 from dsd_cli.report.terminal import escaped
 from dsd_cli.signals.units import Units
 

@@ -16,7 +16,7 @@ from dsd_cli.identify.fit.values import coefficients_of, terms_of
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import DELAY, INERTIA, Addition, Diagnosis
 from dsd_cli.plant.model import PlantModel
-from dsd_cli.report.diagnosis import candidate
+from dsd_cli.report.verdict import candidate
 from dsd_cli.signals.log import Array
 
 #: Samples after the delay with which the first row begins: a row looks at one step of delay more.

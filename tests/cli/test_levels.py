@@ -146,3 +146,17 @@ def test_a_wrong_value_of_an_effect_that_the_model_has_is_no_effect_that_is_miss
     got = done("improve", "cold.csv", "-c", "known.toml", "--auto", "--format", "json", cwd=rig)
     values = json.loads(got.stdout)["values"]
     assert values["coulomb_friction.level"]["value"] == pytest.approx(LEVELS["cold.csv"], rel=0.03)
+
+
+def test_a_held_out_log_with_another_level_is_no_noise(rig):
+    """The model is right for the log that it was fitted to; of the other one its own level is said, in one band."""
+    got = done("improve", "cold.csv", "--auto", "--holdout", "warm.csv", "-o", "aside.toml", cwd=rig)
+    last, *_ = [line for line in got.stdout.splitlines() if "nothing is missing" in line]
+    assert "in cold.csv: the force error below" in last
+    assert "in warm.csv, which no fit saw, it is" in last
+    assert "a value differs there" in last
+    (said,) = [line for line in got.stdout.splitlines() if line.startswith("warm.csv, not fitted")]
+    level = re.search(r"coulomb_friction.level (\S+) \+-", said)
+    assert float(level[1]) == pytest.approx(LEVELS["warm.csv"], rel=0.05)
+    bands = set(re.findall(r"force error below (\S+) Hz", got.stdout))
+    assert len(bands) == 1

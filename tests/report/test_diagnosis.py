@@ -9,9 +9,11 @@ import pytest
 
 from dsd_cli.errors import DataError
 from dsd_cli.identify.results import Candidate
-from dsd_cli.report.diagnosis import DiagnosisReport, percent, print_table, to_json, verdict_line
+from dsd_cli.report.diagnosis import DiagnosisReport, print_table, to_json
 from dsd_cli.report.figure import rendered
+from dsd_cli.report.names import percent
 from dsd_cli.report.plots_diagnosis import draw
+from dsd_cli.report.verdict import verdict_line
 from dsd_cli.report.views_diagnosis import residual_view, residual_views
 from tests.report.examples import DIAGNOSIS, GIVEN, NAN, NOTHING, RANKING, UNKNOWN, recording
 

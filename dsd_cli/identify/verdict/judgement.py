@@ -167,6 +167,7 @@ class Verdict:
             at_stops=bool(stops),
             blocked=self.limits.blocked,
             depends_on=self.beyond.on if unknown else (),
+            held_out=tuple(r.name for r in problem.holdout),
             nearest=nearest,
         )
 

@@ -6,12 +6,13 @@ import math
 from collections.abc import Sequence
 
 from dsd_cli.identify.results import Candidate, Diagnosis
-from dsd_cli.report.diagnosis import error, found_text, percent, stability_line, verdict_line
+from dsd_cli.report.diagnosis import found_text, stability_line
 from dsd_cli.report.levels import level_rows
-from dsd_cli.report.names import estimate_text, fall_text, force_error, listed
+from dsd_cli.report.names import error, estimate_text, fall_text, force_error, listed, percent
 from dsd_cli.report.page.html import Html, bar, joined, left, listing, name, table, tag, typeset
 from dsd_cli.report.page.parts import missing, section
 from dsd_cli.report.page.story import Story
+from dsd_cli.report.verdict import verdict_line
 
 #: Candidates that are listed at once; the rest can be opened.
 MOST_CANDIDATES = 10

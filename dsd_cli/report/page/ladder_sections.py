@@ -6,9 +6,9 @@ import math
 
 from dsd_cli.identify.fit.values import flat
 from dsd_cli.identify.results import Estimate, Ladder, Step
-from dsd_cli.report.diagnosis import error, stability_line
+from dsd_cli.report.diagnosis import stability_line
 from dsd_cli.report.ladder import own
-from dsd_cli.report.names import estimate_text, fall_text, force_error, in_words
+from dsd_cli.report.names import error, estimate_text, fall_text, force_error, in_words
 from dsd_cli.report.page.html import Html, bar, joined, left, listing, name, table, tag, typeset
 from dsd_cli.report.page.parts import GRADES, badge, missing, panel, panels, section
 from dsd_cli.report.page.story import Story

@@ -8,9 +8,8 @@ from pathlib import PurePath
 from dsd_cli.identify.checks import CheckResult
 from dsd_cli.report.checks import facts, verdict
 from dsd_cli.report.detection import Detection
-from dsd_cli.report.diagnosis import error, percent
 from dsd_cli.report.ladder import final_line
-from dsd_cli.report.names import change_text
+from dsd_cli.report.names import change_text, error, percent
 from dsd_cli.report.page.html import Html, bar, joined, left, listing, table, tag, typeset
 from dsd_cli.report.page.parts import badge, missing, panel, section
 from dsd_cli.report.page.story import Labels, Part, Story

@@ -1,0 +1,87 @@
+"""The verdict of a diagnosis as one plain sentence."""
+
+from __future__ import annotations
+
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate, Diagnosis
+from dsd_cli.identify.verdict.contradictions import kept_values
+from dsd_cli.plant.model import PlantModel
+from dsd_cli.report.levels import levels_text
+from dsd_cli.report.names import error, force_error, listed, percent, values_text
+from dsd_cli.report.told import first_of_all
+
+
+def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:
+    """The verdict in one plain sentence; `given`: the model whose inertia or delay may be wrong."""
+    return _verdict(result, given) + levels_text(result.levels) + first_of_all(result)
+
+
+def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
+    sure = f"probability {percent(result.probability)}"
+    held, unit = f"the held-out {force_error(result.band_hz)}", result.units.force
+    if result.verdict == NONE:
+        return _nothing(result, sure, held)
+    if result.blocked:
+        return (
+            f"{result.blocked} ({sure}): what is missing cannot be told before that is mended;"
+            f" {held} is {error(result.refitted.heldout_rmse)} ({unit})"
+        )
+    if result.verdict == UNKNOWN:
+        on = f"; it depends on {listed(result.depends_on)}" if result.depends_on else ""
+        left = f"{held} is {error(result.refitted.heldout_rmse)} ({unit})"
+        if kept := kept_values(result.warnings):
+            return f"with {listed(kept)} as told, something is left that no effect explains{on} ({sure}): {left}"
+        near = candidate(result, result.nearest)
+        if near is not None:
+            falls = percent(1.0 - near.heldout_rmse_after / near.heldout_rmse_before)
+            return (
+                f"something is missing, and this log does not confirm what{on} ({sure}): {left};"
+                f" {near.effect} comes nearest ({falls} less), but not in all parts of the log"
+            )
+        return f"something is missing that no effect of the catalogue explains{on} ({sure}): {left}"
+    winner = candidate(result, result.verdict)
+    if winner is None:
+        return f"{result.verdict} is missing ({sure})"
+    values = values_text(winner.parameters)
+    values = f"{values}, " if values else ""
+    before, after = error(winner.heldout_rmse_before), error(winner.heldout_rmse_after)
+    falls = f"{held} falls from {before} to {after} ({unit})"
+    if winner.effect in (INERTIA, DELAY) or (given is not None and winner.effect in given.effects):
+        line = f"{_as_given(winner, given)} of [model] is wrong: {values}{sure}; {falls}"
+    else:
+        line = f"{winner.effect} is missing: {values}{sure}; {falls}"
+    if winner.indistinguishable_from:
+        line += f"; this log cannot tell it from {listed(winner.indistinguishable_from, 'or')}"
+    return line
+
+
+def _nothing(result: Diagnosis, sure: str, held: str) -> str:
+    """That nothing is missing; of logs that were held out, whether that holds for them as well."""
+    unit, left = result.units.force, result.refitted.heldout_rmse
+    if result.at_stops:
+        hidden = "what stops and creeping hide, where most of what the fit leaves is from"
+        return f"nothing is missing ({sure}) but {hidden}: {held} is {error(left)} ({unit})"
+    own = result.refitted.rmse
+    if not result.held_out or left <= POLICY.floor_factor * max(own, result.floor):
+        return f"nothing is missing ({sure}): {held}, {error(left)} ({unit}), is noise"
+    force, names = force_error(result.band_hz), listed(result.held_out)
+    return (
+        f"nothing is missing ({sure}) in {listed(result.logs)}: the {force}, {error(own)} ({unit}), is noise;"
+        f" in {names}, which no fit saw, it is {error(left)}: a value differs there,"
+        f" or an effect shows"
+    )
+
+
+def _as_given(winner: Candidate, given: PlantModel | None) -> str:
+    """A value of the model and what it is there; of an effect with several values its name."""
+    if given is None or len(winner.parameters) != 1:
+        return winner.effect
+    own = winner.effect in (INERTIA, DELAY)
+    (name,) = winner.parameters
+    value = getattr(given, winner.effect) if own else given.effects[winner.effect][name]
+    return f"{winner.effect if own else f'{winner.effect}.{name}'} {value:.4g}"
+
+
+def candidate(result: Diagnosis, effect: str) -> Candidate | None:
+    """The candidate of that id."""
+    return next((c for c in result.ranking if c.effect == effect), None)
