@@ -129,21 +129,23 @@ def _print_residual(console: Any, tests: ResidualTests) -> None:
         "own past",
         f"{tests.largest:.2f}",
         f"{tests.largest_lag * 1e3:.4g}",
-        f"±{tests.band:.3f}",
-        _percent(tests.predictable_share),
+        f"±{tests.widest:.3f}",
+        "-" if tests.white else _percent(tests.predictable_share),
         _weight(not tests.white, tests.remembers),
     )
     table.add_row(
         "u before",
         f"{tests.largest_with_u:.2f}",
         f"{tests.largest_lag_with_u * 1e3:.4g}",
-        f"±{tests.band_u:.3f}",
-        _percent(tests.largest_with_u**2),
+        f"±{tests.widest_with_u:.3f}",
+        "-" if tests.independent_of_u else _percent(tests.largest_with_u**2),
         _weight(not tests.independent_of_u, tests.follows_u),
     )
     table.columns[-1].justify = "left"
     console.print(table)
-    console.print("  by chance: 99 of 100 correlations of noise lie within; at stake: share of the variance")
+    console.print(
+        "  by chance: the largest correlation of noise is within, in 99 of 100 logs; at stake: share of the variance"
+    )
     console.print(f"  beside u, {tests.effective_samples:,.0f} of {tests.samples:,} samples count as independent\n")
 
 

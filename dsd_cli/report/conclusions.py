@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import PurePath
 
 from dsd_cli.identify.compare.comparison import BIAS, COMMAND, EXACT, MEMORY, NOISE, SHORT, Comparison
 from dsd_cli.identify.compare.forward import OPEN_LOOP, Forward
@@ -25,6 +26,8 @@ _OTHER = {
     EXACT: "the model predicts this log exactly: the error is rounding",
     SHORT: "the log is too short to say on what the error depends",
 }
+#: Times the error of the best log, from which on another log is worth a word.
+_UNEQUAL = 2.0
 #: Why a closed loop is further off than an open one.
 CONTROLLER = (
     "the closed loop is further off than the open one, so that is not the model's error: the drive's controller is not"
@@ -35,6 +38,23 @@ CONTROLLER = (
 
 def conclusion(result: Comparison) -> str:
     """What the error depends on, and what to do next."""
+    return _conclusion(result) + _unequal(result)
+
+
+def _unequal(result: Comparison) -> str:
+    """That one of several logs is much further off: then a value may differ between them."""
+    logs = sorted(result.by_log, key=lambda one: one.accuracy.rmse)
+    if len(logs) < 2 or not logs[-1].accuracy.rmse > _UNEQUAL * logs[0].accuracy.rmse:
+        return ""
+    times = logs[-1].accuracy.rmse / max(logs[0].accuracy.rmse, 1e-300)
+    worst, best = (PurePath(one.log).name for one in (logs[-1], logs[0]))
+    return (
+        f"; {worst} is {times:.2g} times as far off as {best}: where friction or an offset differs between logs,"
+        " `dsd diagnose` with all of them says each log's level"
+    )
+
+
+def _conclusion(result: Comparison) -> str:
     found = result.conclusion
     if found == BIAS:
         share = _percent(result.accuracy.bias_share)

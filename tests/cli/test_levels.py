@@ -160,3 +160,13 @@ def test_a_held_out_log_with_another_level_is_no_noise(rig):
     assert float(level[1]) == pytest.approx(LEVELS["warm.csv"], rel=0.05)
     bands = set(re.findall(r"force error below (\S+) Hz", got.stdout))
     assert len(bands) == 1
+
+
+def test_compare_says_which_log_is_further_off(rig):
+    """A model that is right for the cold axis: the warm log alone is off, and compare points to levels."""
+    levels = HEAD.replace("level = 0.1", "level = 0.13") + "\n[model.effects.gravity]\namplitude = 0.1\nphase = 0.2\n"
+    (rig / "cold.toml").write_text(levels)
+    last = done("compare", *LEVELS, "-c", "cold.toml", cwd=rig).stdout.splitlines()[-1]
+    assert re.search(r"warm.csv is \S+ times as far off as cold.csv: where friction or an offset differs", last)
+    alone = done("compare", "warm.csv", "-c", "cold.toml", cwd=rig).stdout.splitlines()[-1]
+    assert "times as far off" not in alone

@@ -94,3 +94,14 @@ def test_a_residual_of_zero_is_white():
     assert tests.white
     assert tests.independent_of_u
     assert tests.predictable_share == 0.0
+
+
+def test_the_largest_correlation_of_noise_is_within_what_is_called_chance():
+    """300 seeds: 1 % of each is allowed, and four standard errors of the count. The same rule decides "independent of u"."""
+    beyond = 0
+    for seed in range(SEEDS):
+        noise = rng(5000 + seed)
+        tests = residual_tests([noise.normal(size=N)], [ar1(noise.normal(size=N), 0.9)], 0.001, LAGS)
+        assert (abs(tests.largest_with_u) <= tests.widest_with_u) == tests.independent_of_u
+        beyond += abs(tests.largest) > tests.widest or abs(tests.largest_with_u) > tests.widest_with_u
+    assert beyond <= 2 * 0.01 * SEEDS + 4.0 * np.sqrt(2 * 0.01 * SEEDS)

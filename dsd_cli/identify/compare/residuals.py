@@ -53,6 +53,16 @@ class ResidualTests:
     correlation_with_u: tuple[float, ...]
 
     @property
+    def widest(self) -> float:
+        """Within it the largest autocorrelation of white noise lies in 99 of 100 logs."""
+        return _joint_point(self.lags) / math.sqrt(self.samples)
+
+    @property
+    def widest_with_u(self) -> float:
+        """Within it the largest correlation with u lies in 99 of 100 logs, were there no dependence."""
+        return _joint_point(self.lags + 1) / math.sqrt(self.effective_samples)
+
+    @property
     def remembers(self) -> bool:
         """Not white, and by enough to matter."""
         return not self.white and self.predictable_share >= LARGE

@@ -65,7 +65,8 @@ def _away(deviation: float, mean: float) -> str:
     """How far from the mean: as a share of it where that says more."""
     if abs(deviation) > 10.0 * abs(mean):
         return f"{deviation:+.4g} off"
-    return f"{100.0 * abs(deviation / mean):.2g} % {'more' if deviation * mean > 0.0 else 'less'} than"
+    share = 100.0 * abs(deviation / mean)
+    return f"{share:{'.0f' if share >= 10.0 else '.2g'}} % {'more' if deviation * mean > 0.0 else 'less'} than"
 
 
 def stand_ins(search: Search, whole: Fit) -> dict[str, tuple[str, ...]]:

@@ -82,7 +82,7 @@ def _noise_lines(result: Comparison) -> Html:
     return tag(
         "p",
         f"Is the residual of d_hat noise? Its own past predicts {_percent(tests.predictable_share)} of its variance "
-        f"({own}); {command} (largest correlation {tests.largest_with_u:.2f}, by chance ±{tests.band_u:.3f}).",
+        f"({own}); {command} (largest correlation {tests.largest_with_u:.2f}, by chance ±{tests.widest_with_u:.3f}).",
         class_="dim",
     )
 
