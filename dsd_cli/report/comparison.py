@@ -70,7 +70,10 @@ def _prediction(result: Comparison) -> dict[str, Any]:
         "skipped_samples": result.skipped,
         "skipped_seconds": result.lead,
         "sample_time": result.sample_time,
-        "by_log": [{"log": one.log, **asdict(one.accuracy)} for one in result.by_log],
+        "by_log": [
+            {"log": one.log, **asdict(one.accuracy), "force_rmse": result.force.by_log.get(one.log)}
+            for one in result.by_log
+        ],
         "holdout": None
         if aside is None
         else {

@@ -108,16 +108,15 @@ def _print_accuracy(console: Any, result: Comparison) -> None:
     table.columns[-1].justify = "left"
     console.print(table)
     if len(result.by_log) > 1:
-        _print_logs(console, result.by_log)
+        _print_logs(console, result.by_log, result.force.by_log)
 
 
-def _print_logs(console: Any, logs: Sequence[LogAccuracy]) -> None:
-    table = _table("log by log", "log", "samples", "rmse", "fit %", "bias", "largest")
+def _print_logs(console: Any, logs: Sequence[LogAccuracy], forces: Mapping[str, float]) -> None:
+    table = _table("log by log", "log", "samples", "force error", "of d_hat: rmse", "fit %", "bias", "largest")
     for one in logs[:MOST_LOGS]:
         a = one.accuracy
-        table.add_row(
-            escaped(_short(one.log)), f"{a.samples:,}", *map(_figure, (a.rmse, a.fit_percent, a.bias, a.max_error))
-        )
+        figures = (forces.get(one.log), a.rmse, a.fit_percent, a.bias, a.max_error)
+        table.add_row(escaped(_short(one.log)), f"{a.samples:,}", *map(_figure, figures))
     console.print(table)
     if len(logs) > MOST_LOGS:
         console.print(f"  and {len(logs) - MOST_LOGS} more logs (--format json lists them)")
@@ -144,7 +143,7 @@ def _print_residual(console: Any, tests: ResidualTests) -> None:
     table.columns[-1].justify = "left"
     console.print(table)
     console.print(
-        "  by chance: the largest correlation of noise is within, in 99 of 100 logs; at stake: share of the variance"
+        "  by chance: in 99 of 100 logs the largest correlation of noise is within; at stake: of the variance"
     )
     console.print(f"  beside u, {tests.effective_samples:,.0f} of {tests.samples:,} samples count as independent\n")
 

@@ -26,7 +26,7 @@ _OTHER = {
     EXACT: "the model predicts this log exactly: the error is rounding",
     SHORT: "the log is too short to say on what the error depends",
 }
-#: Times the error of the best log, from which on another log is worth a word.
+#: Times the force error of the best log, from which on another log is worth a word.
 _UNEQUAL = 2.0
 #: Why a closed loop is further off than an open one.
 CONTROLLER = (
@@ -43,11 +43,11 @@ def conclusion(result: Comparison) -> str:
 
 def _unequal(result: Comparison) -> str:
     """That one of several logs is much further off: then a value may differ between them."""
-    logs = sorted(result.by_log, key=lambda one: one.accuracy.rmse)
-    if len(logs) < 2 or not logs[-1].accuracy.rmse > _UNEQUAL * logs[0].accuracy.rmse:
+    left = result.force.by_log
+    if len(left) < 2 or not max(left.values()) > _UNEQUAL * min(left.values()):
         return ""
-    times = logs[-1].accuracy.rmse / max(logs[0].accuracy.rmse, 1e-300)
-    worst, best = (PurePath(one.log).name for one in (logs[-1], logs[0]))
+    times = max(left.values()) / max(min(left.values()), 1e-300)
+    worst, best = (PurePath(choose(left, key=lambda log: left[log])).name for choose in (max, min))
     return (
         f"; {worst} is {times:.2g} times as far off as {best}: where friction or an offset differs between logs,"
         " `dsd diagnose` with all of them says each log's level"

@@ -163,7 +163,8 @@ def test_a_held_out_log_with_another_level_is_no_noise(rig):
 
 
 def test_compare_says_which_log_is_further_off(rig):
-    """A model that is right for the cold axis: the warm log alone is off, and compare points to levels."""
+    """A model that is right for the cold axis: the warm log alone is off in force, which d_hat hides behind the steps
+    of the encoder; compare points to levels."""
     levels = HEAD.replace("level = 0.1", "level = 0.13") + "\n[model.effects.gravity]\namplitude = 0.1\nphase = 0.2\n"
     (rig / "cold.toml").write_text(levels)
     last = done("compare", *LEVELS, "-c", "cold.toml", cwd=rig).stdout.splitlines()[-1]

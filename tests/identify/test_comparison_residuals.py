@@ -97,7 +97,7 @@ def test_a_residual_of_zero_is_white():
 
 
 def test_the_largest_correlation_of_noise_is_within_what_is_called_chance():
-    """300 seeds: 1 % of each is allowed, and four standard errors of the count. The same rule decides "independent of u"."""
+    """1 % of each is allowed, and four standard errors of the count. The same rule decides "independent of u"."""
     beyond = 0
     for seed in range(SEEDS):
         noise = rng(5000 + seed)

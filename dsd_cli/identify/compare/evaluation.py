@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -203,11 +203,15 @@ class Force:
 
 @dataclass(frozen=True)
 class ForceView:
-    """`log` : of all logs together; `holdout` : of the one set aside, in the same band. `missing` : why one is None."""
+    """`log` : of all logs together; `holdout` : of the one set aside, in the same band. `missing` : why one is None.
+
+    by_log : rms of r in each log, unit of u.
+    """
 
     log: Force | None
     holdout: Force | None = None
     missing: str = ""
+    by_log: Mapping[str, float] = field(default_factory=dict)
 
 
 def force_view(recordings: Sequence[Recording], model: PlantModel, holdout: Recording | None = None) -> ForceView:
@@ -217,13 +221,21 @@ def force_view(recordings: Sequence[Recording], model: PlantModel, holdout: Reco
     except DataError as failure:
         return ForceView(None, None, str(failure))
     whole = _force(problem, model)
+    each = _of_each_log(problem, model)
     if holdout is None:
-        return ForceView(whole)
+        return ForceView(whole, by_log=each)
     try:
         aside = replace(problem, recordings=(holdout,), errors=problem.errors_for(model, [holdout]))
-        return ForceView(whole, _force(aside, model))
+        return ForceView(whole, _force(aside, model), by_log=each)
     except DataError as failure:
-        return ForceView(whole, None, str(failure))
+        return ForceView(whole, None, str(failure), each)
+
+
+def _of_each_log(problem: Problem, model: PlantModel) -> dict[str, float]:
+    equations = problem.equations
+    left = problem.errors.rows_of_model(model)
+    owners = np.repeat(equations.owners, equations.lengths)[equations.kept]
+    return {problem.recordings[i].name: rms(left[owners == i]) for i in dict.fromkeys(owners.tolist())}
 
 
 def _force(problem: Problem, model: PlantModel) -> Force:
