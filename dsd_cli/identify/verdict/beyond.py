@@ -116,6 +116,8 @@ def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
 
     One push in a long log hardly shows in a spectrum or in a function of time, so they are looked for in any case.
     """
+    if (alone := _pushes_alone(search, whole)) is not None:
+        return alone
     pulses = with_pulses(search, whole)
     if pulses is None or not search.practical(whole, pulses):
         return whole, beyond
@@ -133,3 +135,22 @@ def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
     if better and not then.unknown and not a_law:  # a function of motion or u that explains more than pushes is a law
         return settled, then
     return whole, beyond if beyond.unknown else replace(beyond, unknown=True, on=("time",))
+
+
+def _pushes_alone(search: Search, whole: Fit) -> tuple[Fit, Beyond] | None:
+    """A few pushes in place of all that was found, where they explain more and leave no more than the sensor does: two
+    lines in time and a cogging make three pushes of a short log, and leave nothing of them to see.
+
+    Pushes can also stand in for laws that no catalogue has (a brake, an end stop); these leave 5 to 50 times the floor.
+    """
+    if not search.added(whole.terms):
+        return None
+    pulses = with_pulses(search, search.refit)
+    if pulses is None:
+        return None
+    found = search.settled(sharpened(search, pulses))
+    rest = search.problem.errors.rmse(found) > POLICY.floor_factor * search.problem.floor
+    if rest or search.evidence(found) < search.evidence(whole) + POLICY.least_gain:
+        return None
+    then = beyond_of(search, found)
+    return None if then.unknown else (found, then)
