@@ -34,6 +34,20 @@ window = 40
 rho = 0.1
 initial = { delay = 0.01, inertia = 2.0 }
 """
+#: A small axis of which the position alone is logged; more of [model], and [simulate], follow.
+AXIS = """
+[signals]
+u = "u"
+position = "position"
+
+[observer]
+nominal_inertia = 0.01
+time_constant = 0.005
+
+[model]
+inertia = 0.01
+delay = 0.004
+"""
 T = 0.001
 DELAY, INERTIA = 0.005, 1.0
 #: The state of that delay and inertia in CONFIG.

@@ -8,25 +8,16 @@ from pathlib import Path
 import pytest
 
 from dsd_cli.files.config import load_config
-from tests.cli.rig import done
+from tests.cli.rig import AXIS, done
 from tests.cli.test_schema import holds, published
 
-HEAD = """
-[signals]
-u = "u"
-position = "position"
-
-[observer]
-nominal_inertia = 0.01
-time_constant = 0.005
-
-[model]
-inertia = 0.01
-delay = 0.004
-
+HEAD = (
+    AXIS
+    + """
 [model.effects.coulomb_friction]
 level = 0.1
 """
+)
 TRUTH = (
     HEAD
     + """

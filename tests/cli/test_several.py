@@ -7,25 +7,16 @@ from pathlib import Path
 import pytest
 
 from dsd_cli.files.config import load_config
-from tests.cli.rig import done, dsd
+from tests.cli.rig import AXIS, done, dsd
 from tests.cli.test_schema import holds
 
-HEAD = """
-[signals]
-u = "u"
-position = "position"
-
-[observer]
-nominal_inertia = 0.01
-time_constant = 0.005
-
-[model]
-inertia = 0.01
-delay = 0.004
-
+HEAD = (
+    AXIS
+    + """
 [model.effects.viscous_friction]
 coefficient = 0.02
 """
+)
 LINES = {
     "cogging": {"amplitude": 0.06, "periods": 12.0, "phase": 0.4},
     "cogging_2": {"amplitude": 0.03, "periods": 6.0, "phase": -1.2},

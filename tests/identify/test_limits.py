@@ -15,7 +15,7 @@ from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
-from tests.cli.rig import done
+from tests.cli.rig import AXIS, done
 from tests.oracle.rig import RigCase, make
 
 DELAY_MS = 20  # of the rig
@@ -151,19 +151,9 @@ def test_a_filter_beside_a_true_effect_is_said_and_hides_nothing():
     assert any("signals.u_filter" in w for w in found.warnings)
 
 
-AXIS = """
-[signals]
-u = "u"
-position = "position"
-
-[observer]
-nominal_inertia = 0.01
-time_constant = 0.005
-
-[model]
-inertia = 0.01
-delay = 0.004
-effects.coulomb_friction.level = {level}
+TRUTH = (
+    AXIS
+    + """effects.coulomb_friction.level = {level}
 
 [simulate]
 duration = 12.0
@@ -173,6 +163,7 @@ seed = 3
 reference = {{ kind = "multisine", frequencies = {frequencies}, amplitude = 0.5 }}
 controller = {{ kind = "pd", kp = {kp}, kd = {kd}, derivative = "error" }}
 """
+)
 SLOW, FAST = [0.7, 1.1, 2.3, 3.9], [1.7, 3.1, 5.3, 7.9, 11.3]
 
 
@@ -189,7 +180,7 @@ def test_steps_of_the_encoder_that_the_controller_differentiates_are_no_filter(
     level, step, frequencies, gains, tmp_path
 ):
     """u was "smoothed by 6 to 13 ms", 90 %, in logs that lack nothing: the steps are in u and in the acceleration."""
-    config = AXIS.format(level=level, step=step, frequencies=frequencies, kp=gains[0], kd=gains[1])
+    config = TRUTH.format(level=level, step=step, frequencies=frequencies, kp=gains[0], kd=gains[1])
     (tmp_path / "dsd.toml").write_text(config)
     done("simulate", "-o", "log.csv", cwd=tmp_path)
     found = json.loads(done("diagnose", "log.csv", "--format", "json", cwd=tmp_path).stdout)
