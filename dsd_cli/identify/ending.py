@@ -50,7 +50,7 @@ def ended(
     terms = terms_of(problem.solver.known.applied(reached))
     tap = round(reached.delay / problem.solver.bank.tap_time)
     search = Search(problem.measured_again(search.fit(terms, tap)))
-    fit, gone, newest = search.fit(terms, tap), "", added[-1] if added else ""
+    fit, gone, newest = search.converged(search.fit(terms, tap)), "", added[-1] if added else ""
     while True:
         yield _ended(search, fit, gone)
         found = _needless(search, fit, newest)
@@ -69,7 +69,8 @@ def _needless(search: Search, fit: Fit, newest: str) -> tuple[str, Fit] | None:
     older = [t.id for t in search.added(fit.terms) if t.id != newest and t.id not in seen]
     less = [(name, search.fit(_without(fit.terms, name), fit.tap)) for name in older]
     needless = [(name, one) for name, one in less if not search.matters(one, fit)]
-    return max(needless, key=lambda pair: search.evidence(pair[1]), default=None)
+    found = max(needless, key=lambda pair: search.evidence(pair[1]), default=None)
+    return None if found is None else (found[0], search.converged(found[1]))
 
 
 def _without(terms: Terms, name: str) -> Terms:

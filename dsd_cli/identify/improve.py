@@ -116,7 +116,7 @@ def _with_effect(search: Search, effect_id: str) -> Fit:
     options = search.options(search.refit)
     if not options:
         raise DataError(f"{effect_id} is not testable on {name}", "the log does not vary where it would show")
-    return options[0].fit
+    return search.converged(options[0].fit)
 
 
 def improve(

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsd_cli.identify.fit.bank import Bank
+from dsd_cli.identify.fit.bank import Bank, Term
 from dsd_cli.identify.fit.equations import equations_of
 from dsd_cli.identify.fit.known import Known
 from dsd_cli.identify.fit.problem import Settings, pose
@@ -14,12 +14,13 @@ from dsd_cli.identify.recordings.levels import Deviations, with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Estimate
 from dsd_cli.identify.search.level_fits import Asked
-from dsd_cli.identify.search.levels import deviations, levelled
+from dsd_cli.identify.search.levels import _with_their_effects, deviations, levelled
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.levels import log_levels, said_of, stand_ins
 from dsd_cli.plant.references import Multisine
 from dsd_cli.signals.log import with_channels
-from tests.identify.search_rig import BELIEVED, SINES, seen
+from tests.identify.search_rig import BELIEVED, OBSERVER, SINES, seen
 
 NAMES = ("gravity", "stiffness", "coulomb_friction", "viscous_friction", "constant_load")
 LOADS = (-0.15, 0.05, 0.1)
@@ -160,3 +161,25 @@ def test_each_log_that_differs_has_a_sentence():
     (without,) = log_levels([one], {}, ("a", "b", "c"))
     assert without.mean == 0.0
     assert "-0.3 off the mean of the logs, 0" in said_of([without])[0]
+
+
+# -- the effect whose level differs -----------------------------------------------------------------------------------
+
+
+def test_a_weight_that_makes_the_mean_of_loads_gives_way_to_the_load():
+    """Gravity was 0.75 N, the loads -0.75 and 2.25 around 0, where they are 0 and 3."""
+    found = levelled(logs([load(-0.05), load(0.15), load(0.2)]), BELIEVED, Settings(effects=NAMES), ())
+    search = found.search
+    assert [one.name for one in found.levels] == ["constant_load.force"]
+    weight = search.fit((*search.base, Term("gravity")), found.whole.tap)
+    mended = _with_their_effects(replace(found, whole=weight))
+    assert [t.id for t in search.added(mended.whole.terms)] == ["constant_load"]
+    mean = search.problem.values(mended.whole).estimates["constant_load.force"]
+    assert mean.value == pytest.approx(0.1, abs=5.0 * mean.std_error)
+
+
+def test_an_offset_of_each_log_makes_no_u_of_another_axis():
+    """Of three logs whose loads nobody told apart the motion tells u but for these."""
+    found = diagnose(logs([load(0.6), load(-0.6), load(0.0)]), BELIEVED, OBSERVER, Settings(effects=("gravity",)))
+    assert "drives this axis" not in found.blocked
+    assert "drive this axis" not in found.blocked

@@ -120,11 +120,16 @@ class FreeformFits:
 
     def share_of_u(self, groups: Sequence[tuple[str, ...]]) -> float:
         """Of the squares of u, what the acceleration, the fit's effects and functions of these groups explain of blocks
-        that no fit saw; below 0 where they explain nothing."""
+        that no fit saw; below 0 where they explain nothing. Each log may have an offset of its own, which counts as no
+        part of u."""
         acceleration, u, _later, *others = self.base
         made = [self.columns(group) for group in groups]
         rows = [u, acceleration, *others, *(x for columns, _ in made for x in columns)]
-        found = grams([x * self.equations.kept for x in rows], self.blocks)
+        kept, logs = self.equations.kept, np.repeat(self.equations.owners, self.equations.lengths)
+        counts = np.maximum(np.bincount(logs, kept), 1.0)
+        if len(self.equations.recordings) > 1:
+            rows = [x - (np.bincount(logs, x * kept, len(counts)) / counts)[logs] for x in rows]
+        found = grams([x * kept for x in rows], self.blocks)
         sizes = np.cumsum([0, *(len(penalty) for _, penalty in made)])
         penalty = np.zeros((sizes[-1], sizes[-1]))
         for (_, own), a, b in zip(made, sizes, sizes[1:], strict=False):

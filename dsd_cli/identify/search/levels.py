@@ -14,6 +14,7 @@ from functools import partial
 
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.asked import Settings
+from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
@@ -70,7 +71,7 @@ def levelled(
     now = _at_first(Search(pose(excerpts(plain), model, settings, holdout)))
     for _ in range(_ROUNDS):
         known = with_levels(plain, now)
-        found = Levelled(plain, known, *alone(known), now)
+        found = _with_their_effects(Levelled(plain, known, *alone(known), now))
         then = deviations(found.search, found.whole) or _beside_parts(found)
         if _the_same(then, now):
             break
@@ -104,6 +105,22 @@ def _without(
     whole = search.settled(fit)
     better = search.problem.errors.rmse(whole) < first.search.problem.errors.rmse(first.whole)
     return Levelled(first.plain, first.plain, search, whole) if better else first
+
+
+def _with_their_effects(found: Levelled) -> Levelled:
+    """With each effect whose level differs in place of one that stands in for the mean of its levels: a load that
+    differs from log to log is there in one of them at least, and its mean looks like a weight that hardly turns."""
+    search, whole = found.search, found.whole
+    for name in dict.fromkeys(one.effect for one in found.levels if one.effect in search.allowed):
+        if any(t.id == name for t in whole.terms):
+            continue
+        limit = (1.0 + POLICY.nearly_the_same) * search.problem.errors.rmse(whole)
+        rest = (tuple(t for t in whole.terms if t != member) for member in search.added(whole.terms))
+        fits = [search.fit((*terms, Term(name)), whole.tap) for terms in rest]
+        near = [fit for fit in fits if search.problem.errors.rmse(fit) <= limit]
+        if near:
+            whole = search.settled(min(near, key=search.problem.errors.rmse))
+    return replace(found, whole=whole)
 
 
 def _possible(found: Levelled) -> bool:

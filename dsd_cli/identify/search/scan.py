@@ -87,11 +87,16 @@ class Scan:
 
 
 def _under_rules(solver: Solver, terms: Terms, tap: int) -> tuple[Array, Array]:
-    """(what the forward form leaves, basis of what may change it), rows and further equations; shapes (n,), (k, n)."""
+    """(what the forward form leaves, basis of what may change it), rows and further equations; shapes (n,), (k, n).
+
+    Priors weigh as beside a set that leaves noise: what the effect that is looked for would take is in the residual,
+    and priors of that weight bend its shape.
+    """
     design = solver.bank.design(terms, tap)
     rules = solver.reductions(terms, tap, design, total_gram(design.rows)).forward
     assert rules is not None
-    rows = rules.expand.T @ np.concatenate([np.stack(design.rows), rules.priors.T], axis=1)
+    weight = math.sqrt(solver.variance / rules.variance) if rules.variance > 0.0 else 1.0
+    rows = rules.expand.T @ np.concatenate([np.stack(design.rows), weight * rules.priors.T], axis=1)
     acceleration = 1 + INERTIA
     if acceleration in rules.left:
         at = rules.left.index(acceleration)
