@@ -44,6 +44,8 @@ HoldOption = Annotated[
 FromPriorOption = Annotated[
     bool, typer.Option("--from-prior", help="[model] was learnt on a sister machine: its values are priors, not truth.")
 ]
+#: Share by which sister machines differ, where nobody says.
+_SPREAD = 0.1
 SpreadOption = Annotated[
     float, typer.Option("--spread", metavar="SHARE", help="By which sister machines differ, for --from-prior.")
 ]
@@ -56,7 +58,7 @@ def improve(
     holdout: HoldoutOption = None,
     hold: HoldOption = False,
     from_prior: FromPriorOption = False,
-    spread: SpreadOption = 0.1,
+    spread: SpreadOption = _SPREAD,
     auto: Annotated[bool, typer.Option("--auto", help="Do not ask: add what the diagnosis finds.")] = False,
     plot: PlotOption = None,
     form: FormatOption = Format.TABLE,
@@ -82,6 +84,7 @@ def improve(
     from dsd_cli.cli.pictures import check_plot
     from dsd_cli.cli.transfer import with_priors
     from dsd_cli.cli.user_effects import use_effects
+    from dsd_cli.errors import UsageError
     from dsd_cli.files.config import load_config
     from dsd_cli.files.config.edit import read_origin
 
@@ -94,6 +97,8 @@ def improve(
     origin = read_origin(config)
     settings = load_config(config, override or ()).within(start, end)
     settings = settings.knowing(fix or (), bounds or (), prior or (), hold)
+    if spread != _SPREAD and not from_prior:
+        raise UsageError(f"--spread {spread:g} without --from-prior", "it says how far sister machines may differ")
     settings = with_priors(settings, spread) if from_prior else settings
     check_logs(wanted.logs, wanted.holdout, settings.signals)
     read = (*wanted.inputs, *settings.files, *(effects_from or ()))

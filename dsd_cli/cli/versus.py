@@ -21,7 +21,7 @@ def compare_configs(
 
     Raises
     ------
-    UsageError : two configs of one name. DataError : see `load_recording`.
+    UsageError : two configs of one name, or that read a log differently. DataError : see `load_recording`.
     """
     import sys
 
@@ -33,6 +33,8 @@ def compare_configs(
     names = [config.name.partition(" with --")[0] for config in configs]
     if len(set(names)) < len(names):
         raise UsageError(f"{names[0]} is given twice", "each config once")
+    for name, config in zip(names[1:], configs[1:], strict=True):
+        _check_alike(names[0], configs[0], name, config)
     models = {name: believed_model(config) for name, config in zip(names, configs, strict=True)}
     found: Versus | None = None
     if logs:
@@ -59,6 +61,22 @@ def compare_configs(
 
         compared = found
         put_picture(plot, lambda: draw(compared, units), quiet)
+
+
+def _check_alike(one: str, first: Config, other: str, second: Config) -> None:
+    """Both must read a log alike: else J in kg stands beside J in g, and the order decides which model is better."""
+    from dsd_cli.errors import UsageError
+    from dsd_cli.files.config.signals import Signals
+
+    ours, theirs, usual = ({k: getattr(s, k) for k in s.keys} for s in (first.signals, second.signals, Signals()))
+    edges = ("start", "end")
+    differ = [key for key in ours if key not in edges and ours[key] != theirs[key]]
+    if differ and any(theirs[key] != usual[key] for key in usual if key not in edges):
+        keys = ", ".join(f"signals.{key}" for key in differ[:4])
+        raise UsageError(
+            f"{one} and {other} read a log differently ({keys}), so their values and errors do not compare",
+            "give both the same [signals]; a config without any takes those of the first",
+        )
 
 
 def _moved(first: Config, second: Config) -> tuple[Moved, ...]:

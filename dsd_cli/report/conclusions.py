@@ -38,7 +38,18 @@ CONTROLLER = (
 
 def conclusion(result: Comparison) -> str:
     """What the error depends on, and what to do next."""
-    return _conclusion(result) + _unequal(result)
+    return _conclusion(result) + _unequal(result) + _held_out(result)
+
+
+def _held_out(result: Comparison) -> str:
+    """That the log set aside is much further off than those that the sentence is about."""
+    force = result.force
+    if result.holdout is None or force.log is None or force.holdout is None:
+        return ""
+    if not force.holdout.rmse > _UNEQUAL * force.log.rmse:
+        return ""
+    name, times = PurePath(result.holdout.log).name, force.holdout.rmse / max(force.log.rmse, 1e-300)
+    return f"; {name}, held out, is {times:.2g} times as far off: a value differs there, or an effect shows"
 
 
 def _unequal(result: Comparison) -> str:

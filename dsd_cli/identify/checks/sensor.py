@@ -21,7 +21,7 @@ def check_sensor(view: View) -> list[Finding]:
         logged = [name for name in ("position", "velocity") if name in view.log]
         if not logged or not view.stretches:
             return []
-        what = f"{' and '.join(logged)} show no acceleration above the noise of the sensor"
+        what = f"{' and '.join(logged)} show{'s' * (len(logged) == 1)} no acceleration above the noise of the sensor"
         return [Finding(what, logged[0], "error", 0.9, "harder moves, a finer encoder, or another column")]
     found = []
     if band.cutoff < NARROW:

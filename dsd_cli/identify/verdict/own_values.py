@@ -110,5 +110,7 @@ def _alone(search: Search, name: str, given: Score, estimate: Estimate) -> Candi
     changed = make(x)
     score = errors.of_model(changed)
     value = changed.inertia if name == INERTIA else changed.delay
-    parameters = {name: Estimate(value, estimate.std_error, estimate.unit)}
+    # the error is that of a fit of all values: it holds for this one alone as far as the two agree
+    error = math.hypot(estimate.std_error, value - estimate.value)
+    parameters = {name: Estimate(value, error, estimate.unit)}
     return Candidate(name, score.rmse, given.heldout_rmse, score.heldout_rmse, 0.0, parameters, model=changed)
