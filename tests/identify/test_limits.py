@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -216,6 +217,34 @@ def axis(folder, level, step, frequencies, gains, duration=12.0, believed=0.004)
 def test_steps_of_the_encoder_that_come_back_in_u_are_no_other_delay(level, gains, duration, tmp_path):
     """A delay of 4 ms, which was true, "is wrong" at 80 to 99 %."""
     assert axis(tmp_path, level, 1.5e-3, SLOW, gains, duration)["verdict"] == "none"
+
+
+@pytest.mark.parametrize(
+    ("level", "gains", "duration"),
+    [(0.13, (8, 1.0), 5.0), (0.05, (10, 0.5), 12.0), (0.25, (10, 0.5), 5.0), (0.13, (2, 0.2), 12.0)],
+)
+def test_what_turns_leave_beside_a_coarse_encoder_is_no_missing_effect(level, gains, duration, tmp_path):
+    """A lag was missing at 80 and 50 %, a cogging line at 66 %; where the direction is sure they explained nothing."""
+    found = axis(tmp_path, level, 1.5e-3, SLOW, gains, duration)
+    assert (found["verdict"], found["found"]) == ("none", [])
+    assert any("stops and creeping" in w for w in found["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("seed", "what", "sensing", "duration"),
+    [
+        (31101, "actuator_lag", "enc40k", 5.0),
+        (31102, "presliding_friction", "enc4096", 10.0),
+        (31102, "presliding_friction", "speedloud", 10.0),
+        (31102, "stribeck_friction", "enc1024", 5.0),
+    ],
+)
+def test_a_true_effect_is_named_though_more_than_noise_is_left_at_stops_alone(seed, what, sensing, duration):
+    (log,) = make([RigCase(what=("coulomb_friction", what), seed=seed, sensing=sensing, duration=duration)])
+    recording, model, observer = asked(log, log.channels)
+    friction = {"coulomb_friction": log.truth["effects"]["coulomb_friction"]}
+    found = diagnose([recording], replace(model, effects={**model.effects, **friction}), observer)
+    assert found.verdict == what
 
 
 @pytest.mark.parametrize(

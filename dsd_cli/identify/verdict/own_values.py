@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term, holds
 from dsd_cli.identify.fit.golden import golden_section
-from dsd_cli.identify.fit.sure import inflation, many_sure
+from dsd_cli.identify.fit.sure import many_sure, surely_less
 from dsd_cli.identify.fit.values import LEAST_INERTIA, flat
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.shapes import refined
 from dsd_cli.plant.model import PlantModel
-from dsd_cli.signals.log import Array
 
 #: Golden section steps.
 STEPS = 30
@@ -51,12 +50,12 @@ def own_values(search: Search) -> Own:
         return Own(given, refitted, candidates, "", 0.0)
     best = candidates[0] if candidates else None
     reached = given.rmse**2 - best.rmse_after**2 if best is not None else 0.0
-    late = _late_effects(search) if best is not None and best.effect == DELAY else ()
-    if best is not None and late:
-        candidates = (replace(best, indistinguishable_from=late), *candidates[1:])
     wrong = best.effect if best is not None and reached > POLICY.one_value_share * fall else sure[0].split(".")[0]
     if wrong in (INERTIA, DELAY) and not _seen_elsewhere(search, fitted.model):
         return Own(given, refitted, candidates, "", 0.0)
+    late = _late_effects(search) if best is not None and best.effect == DELAY else ()
+    if best is not None and late:
+        candidates = (replace(best, indistinguishable_from=late), *candidates[1:])
     sure_of_it = min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), 0.99)
     if wrong not in (INERTIA, DELAY):
         candidates = (_all_of_an_effect(search, wrong, given, refitted), *candidates)
@@ -79,9 +78,10 @@ def _beyond_noise(search: Search) -> bool:
     20 ms off 5 to 6 times.
     """
     rows, problem = _elsewhere(search), search.problem
-    return rows is not None and _rms(problem.errors.rows_of_model(problem.model)[rows]) > (
-        POLICY.floor_factor * problem.floor
-    )
+    if rows is None:
+        return False
+    left = problem.errors.rows_of_model(problem.model)[rows]
+    return float(np.sqrt(np.mean(left**2))) > POLICY.floor_factor * problem.floor
 
 
 def _seen_elsewhere(search: Search, changed: PlantModel) -> bool:
@@ -92,13 +92,7 @@ def _seen_elsewhere(search: Search, changed: PlantModel) -> bool:
     rows, problem = _elsewhere(search), search.problem
     if rows is None:
         return True
-    was, now = (problem.errors.rows_of_model(model)[rows] for model in (problem.model, changed))
-    fall = float(was @ was - now @ now) / max(_rms(now) ** 2 * inflation(now), 1e-300)
-    return fall > POLICY.value_deviations**2
-
-
-def _rms(x: Array) -> float:
-    return float(np.sqrt(np.mean(x**2)))
+    return surely_less(*(problem.errors.rows_of_model(model)[rows] for model in (problem.model, changed)))
 
 
 def _late_effects(search: Search) -> tuple[str, ...]:
