@@ -108,6 +108,7 @@ def improve(
     elif undo:
         _undo(settings, wanted, origin)
     else:
+        wanted.check_asker()
         check_plot(
             plot, [config, *wanted.inputs, *settings.files, *(effects_from or ()), *([output] if output else ())]
         )
@@ -149,18 +150,28 @@ class Request:
             raise UsageError(f"{option} looks at the config alone", "leave out the log and the other options")
 
     def check_logs(self) -> None:
-        """There are logs, and somebody to ask.
+        """There are logs.
 
         Raises
         ------
-        UsageError : there are not.
+        UsageError : there are none.
+        """
+        from dsd_cli.errors import UsageError
+
+        if not self.logs:
+            raise UsageError("LOG is missing", "give the log to improve the model with, or --history or --undo")
+
+    def check_asker(self) -> None:
+        """There is somebody to ask; asked last, for what else is wrong matters more.
+
+        Raises
+        ------
+        UsageError : there is nobody.
         """
         import sys
 
         from dsd_cli.errors import UsageError
 
-        if not self.logs:
-            raise UsageError("LOG is missing", "give the log to improve the model with, or --history or --undo")
         terminal = sys.stdin.isatty() and sys.stderr.isatty() and "-" not in self.inputs
         if not self.auto and not terminal:
             raise UsageError("no terminal to ask on", "--auto adds what the diagnosis finds without asking")

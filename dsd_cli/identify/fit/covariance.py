@@ -4,6 +4,8 @@ What each block pulls at the coefficients, by the fit that did not see it, is wh
 white, or of one size, within a block; and a block that decides a value by itself makes it uncertain, which a plain
 sandwich would not see (CR3 of Bell and McCaffrey, 2002; MacKinnon and White, 1985). Where few blocks tell a value, its
 scatter is known from few: the error is then as much larger as Student's t is with that many.
+
+No scatter shows what all blocks share: what noise that a controller has put into u may add to a delay (`returned`).
 """
 
 from __future__ import annotations
@@ -13,7 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank
 from dsd_cli.identify.fit.gram import grams, without_noise
+from dsd_cli.identify.fit.returned import rate
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
@@ -37,12 +41,14 @@ class Information:
     normal : X'X less the sensor's noise, shape (m, m). normals : of each block, shape (B, m, m).
     scores : X'r of each block, shape (B, m).
     shapes : (term, shape name, value) of the unknowns behind the coefficients.
+    returned : X'r of the delay's column, at most, by noise of the sensor that a controller has put into u.
     """
 
     normal: Array
     normals: Array
     scores: Array
     shapes: tuple[tuple[int, str, float], ...]
+    returned: float = 0.0
 
     def covariance(
         self,
@@ -71,6 +77,9 @@ class Information:
             scatter = self._jackknife(size, free, data + weight * pulled, inverse)
             if complete or np.trace(free @ scatter @ free.T) > np.trace(free @ usual @ free.T):
                 usual = scatter
+        if self.returned > 0.0:
+            leant = inverse @ free[SHARE] * (self.returned / size[SHARE])
+            scattered = scattered + np.outer(leant, leant)
         return np.asarray((free @ (usual + scattered) @ free.T) / np.outer(size, size))
 
     def _jackknife(self, size: Array, free: Array, whole: Array, inverse: Array) -> Array:
@@ -145,4 +154,13 @@ def information(fit: Fit, solver: Solver) -> Information:
     found = grams(rows, solver.blocks)
     normal = without_noise(found.total, np.pad(design.noise, (0, len(shapes))), len(rows[0]))[1:, 1:]
     residual = np.concatenate([[1.0], -fit.total, np.zeros(len(shapes))])
-    return Information(normal, found.held_out[:, 1:, 1:], found.held_out[:, 1:, :] @ residual, shapes)
+    scores = found.held_out[:, 1:, :] @ residual
+    return Information(normal, found.held_out[:, 1:, 1:], scores, shapes, _returned(fit, solver.bank, design.noise))
+
+
+def _returned(fit: Fit, bank: Bank, noise: Array) -> float:
+    """See `Information.returned`; `noise` : that of the columns."""
+    equations, inertia = bank.equations, float(fit.total[INERTIA])
+    fastest = min(2.0 * np.pi * equations.band.hz, rate([s.answer for s in equations.stretches], inertia))
+    left = inertia**2 * float(noise[INERTIA, INERTIA]) * len(bank.acceleration)
+    return fastest * bank.tap_time * left

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from dsd_cli.effects import Channels, Effect, Role
 from dsd_cli.identify.fit.band import Band, band_of, chosen_band
 from dsd_cli.identify.fit.noise import HALF
+from dsd_cli.identify.fit.returned import Answer, answer_of
 from dsd_cli.identify.fit.sensed import Sensed
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
@@ -73,6 +74,11 @@ class Stretch:
     pushed: tuple[str, float] | None
     levels: tuple[tuple[str, int, float], ...]
     noisy: bool = False
+
+    @cached_property
+    def answer(self) -> Answer:
+        """How u answers the noise of the sensor."""
+        return answer_of(self.log["u"], self.acceleration, self.log.sample_time)
 
     def channels(self, drive: Array, effect: Effect) -> Channels:
         """What an effect looks at under that delayed u: means over the interval, or the values in the middle of it."""

@@ -105,17 +105,17 @@ class Problem:
         """Errors of a fit, unit of u."""
         return self.errors.of_fit(fit, self.scale)
 
-    def values(self, fit: Fit) -> Fitted:
+    def values(self, fit: Fit, returned: bool = True) -> Fitted:
         """Values of a fit with standard errors, from rows where friction's direction is sure.
 
         Where the fit leaves clearly more than noise, something is missing from it, and all of that counts as
-        correlated over many rows.
+        correlated over many rows. `returned` : see `fitted_values`.
         """
         found = weighed(fit, self.solver, self.errors.bank)
         left, noise = found.variance, self._noise_in(found)
         beyond = left - noise if left > POLICY.incomplete * noise else 0.0
         floor = left * found.inflation + beyond * POLICY.correlated_rows
-        return fitted_values(found.fit, found.solver, self.scale, floor, complete=beyond == 0.0)
+        return fitted_values(found.fit, found.solver, self.scale, floor, complete=beyond == 0.0, returned=returned)
 
     def _noise_in(self, found: Weighed) -> float:
         """Variance of a whitened row that no function of single channels explains, in the rows that this fit trusts."""

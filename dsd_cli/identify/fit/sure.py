@@ -141,6 +141,12 @@ def many_sure(equations: Equations) -> NDArray[np.bool_] | None:
     return sure if sure.sum() > POLICY.sure_part * equations.kept.sum() else None
 
 
+def surely_less(was: Array, now: Array) -> bool:
+    """Whether what is left of the same rows, shape (N,) each, is less now by as much as a certain value takes off."""
+    fall = float(was @ was - now @ now) / max(float(np.mean(now**2)) * inflation(now), 1e-300)
+    return fall > POLICY.value_deviations**2
+
+
 def uncertain(equations: Equations) -> Array:
     """Share of each whitened row's weight on samples in which the axis may rest or turn, shape (N,).
 

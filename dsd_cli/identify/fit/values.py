@@ -111,14 +111,18 @@ class Fitted:
     correlations: Correlations = ()
 
 
-def fitted_values(fit: Fit, solver: Solver, scale: Scale, floor: float, complete: bool = False) -> Fitted:
+def fitted_values(
+    fit: Fit, solver: Solver, scale: Scale, floor: float, complete: bool = False, returned: bool = True
+) -> Fitted:
     """Every value of the model with its standard error.
 
     Parameters
     ----------
     floor, complete : see `Information.covariance`.
+    returned : whether the errors count noise of the sensor that came back through a controller.
     """
     found = information(fit, solver)
+    found = found if returned else replace(found, returned=0.0)
     values = flat(scale.model(fit))
     linear = len(fit.total)
     bare = replace(scale, known=Known())

@@ -10,7 +10,7 @@ from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.levels import levelled
 from dsd_cli.identify.search.pulses import event_effect
-from dsd_cli.identify.verdict.beyond import above_floor, beyond_of, pushed
+from dsd_cli.identify.verdict.beyond import above_floor, beyond_of, borne_out, pushed
 from dsd_cli.identify.verdict.command_time import CommandTime
 from dsd_cli.identify.verdict.contradictions import Contradiction, against_told
 from dsd_cli.identify.verdict.evidence import memberships
@@ -73,7 +73,7 @@ def diagnose(
     if shown.seen is None and event_effect(search) is not None:
         whole, beyond = pushed(search, whole, beyond)
     if shown.seen is None:
-        whole, beyond = without_imitations(search, whole, beyond)
+        whole, beyond = borne_out(search, *without_imitations(search, whole, beyond))
     report("how sure", 0.8)
     whole, first = strongest_first(search, whole)
     found = [t.id for t in search.added(whole.terms) if shown.seen is None]
