@@ -24,6 +24,7 @@ from dsd_cli.cli.options import (
     ToOption,
 )
 from dsd_cli.cli.pictures import PlotOption
+from dsd_cli.cli.transfer import SPREAD
 
 if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
@@ -44,8 +45,6 @@ HoldOption = Annotated[
 FromPriorOption = Annotated[
     bool, typer.Option("--from-prior", help="[model] was learnt on a sister machine: its values are priors, not truth.")
 ]
-#: Share by which sister machines differ, where nobody says.
-_SPREAD = 0.1
 SpreadOption = Annotated[
     float, typer.Option("--spread", metavar="SHARE", help="By which sister machines differ, for --from-prior.")
 ]
@@ -58,7 +57,7 @@ def improve(
     holdout: HoldoutOption = None,
     hold: HoldOption = False,
     from_prior: FromPriorOption = False,
-    spread: SpreadOption = _SPREAD,
+    spread: SpreadOption = SPREAD,
     auto: Annotated[bool, typer.Option("--auto", help="Do not ask: add what the diagnosis finds.")] = False,
     plot: PlotOption = None,
     form: FormatOption = Format.TABLE,
@@ -82,9 +81,8 @@ def improve(
     from dsd_cli.cli.identification import check_logs
     from dsd_cli.cli.improve_loop import check_outputs
     from dsd_cli.cli.pictures import check_plot
-    from dsd_cli.cli.transfer import with_priors
+    from dsd_cli.cli.transfer import check_spread, with_priors
     from dsd_cli.cli.user_effects import use_effects
-    from dsd_cli.errors import UsageError
     from dsd_cli.files.config import load_config
     from dsd_cli.files.config.edit import read_origin
 
@@ -97,8 +95,7 @@ def improve(
     origin = read_origin(config)
     settings = load_config(config, override or ()).within(start, end)
     settings = settings.knowing(fix or (), bounds or (), prior or (), hold)
-    if spread != _SPREAD and not from_prior:
-        raise UsageError(f"--spread {spread:g} without --from-prior", "it says how far sister machines may differ")
+    check_spread(spread, from_prior)
     settings = with_priors(settings, spread) if from_prior else settings
     check_logs(wanted.logs, wanted.holdout, settings.signals)
     read = (*wanted.inputs, *settings.files, *(effects_from or ()))

@@ -13,6 +13,16 @@ if TYPE_CHECKING:
     from dsd_cli.identify.results import Ladder
 
 
+#: Share by which sister machines differ, where nobody says.
+SPREAD = 0.1
+
+
+def check_spread(spread: float, from_prior: bool) -> None:
+    """Raises UsageError where a spread is given that nothing would use."""
+    if spread != SPREAD and not from_prior:
+        raise UsageError(f"--spread {spread:g} without --from-prior", "it says how far sister machines may differ")
+
+
 def with_priors(config: Config, spread: float) -> Config:
     """The config with every value of [model] as a prior, but for those of which [fit] says more.
 

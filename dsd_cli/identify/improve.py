@@ -93,7 +93,7 @@ def add_effect(
             "nothing was added; `dsd diagnose` ranks what does",
         )
     known = problem.values(fit)
-    said = contradictions(search, fit, known.estimates)
+    said = (*contradictions(search, fit, known.estimates), *_untold(effect_id, known.estimates))
     return Addition(
         effect_id,
         known.model,
@@ -104,6 +104,15 @@ def add_effect(
         before.refitted,
         known.correlations,
     )
+
+
+def _untold(effect_id: str, estimates: Estimates) -> tuple[str, ...]:
+    """That no force of an effect that was asked for is away from 0: then it is written, but not seen."""
+    linear = [p.name for p in get_effect(effect_id).parameters if p.linear] if effect_id not in (INERTIA, DELAY) else []
+    own = [e for name in linear if (e := estimates.get(f"{effect_id}.{name}")) is not None]
+    if not own or any(e.held or abs(e.value) > POLICY.told_deviations * e.std_error for e in own):
+        return ()
+    return (f"this log does not tell {effect_id}: no force of it is away from 0 by more than its error",)
 
 
 def _with_effect(search: Search, effect_id: str) -> Fit:

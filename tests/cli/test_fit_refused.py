@@ -224,3 +224,26 @@ def test_an_option_of_another_command_says_why_this_one_has_none(command, option
     monkeypatch.chdir(SAMPLES)
     assert run([command, LOG, "-c", BARE, option, "inertia=0.01+-0.001"]) == 2
     assert words in _line(capsys)
+
+
+def test_what_is_wrong_with_an_option_is_said_before_that_nobody_can_be_asked():
+    wrong = dsd("improve", LOG, "-c", KNOWN, "--bounds", "inertia=5:1", cwd=SAMPLES)
+    assert wrong.returncode == 2
+    assert "the smaller number comes first" in wrong.stderr
+    alone = dsd("improve", LOG, "-c", KNOWN, "--spread", "0.3", cwd=SAMPLES)
+    assert alone.returncode == 2
+    assert "--spread 0.3 without --from-prior" in alone.stderr
+
+
+def test_two_configs_that_read_a_log_differently_are_not_compared(tmp_path):
+    """In mN the same machine has a thousand times the inertia: the order decided which model was better."""
+    signals = '[signals]\nu_unit = "N m"\nu_scale = 1.0\n'
+    model = "[observer]\nnominal_inertia = 0.01\ntime_constant = 0.005\n[model]\ninertia = 0.01\ndelay = 0.002\n"
+    texts = {"a.toml": signals + model, "b.toml": signals.replace("1.0", "1000.0") + model, "c.toml": model}
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    log = SAMPLES / LOG
+    refused_ = dsd("compare", log, "-c", "a.toml", "-c", "b.toml", cwd=tmp_path)
+    assert refused_.returncode == 2
+    assert "a.toml and b.toml read a log differently (signals.u_scale)" in refused_.stderr
+    assert dsd("compare", log, "-c", "a.toml", "-c", "c.toml", cwd=tmp_path).returncode == 0
