@@ -178,7 +178,10 @@ def in_place_of(search: Search, whole: Fit, taken: Sequence[str] = ()) -> dict[s
     told = {name.partition(".")[0] for name in names} - here
     absent = [o.fit.terms[-1] for o in search.options(search.refit) if o.effect in told]
     free, found = Search(freed(search.problem)), dict[str, tuple[Contradiction, ...]]()
-    least = free.evidence(free.fit(whole.terms, whole.tap)) - POLICY.least_gain
+    # what explains no more than the set beside what was told is another reading of the log, not a contradiction
+    least = max(
+        free.evidence(free.fit(whole.terms, whole.tap)) - POLICY.least_gain, search.evidence(whole) + POLICY.least_gain
+    )
     for member in members:
         rest = tuple(t for t in whole.terms if t != member)
         sets = [rest, *((*rest, term) for term in absent if term.id != member.id)]
