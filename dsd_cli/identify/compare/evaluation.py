@@ -234,7 +234,7 @@ def force_view(recordings: Sequence[Recording], model: PlantModel, holdout: Reco
 def _of_each_log(problem: Problem, model: PlantModel) -> dict[str, float]:
     equations = problem.equations
     left = problem.errors.rows_of_model(model)
-    owners = np.repeat(equations.owners, equations.lengths)[equations.kept]
+    owners = equations.logs_of_rows[equations.kept]
     return {problem.recordings[i].name: rms(left[owners == i]) for i in dict.fromkeys(owners.tolist())}
 
 

@@ -166,6 +166,11 @@ class Equations:
         used = {id(s.log) for s in self.stretches}
         return [i for i, r in enumerate(self.recordings) for p in r.pieces if id(p) in used]
 
+    @cached_property
+    def logs_of_rows(self) -> NDArray[np.int_]:
+        """Recording of each row, shape (N,)."""
+        return np.repeat(self.owners, self.lengths)
+
     def of_rows(self, by_sample: Sequence[Array]) -> Array:
         """Values of samples at the centres of rows, joined."""
         pairs = zip(self.stretches, by_sample, strict=True)

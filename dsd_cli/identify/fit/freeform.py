@@ -125,7 +125,7 @@ class FreeformFits:
         acceleration, u, _later, *others = self.base
         made = [self.columns(group) for group in groups]
         rows = [u, acceleration, *others, *(x for columns, _ in made for x in columns)]
-        kept, logs = self.equations.kept, np.repeat(self.equations.owners, self.equations.lengths)
+        kept, logs = self.equations.kept, self.equations.logs_of_rows
         counts = np.maximum(np.bincount(logs, kept), 1.0)
         if len(self.equations.recordings) > 1:
             rows = [x - (np.bincount(logs, x * kept, len(counts)) / counts)[logs] for x in rows]

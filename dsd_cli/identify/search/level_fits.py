@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Bank, Term, holds
@@ -39,7 +40,7 @@ class Asked:
     def __init__(self, search: Search, fit: Fit, pair: tuple[str, ...] = ()) -> None:
         self.search, self.fit, problem = search, fit, search.problem
         plain, white = _without_known(problem.errors.bank), search.equations
-        self.logs = logs_of_rows(white)
+        self.logs = white.logs_of_rows
         fits = freeform_fits(plain, white, problem.blocks, fit, search.solver.inertia)
         fits = replace(fits, apart=POLICY.level_knots_apart)
         groups = [g for g in fits.groups() if g in (*_MOTION, pair)]
@@ -152,12 +153,7 @@ class Asked:
         return losses(solve(some.fitted, _RIDGE), some, self.search.problem.blocks)
 
 
-def logs_of_rows(equations: Equations) -> Array:
-    """Recording of each row, shape (N,)."""
-    return np.repeat(equations.owners, equations.lengths)
-
-
-def by_log(column: Array, logs: Array) -> list[Array]:
+def by_log(column: Array, logs: NDArray[np.int_]) -> list[Array]:
     """A column for each log but the last, which has minus their sum; none where one log has nothing in the column."""
     count = int(logs.max()) + 1
     size = np.bincount(logs, column**2, count) / np.maximum(np.bincount(logs, minlength=count), 1)

@@ -17,7 +17,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.levels import Deviations, may_differ
 from dsd_cli.identify.results import Diagnosis, Estimate, Estimates, LogLevels
-from dsd_cli.identify.search.level_fits import by_log, logs_of_rows, varying
+from dsd_cli.identify.search.level_fits import by_log, varying
 from dsd_cli.identify.search.levels import Levelled
 from dsd_cli.identify.search.sets import Search
 
@@ -97,7 +97,7 @@ def _groups(search: Search, rest: Fit, member: Term) -> list[tuple[str, ...]]:
 
 def _evidence(search: Search, rest: Fit, names: Sequence[str]) -> float:
     """Nats of a fit with a level per log of these effects."""
-    bank, logs = search.problem.errors.bank, logs_of_rows(search.equations)
+    bank, logs = search.problem.errors.bank, search.equations.logs_of_rows
     there, columns, price = {t.id for t in rest.terms}, [], search.price(rest.terms)
     for (name, _, _), column in varying(search, rest, bank):
         made = by_log(column, logs) if name in names else []
