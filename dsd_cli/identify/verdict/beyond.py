@@ -161,11 +161,20 @@ def _pushes_alone(search: Search, whole: Fit) -> tuple[Fit, Beyond] | None:
     if not search.added(whole.terms):
         return None
     pulses = with_pulses(search, search.refit)
-    if pulses is None:
+    if pulses is None or _hopeless(search, pulses, whole):
         return None
+    rmse, floor = search.problem.errors.rmse, search.problem.floor
     found = search.settled(sharpened(search, pulses))
-    rest = search.problem.errors.rmse(found) > POLICY.floor_factor * search.problem.floor
+    rest = rmse(found) > POLICY.floor_factor * floor
     if rest or search.evidence(found) < search.evidence(whole) + POLICY.least_gain:
         return None
     then = beyond_of(search, found)
     return None if then.unknown else (found, then)
+
+
+def _hopeless(search: Search, pulses: Fit, whole: Fit) -> bool:
+    """Whether pushes leave more than a set wherever their edges are: moved to their places, they take off no more than
+    a row of each edge holds. Sharpening them costs a hundred fits, of a long log seconds."""
+    levels = pulses.coefficients(next(t for t in pulses.terms if t.effect.listed))
+    rmse, rows = search.problem.errors.rmse, int(search.equations.kept.sum())
+    return rows * (rmse(pulses) ** 2 - rmse(whole) ** 2) > 2.0 * float(levels @ levels)
