@@ -70,6 +70,9 @@ class Policy:
     same_level: float = 0.2  # share of a level by which neighbours differ that are one pulse
     forgotten_travel: float = 0.25  # of the travel, after which the first state of effects with memory has no influence
     pulses_fall: float = 0.1  # share of the held-out error that pulses take off: something unknown is there, if no push
+    most_joints: int = 2  # of pulses without a pause between them: two pushes on top of each other; more are a drift
+    of_place: float = 0.35  # of the pushes' variance that the position tells, and the share of other times at which
+    place_by_chance: float = 0.01  # as much of it is told: both are met by no true pushes
 
     # -- what matters in practice --
     least_fall: float = 0.015  # share of the held-out error that a step takes off
@@ -122,6 +125,7 @@ class Policy:
     least_inertia: float = 0.01  # of the inertia first fitted; a set that leaves less explains u by itself
     near_fall: float = 0.1  # share of the held-out error from which on an unconfirmed effect is mentioned
     few_rows: int = 150  # independent equations below which no verdict is surer than 80 %
+    rows_per_effect: int = 75  # and for each effect of the set that was found: five laws explain any few moves
 
     least_alone: float = 0.005  # share of the held-out error that an effect takes off alone, to be named
 

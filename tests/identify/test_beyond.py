@@ -11,11 +11,9 @@ from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.beyond import beyond_of, pushed
+from dsd_cli.identify.verdict.beyond import beyond_of
 from dsd_cli.signals.log import Log
 from tests.identify.search_rig import BELIEVED, OBSERVER, T, posed, seen
-
-PUSHES = {"external_force": {"events": [{"start": 3.0, "end": 3.4, "force": 0.5}]}}
 
 
 def disturbed(force, names=(), seed=0, noise=0.002, duration=12.0):
@@ -93,34 +91,6 @@ def test_the_effect_itself_leaves_nothing_beyond():
     assert beyond_of(search, search.refit).unknown
     whole = search.fit((Term("gravity"),), search.refit.tap)
     assert not beyond_of(search, whole).unknown
-
-
-def test_a_push_is_found_where_it_was_and_nothing_is_left_then():
-    search = posed(PUSHES, ("external_force", "gravity", "viscous_friction"))
-    before = beyond_of(search, search.refit)
-    fit, found = pushed(search, search.refit, before)
-    (term,) = search.added(fit.terms)
-    assert term.id == "external_force"
-    ((start, end),) = term.shape["edges"]
-    assert start == pytest.approx(3.0, abs=3 * T)
-    assert end == pytest.approx(3.4, abs=3 * T)
-    assert not found.unknown
-    assert search.problem.errors.rmse(fit) < 0.8 * search.problem.errors.rmse(search.refit)
-
-
-def test_without_a_push_everything_stays_as_it_was():
-    search = posed(None, ("external_force",))
-    before = beyond_of(search, search.refit)
-    assert pushed(search, search.refit, before) == (search.refit, before)
-
-
-def test_pulses_never_stand_in_for_a_law():
-    """A force that goes with speed times place is no train of pushes: it stays unknown, and nothing is added."""
-    search = disturbed(lambda t, v, q: 0.4 * v * q, ("external_force",))
-    before = beyond_of(search, search.refit)
-    fit, found = pushed(search, search.refit, before)
-    assert fit is search.refit
-    assert found.unknown
 
 
 def test_an_excerpt_answers_for_motion_and_all_rows_for_time():

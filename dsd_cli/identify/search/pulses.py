@@ -31,13 +31,19 @@ def event_effect(search: Search) -> str | None:
     return next((name for name in search.allowed if get_effect(name).listed), None)
 
 
-def with_pulses(search: Search, fit: Fit) -> Fit | None:
-    """A fit and the pulses that its residual shows, their edges to a row; None if it shows none, or may have none."""
+def with_pulses(search: Search, fit: Fit, shown_by: Array | None = None) -> Fit | None:
+    """A fit and the pulses that its residual shows, their edges to a row; None if it shows none, or may have none.
+
+    shown_by : a residual to begin with in place of that of the fit, shape (N,), 0 in rows that do not count.
+    """
     effect = event_effect(search)
     if effect is None:
         return None
-    for _ in range(ROUNDS):
-        edges = _pulses(search, fit)
+    errors = search.problem.errors
+    for i in range(ROUNDS):
+        if shown_by is None or i > 0:
+            shown_by = errors.residual(_without_pulses(fit), held_out=False)
+        edges = _pulses(search, fit, shown_by)
         if not edges:
             return None
         term = Term.of(effect, {"edges": edges})
@@ -64,10 +70,9 @@ def _strong_only(search: Search, fit: Fit) -> Fit:
     return search.fit(tuple(Term.of(term.id, {"edges": kept}) if t is term else t for t in fit.terms), fit.tap)
 
 
-def _pulses(search: Search, fit: Fit) -> tuple[tuple[float, float], ...]:
-    """(start, end) in s, in the order of time."""
+def _pulses(search: Search, fit: Fit, values: Array) -> tuple[tuple[float, float], ...]:
+    """(start, end) in s, in the order of time; values : what is left beside the fit's laws, shape (N,)."""
     found: list[tuple[float, float, float]] = []
-    values = search.problem.errors.residual(_without_pulses(fit), held_out=False)
     row_time = search.equations.band.step * search.equations.sample_time
     times = [s.frame.times for s in search.equations.stretches]
     at = search.equations.by_stretch(search.equations.of_rows(times))

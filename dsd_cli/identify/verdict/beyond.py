@@ -1,4 +1,4 @@
-"""Whether something is left that no effect explains: free-form functions, the residual's spectrum, pushes in time."""
+"""Whether something is left that no effect explains: free-form functions, the residual's spectrum."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from dsd_cli.identify.fit.noise import structured_share
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.sure import many_sure, surely_less
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
 
 
@@ -124,57 +123,3 @@ def _left_elsewhere(search: Search, fit: Fit) -> float:
     if sure is None or sure.all():
         return math.inf
     return float(np.sqrt(np.mean(search.problem.errors.residual(fit, held_out=False)[sure] ** 2)))
-
-
-def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
-    """With pulses in time if nothing unknown remains beside them; otherwise unchanged; strong pulses mean unknown.
-
-    One push in a long log hardly shows in a spectrum or in a function of time, so they are looked for in any case.
-    """
-    if (alone := _pushes_alone(search, whole)) is not None:
-        return alone
-    pulses = with_pulses(search, whole)
-    if pulses is None or not search.practical(whole, pulses):
-        return whole, beyond
-    loud = search.problem.errors.rmse(pulses) < (1.0 - POLICY.pulses_fall) * search.problem.errors.rmse(whole)
-    if not (loud or beyond.unknown):
-        return whole, beyond
-    settled = search.settled(sharpened(search, pulses))
-    again = with_pulses(search, settled)  # without the laws that imitated pulses the edges are clear
-    if again is not None:
-        again = sharpened(search, again)
-        settled = search.settled(again) if search.evidence(again) > search.evidence(settled) else settled
-    then = beyond_of(search, settled)
-    better = search.evidence(settled) > search.evidence(whole) and search.practical(whole, settled)
-    a_law = beyond.on and "time" not in beyond.on and beyond.heldout_rmse < search.problem.errors.rmse(settled)
-    if better and not then.unknown and not a_law:  # a function of motion or u that explains more than pushes is a law
-        return settled, then
-    return whole, beyond if beyond.unknown else replace(beyond, unknown=True, on=("time",))
-
-
-def _pushes_alone(search: Search, whole: Fit) -> tuple[Fit, Beyond] | None:
-    """A few pushes in place of all that was found, where they explain more and leave no more than the sensor does: two
-    lines in time and a cogging make three pushes of a short log, and leave nothing of them to see.
-
-    Pushes can also stand in for laws that no catalogue has (a brake, an end stop); these leave 5 to 50 times the floor.
-    """
-    if not search.added(whole.terms):
-        return None
-    pulses = with_pulses(search, search.refit)
-    if pulses is None or _hopeless(search, pulses, whole):
-        return None
-    rmse, floor = search.problem.errors.rmse, search.problem.floor
-    found = search.settled(sharpened(search, pulses))
-    rest = rmse(found) > POLICY.floor_factor * floor
-    if rest or search.evidence(found) < search.evidence(whole) + POLICY.least_gain:
-        return None
-    then = beyond_of(search, found)
-    return None if then.unknown else (found, then)
-
-
-def _hopeless(search: Search, pulses: Fit, whole: Fit) -> bool:
-    """Whether pushes leave more than a set wherever their edges are: moved to their places, they take off no more than
-    a row of each edge holds. Sharpening them costs a hundred fits, of a long log seconds."""
-    levels = pulses.coefficients(next(t for t in pulses.terms if t.effect.listed))
-    rmse, rows = search.problem.errors.rmse, int(search.equations.kept.sum())
-    return rows * (rmse(pulses) ** 2 - rmse(whole) ** 2) > 2.0 * float(levels @ levels)

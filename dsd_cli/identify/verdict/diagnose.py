@@ -10,7 +10,7 @@ from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.levels import levelled
 from dsd_cli.identify.search.pulses import event_effect
-from dsd_cli.identify.verdict.beyond import above_floor, beyond_of, borne_out, pushed
+from dsd_cli.identify.verdict.beyond import above_floor, beyond_of, borne_out
 from dsd_cli.identify.verdict.command_time import CommandTime
 from dsd_cli.identify.verdict.contradictions import Contradiction, against_told
 from dsd_cli.identify.verdict.evidence import memberships
@@ -20,6 +20,7 @@ from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.levels import with_levels_said
 from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.identify.verdict.own_values import own_values
+from dsd_cli.identify.verdict.pushes import pushed
 from dsd_cli.identify.verdict.several import strongest_first
 from dsd_cli.identify.verdict.shown import with_response
 from dsd_cli.identify.verdict.stability import with_stability

@@ -97,16 +97,24 @@ class Verdict:
 
     def _surest(self) -> float:
         """Upper bound on the probability of a verdict."""
-        few = self.problem.blocks.rows < POLICY.few_rows  # independent equations
+        few = self.problem.blocks.rows < max(POLICY.few_rows, POLICY.rows_per_effect * self._size())
         return min(POLICY.surest_in_part if few else POLICY.surest, self.limits.surest)
+
+    def _size(self) -> int:
+        """Number of effects that were found; beside laws each push is one of its own."""
+        found = self.search.added(self.whole.terms)
+        laws = [t for t in found if not t.effect.listed]
+        pushes = sum(len(t.shape["edges"]) for t in found if t.effect.listed)
+        return len(laws) + pushes if laws else min(pushes, 1)
 
     def _share_of_possible(self, before: float, after: float) -> float:
         """Explained share of the power that could be explained; 1 where nothing unknown remains."""
+        least = math.inf
         if self.beyond.unknown:
             least = min(self.beyond.heldout_rmse, self.beyond.noise)
-        elif above_floor(self.search, self.whole):
-            least = POLICY.floor_factor * self.problem.floor
-        else:
+        if above_floor(self.search, self.whole):
+            least = min(least, POLICY.floor_factor * self.problem.floor)
+        if math.isinf(least):
             return 1.0
         return (before**2 - after**2) / max(before**2 - least**2, 1e-300)
 

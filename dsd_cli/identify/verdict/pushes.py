@@ -1,0 +1,133 @@
+"""Pushes in time: looked for in what a set leaves and in place of the set, and taken where no law makes them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.search.pulses import sharpened, with_pulses
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.beyond import Beyond, beyond_of
+from dsd_cli.signals.log import Array
+
+#: Bins of the travel, equally often visited, and delays of the pushes against the motion that chance is judged by.
+_BINS, _DELAYS = 20, 200
+
+
+def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
+    """With pulses in time if nothing unknown remains beside them; otherwise unchanged; strong pulses mean unknown.
+
+    One push in a long log hardly shows in a spectrum or in a function of time, so they are looked for in any case.
+    """
+    if (alone := _pushes_alone(search, whole, beyond)) is not None:
+        return alone
+    pulses = with_pulses(search, whole)
+    if pulses is None or not search.practical(whole, pulses):
+        return whole, beyond
+    rmse = search.problem.errors.rmse
+    loud = rmse(pulses) < (1.0 - POLICY.pulses_fall) * rmse(whole)
+    if not (loud or beyond.unknown):
+        return whole, beyond
+    settled = search.settled(sharpened(search, pulses))
+    again = with_pulses(search, settled)  # without the laws that imitated pulses the edges are clear
+    if again is not None:
+        again = sharpened(search, again)
+        settled = search.settled(again) if search.evidence(again) > search.evidence(settled) else settled
+    then, law = beyond_of(search, settled), law_of_pushes(search, settled)
+    better = search.evidence(settled) > search.evidence(whole) and search.practical(whole, settled)
+    a_law = beyond.on and "time" not in beyond.on and beyond.heldout_rmse < rmse(settled)
+    if better and not then.unknown and not a_law and not law:
+        return settled, then  # a function of motion or u that explains more than pushes is a law
+    told_better = law and rmse(settled) < beyond.heldout_rmse
+    if beyond.unknown and not told_better:
+        return whole, beyond
+    least = min(beyond.heldout_rmse, rmse(settled if law else pulses))
+    return whole, replace(beyond, unknown=True, on=(law or "time",), heldout_rmse=least)
+
+
+def _pushes_alone(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond] | None:
+    """A few pushes in place of all that was found, where they explain more and leave no more than the sensor does: two
+    lines in time and a cogging make three pushes of a short log, and leave nothing of them to see.
+
+    Pushes can also stand in for laws that no catalogue has (a brake, an end stop); these leave 5 to 50 times the floor.
+    They are looked for in what the model as given leaves, too: its inertia, fitted again, absorbs pushes.
+    """
+    if not search.added(whole.terms):
+        return None
+    tried = (with_pulses(search, search.refit), with_pulses(search, search.refit, _left_by_the_given(search)))
+    likely = [p for p in tried if p is not None and not _hopeless(search, p, whole)]
+    if not likely:
+        return None
+    found = max((search.settled(sharpened(search, p)) for p in likely), key=search.evidence)
+    rest = search.problem.errors.rmse(found) > POLICY.floor_factor * search.problem.floor
+    if rest or search.evidence(found) < search.evidence(whole) + POLICY.least_gain or law_of_pushes(search, found):
+        return None
+    then = beyond_of(search, found)
+    return None if then.unknown and not beyond.unknown else (found, then)
+
+
+def _left_by_the_given(search: Search) -> Array:
+    """Residual of the model as given, shape (N,), 0 in rows that do not count."""
+    rows = np.zeros(len(search.equations.kept))
+    rows[search.equations.kept] = search.problem.errors.rows_of_model(search.problem.model)
+    return rows
+
+
+def _hopeless(search: Search, pulses: Fit, whole: Fit) -> bool:
+    """Whether pushes leave more than a set wherever their edges are: moved to their places, they take off no more than
+    a row of each edge holds. Sharpening them costs a hundred fits, of a long log seconds."""
+    levels = pulses.coefficients(next(t for t in pulses.terms if t.effect.listed))
+    rmse, rows = search.problem.errors.rmse, int(search.equations.kept.sum())
+    return rows * (rmse(pulses) ** 2 - rmse(whole) ** 2) > 2.0 * float(levels @ levels)
+
+
+def law_of_pushes(search: Search, fit: Fit) -> str:
+    """What the pushes of a fit are a function of, "position" or "time"; "" where they come as pushes do.
+
+    Pushes that follow each other without a pause are a force that changes in time. Pushes that come wherever the axis
+    is at one place are an end stop or the like: their force is told by the position better than that of the same pushes
+    at other times would be. Of an outside rig's true pushes (48 logs of 3 and 20 s) none are taken for such.
+    """
+    event = next((t for t in fit.terms if t.effect.listed), None)
+    if event is None:
+        return ""
+    equations, edges = search.equations, event.shape["edges"]
+    if _joints(search, fit, event) > POLICY.most_joints:
+        return "time"
+    times = equations.of_rows([s.frame.times for s in equations.stretches])
+    force = np.zeros(len(times))
+    for (a, b), level in zip(edges, fit.coefficients(event), strict=True):
+        force[(times >= a) & (times <= b)] += level
+    place = equations.of_rows([s.mean.position for s in equations.stretches])
+    return "position" if len(edges) > 1 and _of_place(force, place) else ""
+
+
+def _joints(search: Search, fit: Fit, event: Term) -> int:
+    """How often one push follows another without a pause; slivers at an edge, of little impulse, do not count."""
+    edges, levels = event.shape["edges"], fit.coefficients(event)
+    impulses = [abs(level) * (b - a) for (a, b), level in zip(edges, levels, strict=True)]
+    large = [pair for pair, x in zip(edges, impulses, strict=True) if x > POLICY.weakest_pulse * max(impulses)]
+    pause = POLICY.shortest_pulse * search.equations.band.step * search.equations.sample_time
+    return sum(b[0] - a[1] <= pause for a, b in pairwise(large))
+
+
+def _of_place(force: Array, place: Array) -> bool:
+    """Whether a force is told by the position, and better than if it came at any other time."""
+    if not np.ptp(force) > 0.0:
+        return False
+    shares = [_told_by(np.roll(force, round(k * len(force) / _DELAYS)), place) for k in range(_DELAYS)]
+    as_well = sum(x >= shares[0] for x in shares[1:])
+    return shares[0] > POLICY.of_place and as_well <= POLICY.place_by_chance * (_DELAYS - 1)
+
+
+def _told_by(force: Array, place: Array) -> float:
+    """Share of a force's variance that its means over bins of the position hold."""
+    bins = np.argsort(np.argsort(place)) * _BINS // len(place)
+    count = np.maximum(np.bincount(bins, minlength=_BINS), 1)
+    means = np.bincount(bins, force - force.mean(), minlength=_BINS) / count
+    return float(count @ means**2 / (len(force) * np.var(force)))

@@ -1,0 +1,100 @@
+"""Pushes in time: taken where something pushed, and not where a law of the motion, or a drift, makes them."""
+
+import numpy as np
+import pytest
+
+from bench.outside import _given
+from dsd_cli.identify.verdict.beyond import beyond_of
+from dsd_cli.identify.verdict.diagnose import Settings, diagnose
+from dsd_cli.identify.verdict.pushes import _joints, _of_place, law_of_pushes, pushed
+from tests.identify.search_rig import T, posed
+from tests.identify.test_beyond import disturbed
+from tests.oracle.rig import RigCase, make
+
+PUSHES = {"external_force": {"events": [{"start": 3.0, "end": 3.4, "force": 0.5}]}}
+
+
+def test_a_push_is_found_where_it_was_and_nothing_is_left_then():
+    search = posed(PUSHES, ("external_force", "gravity", "viscous_friction"))
+    before = beyond_of(search, search.refit)
+    fit, found = pushed(search, search.refit, before)
+    (term,) = search.added(fit.terms)
+    assert term.id == "external_force"
+    ((start, end),) = term.shape["edges"]
+    assert start == pytest.approx(3.0, abs=3 * T)
+    assert end == pytest.approx(3.4, abs=3 * T)
+    assert not found.unknown
+    assert search.problem.errors.rmse(fit) < 0.8 * search.problem.errors.rmse(search.refit)
+
+
+def test_without_a_push_everything_stays_as_it_was():
+    search = posed(None, ("external_force",))
+    before = beyond_of(search, search.refit)
+    assert pushed(search, search.refit, before) == (search.refit, before)
+
+
+def test_pulses_never_stand_in_for_a_law():
+    """A force that goes with speed times place is no train of pushes: it stays unknown, and nothing is added."""
+    search = disturbed(lambda t, v, q: 0.4 * v * q, ("external_force",))
+    before = beyond_of(search, search.refit)
+    fit, found = pushed(search, search.refit, before)
+    assert fit is search.refit
+    assert found.unknown
+
+
+def _drawn(seed, count=3000):
+    """(force, place): four pushes at random times, an axis that goes to and fro at a rate that wanders."""
+    rng = np.random.default_rng(seed)
+    place = np.sin(2.0 * np.pi * np.cumsum(rng.uniform(0.5, 1.5, count // 50).repeat(50)) / 250.0)
+    force = np.zeros(count)
+    for start in rng.integers(0, count - 150, 4):
+        force[start : start + int(rng.integers(30, 150))] += rng.choice([-1.0, 1.0])
+    return force, place
+
+
+def test_pushes_at_random_times_are_of_no_place():
+    """60 seeds, and what an end of the travel does to the same motion is always seen."""
+    assert [seed for seed in range(60) if _of_place(*_drawn(seed))] == []
+    ends = [(-np.maximum(place - 0.7, 0.0) > -0.15) * 1.0 for _, place in map(_drawn, range(60))]
+    assert all(_of_place(1.0 - end, _drawn(seed)[1]) for seed, end in enumerate(ends))
+
+
+def test_a_push_all_along_is_of_no_place():
+    assert not _of_place(np.ones(500), np.linspace(0.0, 1.0, 500))
+
+
+def test_what_pushes_back_at_the_end_of_the_travel_is_no_train_of_pushes():
+    """A wall that is not in the catalogue: unknown, and it depends on the position."""
+    search = disturbed(lambda t, v, q: -0.4 * (q > np.quantile(q, 0.9)), ("external_force",))
+    fit, found = pushed(search, search.refit, beyond_of(search, search.refit))
+    assert fit is search.refit
+    assert found.unknown
+    assert "position" in found.on
+
+
+def test_a_force_that_climbs_by_steps_is_a_drift():
+    """Five levels without a pause: a function of time that nobody knows. Two pushes on top of each other are pushes."""
+    steps = np.array([0.15, 0.35, 0.2, 0.45, 0.3])
+    climbing = disturbed(
+        lambda t, v, q: np.where((t >= 3.0) & (t < 8.0), steps[np.clip((t - 3.0).astype(int), 0, 4)], 0.0),
+        ("external_force",),
+    )
+    fit, found = pushed(climbing, climbing.refit, beyond_of(climbing, climbing.refit))
+    assert fit is climbing.refit
+    assert found.unknown
+    assert "time" in found.on
+    stacked = disturbed(
+        lambda t, v, q: 0.2 * ((t >= 3.0) & (t < 6.0)) + 0.25 * ((t >= 4.0) & (t < 5.0)), ("external_force",)
+    )
+    fit, found = pushed(stacked, stacked.refit, beyond_of(stacked, stacked.refit))
+    (term,) = stacked.added(fit.terms)
+    assert _joints(stacked, fit, term) == 2
+    assert law_of_pushes(stacked, fit) == ""
+    assert not found.unknown
+
+
+def test_strong_pushes_of_a_short_log_are_seen_in_what_the_model_as_given_leaves():
+    """4 of 12 pushes for a third of 3 s: fitted again, inertia and friction absorb them ("dead zone, 99 %")."""
+    (log,) = make([RigCase(what=("external_force",), seed=51016, sensing="enc40k", duration=3.0)])
+    recording, model, observer = _given(log)
+    assert diagnose([recording], model, observer, Settings()).verdict == "external_force"
