@@ -76,7 +76,7 @@ def test_a_force_that_climbs_by_steps_is_a_drift():
     """Five levels without a pause: a function of time that nobody knows. Two pushes on top of each other are pushes."""
     steps = np.array([0.15, 0.35, 0.2, 0.45, 0.3])
     climbing = disturbed(
-        lambda t, v, q: np.where((t >= 3.0) & (t < 8.0), steps[np.clip((t - 3.0).astype(int), 0, 4)], 0.0),
+        lambda t, v, q: np.where((t >= 3.0) & (t < 5.5), steps[np.clip((t / 0.5 - 6.0).astype(int), 0, 4)], 0.0),
         ("external_force",),
     )
     fit, found = pushed(climbing, climbing.refit, beyond_of(climbing, climbing.refit))
