@@ -86,6 +86,10 @@ class Problem:
         noise = _sensor(self.recordings)
         return self.solver.inertia * math.sqrt(passed_variance(np.ones(1), self.equations.band, noise))
 
+    def reconstructed(self, channel: str) -> bool:
+        """Whether that channel of any recording is put together from u and d_hat, so that it drifts."""
+        return any("reconstructed" in r.provenance.get(channel, "") for r in self.recordings)
+
     def practical(self, before: Fit, after: Fit) -> bool:
         """Whether the held-out error falls by an amount that is of use."""
         was, now = self.errors.rmse(before), self.errors.rmse(after)

@@ -69,7 +69,7 @@ def above_floor(search: Search, fit: Fit) -> bool:
 
     Rows in which the direction of the motion is not sure do not count, if the others are many.
     """
-    return min(search.problem.errors.rmse(fit), _left_elsewhere(search, fit)) > _least(search)
+    return min(search.problem.errors.rmse(fit), left_elsewhere(search, fit)) > _least(search)
 
 
 def beside_stops(search: Search, fit: Fit) -> bool:
@@ -86,7 +86,7 @@ def _least(search: Search) -> float:
 def only_at_stops(search: Search, fit: Fit) -> bool:
     """Whether more than the sensor alone leaves is left only at stops and in creeping. What friction does there is
     known in part, and the error of a coarse sensor is not white: it is no evidence for anything that is missing."""
-    elsewhere = _left_elsewhere(search, fit)
+    elsewhere = left_elsewhere(search, fit)
     limit = POLICY.floor_factor * search.problem.floor
     return elsewhere <= limit < search.problem.errors.rmse(fit)
 
@@ -110,14 +110,14 @@ def said_of_stops(search: Search, fit: Fit) -> tuple[str, ...]:
     """A warning that what is left is not judged, if it is left there."""
     if not only_at_stops(search, fit):
         return ()
-    left, elsewhere = search.problem.errors.rmse(fit), _left_elsewhere(search, fit)
+    left, elsewhere = search.problem.errors.rmse(fit), left_elsewhere(search, fit)
     return (
         f"most of the error that the fit leaves, {left:.3g}, is from stops and creeping, where the direction is not"
         f" sure and nothing can be told; elsewhere it is {elsewhere:.3g}",
     )
 
 
-def _left_elsewhere(search: Search, fit: Fit) -> float:
+def left_elsewhere(search: Search, fit: Fit) -> float:
     """rms of what is left where the direction of the motion is sure, unit of u; inf where few rows are so, or all."""
     sure = many_sure(search.equations)
     if sure is None or sure.all():

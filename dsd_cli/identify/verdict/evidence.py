@@ -42,8 +42,7 @@ class Membership:
 
 def memberships(search: Search, whole: Fit, effects: Iterable[str], unknown: bool) -> dict[str, Membership]:
     """Of each of these effects; `unknown` : something remains that nothing explains."""
-    reconstructed = any("reconstructed" in r.provenance.get("velocity", "") for r in search.problem.recordings)
-    misfit = unknown or reconstructed or search.noise.inflation > POLICY.most_inflation
+    misfit = unknown or search.problem.reconstructed("velocity") or search.noise.inflation > POLICY.most_inflation
     return {name: membership(search, whole, name, misfit) for name in effects}
 
 
@@ -89,7 +88,7 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     found = dict.fromkeys([*alike, *(o.effect for o in options if rivals(o))])
     shares = probabilities(search, rest, [own, *options])
     surest = 1.0 if _told(search, whole, effect_id) else POLICY.surest_untold
-    if not any("reconstructed" in r.provenance.get("position", "") for r in search.problem.recordings):
+    if not search.problem.reconstructed("position"):
         return Membership(effect_id, shares, tuple(found), tuple(alike), surest)
     if not _of_position(effect_id):
         return Membership(effect_id, shares, tuple(found), tuple(alike), min(surest, POLICY.drift_surest))

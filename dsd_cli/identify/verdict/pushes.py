@@ -12,7 +12,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.beyond import Beyond, beyond_of
+from dsd_cli.identify.verdict.beyond import Beyond, beyond_of, left_elsewhere
 from dsd_cli.signals.log import Array
 
 #: Bins of the travel, equally often visited, and delays of the pushes against the motion that chance is judged by.
@@ -64,8 +64,10 @@ def _pushes_alone(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyo
     if not likely:
         return None
     found = max((search.settled(sharpened(search, p)) for p in likely), key=search.evidence)
-    rest = search.problem.errors.rmse(found) > POLICY.floor_factor * search.problem.floor
-    if rest or search.evidence(found) < search.evidence(whole) + POLICY.least_gain or law_of_pushes(search, found):
+    left = min(search.problem.errors.rmse(found), left_elsewhere(search, found))  # at turns friction leaves more
+    if left > POLICY.floor_factor * search.problem.floor:
+        return None
+    if search.evidence(found) < search.evidence(whole) + POLICY.least_gain or law_of_pushes(search, found):
         return None
     then = beyond_of(search, found)
     return None if then.unknown and not beyond.unknown else (found, then)
