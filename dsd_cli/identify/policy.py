@@ -70,7 +70,6 @@ class Policy:
     same_level: float = 0.2  # share of a level by which neighbours differ that are one pulse
     forgotten_travel: float = 0.25  # of the travel, after which the first state of effects with memory has no influence
     pulses_fall: float = 0.1  # share of the held-out error that pulses take off: something unknown is there, if no push
-    most_joints: int = 2  # of pulses without a pause between them: two pushes on top of each other; more are a drift
     of_place: float = 0.35  # of the pushes' variance that the position tells, and the share of other times at which
     place_by_chance: float = 0.01  # as much of it is told: both are met by no true pushes
 
@@ -124,6 +123,8 @@ class Policy:
     # -- vetoes --
     least_inertia: float = 0.01  # of the inertia first fitted; a set that leaves less explains u by itself
     near_fall: float = 0.1  # share of the held-out error from which on an unconfirmed effect is mentioned
+    creeping_fall: float = 0.3  # and from which on it halves the belief in "none", where all is left in creeping
+    creeping_rise: float = 1.3  # of what is left of all rows over what is where the direction is sure, and no more
     few_rows: int = 150  # independent equations below which no verdict is surer than 80 %
     rows_per_effect: int = 75  # and for each effect of the set that was found: five laws explain any few moves
 

@@ -141,6 +141,16 @@ def many_sure(equations: Equations) -> NDArray[np.bool_] | None:
     return sure if sure.sum() > POLICY.sure_part * equations.kept.sum() else None
 
 
+def clear_rows(equations: Equations) -> NDArray[np.bool_] | None:
+    """As `many_sure`; where these are few, rows in which the axis may rest or turn for a small part of their weight.
+
+    What is left in the latter is too much if anything: they can show that a model leaves no more than noise, no more.
+    """
+    kept, share = equations.kept, uncertain(equations)
+    found = (kept & (share <= most) for most in (POLICY.unsure_share, POLICY.unsure_push))
+    return next((rows for rows in found if rows.sum() > POLICY.sure_part * kept.sum()), None)
+
+
 def surely_less(was: Array, now: Array) -> bool:
     """Whether what is left of the same rows, shape (N,) each, is less now by as much as a certain value takes off."""
     fall = float(was @ was - now @ now) / max(float(np.mean(now**2)) * inflation(now), 1e-300)

@@ -11,7 +11,7 @@ import numpy as np
 from dsd_cli.identify.fit.freeform import GAIN, freeform_fits, loss_of
 from dsd_cli.identify.fit.noise import structured_share
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.sure import many_sure, surely_less
+from dsd_cli.identify.fit.sure import clear_rows, surely_less
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 
@@ -60,7 +60,7 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
     large = math.sqrt(max(plain**2 - reached**2, 0.0)) > POLICY.least_unknown * errors.force
     structured = share > POLICY.structured_share and math.sqrt(share) * plain > POLICY.least_unknown * errors.force
     on = best.on if reached < plain else ()
-    unknown = ((certain and large) or structured) and not only_at_stops(search, fit)
+    unknown = ((certain and large) or structured) and not _in_doubt(search, fit)
     return Beyond(on, min(reached, plain), unknown, noise)
 
 
@@ -91,6 +91,15 @@ def only_at_stops(search: Search, fit: Fit) -> bool:
     return elsewhere <= limit < search.problem.errors.rmse(fit)
 
 
+def _in_doubt(search: Search, fit: Fit) -> bool:
+    """Whether what is left comes from stops and creeping, or would with less noise: where the direction is sure no more
+    is left than by the sensor, and all rows leave more than that. A coarse encoder's error is a staircase in creeping,
+    and follows u (2 of 50 logs behind 1024 counts in which nothing was missing)."""
+    elsewhere, all_of_it = left_elsewhere(search, fit), search.problem.errors.rmse(fit)
+    creeping = elsewhere <= search.problem.floor and all_of_it > POLICY.creeping_rise * elsewhere
+    return creeping or only_at_stops(search, fit)
+
+
 def borne_out(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
     """The set that was found and what is beyond it; no effect, where the model leaves more than the sensor only at
     stops and in creeping, and the set takes nothing certain off elsewhere: it explains what nobody knows.
@@ -99,7 +108,7 @@ def borne_out(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
     take off 55 to 890 times the variance there (four logs); of a coarse encoder's turns a lag, or a line, took off
     -17 to 3.5 (four logs).
     """
-    sure = many_sure(search.equations)
+    sure = clear_rows(search.equations)
     if sure is None or not search.added(whole.terms) or not only_at_stops(search, search.refit):
         return whole, beyond
     was, now = (search.problem.errors.residual(fit, held_out=False)[sure] for fit in (search.refit, whole))
@@ -119,7 +128,7 @@ def said_of_stops(search: Search, fit: Fit) -> tuple[str, ...]:
 
 def left_elsewhere(search: Search, fit: Fit) -> float:
     """rms of what is left where the direction of the motion is sure, unit of u; inf where few rows are so, or all."""
-    sure = many_sure(search.equations)
+    sure = clear_rows(search.equations)
     if sure is None or sure.all():
         return math.inf
     return float(np.sqrt(np.mean(search.problem.errors.residual(fit, held_out=False)[sure] ** 2)))

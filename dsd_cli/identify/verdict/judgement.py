@@ -11,7 +11,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
-from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beside_stops, said_of_stops
+from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beside_stops, only_at_stops, said_of_stops
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, probabilities
 from dsd_cli.identify.verdict.limits import Limits
@@ -62,7 +62,7 @@ class Verdict:
                 return UNKNOWN, 0.5
             known = self._share_of_possible(rmse(search.refit), rmse(self.whole))
             if known < POLICY.share_of_possible:
-                return UNKNOWN, min(1.0 - max(known, 0.0), POLICY.surest)
+                return UNKNOWN, min(1.0 - max(known, 0.0), self.limits.surest)
             group = (best, *self.members[best].alike)
             belief = self.members[best].probabilities
             named = min(group, key=lambda name: get_effect(name).rarity)
@@ -77,9 +77,9 @@ class Verdict:
         if self.own.wrong and known >= POLICY.share_of_possible and not left_over and not varies:
             return self.own.wrong, min(known * self.own.probability, self._surest())
         if beyond.unknown:
-            return UNKNOWN, 0.9
+            return UNKNOWN, min(0.9, self.limits.surest)
         if left_over or self.shown.said:
-            return UNKNOWN, 0.6
+            return UNKNOWN, min(0.6, self.limits.surest)
         return NONE, self._nothing()
 
     def _first(self) -> str:
@@ -135,7 +135,18 @@ class Verdict:
         narrow = self.search.equations.band.hz < POLICY.narrow_band_hz
         in_part = self.problem.untestable or narrow or beside_stops(search, search.refit)
         surest = min(POLICY.surest_in_part, self._surest()) if in_part else self._surest()
+        if self._in_creeping() is not None:
+            surest = min(surest, POLICY.surest_untold)
         return min(0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING], surest)
+
+    def _in_creeping(self) -> Option | None:
+        """The effect that would take much off what is left, but at stops and in creeping alone, where nothing is sure:
+        a friction that is strong at low speeds shows nowhere else."""
+        search, rmse = self.search, self.problem.errors.rmse
+        if not self.options or not only_at_stops(search, search.refit):
+            return None
+        best = min(self.options, key=lambda o: rmse(o.fit))
+        return best if rmse(best.fit) < (1.0 - POLICY.creeping_fall) * rmse(search.refit) else None
 
     def diagnosis(self) -> Diagnosis:
         """The whole answer."""
@@ -181,6 +192,9 @@ class Verdict:
 
     def _nearest(self) -> str:
         """The effect that would explain much of what is unknown, but is not confirmed block by block."""
+        if self.named == NONE:
+            creeping = self._in_creeping()
+            return creeping.effect if creeping is not None else ""
         if self.named != UNKNOWN or not self.options or self.limits.blocked or self.beyond.of_gain:
             return ""
         refit, best = self.search.refit, self.options[0]

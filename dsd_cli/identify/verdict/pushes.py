@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -99,7 +100,7 @@ def law_of_pushes(search: Search, fit: Fit) -> str:
     if event is None:
         return ""
     equations, edges = search.equations, event.shape["edges"]
-    if _joints(search, fit, event) > POLICY.most_joints:
+    if any(_a_drift(levels) for levels in _runs(search, fit, event)):
         return "time"
     times = equations.of_rows([s.frame.times for s in equations.stretches])
     force = np.zeros(len(times))
@@ -109,13 +110,30 @@ def law_of_pushes(search: Search, fit: Fit) -> str:
     return "position" if len(edges) > 1 and _of_place(force, place) else ""
 
 
-def _joints(search: Search, fit: Fit, event: Term) -> int:
-    """How often one push follows another without a pause; slivers at an edge, of little impulse, do not count."""
-    edges, levels = event.shape["edges"], fit.coefficients(event)
+def _runs(search: Search, fit: Fit, event: Term) -> list[list[float]]:
+    """Levels of pushes that follow each other without a pause; slivers at an edge, of little impulse, do not count."""
+    edges, levels = event.shape["edges"], fit.coefficients(event).tolist()
     impulses = [abs(level) * (b - a) for (a, b), level in zip(edges, levels, strict=True)]
-    large = [pair for pair, x in zip(edges, impulses, strict=True) if x > POLICY.weakest_pulse * max(impulses)]
     pause = POLICY.shortest_pulse * search.equations.band.step * search.equations.sample_time
-    return sum(b[0] - a[1] <= pause for a, b in pairwise(large))
+    runs: list[list[float]] = []
+    ended = -math.inf
+    for (a, b), level, impulse in zip(edges, levels, impulses, strict=True):
+        if impulse > POLICY.weakest_pulse * max(impulses):
+            if a - ended > pause:
+                runs.append([])
+            runs[-1].append(level)
+            ended = b
+    return runs
+
+
+def _a_drift(levels: Sequence[float]) -> bool:
+    """Whether levels without a pause are a force that changes in time, and no two pushes on top of each other: those
+    are three levels, the middle one the sum of the others, or both others the same."""
+    if len(levels) < 3:
+        return False
+    first, middle, last = levels[:3]
+    near = POLICY.same_level * max(map(abs, levels))
+    return len(levels) > 3 or min(abs(first - last), abs(middle - first - last)) > near
 
 
 def _of_place(force: Array, place: Array) -> bool:
