@@ -132,7 +132,7 @@ def _a_drift(levels: Sequence[float]) -> bool:
     if len(levels) < 3:
         return False
     first, middle, last = levels[:3]
-    near = POLICY.same_level * max(map(abs, levels))
+    near = POLICY.same_level * max(abs(first), abs(last))
     return len(levels) > 3 or min(abs(first - last), abs(middle - first - last)) > near
 
 
