@@ -109,12 +109,11 @@ class Verdict:
 
     def _share_of_possible(self, before: float, after: float) -> float:
         """Explained share of the power that could be explained; 1 where nothing unknown remains."""
-        least = math.inf
         if self.beyond.unknown:
             least = min(self.beyond.heldout_rmse, self.beyond.noise)
-        if above_floor(self.search, self.whole):
-            least = min(least, POLICY.floor_factor * self.problem.floor)
-        if math.isinf(least):
+        elif above_floor(self.search, self.whole):
+            least = POLICY.floor_factor * self.problem.floor
+        else:
             return 1.0
         return (before**2 - after**2) / max(before**2 - least**2, 1e-300)
 
