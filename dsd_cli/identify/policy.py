@@ -127,6 +127,7 @@ class Policy:
     creeping_rise: float = 1.3  # of what is left of all rows over what is where the direction is sure, and no more
     few_rows: int = 150  # independent equations below which no verdict is surer than 80 %
     rows_per_effect: int = 75  # and for each effect of the set that was found: five laws explain any few moves
+    least_rows_per_effect: int = 25  # below which no verdict on more than one effect is surer than 50 %
 
     least_alone: float = 0.005  # share of the held-out error that an effect takes off alone, to be named
 

@@ -238,6 +238,35 @@ def test_a_true_effect_is_named_though_more_than_noise_is_left_at_stops_alone(se
     assert found.verdict == what
 
 
+def test_a_member_of_the_set_is_judged_alone_as_the_set_has_it():
+    """The scan of single effects began at another delay, where load friction lowers nothing: "unknown, 50 %"."""
+    recording, model, observer = given(RigCase(what=("load_friction",), seed=60000, sensing="speed40k"))
+    found = diagnose([recording], model, observer)
+    assert (found.verdict, found.found) == ("load_friction", ("load_friction",))
+    assert found.ranking[0].heldout_rmse_after < 0.3 * found.refitted.heldout_rmse
+
+
+@pytest.mark.parametrize("seed", [54008, 54035, 54120, 54124])
+def test_what_creeping_leaves_behind_1024_counts_is_no_law_that_nobody_knows(seed):
+    """ "unknown": "gain of u and velocity" and 60 % beside known friction, "u", 90 %, without any."""
+    recording, model, observer = given(RigCase(what=(), seed=seed, sensing="enc1024"))
+    assert diagnose([recording], model, observer).verdict == "none"
+
+
+def test_where_a_friction_would_explain_the_creeping_nothing_is_missing_is_half_sure():
+    """A strong Stribeck friction behind 4096 counts shows nowhere else: "none, 80 %", with 20 % of u unexplained."""
+    recording, model, observer = given(RigCase(what=("stribeck_friction",), seed=52107, sensing="enc4096"))
+    found = diagnose([recording], model, observer)
+    assert (found.verdict, found.probability, found.nearest) == ("none", 0.5, "stribeck_friction")
+    assert any("whether it is stribeck_friction" in line for line in found.advice)
+
+
+@pytest.mark.parametrize("seed", [54020, 54026])
+def test_where_the_sensor_hardly_tells_a_direction_unknown_is_no_surer_than_a_name(seed):
+    recording, model, observer = given(RigCase(what=(), seed=seed, sensing="enc1024"))
+    assert diagnose([recording], model, observer).probability <= 0.5
+
+
 @pytest.mark.parametrize(
     ("level", "step", "frequencies", "gains", "believed"),
     [

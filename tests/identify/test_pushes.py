@@ -90,8 +90,27 @@ def test_a_force_that_climbs_by_steps_is_a_drift():
     assert law_of_pushes(stacked, fit) == ""
 
 
-def test_strong_pushes_of_a_short_log_are_seen_in_what_the_model_as_given_leaves():
-    """4 of 12 pushes for a third of 3 s: fitted again, inertia and friction absorb them ("dead zone, 99 %")."""
-    (log,) = make([RigCase(what=("external_force",), seed=51016, sensing="enc40k", duration=3.0)])
+def of_rig(what, seed, sensing, duration):
+    (log,) = make([RigCase(what=what, seed=seed, sensing=sensing, duration=duration)])
     recording, model, observer = _given(log)
-    assert diagnose([recording], model, observer, Settings()).verdict == "external_force"
+    return diagnose([recording], model, observer, Settings())
+
+
+def test_strong_pushes_of_a_short_log_are_seen_in_what_the_model_as_given_leaves():
+    """4 pushes that take 40 % of 3 s: fitted again, inertia and friction absorb them ("dead zone, 99 %")."""
+    assert of_rig(("external_force",), 51016, "enc40k", 3.0).verdict == "external_force"
+
+
+def test_a_law_that_is_hidden_behind_pushes_is_found_beside_them():
+    """The friction blurs the edges of the pushes, and they hide the friction: it was unknown, 90 %."""
+    found = of_rig(("external_force", "viscous_friction"), 60000, "speed40k", 20.0)
+    assert (found.verdict, set(found.found)) == ("external_force", {"external_force", "viscous_friction"})
+    events = found.whole_model.effects["external_force"]["events"]
+    assert [e["start"] for e in events] == pytest.approx([1.649, 5.005, 9.144, 13.991, 17.075], abs=0.005)
+
+
+def test_an_end_stop_behind_a_coarse_encoder_is_no_push():
+    """Six pushes, each while the axis is at the end of its travel: they were missing, 99 %."""
+    found = of_rig(("end_stop",), 53101, "enc4096", 20.0)
+    assert found.verdict != "external_force"
+    assert found.probability <= 0.5 or found.verdict == "unknown"

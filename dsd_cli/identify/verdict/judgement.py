@@ -36,18 +36,23 @@ class Verdict:
         self.search, self.problem, self.seen, self.shown = search, search.problem, shown.seen, shown
         self.options, self.whole, self.members, self.own, self.beyond = options, whole, members, own, beyond
         self.limits, self._named_for = limits, dict[str, str]()
-        self.alone = {o.effect: o for o in (*options, *self._events())}
+        self.alone = {o.effect: o for o in options}
+        self.alone |= {o.effect: o for o in self._members_alone() if not self._better_known(o)}
         self.named, self.sure = self.verdict()
         if self.named in self.alone:  # what is to be added takes the shapes of the model's own effects along
             fit = search.converged(self.alone[self.named].fit)
             self.alone[self.named] = Option(self.named, fit, search.evidence(fit))
 
-    def _events(self) -> list[Option]:
-        """Pulses alone, where they belong to the answer: they are no candidate of the search."""
+    def _members_alone(self) -> list[Option]:
+        """Each effect of the set alone, in the shape and at the delay that it has there: a candidate of the search
+        began elsewhere, and pulses are none."""
         search = self.search
-        pulses = [t for t in search.added(self.whole.terms) if t.effect.listed]
-        fits = [search.fit((*search.base, t), self.whole.tap) for t in pulses]
+        fits = [search.fit((*search.base, t), self.whole.tap) for t in search.added(self.whole.terms)]
         return [Option(fit.terms[-1].id, fit, search.evidence(fit)) for fit in fits]
+
+    def _better_known(self, member: Option) -> bool:
+        known = self.alone.get(member.effect)
+        return known is not None and known.evidence >= member.evidence
 
     def verdict(self) -> tuple[str, float]:
         """(verdict, probability)."""
@@ -97,8 +102,11 @@ class Verdict:
 
     def _surest(self) -> float:
         """Upper bound on the probability of a verdict."""
-        few = self.problem.blocks.rows < max(POLICY.few_rows, POLICY.rows_per_effect * self._size())
-        return min(POLICY.surest_in_part if few else POLICY.surest, self.limits.surest)
+        rows, size = self.problem.blocks.rows, self._size()  # independent equations
+        few = rows < max(POLICY.few_rows, POLICY.rows_per_effect * size)
+        most = POLICY.surest_in_part if few else POLICY.surest
+        very_few = size > 1 and rows < POLICY.least_rows_per_effect * size
+        return min(POLICY.surest_untold if very_few else most, self.limits.surest)
 
     def _size(self) -> int:
         """Number of effects that were found; beside laws each push is one of its own."""

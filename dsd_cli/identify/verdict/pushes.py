@@ -13,7 +13,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.beyond import Beyond, beyond_of, left_elsewhere
+from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beyond_of, left_elsewhere
 from dsd_cli.signals.log import Array
 
 #: Bins of the travel, equally often visited, and delays of the pushes against the motion that chance is judged by.
@@ -34,11 +34,9 @@ def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
     loud = rmse(pulses) < (1.0 - POLICY.pulses_fall) * rmse(whole)
     if not (loud or beyond.unknown):
         return whole, beyond
-    settled = search.settled(sharpened(search, pulses))
-    again = with_pulses(search, settled)  # without the laws that imitated pulses the edges are clear
-    if again is not None:
-        again = sharpened(search, again)
-        settled = search.settled(again) if search.evidence(again) > search.evidence(settled) else settled
+    settled = _placed_again(search, search.settled(sharpened(search, pulses)))
+    if above_floor(search, settled):  # a law that was hidden behind the pushes blurs their edges
+        settled = _placed_again(search, search.run(settled))
     then, law = beyond_of(search, settled), law_of_pushes(search, settled)
     better = search.evidence(settled) > search.evidence(whole) and search.practical(whole, settled)
     a_law = beyond.on and "time" not in beyond.on and beyond.heldout_rmse < rmse(settled)
@@ -49,6 +47,15 @@ def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
         return whole, beyond
     least = min(beyond.heldout_rmse, rmse(settled if law else pulses))
     return whole, replace(beyond, unknown=True, on=(law or "time",), heldout_rmse=least)
+
+
+def _placed_again(search: Search, settled: Fit) -> Fit:
+    """Pushes beside the laws of a set, their places looked for anew: without what imitated them the edges are clear."""
+    pulses = with_pulses(search, settled)
+    if pulses is None:
+        return settled
+    again = search.settled(sharpened(search, pulses))
+    return again if search.evidence(again) > search.evidence(settled) else settled
 
 
 def _pushes_alone(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond] | None:
