@@ -44,10 +44,11 @@ class Verdict:
             self.alone[self.named] = Option(self.named, fit, search.evidence(fit))
 
     def _members_alone(self) -> list[Option]:
-        """Each effect of the set alone, in the shape and at the delay that it has there: a candidate of the search
-        began elsewhere, and pulses are none."""
+        """Effects of the set alone, in the shape and at the delay that they have there: candidates of the search began
+        elsewhere, and pulses are none. A second line of one kind is nothing without the first."""
         search = self.search
-        fits = [search.fit((*search.base, t), self.whole.tap) for t in search.added(self.whole.terms)]
+        asked = [t for t in search.added(self.whole.terms) if t.id in self.alone or t.effect.listed]
+        fits = [search.fit((*search.base, t), self.whole.tap) for t in asked]
         return [Option(fit.terms[-1].id, fit, search.evidence(fit)) for fit in fits]
 
     def _better_known(self, member: Option) -> bool:
