@@ -235,8 +235,8 @@ HEAD = """# Is it found on the logs of another laboratory?
 Logs of `tests/oracle/rig*.py`: servo axes with hidden effects, made with controllers, references, sensors and habits
 that the tool's own generator does not have (1 kHz, 20 s, delay 20 ms, if nothing else is said). Nothing of the package
 is used to make them. The tool gets the log and the model that the user believes, and nothing else. No log was looked at
-before it was asked; after a run its failures are, so that the next version gets new seeds: rows with seeds from 5000
-are of this version but for its last details, lower ones of those before. CPU was measured beside other work.
+before it was asked; after a run its failures are, so that the next version gets new seeds. All rows are of one version;
+two logs at a time on two cores.
 
 "Right" is the name of what is hidden as the verdict; for two effects, a ladder with these two and no other (inertia and
 delay are fitted along with any step); for several cogging lines, the set that is found: each line to a third of

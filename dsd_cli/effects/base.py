@@ -90,6 +90,11 @@ class Parameter:
     linear: bool = True
     listed: bool = False
 
+    @property
+    def whole_turn(self) -> bool:
+        """Whether it is an angle that may have any value."""
+        return self.unit == "rad" and math.isclose(self.upper - self.lower, 2.0 * math.pi)
+
 
 class SpectralLines(Protocol):
     """The strongest lines of a residual: Hz over time, rad per unit of position over the position."""

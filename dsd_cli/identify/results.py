@@ -137,7 +137,7 @@ class Diagnosis:
         their correlations. given : the model as given, with what is fixed in it.
     advice : what to do next, one sentence each.
     depends_on : channels on which an unknown remainder depends. nearest : the effect that comes nearest to what is
-        unknown, though the log does not confirm it; "" if none does.
+        unknown, or beside "none" to what is left in creeping, though the log does not confirm it; "" if none does.
     at_stops : most of what is left is from stops and creeping, where it is not judged. blocked : what must be mended
         before anything that is missing can be told, "" if nothing. stand_ins : effect that was found, or taken
         before -> values for which it may only stand in, because the user told them otherwise than the log has them.

@@ -5,10 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.results import DELAY, INERTIA
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.own_values import own_values
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Log
 from tests.identify.search_rig import BELIEVED, T, posed
+from tests.oracle.rig import RigCase, make
 
 FRICTION = {"coulomb_friction": {"level": 0.08}}
 
@@ -125,3 +130,16 @@ def test_held_values_are_no_candidates():
     found = knowing(problem, fixed={INERTIA: problem.model.inertia})
     assert [c.effect for c in found.candidates] == [DELAY]
     assert found.wrong != INERTIA
+
+
+@pytest.mark.parametrize(("factor", "verdict"), [(1.0, "none"), (1.2, "gravity")])
+def test_the_zero_of_a_reconstructed_position_is_nothing_against_the_model(factor, verdict):
+    """Of u and d_hat alone: the phase of a known weight was "wrong", 85 to 99 %; its amplitude still may be."""
+    (log,) = make([RigCase(what=(), seed=62013, sensing="udhat")])
+    gravity = dict(log.truth["effects"]["gravity"])
+    gravity["amplitude"] *= factor
+    observer = ObserverSettings(log.observer["nominal_inertia"], log.observer["time_constant"])
+    model = PlantModel(log.truth["inertia"], log.truth["delay"], {"gravity": gravity})
+    found = diagnose([prepare(Log(log.channels, log.sample_time, "log"), observer)], model, observer)
+    assert found.verdict == verdict
+    assert any("gravity.phase: the zero of a position" in w for w in found.warnings)

@@ -190,13 +190,17 @@ class Verdict:
             band_hz=self.search.equations.band.hz,
             floor=problem.floor,
             provenance=source,
-            warnings=(*self.limits.said, *contradictions(self.search, fit, known.estimates), *stops, *self.shown.said),
+            warnings=(*self.limits.said, *contradictions(self.search, fit, known.estimates), *stops, *self._said),
             at_stops=bool(stops),
             blocked=self.limits.blocked,
             depends_on=self.beyond.on if unknown else (),
             held_out=tuple(r.name for r in problem.holdout),
             nearest=nearest,
         )
+
+    @property
+    def _said(self) -> tuple[str, ...]:
+        return *self.shown.said, *self.own.said
 
     def _nearest(self) -> str:
         """The effect that would explain much of what is unknown, but is not confirmed block by block."""

@@ -26,42 +26,72 @@ STEPS = 30
 
 @dataclass(frozen=True)
 class Own:
-    """score : of the model as given. refitted : with all its values fitted. wrong : the value that is off, or ""."""
+    """score : of the model as given. refitted : with all its values fitted. wrong : the value that is off, or "".
+
+    said : what of it the zero of a reconstructed position explains.
+    """
 
     score: Score
     refitted: Score
     candidates: tuple[Candidate, ...]
     wrong: str
     probability: float
+    said: tuple[str, ...] = ()
 
 
 def own_values(search: Search) -> Own:
     """Scores of the model as given and refitted, and the ranked candidates "inertia" and "delay", and first the effect
     of the model whose values are wrong."""
-    problem = search.problem
-    given, refit = problem.errors.of_model(problem.model), search.refit
-    refitted, fitted = problem.score(refit), problem.values(refit, returned=not _beyond_noise(search))
+    problem, refit = search.problem, search.refit
+    score, refitted = problem.errors.of_model(problem.model), problem.score(refit)
+    believed, said = _at_the_logs_zero(search)
+    given = problem.errors.of_model(believed) if said else score
+    fitted = problem.values(refit, returned=not _beyond_noise(search, believed))
     values = fitted.estimates
     free = [name for name in (INERTIA, DELAY) if not values[name].held]
-    candidates = tuple(sorted((_alone(search, name, given, values[name]) for name in free), key=lambda c: c.rmse_after))
+    alone = (_alone(search, believed, name, given, values[name]) for name in free)
+    candidates = tuple(sorted(alone, key=lambda c: c.rmse_after))
     fall = given.heldout_rmse**2 - refitted.heldout_rmse**2
-    sure = max(_deviations(search, values), key=lambda pair: pair[1], default=("", 0.0))
+    sure = max(_deviations(believed, values), key=lambda pair: pair[1], default=("", 0.0))
     if not problem.falls(given.heldout_rmse, refitted.heldout_rmse, refit) or sure[1] < POLICY.value_deviations:
-        return Own(given, refitted, candidates, "", 0.0)
+        return Own(score, refitted, candidates, "", 0.0, said)
     best = candidates[0] if candidates else None
     reached = given.rmse**2 - best.rmse_after**2 if best is not None else 0.0
     wrong = best.effect if best is not None and reached > POLICY.one_value_share * fall else sure[0].split(".")[0]
-    if wrong in (INERTIA, DELAY) and not _seen_elsewhere(search, fitted.model):
-        return Own(given, refitted, candidates, "", 0.0)
+    if wrong in (INERTIA, DELAY) and not _seen_elsewhere(search, believed, fitted.model):
+        return Own(score, refitted, candidates, "", 0.0, said)
     late = _late_effects(search) if best is not None and best.effect == DELAY else ()
     if best is not None and late:
         candidates = (replace(best, indistinguishable_from=late), *candidates[1:])
     surest = POLICY.drift_surest if problem.reconstructed("velocity") else POLICY.surest
     sure_of_it = min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), surest)
     if wrong not in (INERTIA, DELAY):
-        candidates = (_all_of_an_effect(search, wrong, given, refitted), *candidates)
+        candidates = (_all_of_an_effect(search, wrong, score, refitted), *candidates)
     candidates = tuple(replace(c, probability=sure_of_it if c.effect == wrong else 0.0) for c in candidates)
-    return Own(given, refitted, candidates, wrong, sure_of_it)
+    return Own(score, refitted, candidates, wrong, sure_of_it, said)
+
+
+def _at_the_logs_zero(search: Search) -> tuple[PlantModel, tuple[str, ...]]:
+    """(the model as given, its phases over the position those of the log where its zero is not known, what is said).
+
+    Where the position was put together from u and d_hat, a phase in the log's own zero is nothing against the model's.
+    """
+    problem = search.problem
+    if not problem.reconstructed("position"):
+        return problem.model, ()
+    refitted = problem.scale.model(search.refit).effects
+    effects, said = {name: dict(values) for name, values in problem.model.effects.items()}, []
+    for name in effects:
+        effect = get_effect(name)
+        for p in effect.parameters if tuple(effect.needs) == ("position",) else ():
+            if p.whole_turn and name in refitted:
+                effects[name][p.name] = refitted[name][p.name]
+                said.append(f"{name}.{p.name}")
+    names = " and ".join(said)
+    why = (
+        f"{names}: the position was put together from u and d_hat, so its zero is not known and the log's own is taken"
+    )
+    return replace(problem.model, effects=effects), (why,) if said else ()
 
 
 def _elsewhere(search: Search) -> NDArray[np.bool_] | None:
@@ -71,7 +101,7 @@ def _elsewhere(search: Search) -> NDArray[np.bool_] | None:
     return None if sure is None else np.asarray(sure[kept])
 
 
-def _beyond_noise(search: Search) -> bool:
+def _beyond_noise(search: Search, believed: PlantModel) -> bool:
     """Whether the model as given leaves more than the sensor's noise where the direction of the motion is sure.
 
     With the true values noise alone is left, whatever of it a controller has put into u: of 22 logs of axes whose
@@ -81,11 +111,11 @@ def _beyond_noise(search: Search) -> bool:
     rows, problem = _elsewhere(search), search.problem
     if rows is None:
         return False
-    left = problem.errors.rows_of_model(problem.model)[rows]
+    left = problem.errors.rows_of_model(believed)[rows]
     return float(np.sqrt(np.mean(left**2))) > POLICY.floor_factor * problem.floor
 
 
-def _seen_elsewhere(search: Search, changed: PlantModel) -> bool:
+def _seen_elsewhere(search: Search, believed: PlantModel, changed: PlantModel) -> bool:
     """Whether other values are certain where the direction of the motion is sure, too, if such rows are many.
 
     What a stop or a turn leaves goes with du/dt: in such rows alone a delay of 4 ms looked like one of 5 ms, 80 %.
@@ -93,7 +123,7 @@ def _seen_elsewhere(search: Search, changed: PlantModel) -> bool:
     rows, problem = _elsewhere(search), search.problem
     if rows is None:
         return True
-    return surely_less(*(problem.errors.rows_of_model(model)[rows] for model in (problem.model, changed)))
+    return surely_less(*(problem.errors.rows_of_model(model)[rows] for model in (believed, changed)))
 
 
 def _late_effects(search: Search) -> tuple[str, ...]:
@@ -114,13 +144,13 @@ def _explains_the_delay(search: Search, effect: str) -> bool:
     return (least - search.refit.squares) / search.noise.nats < POLICY.least_gain
 
 
-def _deviations(search: Search, values: dict[str, Estimate]) -> list[tuple[str, float]]:
+def _deviations(believed: PlantModel, values: dict[str, Estimate]) -> list[tuple[str, float]]:
     """How many standard errors each value of the model is off."""
-    believed = flat(search.problem.model)
+    given = flat(believed)
     return [
-        (name, abs(e.value - believed[name]) / e.std_error)
+        (name, abs(e.value - given[name]) / e.std_error)
         for name, e in values.items()
-        if name in believed and e.std_error > 0.0
+        if name in given and e.std_error > 0.0
     ]
 
 
@@ -132,9 +162,9 @@ def _all_of_an_effect(search: Search, effect: str, given: Score, refitted: Score
     return Candidate(effect, *errors, 0.0, own, model=known.model, score=refitted, all_values=known.estimates)
 
 
-def _alone(search: Search, name: str, given: Score, estimate: Estimate) -> Candidate:
+def _alone(search: Search, model: PlantModel, name: str, given: Score, estimate: Estimate) -> Candidate:
     """The model with only that value changed, at the least error within its bounds."""
-    model, errors = search.problem.model, search.problem.errors
+    errors = search.problem.errors
     if name == INERTIA:
         centre = math.log(model.inertia)
         reach = 0.7 + (0.0 if estimate.at_bound else abs(math.log(estimate.value / model.inertia)))
