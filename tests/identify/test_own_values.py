@@ -142,4 +142,4 @@ def test_the_zero_of_a_reconstructed_position_is_nothing_against_the_model(facto
     model = PlantModel(log.truth["inertia"], log.truth["delay"], {"gravity": gravity})
     found = diagnose([prepare(Log(log.channels, log.sample_time, "log"), observer)], model, observer)
     assert found.verdict == verdict
-    assert any("gravity.phase: the zero of a position" in w for w in found.warnings)
+    assert any("gravity.phase: the position was put together from u and d_hat" in w for w in found.warnings)
