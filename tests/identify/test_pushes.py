@@ -114,3 +114,8 @@ def test_an_end_stop_behind_a_coarse_encoder_is_no_push():
     found = of_rig(("end_stop",), 53101, "enc4096", 20.0)
     assert found.verdict != "external_force"
     assert found.probability <= 0.5 or found.verdict == "unknown"
+
+
+def test_pushes_beside_friction_that_a_wandering_speed_turns_round_are_half_sure():
+    """Nothing is missing there; of u and d_hat alone it was external_force, 85 %."""
+    assert of_rig((), 63008, "udhat", 20.0).probability <= 0.5
