@@ -24,11 +24,11 @@ from bench.outside_days import of_days
 from dsd_cli.effects import kind_of
 from dsd_cli.identify.checks import check_log
 from dsd_cli.identify.improve import REFIT, improve
-from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
-from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Log
+from tests.identify.outside_rig import asked
 from tests.oracle.rig import RigCase, RigLog, make
 from tests.oracle.rig_cases import RIPPLES, STRANGERS_UNSEEN
 
@@ -84,19 +84,13 @@ def _row(job: tuple[str, RigCase]) -> Row:
     return head | found
 
 
-def _given(log: RigLog) -> tuple[Any, PlantModel, ObserverSettings]:
-    observer = ObserverSettings(log.observer["nominal_inertia"], log.observer["time_constant"])
-    model = PlantModel(log.believed["inertia"], log.believed["delay"], log.believed["effects"])
-    return prepare(Log(log.channels, log.sample_time, "log"), observer), model, observer
-
-
 def _believed_wrong(log: RigLog) -> set[str]:
     """The model's own values that the user believes wrongly: where both are, either is a right answer."""
     return {name for name in OWN if not math.isclose(log.believed[name], log.truth[name])}
 
 
 def _single(log: RigLog) -> Row:
-    recording, model, observer = _given(log)
+    recording, model, observer = asked(log)
     answer = diagnose([recording], model, observer, Settings())
     truth = log.case.what[0] if log.case.what else NONE
     named = next((c for c in answer.ranking if c.effect == answer.verdict), None)
@@ -113,7 +107,7 @@ def _single(log: RigLog) -> Row:
 
 
 def _ladder(log: RigLog) -> Row:
-    recording, model, observer = _given(log)
+    recording, model, observer = asked(log)
     ladder = improve([recording], model, observer, Settings(), choose=lambda found: found.verdict)
     back = {s.effect for s in ladder.steps if s.kind == "taken back"}
     steps = [name for name in dict.fromkeys(s.effect for s in ladder.steps[1:]) if name not in back]
@@ -130,7 +124,7 @@ def _pair(log: RigLog) -> Row:
 
 def _lines(log: RigLog) -> Row:
     """Right: these lines and no other, and no effect that is not there."""
-    recording, model, observer = _given(log)
+    recording, model, observer = asked(log)
     answer = diagnose([recording], model, observer, Settings())
     named = next((c for c in answer.ranking if c.effect == answer.verdict), None)
     values = answer.whole_values or (named.all_values if named else {})

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape
+from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, log_spaced
 
 
 def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
@@ -14,7 +14,10 @@ def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
 def _starts(ranges: Ranges) -> list[Shape]:
     if not ranges.top_drive > 0.0:
         return []
-    return [{"limit": float(share * ranges.top_drive)} for share in np.linspace(0.3, 0.99, 12)]
+    limits = [float(share * ranges.top_drive) for share in np.linspace(0.3, 0.99, 12)]
+    if ranges.spike_drive > 1.3 * ranges.top_drive:  # steps of the reference: what clips may be spikes alone
+        limits += log_spaced(1.2 * ranges.top_drive, 0.95 * ranges.spike_drive, 6)
+    return [{"limit": limit} for limit in limits]
 
 
 EFFECT = Effect(

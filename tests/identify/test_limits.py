@@ -10,13 +10,11 @@ from scipy.signal import lfilter
 
 from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.afloat import searched
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.limits import limits_of
-from dsd_cli.plant.model import ObserverSettings, PlantModel
-from dsd_cli.signals.log import Log
 from tests.cli.rig import AXIS, done
+from tests.identify.outside_rig import asked
 from tests.oracle.rig import RigCase, make
 
 DELAY_MS = 20  # of the rig
@@ -30,14 +28,6 @@ def given(case, samples=0):
     (log,) = make([case])
     count = len(log.channels["t"]) - samples
     return asked(log, {name: x[:count] if name in ("t", "u") else x[samples:] for name, x in log.channels.items()})
-
-
-def asked(log, channels):
-    """(recording, model, observer) with these channels in place of those of a log."""
-    observer = ObserverSettings(log.observer["nominal_inertia"], log.observer["time_constant"])
-    model = PlantModel(log.believed["inertia"], log.believed["delay"], log.believed["effects"])
-    step = float(np.median(np.diff(channels["t"])))
-    return prepare(Log(channels, step, "log.csv"), observer), model, observer
 
 
 def spoilt(case, spoil):

@@ -11,24 +11,16 @@ from dsd_cli.identify.fit.drift import without_drift
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts, with_part
-from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.afloat import searched
 from dsd_cli.identify.search.long_logs import posed
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import diagnose
-from dsd_cli.plant.model import ObserverSettings, PlantModel
-from dsd_cli.signals.log import Log
+from tests.identify.outside_rig import asked, diagnosed
 from tests.identify.search_rig import BELIEVED, OBSERVER, T, seen
 from tests.oracle import machines
 from tests.oracle.rig import RigCase, make, make_exact
 
 LONG = 60.0
-
-
-def _rig(log):
-    model = PlantModel(log.believed["inertia"], log.believed["delay"], log.believed["effects"])
-    observer = ObserverSettings(log.observer["nominal_inertia"], log.observer["time_constant"])
-    return prepare(Log(log.channels, log.sample_time, "log.csv"), observer), model, observer
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +106,7 @@ def test_a_period_is_that_of_all_rows():
 @pytest.mark.parametrize(("what", "seed"), [("gravity", 20), ("cogging", 20)])
 def test_forces_tell_where_a_reconstructed_motion_was(what, seed):
     log, exact = make_exact(RigCase(what=(what,), seed=seed, sensing="udhat"))
-    recording, model, _ = _rig(log)
+    recording, model, _ = asked(log)
     true = exact.motion.q[exact.motion.t >= 0.0]
     search, _ = searched([recording], model, Settings(), ())
 
@@ -124,11 +116,11 @@ def test_forces_tell_where_a_reconstructed_motion_was(what, seed):
     assert off(search.problem.recordings[0].pieces[0]) < 0.6 * off(recording.pieces[0])
 
 
-@pytest.mark.parametrize(("what", "seed"), [("cubic_stiffness", 4000), ("stiffness", 4001)])
+@pytest.mark.parametrize(("what", "seed"), [("cubic_stiffness", 4000), ("stiffness", 4001), ("cubic_stiffness", 64021)])
 def test_a_spring_whose_zero_nobody_logged_is_one_spring(what, seed):
     """The position is integrated twice from an unknown start: where the spring is at rest, its force tells."""
     (log,) = make([RigCase(what=(what,), seed=seed, sensing="udhat")])
-    recording, model, observer = _rig(log)
+    recording, model, observer = asked(log)
     found = diagnose([recording], model, observer)
     assert (found.verdict, found.found) == (what, (what,))
     assert found.probability <= POLICY.afloat_surest
@@ -136,9 +128,29 @@ def test_a_spring_whose_zero_nobody_logged_is_one_spring(what, seed):
     assert coefficient.value == pytest.approx(log.truth["effects"][what]["coefficient"], rel=0.02)
 
 
+def test_pushes_hide_that_a_reconstructed_speed_is_off_by_a_constant():
+    """Viscous friction of a wrong speed left four times the floor beside two pushes: "unknown", 90 %."""
+    found = diagnosed(("external_force",), 64021, "udhat")
+    assert (found.verdict, found.found) == ("external_force", ("external_force",))
+
+
+def test_rests_tell_a_reconstructed_speed_where_friction_holds_the_axis():
+    """A third of the rests were taken for creeping, which friction drove: "unknown", 90 %."""
+    case = RigCase(what=("stribeck_friction",), seed=64020, sensing="udhat")
+    log, exact = make_exact(case)
+    recording, model, observer = asked(log)
+    piece = recording.pieces[0]
+    true = np.interp(piece["t"], exact.motion.t, exact.motion.v)
+    assert np.sqrt(np.mean((piece["velocity"] - true) ** 2)) < 0.004 * np.std(true)
+    found = diagnose([recording], model, observer)
+    assert found.verdict == "stribeck_friction"
+    for name, truth in log.truth["effects"]["stribeck_friction"].items():
+        assert found.ranking[0].parameters[name].value == pytest.approx(truth, rel=0.02)
+
+
 def test_a_logged_motion_does_not_drift():
     (log,) = make([RigCase(what=("gravity",), seed=20, sensing="enc4096")])
-    recording, model, _ = _rig(log)
+    recording, model, _ = asked(log)
     assert recording.walk == 0.0
     search, whole = searched([recording], model, Settings(), ())
     (same,) = without_drift(search.problem, whole, [recording])

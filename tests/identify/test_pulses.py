@@ -8,11 +8,9 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.pulses import _apart, _strongest, sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.diagnose import diagnose
-from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
+from tests.identify.outside_rig import diagnosed
 from tests.identify.search_rig import BELIEVED, OBSERVER, T, posed
-from tests.oracle.rig import RigCase, make
 
 
 def _planted(seed, rows=6000, level=1.0, pulses=3, signs=None):
@@ -157,18 +155,10 @@ def test_where_no_row_is_sure_there_is_no_pulse():
 # -- short logs of an outside rig -------------------------------------------------------------------------------------
 
 
-def of_rig(what, seed, sensing):
-    """The diagnosis of three seconds of it."""
-    (log,) = make([RigCase(what=(what,), seed=seed, sensing=sensing, duration=3.0)])
-    observer = ObserverSettings(log.observer["nominal_inertia"], log.observer["time_constant"])
-    model = PlantModel(log.believed["inertia"], log.believed["delay"], log.believed["effects"])
-    return diagnose([prepare(Log(log.channels, log.sample_time, "log.csv"), observer)], model, observer)
-
-
 @pytest.mark.parametrize(("seed", "sensing"), [(20004, "speedloud"), (20008, "enc4096"), (20009, "speed40k")])
 def test_a_few_pushes_of_a_short_log_are_no_set_of_laws(seed, sensing):
     """They were presliding friction and a lag (95 %), a spring and load friction, Stribeck friction."""
-    found = of_rig("external_force", seed, sensing)
+    found = diagnosed(("external_force",), seed, sensing, 3.0)
     assert (found.verdict, found.found) == ("external_force", ("external_force",))
 
 
@@ -178,4 +168,4 @@ def test_a_few_pushes_of_a_short_log_are_no_set_of_laws(seed, sensing):
 )
 def test_a_law_that_no_catalogue_has_is_no_set_of_pushes(what, seed, sensing):
     """Six pushes explain more of it than any effects do, and leave far more than the sensor."""
-    assert of_rig(what, seed, sensing).verdict != "external_force"
+    assert diagnosed((what,), seed, sensing, 3.0).verdict != "external_force"

@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
-from bench.outside import _given
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.verdict.beyond import beyond_of
-from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.identify.verdict.pushes import _of_place, law_of_pushes, pushed
+from tests.identify.outside_rig import diagnosed
 from tests.identify.search_rig import T, posed
 from tests.identify.test_beyond import disturbed
-from tests.oracle.rig import RigCase, make
 
 PUSHES = {"external_force": {"events": [{"start": 3.0, "end": 3.4, "force": 0.5}]}}
 
@@ -90,20 +88,14 @@ def test_a_force_that_climbs_by_steps_is_a_drift():
     assert law_of_pushes(stacked, fit) == ""
 
 
-def of_rig(what, seed, sensing, duration):
-    (log,) = make([RigCase(what=what, seed=seed, sensing=sensing, duration=duration)])
-    recording, model, observer = _given(log)
-    return diagnose([recording], model, observer, Settings())
-
-
 def test_strong_pushes_of_a_short_log_are_seen_in_what_the_model_as_given_leaves():
     """4 pushes that take 40 % of 3 s: fitted again, inertia and friction absorb them ("dead zone, 99 %")."""
-    assert of_rig(("external_force",), 51016, "enc40k", 3.0).verdict == "external_force"
+    assert diagnosed(("external_force",), 51016, "enc40k", 3.0).verdict == "external_force"
 
 
 def test_a_law_that_is_hidden_behind_pushes_is_found_beside_them():
     """The friction blurs the edges of the pushes, and they hide the friction: it was unknown, 90 %."""
-    found = of_rig(("external_force", "viscous_friction"), 60000, "speed40k", 20.0)
+    found = diagnosed(("external_force", "viscous_friction"), 60000, "speed40k", 20.0)
     assert (found.verdict, set(found.found)) == ("external_force", {"external_force", "viscous_friction"})
     events = found.whole_model.effects["external_force"]["events"]
     assert [e["start"] for e in events] == pytest.approx([1.649, 5.005, 9.144, 13.991, 17.075], abs=0.005)
@@ -111,11 +103,11 @@ def test_a_law_that_is_hidden_behind_pushes_is_found_beside_them():
 
 def test_an_end_stop_behind_a_coarse_encoder_is_no_push():
     """Six pushes, each while the axis is at the end of its travel: they were missing, 99 %."""
-    found = of_rig(("end_stop",), 53101, "enc4096", 20.0)
+    found = diagnosed(("end_stop",), 53101, "enc4096", 20.0)
     assert found.verdict != "external_force"
     assert found.probability <= 0.5 or found.verdict == "unknown"
 
 
 def test_pushes_beside_friction_that_a_wandering_speed_turns_round_are_half_sure():
     """Nothing is missing there; of u and d_hat alone it was external_force, 85 %."""
-    assert of_rig((), 63008, "udhat", 20.0).probability <= 0.5
+    assert diagnosed((), 63008, "udhat", 20.0).probability <= 0.5

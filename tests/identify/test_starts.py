@@ -7,8 +7,11 @@ import pytest
 
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.search.starts import LINES, Lines, _peaks, starts
+from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.signals.log import with_channels
+from tests.identify.outside_rig import asked
 from tests.identify.search_rig import MOVES, posed
+from tests.oracle.rig import RigCase, make
 
 
 def _lines(effects, **more):
@@ -83,3 +86,14 @@ def test_a_weak_line_on_a_low_floor_is_stronger_than_a_bump_on_a_high_one():
     power = floor * (1.0 + 0.01 * np.sin(np.arange(1000)))
     power[250], power[750] = 3000.0, 60.0
     assert _peaks(power, 3)[0] == 750
+
+
+def test_a_limit_that_spikes_alone_reach_is_found():
+    """Steps of the reference make spikes of one sample; 99 % of u lie far below the limit that these meet: it was
+    "actuator_lag, 99 %"."""
+    (log,) = make([RigCase(what=("saturation",), seed=64003, sensing="speed40k", duration=3.0)])
+    limit = log.truth["effects"]["saturation"]["limit"]
+    recording, model, observer = asked(log)
+    found = diagnose([recording], model, observer)
+    assert found.verdict == "saturation"
+    assert found.ranking[0].parameters["limit"].value == pytest.approx(limit, rel=0.02)

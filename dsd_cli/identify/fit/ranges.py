@@ -30,4 +30,5 @@ def ranges(equations: Equations) -> Ranges:
         band_hz=equations.band.hz,
         passes=way / travel if travel > 0.0 else 0.0,
         cycle=max(r.cycle for r in equations.recordings),
+        spike_drive=float(np.abs(u).max(initial=0.0)),
     )

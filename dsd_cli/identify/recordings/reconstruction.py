@@ -3,10 +3,13 @@
 Integrating u and d_hat gives the speed but for a constant, and the position but for a ramp. Forces are what tells them:
 friction jumps where the speed is truly zero, and springs, gravity and cogging come back at the same place only if the
 position does not creep. So the constant (and a slow drift) is the one with which functions of speed and position
-explain the net force best.
+explain the net force best. Where the axis often rests, the rests themselves tell it, from one to the next: noise of
+d_hat makes the integrated speed a random walk, and friction taken to drive an axis that sticks is a large error.
 """
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +25,29 @@ REACH, GRID, STEPS = 1.0, 81, 14
 #: Samples over which the net force is averaged, share of the rms speed that counts as one speed, how often it must come
 #: (of the most frequent), and by which factor a speed of rest may explain the force worse than the best constant.
 QUIET, WIDTH, FREQUENT, PREFERENCE = 20, 5e-3, 0.1, 2.0
+#: Rests that follow each other: their shortest and longest piece (samples; of a long log longer, for so many pieces at
+#: most), how far from the constant they may be (share of the rms speed), by how many standard deviations of the random
+#: walk and by which share of the rms speed the next may differ, and which part of the log they must be and span.
+SHORTEST_REST, LONGEST_REST, MOST_RESTS = 30, 100, 2000
+NEAR, WALKS, STEADY, RESTS, SPANNED = 0.1, 4.0, 2e-3, 0.1, 0.5
 
 
-def drift(speed: Array, force: Array, piece: Log) -> Array:
-    """What is to be taken off an integrated speed, shape (n,): a constant and a slow ramp."""
-    n, rms = len(speed), float(np.std(speed))
+def drift(speed: Array, force: Array, piece: Log, walk: float) -> Array:
+    """What is to be taken off an integrated speed, shape (n,): a constant and a slow ramp, or what the rests tell.
+
+    walk : standard deviation by which noise makes the speed wander in 1 s.
+    """
+    rms = float(np.std(speed))
     if not rms > 0.0:
-        return np.full(n, float(speed[0]))
+        return np.full(len(speed), float(speed[0]))
+    found = _by_forces(speed, force, piece, rms)
+    rests = _followed(speed, force, piece["t"], walk, found)
+    return found if rests is None else rests
+
+
+def _by_forces(speed: Array, force: Array, piece: Log, rms: float) -> Array:
+    """The constant with which functions of speed and position explain the force best; a ramp where rests tell it."""
+    n = len(speed)
     rows = _Rows(speed, force, piece)
     grid = float(np.mean(speed)) + rms * np.linspace(-REACH, REACH, GRID)
     rests = _frequent(speed, force, rms)
@@ -67,6 +86,54 @@ def _with_ramp(speed: Array, force: Array, rest: float, rms: float) -> Array:
     centre = float(at_rest.mean())
     slope, offset = np.polyfit(at_rest - centre, speed[at_rest], 1)
     return np.asarray(offset + slope * (np.arange(n) - centre))
+
+
+def _followed(speed: Array, force: Array, t: Array, walk: float, found: Array) -> Array | None:
+    """The speed of the rests, a line from each to the next; None where they are too few.
+
+    Of all pieces without net force near the drift that was `found`, those count that follow each other as a random walk
+    may, the longest such chain: slow moves at a constant speed leave it.
+    """
+    n, rms = len(speed), float(np.std(speed))
+    quiet = np.zeros(n, dtype=bool)
+    quiet[_quiet(force)] = True
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], quiet, [False]]).astype(np.int8)))
+    longest = max(LONGEST_REST, n // MOST_RESTS)
+    pieces = [
+        (int(a), int(b))
+        for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+        if end - start >= SHORTEST_REST
+        for a, b in pairwise(np.linspace(start, end, max(1, (end - start) // longest) + 1).astype(int))
+    ]
+    near = [
+        (a, b)
+        for a, b in pieces
+        if np.std(speed[a:b]) < 2.0 * WIDTH * rms and abs(float(np.mean(speed[a:b] - found[a:b]))) < NEAR * rms
+    ]
+    if not near:
+        return None
+    at = np.array([t[a:b].mean() for a, b in near])
+    level = np.array([speed[a:b].mean() for a, b in near])
+    lasting = np.array([b - a for a, b in near], dtype=np.float64)
+    chain = _longest_chain(at, level, lasting, walk, STEADY * rms)
+    if lasting[chain].sum() < RESTS * n or at[chain[-1]] - at[chain[0]] < SPANNED * (t[-1] - t[0]):
+        return None
+    return found + np.interp(t, at[chain], level[chain] - np.interp(at[chain], t, found))
+
+
+def _longest_chain(at: Array, level: Array, lasting: Array, walk: float, steady: float) -> list[int]:
+    """Of levels at times, those that follow each other within the walk and together last longest."""
+    total, before = lasting.copy(), np.full(len(at), -1)
+    for j in range(1, len(at)):
+        reach = WALKS * walk * np.sqrt(at[j] - at[:j]) + steady
+        there = np.where(np.abs(level[:j] - level[j]) <= reach, total[:j], 0.0)
+        best = int(np.argmax(there))
+        if there[best] > 0.0:
+            total[j], before[j] = there[best] + lasting[j], best
+    chain = [int(np.argmax(total))]
+    while before[chain[-1]] >= 0:
+        chain.append(int(before[chain[-1]]))
+    return chain[::-1]
 
 
 class _Rows:

@@ -255,7 +255,7 @@ def _reconstructed(
         intervals = Frame(piece).intervals
         speed = np.cumsum(force * intervals) / observer.nominal_inertia
         found = smooth(speed, piece["t"])
-        found = replace(found, value=found.value - drift(found.value, force, piece))
+        found = replace(found, value=found.value - drift(found.value, force, piece, _walk([piece], observer)))
         position = _integral(found.value, piece["t"])
         walk = found.value_noise * piece.sample_time * len(piece) / max(observer.time_constant, piece.sample_time)
         drifting |= walk * piece.sample_time * np.sqrt(len(piece)) > POLICY.most_drift * np.ptp(position)

@@ -17,6 +17,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.long_logs import searched_as_is, searched_with
+from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import PlantModel
 
@@ -51,7 +52,8 @@ def searched(
         found = searched_as_is(path[0].problem.recordings, model, settings, holdout, report)
     simpler = paths.simpler(first[0], found)
     if simpler is None:
-        return found
+        beside = paths.beside_pushes(*found)
+        return found if beside is None else searched_as_is(beside, model, settings, holdout, report)
     tied = [] if simpler[0].added(simpler[1].terms) else [t.id for t in found[0].added(found[1].terms)]
     rest = replace(settings, effects=tuple(name for name in found[0].allowed if name not in tied))
     search, whole = searched_as_is(simpler[0].problem.recordings, model, rest, holdout, report)
@@ -82,6 +84,19 @@ class _Paths:
                 break
             best = search, fit
         return best
+
+    def beside_pushes(self, search: Search, fit: Fit) -> tuple[Recording, ...] | None:
+        """The recordings on the path that suits loud pushes and this set; None where there are none, or no better path.
+
+        A speed that is off by a constant makes a constant load of viscous friction, which pushes hide until they are
+        beside it.
+        """
+        pulses = with_pulses(search, fit)
+        if pulses is None or _error((search, pulses)) > (1.0 - POLICY.pulses_fall) * _error((search, fit)):
+            return None
+        begin = search, sharpened(search, pulses)
+        path = self.settled(*begin)
+        return tuple(path[0].problem.recordings) if self.better(path, begin) else None
 
     def better(self, after: Found, before: Found) -> bool:
         """Whether the held-out error falls by enough."""

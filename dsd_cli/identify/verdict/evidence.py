@@ -30,7 +30,8 @@ class Membership:
     """An effect of the found set against every effect that could replace it.
 
     probabilities : effect (or `NOTHING`) -> share of belief. rivals : effects that explain the recordings as well;
-    alike : those of them whose likelihood is less, but by no more than the model misfits anyway. surest : no verdict on
+    alike : those of them whose likelihood is less, but by no more than the model misfits anyway, and that leave hardly
+    more. surest : no verdict on
     it may be surer.
     """
 
@@ -87,6 +88,8 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
 
     alike = [o.effect for o in options if alike_to(o)]
     found = dict.fromkeys([*alike, *(o.effect for o in options if rivals(o))])
+    near = (1.0 + POLICY.named_for_less) * plain.rmse(whole)  # a commoner one that leaves more is a tie, not the answer
+    alike = [o.effect for o in options if o.effect in alike and plain.rmse(o.fit) <= near]
     shares = probabilities(search, rest, [own, *options])
     surest = 1.0 if _told(search, whole, effect_id) else POLICY.surest_untold
     if member.effect.listed and holds(whole.terms) and search.problem.reconstructed("velocity"):
