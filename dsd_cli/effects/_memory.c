@@ -180,13 +180,86 @@ static double pair_step(const Coupling *k, double push, double lighter, double h
     return (p1 + 2.0 * p2 + 2.0 * p3 + p4) / 6.0;
 }
 
+/* The same step where one linear law is sure to hold throughout, c' = v, v' = push - lighter (square c + drag v), as the
+ * map that it then is: (c, v, push) -> (c, v). The numbers are those of the step, for a part of its work */
+typedef struct { double qq, qv, qp, vq, vv, vp; } Map;
+
+static Map linear_step(double square, double drag, double h) {
+    /* sums of (h A)^n / n! and, for the push, of (h A)^n / (n + 1)!, up to the fourth order */
+    double power[4] = {1.0, 0.0, 0.0, 1.0}, all[4] = {1.0, 0.0, 0.0, 1.0}, held[4] = {1.0, 0.0, 0.0, 1.0}, next[4];
+    int order, i;
+    for (order = 1; order <= 4; order++) {
+        const double share = h / order;
+        next[0] = -power[1] * square * share, next[1] = (power[0] - power[1] * drag) * share;
+        next[2] = -power[3] * square * share, next[3] = (power[2] - power[3] * drag) * share;
+        for (i = 0; i < 4; i++) {
+            power[i] = next[i], all[i] += next[i];
+            if (order < 4) held[i] += next[i] / (order + 1);
+        }
+    }
+    return (Map){all[0], all[1], h * held[1], all[2], all[3], h * held[3]};
+}
+
+/* whether the law at a flank holds for a whole step from there: no point of it comes near the play or a pull. Pulls stay
+ * below twice the first one, if that is more than what they can change by */
+static int stays_in_contact(const Coupling *k, double depth, double v, double push, double lighter, double h) {
+    const double pulls = k->square * depth + k->drag * v, most = fabs(push) + 2.0 * lighter * fabs(pulls);
+    const double moved = h * (fabs(v) + h * most);
+    return (depth - moved) * k->fade > 1.0 && pulls > k->square * moved + k->drag * h * most;
+}
+
+static int stays_free(const Coupling *k, double q, double v, double push, double h) {
+    return fabs(q) + h * (fabs(v) + h * fabs(push)) < k->half_gap;
+}
+
+/* so many steps as one */
+static Map repeated(const Map *m, Py_ssize_t steps) {
+    Map all = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0};
+    Py_ssize_t i;
+    for (i = 0; i < steps; i++)
+        all = (Map){m->qq * all.qq + m->qv * all.vq, m->qq * all.qv + m->qv * all.vv,
+                    m->qq * all.qp + m->qv * all.vp + m->qp, m->vq * all.qq + m->vv * all.vq,
+                    m->vq * all.qv + m->vv * all.vv, m->vq * all.qp + m->vv * all.vp + m->vp};
+    return all;
+}
+
+/* a time h during which one law is sure to hold, by its map (that of a contact): 0 where none is, and nothing is moved */
+static int by_one_law(const Coupling *k, const Map *map, double push, double lighter, double h, double *apart,
+                      double *closing, double *mean) {
+    const double q = *apart, v = *closing, side = q < 0.0 ? -1.0 : 1.0, depth = side * q - k->half_gap;
+    if (k->half_gap > 0.0 && depth < 0.0) {
+        if (!stays_free(k, q, v, push, h)) return 0;
+        *apart = q + h * (v + 0.5 * h * push);
+        *closing = v + h * push;
+        *mean = 0.0;
+        return 1;
+    }
+    if (k->half_gap > 0.0 && !stays_in_contact(k, depth, side * v, side * push, lighter, h)) return 0;
+    *apart = map->qq * side * depth + map->qv * v + map->qp * push + side * k->half_gap;
+    *closing = map->vq * side * depth + map->vv * v + map->vp * push;
+    *mean = (push - (*closing - v) / h) / lighter;
+    return 1;
+}
+
+/* a step, cut where one law ends and another begins */
+static double cut_step(const Coupling *k, double push, double lighter, double h, double *apart, double *closing) {
+    int laws = 0, n;
+    double q = *apart, v = *closing, mean = pair_step(k, push, lighter, h, &q, &v, &laws);
+    if (laws & (laws - 1)) {
+        q = *apart, v = *closing, mean = 0.0;
+        for (n = 0; n < PARTS; n++) mean += pair_step(k, push, lighter, h / PARTS, &q, &v, &laws) / PARTS;
+    }
+    *apart = q, *closing = v;
+    return mean;
+}
+
 /* out = mean acceleration of the load per interval; push = acceleration of a free motor, constant in each interval */
 static PyObject *driven_rows(PyObject *module, PyObject *args) {
     PyObject *objects[2];
     Columns c;
     Coupling k;
     double interval, own, apart = 0.0, closing = 0.0;
-    Py_ssize_t i, j, n, steps;
+    Py_ssize_t i, j, steps;
     (void)module;
     if (!PyArg_ParseTuple(args, "O(dddd)ddnO", &objects[0], &k.square, &k.drag, &k.half_gap, &k.rate, &own, &interval,
                           &steps, &objects[1])) return NULL;
@@ -196,17 +269,15 @@ static PyObject *driven_rows(PyObject *module, PyObject *args) {
         const double *push = c.view[0].buf;
         double *out = c.view[1].buf;
         const double h = interval / (double)steps, lighter = 1.0 / own;
+        const Map once = linear_step(lighter * k.square, lighter * k.drag, h), all = repeated(&once, steps);
         Py_BEGIN_ALLOW_THREADS
         for (i = 0; i < c.rows; i++) {
-            double sum = 0.0;
+            double sum = 0.0, mean;
+            if (by_one_law(&k, &all, push[i], lighter, interval, &apart, &closing, &out[i])) continue;
             for (j = 0; j < steps; j++) {
-                int laws = 0;
-                double q = apart, v = closing, mean = pair_step(&k, push[i], lighter, h, &q, &v, &laws);
-                if (laws & (laws - 1)) {
-                    q = apart, v = closing, mean = 0.0;
-                    for (n = 0; n < PARTS; n++) mean += pair_step(&k, push[i], lighter, h / PARTS, &q, &v, &laws) / PARTS;
-                }
-                apart = q, closing = v, sum += mean;
+                if (!by_one_law(&k, &once, push[i], lighter, h, &apart, &closing, &mean))
+                    mean = cut_step(&k, push[i], lighter, h, &apart, &closing);
+                sum += mean;
             }
             out[i] = sum / (double)steps;
         }

@@ -93,6 +93,7 @@ class Policy:
     # -- reconstructed motion --
     drift_rounds: int = 3  # in which its drift is found beside a set of effects, and the set anew
     drift_gain: float = 0.9  # of the held-out error, which a round must reach
+    ripple_share: float = 0.15  # of what is left, that a ripple over the position holds; of noise none holds 0.03
     paths_alone: int = 2  # that are followed, of effects that are asked alone, each on the path that suits it
     path_rounds: int = 6  # in which the path of one set settles: each halves a step that would go too far
     most_drift: float = 0.7  # of the range of the position, by which it may drift and still be used
@@ -138,6 +139,7 @@ class Policy:
     rival_share_in_misfit: float = 0.9  # of the winner's explained power that suffices where something unknown is left
     cheaper_rival_share: float = 0.95  # and that suffices with fewer shape parameters
     named_for_less: float = 0.25  # more error than the winner's, with which a commoner rival is named in its place
+    changed_for_name: float = 2.0  # factor on the told values, beyond the winner's change, with which it is not named
     rival_error: float = 2.0  # times the winner's error; a rival that leaves more is none
     most_inflation: float = 3.0  # rows of autocorrelation time; above, something unknown is left
 

@@ -172,6 +172,18 @@ class TestCompiled:
         found = [driven_load(push, T, coupling, 0.3, 0.05, compiled) for compiled in (COMPILED, None)]
         np.testing.assert_allclose(*found, rtol=1e-12, atol=1e-9)
 
+    @pytest.mark.parametrize("seed", range(30))
+    def test_driven_in_play_contact_and_between(self, seed):
+        """Single steps and whole intervals under one law, and those in which laws change, short enough that rounding
+        does not grow into other contacts."""
+        rng = np.random.default_rng(seed)
+        gap, share, damping = 10.0 ** rng.uniform(-5.0, -2.0), rng.uniform(0.05, 0.6), rng.choice([0.02, 0.3, 1.0])
+        coupling = Coupling.of(10.0 ** rng.uniform(0.5, 2.0), damping, gap)
+        steady = np.repeat(rng.normal(size=6), 40) * 10.0 ** rng.uniform(0.0, 2.0)
+        push = steady + rng.normal(size=240) * 10.0 ** rng.uniform(-2.0, 1.5)
+        found = [driven_load(push, T, coupling, share, 0.1, compiled) for compiled in (COMPILED, None)]
+        np.testing.assert_allclose(*found, rtol=0.0, atol=1e-8 * np.abs(push).max())
+
     def test_one_pole(self):
         keep, add = RNG.uniform(0, 1, 500), RNG.standard_normal(500)
         np.testing.assert_array_equal(one_pole(keep, add, 0.3), one_pole(keep, add, 0.3, compiled=None))

@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.search.sets import Search, spread_over_blocks
+from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict import evidence
 from dsd_cli.identify.verdict.evidence import NOTHING, _shares, membership, probabilities
 from dsd_cli.plant.references import Multisine

@@ -15,8 +15,10 @@ from dsd_cli.identify.results import NONE
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
+from tests.identify.outside_rig import asked
 from tests.oracle.machine_cases import cases
 from tests.oracle.machines import run
+from tests.oracle.rig import RigCase, make
 
 CANDIDATES = ("coulomb_friction", "viscous_friction", "gravity", "stiffness", "constant_load", "viscous_asymmetry")
 FEW = Settings(effects=CANDIDATES)
@@ -54,6 +56,16 @@ def test_both_hidden_effects_are_taken_and_then_nothing(ladder, pair):
     assert found.stopped == "nothing significant is left"
     assert found.last.verdict == NONE
     assert found.steps[-1].model.effects.keys() == {*pair[1].effects, "coulomb_friction", "gravity"}
+
+
+def test_what_the_set_has_is_named_first_if_it_lowers_the_error_of_the_model_as_given():
+    """Inertia and delay, fitted without friction, leave more than the model as given: Coulomb friction lowered that,
+    could not be added by itself, and the ladder went on without it (viscous friction, then "unknown")."""
+    (log,) = make([RigCase(what=("coulomb_friction", "stribeck_friction"), seed=64330, sensing="speed40k")])
+    recording, model, observer = asked(log)
+    found = improve([recording], model, observer, choose=lambda d: d.verdict)
+    assert {step.effect for step in found.steps[1:]} == {"coulomb_friction", "stribeck_friction"}
+    assert found.verdict == NONE
 
 
 def test_the_held_out_error_falls_on_every_rung(ladder):

@@ -101,6 +101,21 @@ def test_a_law_that_is_hidden_behind_pushes_is_found_beside_them():
     assert [e["start"] for e in events] == pytest.approx([1.649, 5.005, 9.144, 13.991, 17.075], abs=0.005)
 
 
+def test_pushes_are_looked_for_beside_a_law_that_hides_them():
+    """Of steps: five pushes beside viscous friction were a dead zone and presliding friction, 90 %."""
+    found = diagnosed(("external_force", "viscous_friction"), 64030, "speed40k", 20.0)
+    assert set(found.found) == {"external_force", "viscous_friction"}
+    assert found.whole_model is not None
+    starts = [e["start"] for e in found.whole_model.effects["external_force"]["events"]]
+    assert starts == pytest.approx([2.484, 5.390, 9.231, 13.241, 17.594], abs=0.01)
+
+
+def test_a_law_and_pushes_do_not_pass_for_what_limits_the_rate_of_u():
+    """Of three seconds: hardly any equations for each of them."""
+    found = diagnosed(("slew_limit",), 64611, "speed40k", 3.0)
+    assert found.verdict == "unknown" or found.probability <= 0.8
+
+
 def test_an_end_stop_behind_a_coarse_encoder_is_no_push():
     """Six pushes, each while the axis is at the end of its travel: they were missing, 99 %."""
     found = diagnosed(("end_stop",), 53101, "enc4096", 20.0)

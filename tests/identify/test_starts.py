@@ -88,10 +88,11 @@ def test_a_weak_line_on_a_low_floor_is_stronger_than_a_bump_on_a_high_one():
     assert _peaks(power, 3)[0] == 750
 
 
-def test_a_limit_that_spikes_alone_reach_is_found():
-    """Steps of the reference make spikes of one sample; 99 % of u lie far below the limit that these meet: it was
-    "actuator_lag, 99 %"."""
-    (log,) = make([RigCase(what=("saturation",), seed=64003, sensing="speed40k", duration=3.0)])
+@pytest.mark.parametrize(("seed", "sensing", "duration"), [(64003, "speed40k", 3.0), (64321, "udhat", 20.0)])
+def test_a_limit_among_spikes_is_found(seed, sensing, duration):
+    """Steps of the reference make spikes of one sample. 99 % of u lie far below the limit that these meet (it was
+    "actuator_lag, 99 %"), or above it, while a delay that is too long speaks for a higher one."""
+    (log,) = make([RigCase(what=("saturation",), seed=seed, sensing=sensing, duration=duration)])
     limit = log.truth["effects"]["saturation"]["limit"]
     recording, model, observer = asked(log)
     found = diagnose([recording], model, observer)

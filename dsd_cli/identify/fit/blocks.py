@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from dsd_cli.errors import TooShort
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.signals.log import Array
 
 
 @dataclass(frozen=True)
@@ -119,3 +120,11 @@ def lay_blocks(lengths: Sequence[int], gap: int, name: str, shortest: int = 0) -
         raise TooShort(f"{name}: too short: one held-out block only", "a longer log, or a finer sensor")
     fold = np.arange(blocks) % min(POLICY.folds, blocks)
     return Blocks(np.array(starts), row, fold, np.array(before), np.array(after))
+
+
+def spread_over_blocks(gains: Array) -> bool:
+    """Whether the gain is spread over the blocks: not one block alone, and few blocks lose. Gains may be unequal: a
+    cubic spring shows where the axis goes far."""
+    lost = -float(gains[gains < 0.0].sum())
+    won = float(gains[gains > 0.0].sum())
+    return won - float(gains.max()) - lost > POLICY.least_gain and lost < POLICY.most_lost * won

@@ -34,6 +34,10 @@ SHARES = (1.0, 0.5, 0.25)
 #: Zeros and constant speeds that are tried, each side of none, and how far they reach, in ranges of the motion: over
 #: the whole recording, for a speed.
 ZEROS, SPEEDS, FAR, CREEP = 6, 4, 1.0, 0.6
+#: Ripples over the position: periods from so many over the travel, by so many steps for each of them, up to so many
+#: times those that pass at the end of the band at the usual speed; and the largest constant speed, of the usual one.
+FEWEST, FINE, FASTEST, CREEPING = 2.0, 2, 4.0, 0.15
+_MOTION = ("position", "velocity")
 
 
 def without_drift(problem: Problem, fit: Fit, recordings: Sequence[Recording]) -> tuple[Recording, ...]:
@@ -64,6 +68,49 @@ def placed(problem: Problem, fit: Fit, recordings: Sequence[Recording]) -> Place
     left = sum(path.cost(start) for path, start in found)
     before = sum(path.cost(0.0 * start) for path, start in found)
     return Placed(left, before, _each(problem, [(path, *path.split(start)) for path, start in found]))
+
+
+def along_ripple(problem: Problem, fit: Fit, recordings: Sequence[Recording]) -> tuple[float, tuple[Recording, ...]]:
+    """(share of the residual's power that a ripple over the position holds, recordings moved to where it is one).
+
+    Where the position creeps by s t, a ripple of n periods a radian is a line in n q - w t, with w = n s: the spectrum
+    over time of the residual times exp(i n q) shows both at once. `recordings` : as for `without_drift`.
+    """
+    paths, equations = list(_paths(problem, fit, recordings)), problem.errors.equations
+    if not paths:
+        return 0.0, tuple(recordings)
+    stretches = equations.stretches
+    of_samples = ([s.frame.times for s in stretches], *([getattr(s.mean, x) for s in stretches] for x in _MOTION))
+    times, places, speeds = (equations.by_stretch(equations.of_rows(x)) for x in of_samples)
+    residual = equations.by_stretch(problem.errors.residual(fit, held_out=False))
+    usual = float(np.std(np.concatenate(speeds)))
+    finest = 2.0 * np.pi / max(path.span for path in paths)
+    periods = np.arange(FEWEST * finest, FASTEST * 2.0 * np.pi * equations.band.hz / usual, finest / FINE)
+    most = CREEPING * usual
+    found = [ripples(residual[p.index], times[p.index], places[p.index], periods, most) for p in paths]
+    shares = np.mean([share for share, _ in found], axis=0)
+    best = int(np.argmax(shares))
+    moves = [(p, np.full(len(p.piece), -off[best]), 0.0) for p, (_, off) in zip(paths, found, strict=True)]
+    return float(shares[best]), _each(problem, moves)
+
+
+def ripples(left: Array, times: Array, place: Array, periods: Array, most: float) -> tuple[Array, Array]:
+    """Of ripples of these periods a radian: (share of the power of `left`, constant speed of the place), shape (k,).
+
+    left, times, place : rows, shape (n,). most : largest of these speeds.
+    """
+    size = 2 * len(left)
+    late = 2.0 * np.pi * np.fft.fftfreq(size, float(np.median(np.diff(times))))
+    window = np.hanning(len(left))
+    windowed = (left - left.mean()) * window
+    whole = 0.5 * float(np.sum(window)) ** 2 * float(np.var(left))  # of a pure line
+    shares, speeds = np.zeros(len(periods)), np.zeros(len(periods))
+    for i, n in enumerate(periods):
+        power = np.abs(np.fft.fft(windowed * np.exp(1j * n * place), size)) ** 2
+        power[np.abs(late) > most * n] = 0.0
+        top = int(np.argmax(power))
+        shares[i], speeds[i] = float(power[top]) / max(whole, 1e-300), late[top] / n
+    return shares, speeds
 
 
 def _each(problem: Problem, found: Sequence[tuple[_Path, Array, float]]) -> tuple[Recording, ...]:

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.fit.bank import holds
-from dsd_cli.identify.fit.drift import Placed, depends_on_path, placed, without_drift
+from dsd_cli.identify.fit.drift import Placed, along_ripple, depends_on_path, placed, without_drift
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
@@ -45,6 +45,9 @@ def searched(
         return found
     paths = _Paths(recordings, model, settings, holdout)
     first = found
+    if (along := paths.along_ripple(*found)) is not None:
+        there = searched_as_is(along, model, settings, holdout, report)
+        found = there if paths.better(there, found) else found
     for _ in range(POLICY.drift_rounds):
         path = paths.settled(*found)
         if not paths.better(path, found):
@@ -84,6 +87,14 @@ class _Paths:
                 break
             best = search, fit
         return best
+
+    def along_ripple(self, search: Search, fit: Fit) -> tuple[Recording, ...] | None:
+        """The recordings without the constant speed that makes most of what is left a ripple over the position; None
+        where no ripple is that much."""
+        if _error((search, fit)) < POLICY.floor_factor * search.problem.floor:
+            return None
+        share, moved = along_ripple(search.problem, search.refit, self.recordings)
+        return moved if share > POLICY.ripple_share else None
 
     def beside_pushes(self, search: Search, fit: Fit) -> tuple[Recording, ...] | None:
         """The recordings on the path that suits loud pushes and this set; None where there are none, or no better path.

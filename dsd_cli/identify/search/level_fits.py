@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Bank, Term, holds
+from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import freeform_fits
 from dsd_cli.identify.fit.gram import Grams, grams, losses, solve, squares, total_gram
@@ -19,7 +20,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.sure import inflation, many_sure
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.levels import Deviations
-from dsd_cli.identify.search.sets import Search, spread_over_blocks
+from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array
 
 #: Channels of the motion whose functions stand beside the levels.

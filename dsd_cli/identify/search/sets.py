@@ -16,6 +16,7 @@ import numpy as np
 
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import SHARE, Term, Terms, holds
+from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.fit.delay import best_delay
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.problem import Problem
@@ -24,7 +25,7 @@ from dsd_cli.identify.fit.values import MOST_SHARE
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.scan import Scan
 from dsd_cli.identify.search.several import apart, names_to_try
-from dsd_cli.identify.search.shapes import refined
+from dsd_cli.identify.search.shapes import refined, times_off
 from dsd_cli.identify.search.starts import Lines, starts
 
 #: Effects that are refined in a scan: those whose best start comes within this share of the best gain; loads on the
@@ -36,6 +37,8 @@ MOST_WALKED = 12
 MOST_REFINEMENTS, STALLED = 6, 1e-3
 #: Rounds in which several shapes of one effect are searched while it is only a candidate.
 ROUNDS_IN_SCAN = 2
+#: Factor between two starts that are both refined, of an effect that acts on u.
+FAR_STARTS = 3.0
 #: Outsiders that are fitted in the place of a member, and the share of its gain that they must have before refinement.
 MOST_CHALLENGERS, WORTH_CHALLENGING = 3, 0.5
 #: Pairs of effects that are cross-validated, of all that are fitted.
@@ -154,9 +157,9 @@ class Search:
         return self._options[key]
 
     def _all_options(self, current: Fit) -> list[Option]:
-        found = self._at_best_starts(current)
+        found = self._at_best_starts(current, FAR_STARTS)
         most = max((gain for gain, *_ in found), default=0.0)
-        options = []
+        options: dict[str, Option] = {}
         for gain, tap, term in found:
             terms = (*current.terms, term)
             narrow = term.effect.role is Role.STRUCTURE or term.effect.lateness is not None
@@ -164,11 +167,15 @@ class Search:
             if term.items and worth:
                 terms, tap = refined(self, terms, len(terms) - 1, tap, ROUNDS_IN_SCAN)
             fit = self.fit(terms, tap) if worth else self.solver.fit(terms, tap)
-            options.append(Option(term.id, fit, self.evidence(fit)))
-        return options
+            option = Option(term.id, fit, self.evidence(fit))
+            options[term.id] = max(options.get(term.id, option), option, key=lambda o: o.evidence)
+        return list(options.values())
 
-    def _at_best_starts(self, current: Fit) -> list[tuple[float, int, Term]]:
-        """(gain, delay, term) of every allowed effect at the best of its starting shapes."""
+    def _at_best_starts(self, current: Fit, far: float = math.inf) -> list[tuple[float, int, Term]]:
+        """(gain, delay, term) of every allowed effect at the best of its starts.
+
+        far : of one that acts on u, also at the best start so many times off: a delay that is too long bends gains.
+        """
         lines, scan = Lines(self.problem.errors, current, self.ranges.cycle), self.scan(current.terms, current.tap)
         here = {t.id for t in current.terms}
         found = []
@@ -177,10 +184,12 @@ class Search:
                 continue
             known = self.solver.known
             shapes = (known.pinned(effect_id, shape) for shape in starts(effect_id, self.ranges, lines))
-            tried = list(dict.fromkeys(Term.of(effect_id, shape) for shape in shapes))
-            tried = [term for term in tried if apart(term, current.terms, self.ranges)]
-            if tried:
-                found.append(max(((*scan.gain(term, keep=True), term) for term in tried), key=lambda f: f[0]))
+            terms = dict.fromkeys(Term.of(effect_id, shape) for shape in shapes)
+            tried = [term for term in terms if apart(term, current.terms, self.ranges)]
+            gains = sorted(((*scan.gain(term, keep=True), term) for term in tried), key=lambda f: -f[0])
+            found += gains[:1]
+            if tried and tried[0].effect.role is Role.INPUT:
+                found += [f for f in gains[1:] if times_off(f[2], gains[0][2]) > far][:1]
         return found
 
     def challenger(self, rest: Fit, member: str, own: float) -> Option | None:
@@ -222,11 +231,10 @@ class Search:
 
     def _best_pair(self, current: Fit, options: Sequence[Option]) -> Fit | None:
         """Two effects at once, for each may be hidden behind the other: the best pair at the shapes they have alone."""
-        found = [(o.fit.terms[-1], o.fit.tap) for o in options]
         pairs = [
-            ((*current.terms, a, b), tap)
-            for (a, tap_a), (b, tap_b) in combinations(found, 2)
-            for tap in dict.fromkeys((tap_a, tap_b))
+            ((*current.terms, a.fit.terms[-1], b.fit.terms[-1]), tap)
+            for a, b in combinations(options, 2)
+            for tap in dict.fromkeys((a.fit.tap, b.fit.tap))
         ]
         if not pairs:
             return None
@@ -290,11 +298,3 @@ class Search:
 def _events(fit: Fit) -> set[Term]:
     """Single events, which have a price of their own: one block may be all that sees one."""
     return {t for t in fit.terms if t.effect.listed}
-
-
-def spread_over_blocks(gains: np.ndarray) -> bool:
-    """Whether the gain is spread over the blocks: not one block alone, and few blocks lose. Gains may be unequal: a
-    cubic spring shows where the axis goes far."""
-    lost = -float(gains[gains < 0.0].sum())
-    won = float(gains[gains > 0.0].sum())
-    return won - float(gains.max()) - lost > POLICY.least_gain and lost < POLICY.most_lost * won

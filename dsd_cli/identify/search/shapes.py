@@ -89,3 +89,8 @@ def _limits(search: Searched, effect_id: str, name: str) -> tuple[float, float]:
         return max(low, 1e-300), high
     values = [shape[name] for shape in starts if shape.get(name, 0.0) > 0.0]
     return (min(values) / 1.5, max(values) * 1.5) if values else (1e-300, 1e300)
+
+
+def times_off(a: Term, b: Term) -> float:
+    """Largest factor between values of two shapes of one effect."""
+    return max((math.exp(abs(math.log(x / y))) for (_, x), (_, y) in zip(a.items, b.items, strict=True)), default=1.0)

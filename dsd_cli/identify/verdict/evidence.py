@@ -89,7 +89,9 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     alike = [o.effect for o in options if alike_to(o)]
     found = dict.fromkeys([*alike, *(o.effect for o in options if rivals(o))])
     near = (1.0 + POLICY.named_for_less) * plain.rmse(whole)  # a commoner one that leaves more is a tie, not the answer
-    alike = [o.effect for o in options if o.effect in alike and plain.rmse(o.fit) <= near]
+    as_told = _changed(search, whole) + math.log(POLICY.changed_for_name)
+    may_be_named = [o for o in options if plain.rmse(o.fit) <= near and _changed(search, o.fit) <= as_told]
+    alike = [o.effect for o in may_be_named if o.effect in alike]
     shares = probabilities(search, rest, [own, *options])
     surest = 1.0 if _told(search, whole, effect_id) else POLICY.surest_untold
     if member.effect.listed and holds(whole.terms) and search.problem.reconstructed("velocity"):
@@ -109,6 +111,20 @@ def _told(search: Search, whole: Fit, effect_id: str) -> bool:
     estimates = search.problem.values(whole).estimates
     own = [e for name, e in estimates.items() if name.startswith(f"{effect_id}.")]
     return not own or any(e.held or abs(e.value) > POLICY.told_deviations * e.std_error for e in own)
+
+
+def _changed(search: Search, fit: Fit) -> float:
+    """The largest |log| of the factors by which a fit changes what the model told of its effects' sizes: with a spring
+    in place of a cubic one, a known weight would have to be six times what it was believed to be."""
+    given, found = search.problem.model.effects, search.problem.scale.model(fit).effects
+    sizes = [
+        (values[p.name], found[name][p.name])
+        for name, values in given.items()
+        if name in found
+        for p in get_effect(name).parameters
+        if p.linear and not p.listed and not p.whole_turn and p.name in values
+    ]
+    return max((abs(math.log(abs(now / was))) for was, now in sizes if was and now), default=0.0)
 
 
 def _of_position(effect_id: str) -> bool:

@@ -44,11 +44,13 @@ class Verdict:
             self.alone[self.named] = Option(self.named, fit, search.evidence(fit))
 
     def _members_alone(self) -> list[Option]:
-        """Effects of the set alone, in the shape and at the delay that they have there: candidates of the search began
-        elsewhere, and pulses are none. A second line of one kind is nothing without the first."""
-        search = self.search
-        asked = [t for t in search.added(self.whole.terms) if t.id in self.alone or t.effect.listed]
-        fits = [search.fit((*search.base, t), self.whole.tap) for t in asked]
+        """Effects of the set alone, in the shape and at the delay that they have there, as the model's own effects:
+        candidates of the search began elsewhere, and pulses are none. A second line of one kind is nothing without the
+        first."""
+        search, added = self.search, self.search.added(self.whole.terms)
+        asked = [t for t in added if t.id in self.alone or t.effect.listed]
+        base = tuple(t for t in self.whole.terms if t not in added)
+        fits = [search.fit((*base, t), self.whole.tap) for t in asked]
         return [Option(fit.terms[-1].id, fit, search.evidence(fit)) for fit in fits]
 
     def _better_known(self, member: Option) -> bool:
@@ -107,7 +109,9 @@ class Verdict:
         few = rows < max(POLICY.few_rows, POLICY.rows_per_effect * size)
         most = POLICY.surest_in_part if few else POLICY.surest
         very_few = size > 1 and rows < POLICY.least_rows_per_effect * size
-        return min(POLICY.surest_untold if very_few else most, self.limits.surest)
+        pushes = any(t.effect.listed for t in self.search.added(self.whole.terms))
+        doubtful = very_few or (pushes and above_floor(self.search, self.whole))  # they fit a part of any law
+        return min(POLICY.surest_untold if doubtful else most, self.limits.surest)
 
     def _size(self) -> int:
         """Number of effects that were found; beside laws each push is one of its own."""
@@ -131,10 +135,14 @@ class Verdict:
         option, rmse = self.alone.get(name), self.problem.errors.rmse
         return option is not None and rmse(option.fit) < (1.0 - POLICY.least_alone) * rmse(self.search.refit)
 
-    def _worth(self, name: str) -> tuple[bool, float]:
-        """Effects that lower the held-out error by themselves come first."""
-        option = self.alone.get(name)
-        return self._lowers(name), option.evidence if option is not None else -math.inf
+    def _worth(self, name: str) -> tuple[bool, bool, float]:
+        """Effects that lower the held-out error by themselves come first; of those, what leaves less than the model as
+        given does: inertia and delay, fitted without what is missing, may have raised it."""
+        option, lowers = self.alone.get(name), self._lowers(name)
+        if option is None:
+            return False, False, -math.inf
+        limit = (1.0 - POLICY.least_alone) * self.own.score.heldout_rmse
+        return lowers, lowers and self.problem.errors.rmse(option.fit) < limit, option.evidence
 
     def _nothing(self) -> float:
         """Probability that nothing is missing: effects of a practical size that no block confirms have half at most."""

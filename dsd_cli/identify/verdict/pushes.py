@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
@@ -18,6 +19,8 @@ from dsd_cli.signals.log import Array
 
 #: Bins of the travel, equally often visited, and delays of the pushes against the motion that chance is judged by.
 _BINS, _DELAYS = 20, 200
+#: Single laws, those with most evidence, beside which pushes are looked for.
+_LAWS = 3
 
 
 def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
@@ -60,18 +63,25 @@ def _placed_again(search: Search, settled: Fit) -> Fit:
 
 def _pushes_alone(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond] | None:
     """A few pushes in place of all that was found, where they explain more and leave no more than the sensor does: two
-    lines in time and a cogging make three pushes of a short log, and leave nothing of them to see.
+    lines in time and a cogging make three pushes of a short log, and leave nothing of them to see. Where more than the
+    sensor's noise is left, beside one law, too: it hides the pushes, and they it.
 
     Pushes can also stand in for laws that no catalogue has (a brake, an end stop); these leave 5 to 50 times the floor.
     They are looked for in what the model as given leaves, too: its inertia, fitted again, absorbs pushes.
     """
     if not search.added(whole.terms):
         return None
-    tried = (with_pulses(search, search.refit), with_pulses(search, search.refit, _left_by_the_given(search)))
+    tried = [with_pulses(search, search.refit), with_pulses(search, search.refit, _left_by_the_given(search))]
+    if beyond.unknown or above_floor(search, whole):
+        laws = [o.fit for o in search.options(search.refit) if get_effect(o.effect).role is not Role.STRUCTURE]
+        beside = (with_pulses(search, fit) for fit in laws[:_LAWS])
+        tried += [p for p in beside if p is not None and _enough_rows(search, p)]
     likely = [p for p in tried if p is not None and not _hopeless(search, p, whole)]
     if not likely:
         return None
     found = max((search.settled(sharpened(search, p)) for p in likely), key=search.evidence)
+    if len(search.added(found.terms)) > 1:
+        found = _placed_again(search, found)
     left = min(search.problem.errors.rmse(found), left_elsewhere(search, found))  # at turns friction leaves more
     if left > POLICY.floor_factor * search.problem.floor:
         return None
@@ -79,6 +89,12 @@ def _pushes_alone(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyo
         return None
     then = beyond_of(search, found)
     return None if then.unknown and not beyond.unknown else (found, then)
+
+
+def _enough_rows(search: Search, pulses: Fit) -> bool:
+    """Whether there are independent equations for a law and each push: in a short log they imitate anything."""
+    event = next(t for t in pulses.terms if t.effect.listed)
+    return search.problem.blocks.rows >= POLICY.rows_per_effect * (1 + len(event.shape["edges"]))
 
 
 def _left_by_the_given(search: Search) -> Array:
