@@ -1,16 +1,14 @@
-"""Add an effect to the model, and the loop diagnose - choose - add until nothing significant is left."""
+"""The loop diagnose - choose - add until nothing significant is left."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from dsd_cli.effects import catalogue, free_name, get_effect, kind_of
+from dsd_cli.effects import catalogue, kind_of
 from dsd_cli.errors import DataError, UsageError
+from dsd_cli.identify.addition import add_effect
 from dsd_cli.identify.ending import Ended, ended
-from dsd_cli.identify.fit.driven import with_driven_load
-from dsd_cli.identify.fit.problem import pose
-from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.levels import with_levels
 from dsd_cli.identify.recordings.recording import Recording
@@ -29,103 +27,15 @@ from dsd_cli.identify.results import (
     Step,
     StepKind,
 )
-from dsd_cli.identify.search.pulses import sharpened, with_pulses
-from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.contradictions import beside_told, contradictions, kept_values
+from dsd_cli.identify.verdict.contradictions import beside_told, kept_values
 from dsd_cli.identify.verdict.diagnose import Progress, Settings, Told, diagnose
 from dsd_cli.identify.verdict.first_look import first_look
 from dsd_cli.identify.verdict.levels import log_levels, said_of
-from dsd_cli.identify.verdict.own_values import own_values
-from dsd_cli.identify.verdict.shown import told_by_response
 from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
-__all__ = ["add_effect", "improve"]
-
 AS_GIVEN, REFIT = "as given", "refit"
 _KINDS: dict[str, StepKind] = {AS_GIVEN: "given", REFIT: "refit", INERTIA: "refit", DELAY: "refit"}
-
-
-def add_effect(
-    recordings: Sequence[Recording],
-    model: PlantModel,
-    observer: ObserverSettings,
-    effect_id: str,
-    settings: Settings | None = None,
-    holdout: Sequence[Recording] = (),
-) -> Addition:
-    """The model with this effect in it, all values fitted again; "inertia" or "delay" fits the values it has.
-
-    Raises
-    ------
-    UsageError : no such effect, or the model has it.
-    DataError : it cannot be tested on these recordings, or the held-out error does not fall.
-    """
-    own = effect_id in (INERTIA, DELAY)
-    if not own:
-        get_effect(effect_id)
-    if effect_id in model.effects:
-        another = free_name(kind_of(effect_id), model.effects)
-        more = f"; `dsd add LOG {another}` adds one more of its kind" if another else ""
-        raise UsageError(
-            f"{effect_id} is in the model already", f"`dsd add LOG inertia` fits the values that are there{more}"
-        )
-    wanted = () if own else (effect_id,)
-    asked = replace(settings or Settings(), effects=wanted)
-    problem = pose(recordings, model, asked, holdout)
-    if effect_id in problem.untestable:
-        raise DataError(f"{effect_id} is not testable on {recordings[0].name}", problem.untestable[effect_id])
-    search = Search(problem)
-    before = own_values(search)
-    told = told_by_response(search, effect_id, asked)
-    if told is not None:
-        there = told.known.added_to(model, effect_id)
-        driven, aside = with_driven_load(recordings, there), with_driven_load(holdout, there)
-        problem = pose(driven, model, told, aside)
-        search = Search(problem)
-    fit = search.refit if own else _with_effect(search, effect_id)
-    after = problem.score(fit)
-    most = 1.0 + POLICY.response_rise if told is not None else 1.0
-    if not after.heldout_rmse < most * (before.score if own else before.refitted).heldout_rmse:
-        raise DataError(
-            f"{effect_id} does not lower the held-out error of {recordings[0].name} "
-            f"({before.refitted.heldout_rmse:.4g} without it, {after.heldout_rmse:.4g} with it)",
-            "nothing was added; `dsd diagnose` ranks what does",
-        )
-    known = problem.values(fit)
-    said = (*contradictions(search, fit, known.estimates), *_untold(effect_id, known.estimates))
-    return Addition(
-        effect_id,
-        known.model,
-        before.score,
-        after,
-        known.estimates,
-        said,
-        before.refitted,
-        known.correlations,
-    )
-
-
-def _untold(effect_id: str, estimates: Estimates) -> tuple[str, ...]:
-    """That no force of an effect that was asked for is away from 0: then it is written, but not seen."""
-    linear = [p.name for p in get_effect(effect_id).parameters if p.linear] if effect_id not in (INERTIA, DELAY) else []
-    own = [e for name in linear if (e := estimates.get(f"{effect_id}.{name}")) is not None]
-    if not own or any(e.held or abs(e.value) > POLICY.told_deviations * e.std_error for e in own):
-        return ()
-    return (f"this log does not tell {effect_id}: no force of it is away from 0 by more than its error",)
-
-
-def _with_effect(search: Search, effect_id: str) -> Fit:
-    name = search.problem.recordings[0].name
-    if get_effect(effect_id).listed:
-        found = with_pulses(search, search.refit)
-        if found is None:
-            raise DataError(f"{name}: no pulse stands out of the residual", "nothing was added")
-        return sharpened(search, found)
-    options = search.options(search.refit)
-    if not options:
-        raise DataError(f"{effect_id} is not testable on {name}", "the log does not vary where it would show")
-    return search.converged(options[0].fit)
 
 
 def improve(
@@ -155,7 +65,7 @@ def improve(
     looked, against = first_look(recordings, model, settings or Settings(), progress or (lambda _what, _share: None))
     if against:
         on_told(against)
-    climb = _Climb(recordings, looked, holdout, on_step)
+    climb = _Climb(recordings, observer, looked, holdout, on_step)
     refused: list[str] = []
     while True:
         asked = _without(climb.settings, refused)
@@ -180,7 +90,11 @@ def improve(
         if taken is None or taken.model is None or taken.score is None:
             raise UsageError(f"{chosen} is no candidate here", "take one of the ranking")
         if not climb.lowered_by(taken.score, -POLICY.response_rise if taken.seen else 0.0):
-            refused.append(chosen)
+            beside = climb.with_values_of_the_set(last, chosen)
+            if beside is None:
+                refused.append(chosen)
+            else:
+                model = climb.up(chosen, beside.after, beside.estimates, beside.model)
             continue
         moves = last.refitted_model.inertia > POLICY.least_inertia * model.inertia  # else it explains u without motion
         if moves and climb.lowered_by(last.refitted, POLICY.least_fall):  # the rest of the fall is the effect's own
@@ -195,11 +109,13 @@ class _Climb:
     def __init__(
         self,
         recordings: Sequence[Recording],
+        observer: ObserverSettings,
         settings: Settings,
         holdout: Sequence[Recording],
         on_step: Callable[[Step], None],
     ) -> None:
         self.recordings, self.settings, self.holdout, self._on_step = recordings, settings, holdout, on_step
+        self.observer = observer
         self.steps: list[Step] = []
         self.levels: tuple[LogLevels, ...] = ()
 
@@ -224,6 +140,20 @@ class _Climb:
         if taken.seen:
             known = self.settings.known.seeing(taken.effect, taken.seen)
             self.settings = replace(self.settings, known=known)
+
+    def with_values_of_the_set(self, last: Diagnosis, chosen: str) -> Addition | None:
+        """An effect that only the whole set lets lower the error, beside the inertia and the delay of that set: fitted
+        beside it alone, they make up for what else is missing. None if it does not lower the error there either."""
+        whole, known = last.whole_model, self.settings.known
+        if whole is None or len(last.found) < 2 or chosen not in last.found or {INERTIA, DELAY} & set(known.names):
+            return None
+        held = replace(known, fixed={**known.fixed, INERTIA: whole.inertia, DELAY: whole.delay})
+        asked, recordings = replace(self.settings, known=held), list(self.recordings)
+        try:
+            added = add_effect(recordings, self.steps[-1].model, self.observer, chosen, asked, self.holdout)
+        except DataError:
+            return None
+        return added if self.lowered_by(added.after) else None
 
     def lowered_by(self, score: Score, share: float = 0.0) -> bool:
         """Whether the held-out error falls, by that share."""

@@ -138,7 +138,6 @@ class Policy:
     rival_deviations: float = 2.5  # standard errors over the blocks below which a lead is uncertain
     rival_share_in_misfit: float = 0.9  # of the winner's explained power that suffices where something unknown is left
     cheaper_rival_share: float = 0.95  # and that suffices with fewer shape parameters
-    named_for_less: float = 0.25  # more error than the winner's, with which a commoner rival is named in its place
     changed_for_name: float = 2.0  # factor on the told values, beyond the winner's change, with which it is not named
     rival_error: float = 2.0  # times the winner's error; a rival that leaves more is none
     most_inflation: float = 3.0  # rows of autocorrelation time; above, something unknown is left

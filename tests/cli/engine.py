@@ -80,12 +80,13 @@ def _answer(answer: Any) -> Any:
 
 @pytest.fixture
 def engine(monkeypatch: pytest.MonkeyPatch) -> Engine:
-    """In place of `identify.diagnose` and `identify.improve`."""
+    """In place of `identify.diagnose`, `identify.addition` and `identify.improve`."""
     stub = Engine()
     monkeypatch.setattr("dsd_cli.identify.verdict.diagnose.diagnose", stub.diagnose)
-    module = ModuleType("dsd_cli.identify.improve")
-    module.add_effect, module.improve = stub.add_effect, stub.improve
-    monkeypatch.setitem(sys.modules, "dsd_cli.identify.improve", module)
+    for place, name in (("addition", "add_effect"), ("improve", "improve")):
+        module = ModuleType(f"dsd_cli.identify.{place}")
+        setattr(module, name, getattr(stub, name))
+        monkeypatch.setitem(sys.modules, module.__name__, module)
     return stub
 
 

@@ -30,8 +30,8 @@ class Membership:
     """An effect of the found set against every effect that could replace it.
 
     probabilities : effect (or `NOTHING`) -> share of belief. rivals : effects that explain the recordings as well;
-    alike : those of them whose likelihood is less, but by no more than the model misfits anyway, and that leave hardly
-    more. surest : no verdict on
+    alike : those of them whose likelihood is less, but by no more than the model misfits anyway, and that change what
+    the model told as little. surest : no verdict on
     it may be surer.
     """
 
@@ -86,12 +86,10 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
             POLICY.rival_share_in_misfit if misfit else POLICY.cheaper_rival_share if cheaper else math.inf
         )
 
-    alike = [o.effect for o in options if alike_to(o)]
-    found = dict.fromkeys([*alike, *(o.effect for o in options if rivals(o))])
-    near = (1.0 + POLICY.named_for_less) * plain.rmse(whole)  # a commoner one that leaves more is a tie, not the answer
+    as_well = [o for o in options if alike_to(o)]
+    found = dict.fromkeys(o.effect for o in (*as_well, *filter(rivals, options)))
     as_told = _changed(search, whole) + math.log(POLICY.changed_for_name)
-    may_be_named = [o for o in options if plain.rmse(o.fit) <= near and _changed(search, o.fit) <= as_told]
-    alike = [o.effect for o in may_be_named if o.effect in alike]
+    alike = [o.effect for o in as_well if _changed(search, o.fit) <= as_told]
     shares = probabilities(search, rest, [own, *options])
     surest = 1.0 if _told(search, whole, effect_id) else POLICY.surest_untold
     if member.effect.listed and holds(whole.terms) and search.problem.reconstructed("velocity"):

@@ -11,7 +11,14 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
-from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beside_stops, only_at_stops, said_of_stops
+from dsd_cli.identify.verdict.beyond import (
+    Beyond,
+    above_floor,
+    beside_stops,
+    left_elsewhere,
+    only_at_stops,
+    said_of_stops,
+)
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, probabilities
 from dsd_cli.identify.verdict.limits import Limits
@@ -66,7 +73,7 @@ class Verdict:
             return self.seen.effect, POLICY.surest / (1.0 + len(self.seen.rivals))
         if self.members:
             best = self._first()
-            if not self._lowers(best) or self._weightless(self.whole):
+            if not (self._lowers(best) or self._only_together()) or self._weightless(self.whole):
                 return UNKNOWN, 0.5
             known = self._share_of_possible(rmse(search.refit), rmse(self.whole))
             if known < POLICY.share_of_possible:
@@ -109,9 +116,15 @@ class Verdict:
         few = rows < max(POLICY.few_rows, POLICY.rows_per_effect * size)
         most = POLICY.surest_in_part if few else POLICY.surest
         very_few = size > 1 and rows < POLICY.least_rows_per_effect * size
-        pushes = any(t.effect.listed for t in self.search.added(self.whole.terms))
-        doubtful = very_few or (pushes and above_floor(self.search, self.whole))  # they fit a part of any law
+        doubtful = very_few or self._pushes_leave_more()
         return min(POLICY.surest_untold if doubtful else most, self.limits.surest)
+
+    def _pushes_leave_more(self) -> bool:
+        """Whether pushes, found or in the model, leave more than the sensor does: they fit a part of any law."""
+        if not any(t.effect.listed for t in self.whole.terms):
+            return False
+        left = min(self.problem.errors.rmse(self.whole), left_elsewhere(self.search, self.whole))
+        return left > POLICY.floor_factor * self.problem.floor
 
     def _size(self) -> int:
         """Number of effects that were found; beside laws each push is one of its own."""
@@ -134,6 +147,13 @@ class Verdict:
         """Whether the effect alone lowers the held-out error that is shown."""
         option, rmse = self.alone.get(name), self.problem.errors.rmse
         return option is not None and rmse(option.fit) < (1.0 - POLICY.least_alone) * rmse(self.search.refit)
+
+    def _only_together(self) -> bool:
+        """Whether several effects leave no more than the sensor: none need lower the error without the others, for
+        inertia and delay make up for those."""
+        complete = not self.beyond.unknown and not above_floor(self.search, self.whole)
+        less = self.problem.errors.rmse(self.whole) < (1.0 - POLICY.least_alone) * self.own.score.heldout_rmse
+        return len(self.members) > 1 and complete and less
 
     def _worth(self, name: str) -> tuple[bool, bool, float]:
         """Effects that lower the held-out error by themselves come first; of those, what leaves less than the model as

@@ -1,0 +1,109 @@
+"""One effect put into the model, all values fitted again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from dsd_cli.effects import free_name, get_effect, kind_of
+from dsd_cli.errors import DataError, UsageError
+from dsd_cli.identify.fit.driven import with_driven_load
+from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.results import (
+    DELAY,
+    INERTIA,
+    Addition,
+    Estimates,
+)
+from dsd_cli.identify.search.pulses import sharpened, with_pulses
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.contradictions import contradictions
+from dsd_cli.identify.verdict.diagnose import Settings
+from dsd_cli.identify.verdict.own_values import own_values
+from dsd_cli.identify.verdict.shown import told_by_response
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+
+
+def add_effect(
+    recordings: Sequence[Recording],
+    model: PlantModel,
+    observer: ObserverSettings,
+    effect_id: str,
+    settings: Settings | None = None,
+    holdout: Sequence[Recording] = (),
+) -> Addition:
+    """The model with this effect in it, all values fitted again; "inertia" or "delay" fits the values it has.
+
+    Raises
+    ------
+    UsageError : no such effect, or the model has it.
+    DataError : it cannot be tested on these recordings, or the held-out error does not fall.
+    """
+    own = effect_id in (INERTIA, DELAY)
+    if not own:
+        get_effect(effect_id)
+    if effect_id in model.effects:
+        another = free_name(kind_of(effect_id), model.effects)
+        more = f"; `dsd add LOG {another}` adds one more of its kind" if another else ""
+        raise UsageError(
+            f"{effect_id} is in the model already", f"`dsd add LOG inertia` fits the values that are there{more}"
+        )
+    wanted = () if own else (effect_id,)
+    asked = replace(settings or Settings(), effects=wanted)
+    problem = pose(recordings, model, asked, holdout)
+    if effect_id in problem.untestable:
+        raise DataError(f"{effect_id} is not testable on {recordings[0].name}", problem.untestable[effect_id])
+    search = Search(problem)
+    before = own_values(search)
+    told = told_by_response(search, effect_id, asked)
+    if told is not None:
+        there = told.known.added_to(model, effect_id)
+        driven, aside = with_driven_load(recordings, there), with_driven_load(holdout, there)
+        problem = pose(driven, model, told, aside)
+        search = Search(problem)
+    fit = search.refit if own else _with_effect(search, effect_id)
+    after = problem.score(fit)
+    most = 1.0 + POLICY.response_rise if told is not None else 1.0
+    if not after.heldout_rmse < most * (before.score if own else before.refitted).heldout_rmse:
+        raise DataError(
+            f"{effect_id} does not lower the held-out error of {recordings[0].name} "
+            f"({before.refitted.heldout_rmse:.4g} without it, {after.heldout_rmse:.4g} with it)",
+            "nothing was added; `dsd diagnose` ranks what does",
+        )
+    known = problem.values(fit)
+    said = (*contradictions(search, fit, known.estimates), *_untold(effect_id, known.estimates))
+    return Addition(
+        effect_id,
+        known.model,
+        before.score,
+        after,
+        known.estimates,
+        said,
+        before.refitted,
+        known.correlations,
+    )
+
+
+def _untold(effect_id: str, estimates: Estimates) -> tuple[str, ...]:
+    """That no force of an effect that was asked for is away from 0: then it is written, but not seen."""
+    linear = [p.name for p in get_effect(effect_id).parameters if p.linear] if effect_id not in (INERTIA, DELAY) else []
+    own = [e for name in linear if (e := estimates.get(f"{effect_id}.{name}")) is not None]
+    if not own or any(e.held or abs(e.value) > POLICY.told_deviations * e.std_error for e in own):
+        return ()
+    return (f"this log does not tell {effect_id}: no force of it is away from 0 by more than its error",)
+
+
+def _with_effect(search: Search, effect_id: str) -> Fit:
+    name = search.problem.recordings[0].name
+    if get_effect(effect_id).listed:
+        found = with_pulses(search, search.refit)
+        if found is None:
+            raise DataError(f"{name}: no pulse stands out of the residual", "nothing was added")
+        return sharpened(search, found)
+    options = search.options(search.refit)
+    if not options:
+        raise DataError(f"{effect_id} is not testable on {name}", "the log does not vary where it would show")
+    return search.converged(options[0].fit)
