@@ -95,6 +95,7 @@ def improve(
                 refused.append(chosen)
             else:
                 model = climb.up(chosen, beside.after, beside.estimates, beside.model)
+                climb.take(taken)
             continue
         moves = last.refitted_model.inertia > POLICY.least_inertia * model.inertia  # else it explains u without motion
         if moves and climb.lowered_by(last.refitted, POLICY.least_fall):  # the rest of the fall is the effect's own

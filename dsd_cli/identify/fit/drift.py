@@ -9,7 +9,7 @@ the effects are free beside it: a shift of the position must not be paid for by 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -37,7 +37,6 @@ ZEROS, SPEEDS, FAR, CREEP = 6, 4, 1.0, 0.6
 #: Ripples over the position: periods from so many over the travel, by so many steps for each of them, up to so many
 #: times those that pass at the end of the band at the usual speed; and the largest constant speed, of the usual one.
 FEWEST, FINE, FASTEST, CREEPING = 2.0, 2, 4.0, 0.15
-_MOTION = ("position", "velocity")
 
 
 def without_drift(problem: Problem, fit: Fit, recordings: Sequence[Recording]) -> tuple[Recording, ...]:
@@ -77,13 +76,15 @@ def along_ripple(problem: Problem, fit: Fit, recordings: Sequence[Recording]) ->
     over time of the residual times exp(i n q) shows both at once. `recordings` : as for `without_drift`.
     """
     paths, equations = list(_paths(problem, fit, recordings)), problem.errors.equations
-    if not paths:
+    if not paths or not all("position" in path.piece for path in paths):
         return 0.0, tuple(recordings)
-    stretches = equations.stretches
-    of_samples = ([s.frame.times for s in stretches], *([getattr(s.mean, x) for s in stretches] for x in _MOTION))
-    times, places, speeds = (equations.by_stretch(equations.of_rows(x)) for x in of_samples)
+
+    def rows(of_sample: Callable[[Stretch], Array]) -> list[Array]:
+        return equations.by_stretch(equations.of_rows([of_sample(s) for s in equations.stretches]))
+
+    times, places = rows(lambda s: s.frame.times), rows(lambda s: s.mean.position)
     residual = equations.by_stretch(problem.errors.residual(fit, held_out=False))
-    usual = float(np.std(np.concatenate(speeds)))
+    usual = float(np.std(np.concatenate(rows(lambda s: s.mean.velocity))))
     finest = 2.0 * np.pi / max(path.span for path in paths)
     periods = np.arange(FEWEST * finest, FASTEST * 2.0 * np.pi * equations.band.hz / usual, finest / FINE)
     most = CREEPING * usual
