@@ -89,19 +89,11 @@ def improve(
         taken = next((c for c in last.ranking if c.effect == chosen), None)
         if taken is None or taken.model is None or taken.score is None:
             raise UsageError(f"{chosen} is no candidate here", "take one of the ranking")
-        if not climb.lowered_by(taken.score, -POLICY.response_rise if taken.seen else 0.0):
-            beside = climb.with_values_of_the_set(last, chosen)
-            if beside is None:
-                refused.append(chosen)
-            else:
-                model = climb.up(chosen, beside.after, beside.estimates, beside.model)
-                climb.take(taken)
-            continue
-        moves = last.refitted_model.inertia > POLICY.least_inertia * model.inertia  # else it explains u without motion
-        if moves and climb.lowered_by(last.refitted, POLICY.least_fall):  # the rest of the fall is the effect's own
-            climb.up(REFIT, last.refitted, last.refitted_values, last.refitted_model)
-        model = climb.up(chosen, taken.score, taken.all_values, taken.model)
-        climb.take(taken)
+        with_it = climb.up_with(last, taken)
+        if with_it is None:
+            refused.append(chosen)
+        else:
+            model = with_it
 
 
 class _Climb:
@@ -135,14 +127,31 @@ class _Climb:
         logs = [r.name for r in self.recordings]
         return log_levels([one.deviations for one in self.levels], values, logs) if self.steps else ()
 
-    def take(self, taken: Candidate) -> None:
+    def up_with(self, last: Diagnosis, taken: Candidate) -> PlantModel | None:
+        """The model with an effect that lowers the held-out error, alone or beside the set; None if it does not."""
+        assert taken.score is not None
+        assert taken.model is not None
+        chosen, before = taken.effect, self.steps[-1].model
+        if not self.lowered_by(taken.score, -POLICY.response_rise if taken.seen else 0.0):
+            beside = self._beside_the_set(last, chosen)
+            if beside is None:
+                return None
+            self._take(taken)
+            return self.up(chosen, beside.after, beside.estimates, beside.model)
+        moves = last.refitted_model.inertia > POLICY.least_inertia * before.inertia  # else it explains u without motion
+        if moves and self.lowered_by(last.refitted, POLICY.least_fall):  # the rest of the fall is the effect's own
+            self.up(REFIT, last.refitted, last.refitted_values, last.refitted_model)
+        self._take(taken)
+        return self.up(chosen, taken.score, taken.all_values, taken.model)
+
+    def _take(self, taken: Candidate) -> None:
         """An effect was taken; what the response told of it stays so."""
         self.settings = replace(self.settings, taken=(*self.settings.taken, taken.effect))
         if taken.seen:
             known = self.settings.known.seeing(taken.effect, taken.seen)
             self.settings = replace(self.settings, known=known)
 
-    def with_values_of_the_set(self, last: Diagnosis, chosen: str) -> Addition | None:
+    def _beside_the_set(self, last: Diagnosis, chosen: str) -> Addition | None:
         """An effect that only the whole set lets lower the error, beside the inertia and the delay of that set: fitted
         beside it alone, they make up for what else is missing. None if it does not lower the error there either."""
         whole, known = last.whole_model, self.settings.known

@@ -15,7 +15,6 @@ from dsd_cli.identify.verdict.beyond import (
     Beyond,
     above_floor,
     beside_stops,
-    left_elsewhere,
     only_at_stops,
     said_of_stops,
 )
@@ -23,6 +22,7 @@ from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, probabilities
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.own_values import Own
+from dsd_cli.identify.verdict.pushes import pushes_leave_more
 from dsd_cli.identify.verdict.shown import Shown, note_on
 
 
@@ -116,15 +116,8 @@ class Verdict:
         few = rows < max(POLICY.few_rows, POLICY.rows_per_effect * size)
         most = POLICY.surest_in_part if few else POLICY.surest
         very_few = size > 1 and rows < POLICY.least_rows_per_effect * size
-        doubtful = very_few or self._pushes_leave_more()
+        doubtful = very_few or pushes_leave_more(self.search, self.whole)
         return min(POLICY.surest_untold if doubtful else most, self.limits.surest)
-
-    def _pushes_leave_more(self) -> bool:
-        """Whether pushes, found or in the model, leave more than the sensor does: they fit a part of any law."""
-        if not any(t.effect.listed for t in self.whole.terms):
-            return False
-        left = min(self.problem.errors.rmse(self.whole), left_elsewhere(self.search, self.whole))
-        return left > POLICY.floor_factor * self.problem.floor
 
     def _size(self) -> int:
         """Number of effects that were found; beside laws each push is one of its own."""

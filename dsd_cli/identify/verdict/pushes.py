@@ -82,8 +82,7 @@ def _pushes_alone(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyo
     found = max((search.settled(sharpened(search, p)) for p in likely), key=search.evidence)
     if len(search.added(found.terms)) > 1:
         found = _placed_again(search, found)
-    left = min(search.problem.errors.rmse(found), left_elsewhere(search, found))  # at turns friction leaves more
-    if left > POLICY.floor_factor * search.problem.floor:
+    if _left(search, found) > POLICY.floor_factor * search.problem.floor:
         return None
     if search.evidence(found) < search.evidence(whole) + POLICY.least_gain or law_of_pushes(search, found):
         return None
@@ -110,6 +109,18 @@ def _hopeless(search: Search, pulses: Fit, whole: Fit) -> bool:
     levels = pulses.coefficients(next(t for t in pulses.terms if t.effect.listed))
     rmse, rows = search.problem.errors.rmse, int(search.equations.kept.sum())
     return rows * (rmse(pulses) ** 2 - rmse(whole) ** 2) > 2.0 * float(levels @ levels)
+
+
+def pushes_leave_more(search: Search, whole: Fit) -> bool:
+    """Whether pushes, found or in the model, leave more than the sensor does: they fit a part of any law."""
+    return (
+        any(t.effect.listed for t in whole.terms) and _left(search, whole) > POLICY.floor_factor * search.problem.floor
+    )
+
+
+def _left(search: Search, fit: Fit) -> float:
+    """rms, unit of u, of all rows or of those where the direction is sure: at turns friction leaves more."""
+    return min(search.problem.errors.rmse(fit), left_elsewhere(search, fit))
 
 
 def law_of_pushes(search: Search, fit: Fit) -> str:
