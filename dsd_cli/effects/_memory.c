@@ -4,7 +4,8 @@
  *   load       the load of two masses that are coupled by spring and damper, with or without a gap
  *   driven     the same two masses under a force on the motor: what the load is given
  *
- * memory.py holds the readable twins: the same operations in the same order (built without fused multiply-add).
+ * memory.py holds the readable twins: the same operations in the same order (built without fused multiply-add), but for
+ * `driven`, which takes all steps under one law at once and differs by rounding.
  * CPython limited API and buffers of doubles only: no NumPy headers.
  */
 #define PY_SSIZE_T_CLEAN

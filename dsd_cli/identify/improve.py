@@ -153,12 +153,14 @@ class _Climb:
 
     def _beside_the_set(self, last: Diagnosis, chosen: str) -> Addition | None:
         """An effect that only the whole set lets lower the error, beside the inertia and the delay of that set: fitted
-        beside it alone, they make up for what else is missing. None if it does not lower the error there either."""
+        beside it alone, they make up for what else is missing; they are held for this rung. None if it does not lower
+        the error there either."""
         whole, known = last.whole_model, self.settings.known
         if whole is None or len(last.found) < 2 or chosen not in last.found or {INERTIA, DELAY} & set(known.names):
             return None
         held = replace(known, fixed={**known.fixed, INERTIA: whole.inertia, DELAY: whole.delay})
-        asked, recordings = replace(self.settings, known=held), list(self.recordings)
+        asked = replace(self.settings, known=held)
+        recordings = with_levels(self.recordings, [one.deviations for one in self.levels])
         try:
             added = add_effect(recordings, self.steps[-1].model, self.observer, chosen, asked, self.holdout)
         except DataError:

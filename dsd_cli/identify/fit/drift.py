@@ -9,6 +9,7 @@ the effects are free beside it: a shift of the position must not be paid for by 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -35,8 +36,10 @@ SHARES = (1.0, 0.5, 0.25)
 #: the whole recording, for a speed.
 ZEROS, SPEEDS, FAR, CREEP = 6, 4, 1.0, 0.6
 #: Ripples over the position: periods from so many over the travel, by so many steps for each of them, up to so many
-#: times those that pass at the end of the band at the usual speed; and the largest constant speed, of the usual one.
-FEWEST, FINE, FASTEST, CREEPING = 2.0, 2, 4.0, 0.15
+#: times those that pass at the end of the band at the usual speed, so many at most; the largest constant speed, of the
+#: usual one; and rows of a piece: in few chance is a ripple, and over many no constant speed lasts.
+FEWEST, FINE, FASTEST, MOST_RIPPLES, CREEPING = 2.0, 2, 4.0, 800, 0.15
+FEWEST_ROWS, MOST_ROWS = 200, 20_000
 
 
 def without_drift(problem: Problem, fit: Fit, recordings: Sequence[Recording]) -> tuple[Recording, ...]:
@@ -70,27 +73,34 @@ def placed(problem: Problem, fit: Fit, recordings: Sequence[Recording]) -> Place
 
 
 def along_ripple(problem: Problem, fit: Fit, recordings: Sequence[Recording]) -> tuple[float, tuple[Recording, ...]]:
-    """(share of the residual's power that a ripple over the position holds, recordings moved to where it is one).
+    """(share of the residual's power that a ripple over the position holds, recordings moved to where it is one); (0,
+    the same) where nothing would move.
 
     Where the position creeps by s t, a ripple of n periods a radian is a line in n q - w t, with w = n s: the spectrum
     over time of the residual times exp(i n q) shows both at once. `recordings` : as for `without_drift`.
     """
-    paths, equations = list(_paths(problem, fit, recordings)), problem.errors.equations
-    if not paths or not all("position" in path.piece for path in paths):
-        return 0.0, tuple(recordings)
+    equations = problem.errors.equations
+    fitting = [p for p in _paths(problem, fit, recordings) if "position" in p.piece and p.span > 0.0]
+    paths = [p for p in fitting if FEWEST_ROWS <= equations.lengths[p.index] <= MOST_ROWS]
 
     def rows(of_sample: Callable[[Stretch], Array]) -> list[Array]:
         return equations.by_stretch(equations.of_rows([of_sample(s) for s in equations.stretches]))
 
     times, places = rows(lambda s: s.frame.times), rows(lambda s: s.mean.position)
     residual = equations.by_stretch(problem.errors.residual(fit, held_out=False))
-    usual = float(np.std(np.concatenate(rows(lambda s: s.mean.velocity))))
-    finest = 2.0 * np.pi / max(path.span for path in paths)
-    periods = np.arange(FEWEST * finest, FASTEST * 2.0 * np.pi * equations.band.hz / usual, finest / FINE)
+    usual = float(np.sqrt(np.mean(np.concatenate(rows(lambda s: s.mean.velocity)) ** 2)))
+    finest = 2.0 * np.pi / max((path.span for path in paths), default=math.inf)
+    highest = FASTEST * 2.0 * np.pi * equations.band.hz / usual if usual > 0.0 else 0.0
+    if not paths or not highest > FEWEST * finest:
+        return 0.0, tuple(recordings)
+    periods = np.arange(FEWEST * finest, highest, finest / FINE)[:MOST_RIPPLES]
     most = CREEPING * usual
     found = [ripples(residual[p.index], times[p.index], places[p.index], periods, most) for p in paths]
-    shares = np.mean([share for share, _ in found], axis=0)
+    power = [float(np.sum(residual[p.index] ** 2)) for p in paths]
+    shares = np.average([share for share, _ in found], axis=0, weights=power)
     best = int(np.argmax(shares))
+    if not any(off[best] for _, off in found):
+        return 0.0, tuple(recordings)
     moves = [(p, np.full(len(p.piece), -off[best]), 0.0) for p, (_, off) in zip(paths, found, strict=True)]
     return float(shares[best]), _each(problem, moves)
 

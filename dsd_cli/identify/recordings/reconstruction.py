@@ -25,9 +25,10 @@ REACH, GRID, STEPS = 1.0, 81, 14
 #: Samples over which the net force is averaged, share of the rms speed that counts as one speed, how often it must come
 #: (of the most frequent), and by which factor a speed of rest may explain the force worse than the best constant.
 QUIET, WIDTH, FREQUENT, PREFERENCE = 20, 5e-3, 0.1, 2.0
-#: Rests that follow each other: their shortest and longest piece (samples; of a long log longer, for so many pieces at
-#: most), how far from the constant they may be (share of the rms speed), by how many standard deviations of the random
-#: walk and by which share of the rms speed the next may differ, and which part of the log they must be and span.
+#: Rests that follow each other: their shortest and longest piece (samples; both longer where the log is longer than so
+#: many of the longest), how far from the constant they may be (share of the rms speed), by how many standard deviations
+#: of the random walk and by which share of the rms speed the next may differ, which part of the log they must be and
+#: span.
 SHORTEST_REST, LONGEST_REST, MOST_RESTS = 30, 100, 2000
 NEAR, WALKS, STEADY, RESTS, SPANNED = 0.1, 4.0, 2e-3, 0.1, 0.5
 
@@ -99,10 +100,11 @@ def _followed(speed: Array, force: Array, t: Array, walk: float, found: Array) -
     quiet[_quiet(force)] = True
     edges = np.flatnonzero(np.diff(np.concatenate([[False], quiet, [False]]).astype(np.int8)))
     longest = max(LONGEST_REST, n // MOST_RESTS)
+    shortest = SHORTEST_REST * longest // LONGEST_REST
     pieces = [
         (int(a), int(b))
         for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-        if end - start >= SHORTEST_REST
+        if end - start >= shortest
         for a, b in pairwise(np.linspace(start, end, max(1, (end - start) // longest) + 1).astype(int))
     ]
     near = [

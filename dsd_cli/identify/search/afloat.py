@@ -100,7 +100,7 @@ class _Paths:
         """The recordings on the path that suits loud pushes and this set; None where there are none, or no better path.
 
         A speed that is off by a constant makes a constant load of viscous friction, which pushes hide until they are
-        beside it.
+        beside it. The set that is found there may leave more than before: pushes come later (`verdict.pushes`).
         """
         pulses = with_pulses(search, fit)
         if pulses is None or _error((search, pulses)) > (1.0 - POLICY.pulses_fall) * _error((search, fit)):

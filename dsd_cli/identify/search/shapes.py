@@ -92,5 +92,7 @@ def _limits(search: Searched, effect_id: str, name: str) -> tuple[float, float]:
 
 
 def times_off(a: Term, b: Term) -> float:
-    """Largest factor between values of two shapes of one effect."""
-    return max((math.exp(abs(math.log(x / y))) for (_, x), (_, y) in zip(a.items, b.items, strict=True)), default=1.0)
+    """Largest factor between values of two shapes of one effect; values that are not positive have none."""
+    pairs = [(x, y) for (_, x), (_, y) in zip(a.items, b.items, strict=True)]
+    sizes = [(x, y) for x, y in pairs if isinstance(x, float) and isinstance(y, float) and x > 0.0 and y > 0.0]
+    return max((max(x / y, y / x) for x, y in sizes), default=1.0)

@@ -69,7 +69,12 @@ def above_floor(search: Search, fit: Fit) -> bool:
 
     Rows in which the direction of the motion is not sure do not count, if the others are many.
     """
-    return min(search.problem.errors.rmse(fit), left_elsewhere(search, fit)) > _least(search)
+    return surely_left(search, fit) > _least(search)
+
+
+def surely_left(search: Search, fit: Fit) -> float:
+    """rms, unit of u, of all rows or of those where the direction is sure, if that is less: turns leave more."""
+    return min(search.problem.errors.rmse(fit), left_elsewhere(search, fit))
 
 
 def beside_stops(search: Search, fit: Fit) -> bool:

@@ -31,8 +31,7 @@ class Membership:
 
     probabilities : effect (or `NOTHING`) -> share of belief. rivals : effects that explain the recordings as well;
     alike : those of them whose likelihood is less, but by no more than the model misfits anyway, and that change what
-    the model told as little. surest : no verdict on
-    it may be surer.
+    the model told as little. surest : no verdict on it may be surer.
     """
 
     effect: str
@@ -112,8 +111,9 @@ def _told(search: Search, whole: Fit, effect_id: str) -> bool:
 
 
 def _changed(search: Search, fit: Fit) -> float:
-    """The largest |log| of the factors by which a fit changes what the model told of its effects' sizes: with a spring
-    in place of a cubic one, a known weight would have to be six times what it was believed to be."""
+    """The largest |log| of the factors by which a fit changes what the model told of its effects' sizes, infinite where
+    it takes a force away or turns it round: with a spring in place of a cubic one, a known weight would have to be six
+    times what it was believed to be."""
     given, found = search.problem.model.effects, search.problem.scale.model(fit).effects
     sizes = [
         (values[p.name], found[name][p.name])
@@ -122,7 +122,7 @@ def _changed(search: Search, fit: Fit) -> float:
         for p in get_effect(name).parameters
         if p.linear and not p.listed and not p.whole_turn and p.name in values
     ]
-    return max((abs(math.log(abs(now / was))) for was, now in sizes if was and now), default=0.0)
+    return max((abs(math.log(now / was)) if now * was > 0.0 else math.inf for was, now in sizes if was), default=0.0)
 
 
 def _of_position(effect_id: str) -> bool:

@@ -145,7 +145,7 @@ class Verdict:
         """Whether several effects leave no more than the sensor: none need lower the error without the others, for
         inertia and delay make up for those."""
         complete = not self.beyond.unknown and not above_floor(self.search, self.whole)
-        less = self.problem.errors.rmse(self.whole) < (1.0 - POLICY.least_alone) * self.own.score.heldout_rmse
+        less = self.problem.errors.rmse(self.whole) < (1.0 - POLICY.least_alone) * self.own.score.rmse
         return len(self.members) > 1 and complete and less
 
     def _worth(self, name: str) -> tuple[bool, bool, float]:
@@ -154,7 +154,7 @@ class Verdict:
         option, lowers = self.alone.get(name), self._lowers(name)
         if option is None:
             return False, False, -math.inf
-        limit = (1.0 - POLICY.least_alone) * self.own.score.heldout_rmse
+        limit = (1.0 - POLICY.least_alone) * self.own.score.rmse  # of a model that nothing was fitted for
         return lowers, lowers and self.problem.errors.rmse(option.fit) < limit, option.evidence
 
     def _nothing(self) -> float:

@@ -14,7 +14,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beyond_of, left_elsewhere
+from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beyond_of, surely_left
 from dsd_cli.signals.log import Array
 
 #: Bins of the travel, equally often visited, and delays of the pushes against the motion that chance is judged by.
@@ -82,7 +82,7 @@ def _pushes_alone(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyo
     found = max((search.settled(sharpened(search, p)) for p in likely), key=search.evidence)
     if len(search.added(found.terms)) > 1:
         found = _placed_again(search, found)
-    if _left(search, found) > POLICY.floor_factor * search.problem.floor:
+    if surely_left(search, found) > POLICY.floor_factor * search.problem.floor:
         return None
     if search.evidence(found) < search.evidence(whole) + POLICY.least_gain or law_of_pushes(search, found):
         return None
@@ -113,14 +113,8 @@ def _hopeless(search: Search, pulses: Fit, whole: Fit) -> bool:
 
 def pushes_leave_more(search: Search, whole: Fit) -> bool:
     """Whether pushes, found or in the model, leave more than the sensor does: they fit a part of any law."""
-    return (
-        any(t.effect.listed for t in whole.terms) and _left(search, whole) > POLICY.floor_factor * search.problem.floor
-    )
-
-
-def _left(search: Search, fit: Fit) -> float:
-    """rms, unit of u, of all rows or of those where the direction is sure: at turns friction leaves more."""
-    return min(search.problem.errors.rmse(fit), left_elsewhere(search, fit))
+    least = POLICY.floor_factor * search.problem.floor
+    return any(t.effect.listed for t in whole.terms) and surely_left(search, whole) > least
 
 
 def law_of_pushes(search: Search, fit: Fit) -> str:
