@@ -12,12 +12,7 @@ from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.identify.results import (
-    DELAY,
-    INERTIA,
-    Addition,
-    Estimates,
-)
+from dsd_cli.identify.results import DELAY, INERTIA, Addition, Estimates
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.contradictions import contradictions

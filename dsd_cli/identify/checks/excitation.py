@@ -11,6 +11,7 @@ from dsd_cli.identify.checks.lowpass import LowPass
 from dsd_cli.identify.checks.results import MOVES_PER_EFFECT, Excitation, Finding
 from dsd_cli.identify.checks.stretches import Stretch
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.runs import runs
 
 #: Rest is a speed below this share of its rms while moving, or this many standard deviations of its noise.
 REST, DEVIATIONS = 0.03, 3.0
@@ -86,10 +87,8 @@ def _at_limit(us: Sequence[Array]) -> float:
     high, low = max(float(u.max()) for u in us), min(float(u.min()) for u in us)
     held = 0
     for u in us:
-        at = np.concatenate([[False], (u == high) | (u == low), [False]])
-        edges = np.flatnonzero(np.diff(at.astype(np.int8)))
-        lengths = edges[1::2] - edges[::2]
-        held += int(lengths[lengths >= _RUN].sum())
+        lengths = (end - start for start, end in runs((u == high) | (u == low)))
+        held += sum(length for length in lengths if length >= _RUN)
     return held / sum(u.size for u in us)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dsd_cli.identify.compare.evaluation import Evaluation, Stretch
 from dsd_cli.identify.recordings.motion import acceleration
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.runs import runs
 
 Mask = NDArray[np.bool_]
 
@@ -149,9 +150,8 @@ def _within(t: Array, events: Array, before: float, after: float) -> Mask:
 def _saturated(u: Array, top: float) -> Mask:
     """|u| at its maximum for at least `_PLATEAU` samples at once."""
     at = np.abs(u) >= (1.0 - _AT_LIMIT) * top if top > 0.0 else np.zeros(len(u), dtype=bool)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(np.int8)))
     mask = np.zeros(len(u), dtype=bool)
-    for a, b in zip(edges[::2], edges[1::2], strict=True):
+    for a, b in runs(at):
         mask[a:b] = _PLATEAU <= b - a < len(u)
     return mask
 

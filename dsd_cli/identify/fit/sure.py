@@ -21,6 +21,7 @@ from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.values import MOST_SHARE
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.runs import runs
 
 #: Mean of sgn v from which on the direction is sure; rounds in which the weights are found, and the delay.
 _SURE, _ROUNDS, _DELAYS = 0.999, 3, 4
@@ -178,8 +179,7 @@ def uncertain(equations: Equations) -> Array:
 
 def _shortest_run(marks: NDArray[np.bool_]) -> int:
     """Of marks that stand side by side; 0 where there are none."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], marks, [False]]).astype(np.int8)))
-    return int(np.min(edges[1::2] - edges[::2], initial=len(marks))) if edges.size else 0
+    return min((end - start for start, end in runs(marks)), default=0)
 
 
 def _residual(fit: Fit, bank: Bank) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.runs import runs
 
 #: Cells into which the range of a channel is cut, to see how much of what the axis does a window contains.
 _CELLS = 16
@@ -34,17 +35,16 @@ def with_part(
     piece = next(p for p in whole.pieces if p["t"][0] <= at <= p["t"][-1])
     length = min(part.samples, len(piece))
     start = int(np.clip(np.searchsorted(piece["t"], at) - length // 2, 0, len(piece) - length))
-    taken = np.zeros(len(piece) + 2, dtype=np.int8)
-    taken[1 + start : 1 + start + length] = 1
+    taken = np.zeros(len(piece), dtype=bool)
+    taken[start : start + length] = True
     others = []
     for known in part.pieces:
         if piece["t"][0] <= known["t"][0] <= piece["t"][-1]:
-            first = 1 + int(np.searchsorted(piece["t"], known["t"][0]))
-            taken[first : first + len(known)] = 1
+            first = int(np.searchsorted(piece["t"], known["t"][0]))
+            taken[first : first + len(known)] = True
         else:
             others.append(known)
-    edges = np.flatnonzero(np.diff(taken))
-    windows = [_cut(piece, int(a), int(b - a)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    windows = [_cut(piece, a, b - a) for a, b in runs(taken)]
     more = replace(part, pieces=tuple(sorted([*others, *windows], key=lambda p: float(p["t"][0]))))
     return tuple(more if i == index else p for i, p in enumerate(parts))
 

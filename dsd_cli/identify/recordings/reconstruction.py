@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.runs import runs
 
 #: Samples that are averaged, the most averages, and hats over speed (each side of zero) and position.
 AVERAGED, MOST_ROWS, SPEED_HATS, PLACE_HATS = 5, 4000, 6, 24
@@ -41,47 +42,48 @@ def drift(speed: Array, force: Array, piece: Log, walk: float) -> Array:
     rms = float(np.std(speed))
     if not rms > 0.0:
         return np.full(len(speed), float(speed[0]))
-    found = _by_forces(speed, force, piece, rms)
-    rests = _followed(speed, force, piece["t"], walk, found)
+    quiet = _quiet(force)
+    found = _by_forces(speed, force, quiet, piece, rms)
+    rests = _followed(speed, quiet, piece["t"], walk, found)
     return found if rests is None else rests
 
 
-def _by_forces(speed: Array, force: Array, piece: Log, rms: float) -> Array:
+def _by_forces(speed: Array, force: Array, quiet: NDArray[np.bool_], piece: Log, rms: float) -> Array:
     """The constant with which functions of speed and position explain the force best; a ramp where rests tell it."""
     n = len(speed)
     rows = _Rows(speed, force, piece)
     grid = float(np.mean(speed)) + rms * np.linspace(-REACH, REACH, GRID)
-    rests = _frequent(speed, force, rms)
+    rests = _frequent(speed[quiet], rms)
     least = min(rows.travel(x) for x in grid)
     found = {float(x): rows.squares(x) for x in (*grid, *rests) if rows.travel(x) <= POLICY.most_travel * least}
     start = min(found, key=lambda x: found[x])
     rest = min((x for x in rests if x in found), key=lambda x: found[x], default=None)
     if rest is not None and found[rest] < PREFERENCE * found[start]:
-        return _with_ramp(speed, force, rest, rms)
+        return _with_ramp(speed, quiet, rest, rms)
     half = float(grid[1] - grid[0])
     offset = golden_section(rows.squares, start - half, start + half, STEPS)
     return np.full(n, offset)
 
 
-def _quiet(force: Array) -> NDArray[np.int_]:
-    """Samples without net force: the axis rests or cruises."""
+def _quiet(force: Array) -> NDArray[np.bool_]:
+    """Whether each sample is without net force, shape (n,): the axis rests or cruises there."""
     mean = np.abs(np.convolve(force, np.ones(QUIET) / QUIET, "same"))
     noise = 1.4826 * float(np.median(np.abs(np.diff(force)))) / np.sqrt(2.0 * QUIET)
-    return np.flatnonzero(mean < max(3.0 * noise, float(np.quantile(mean, 0.1))))
+    return np.asarray(mean < max(3.0 * noise, float(np.quantile(mean, 0.1))))
 
 
-def _frequent(speed: Array, force: Array, rms: float) -> list[float]:
-    """Speeds at which the axis often is without net force: rest, and usual speeds of its moves."""
-    quiet, width = speed[_quiet(force)], WIDTH * rms
+def _frequent(quiet: Array, rms: float) -> list[float]:
+    """Of the speeds without net force, those that come often: rest, and usual speeds of the moves."""
+    width = WIDTH * rms
     levels, counts = np.unique(np.round(quiet / width).astype(np.int64), return_counts=True)
     often = levels[counts >= FREQUENT * counts.max()] if levels.size else levels
     return [float(np.median(quiet[np.abs(quiet - level * width) <= width])) for level in often]
 
 
-def _with_ramp(speed: Array, force: Array, rest: float, rms: float) -> Array:
+def _with_ramp(speed: Array, quiet: NDArray[np.bool_], rest: float, rms: float) -> Array:
     """The speed of the rests, as a line where they are spread over the log."""
-    n, quiet = len(speed), _quiet(force)
-    at_rest = quiet[np.abs(speed[quiet] - rest) <= 2.0 * WIDTH * rms]
+    n = len(speed)
+    at_rest = np.flatnonzero(quiet & (np.abs(speed - rest) <= 2.0 * WIDTH * rms))
     if at_rest.size < 3 or np.ptp(at_rest) < 0.5 * n:
         return np.full(n, rest)
     centre = float(at_rest.mean())
@@ -89,21 +91,18 @@ def _with_ramp(speed: Array, force: Array, rest: float, rms: float) -> Array:
     return np.asarray(offset + slope * (np.arange(n) - centre))
 
 
-def _followed(speed: Array, force: Array, t: Array, walk: float, found: Array) -> Array | None:
+def _followed(speed: Array, quiet: NDArray[np.bool_], t: Array, walk: float, found: Array) -> Array | None:
     """The speed of the rests, a line from each to the next; None where they are too few.
 
     Of all pieces without net force near the drift that was `found`, those count that follow each other as a random walk
     may, the longest such chain: slow moves at a constant speed leave it.
     """
     n, rms = len(speed), float(np.std(speed))
-    quiet = np.zeros(n, dtype=bool)
-    quiet[_quiet(force)] = True
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], quiet, [False]]).astype(np.int8)))
     longest = max(LONGEST_REST, n // MOST_RESTS)
     shortest = SHORTEST_REST * longest // LONGEST_REST
     pieces = [
         (int(a), int(b))
-        for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+        for start, end in runs(quiet)
         if end - start >= shortest
         for a, b in pairwise(np.linspace(start, end, max(1, (end - start) // longest) + 1).astype(int))
     ]

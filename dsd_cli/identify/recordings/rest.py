@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.runs import runs
 
 
 def resting(velocity: Array, rest_speed: ArrayLike) -> NDArray[np.bool_]:
@@ -37,9 +38,7 @@ def resting(velocity: Array, rest_speed: ArrayLike) -> NDArray[np.bool_]:
 def _runs(slow: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """(first, behind the last) interval of every run whose samples are slow, long enough to be a rest."""
     both = slow & np.concatenate([slow[:1], slow[:-1]])
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], both, [False]]).astype(np.int8)))
-    runs = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-    return [(start, end) for start, end in runs if end - start >= POLICY.least_rest_samples]
+    return [(start, end) for start, end in runs(both) if end - start >= POLICY.least_rest_samples]
 
 
 def _stays(velocity: Array, limit: float, usual: float) -> bool:
