@@ -33,10 +33,10 @@ def effects(
 ) -> None:
     """Show each effect's law, parameters with units, channels needed and the residual pattern that betrays it."""
     from dsd_cli.cli.user_effects import use_effects
-    from dsd_cli.effects import catalogue, get_effect
+    from dsd_cli.effects import get_effect, named_effects
 
     use_effects(effects_from)
-    chosen = [get_effect(effect)] if effect else list(catalogue().values())
+    chosen = [get_effect(effect)] if effect else list(named_effects().values())
     if form is CatalogueFormat.JSON:
         _print_json(chosen)
     elif form is CatalogueFormat.MARKDOWN:
@@ -48,8 +48,8 @@ def effects(
 
 
 def _range(parameter: Parameter) -> str:
-    if parameter.listed:
-        return "list of tables"
+    if not parameter.numeric:
+        return "list of tables" if parameter.listed else "list or word"
     match (math.isfinite(parameter.lower), math.isfinite(parameter.upper)):
         case (True, True):
             return f"{parameter.lower:g} to {parameter.upper:g}"
@@ -156,7 +156,7 @@ def _as_json(effect: Effect) -> dict[str, Any]:
             "meaning": p.meaning,
             **bounds,
             "linear": p.linear,
-            "listed": p.listed,
+            "listed": not p.numeric,
         }
 
     return {

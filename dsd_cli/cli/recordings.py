@@ -46,10 +46,11 @@ def load_recording(
     DataError : no u, nothing to have d_hat from, too short, or an axis that stands still.
     UsageError : the config lacks [observer].
     """
-    from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_settings, reading
+    from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_settings, plant_model, reading
     from dsd_cli.errors import DataError, TooShort
     from dsd_cli.files.logs import load_log
     from dsd_cli.identify.recordings.recording import prepare
+    from dsd_cli.plant.beyond import held_beyond
 
     config = as_logged(config, path)
     observer = observer_settings(config)
@@ -71,7 +72,8 @@ def load_recording(
             raise DataError(error.message, "leave more of the log to hold out: change --from and --to") from None
         raise
     dropped = {reason: count for reason, count in loaded.dropped.items() if count}
-    warnings = (*loaded.warnings, *absent(config, columns, loaded), *_wrong(loaded, config))
+    beyond = held_beyond(plant_model(config, 1.0), recording.pieces) if config.model.effects else []
+    warnings = (*loaded.warnings, *absent(config, columns, loaded), *_wrong(loaded, config), *beyond)
     return LoadedRecording(recording, dropped, warnings)
 
 

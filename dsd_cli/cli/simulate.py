@@ -70,12 +70,13 @@ def simulate(
     into the Parquet metadata, or beside a CSV file into FILE.meta.json. With --adapt also what the controller believed:
     adopted_delay, adopted_inertia.
     """
-    from dsd_cli.cli.identification import say
+    from dsd_cli.cli.identification import say, warn
     from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.logs import write_log
     from dsd_cli.files.tables_out import check_output
+    from dsd_cli.plant.beyond import held_beyond
     from dsd_cli.plant.simulation import simulate as run
 
     use_effects(effects_from)
@@ -90,25 +91,24 @@ def simulate(
     plant = simulation_settings(settings)
     feedback = None
     if adapt:
-        from dsd_cli.cli.adapt import adaptation
+        from dsd_cli.cli.adapt import adaptation, adopted_line
 
         feedback = adaptation(settings, plant)
     with Progress(not quiet) as progress:
         log = run(plant, feedback, progress.rows("simulating", round(plant.duration / plant.sample_time)))
         _check_finite(settings.name, log)
+        beyond = held_beyond(plant.model, [log])
         progress("writing")
         write_log(output, _with_provenance(log, settings))
+    warn(quiet, beyond)
     say(quiet, f"{output}: {len(log):,} samples, {log.sample_time * 1e3:g} ms apart")
     if adapt:
-        from dsd_cli.cli.adapt import adopted_line
-
         say(quiet, adopted_line(log))
     if plot is not None:
         from dsd_cli.report.plots_channels import draw
 
-        put_picture(
-            plot, lambda: draw(output if output != "-" else settings.name, log, (), settings.signals.units), quiet
-        )
+        name = output if output != "-" else settings.name
+        put_picture(plot, lambda: draw(name, log, (), settings.signals.units), quiet)
 
 
 def _check_finite(name: str, log: Log) -> None:

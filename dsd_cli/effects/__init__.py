@@ -1,7 +1,16 @@
 """What physics exists: one file = one effect; the catalogue finds them by looking into this folder."""
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, SpectralLines, Values
-from dsd_cli.effects.catalogue import catalogue, find_effect, free_name, get_effect, kind_of, register, unregister
+from dsd_cli.effects.catalogue import (
+    catalogue,
+    find_effect,
+    free_name,
+    get_effect,
+    kind_of,
+    named_effects,
+    register,
+    unregister,
+)
 from dsd_cli.effects.user import load_effects
 
 __all__ = [
@@ -19,6 +28,7 @@ __all__ = [
     "get_effect",
     "kind_of",
     "load_effects",
+    "named_effects",
     "register",
     "unregister",
 ]

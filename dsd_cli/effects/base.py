@@ -81,6 +81,7 @@ class Parameter:
     A `linear` parameter multiplies one column, in the order of declaration; the others shape the columns.
     `listed` : the value is a list of events (`external_force.events`), not a number: the shape is
     {"edges": ((start, end), ...)}, s, with a column per event.
+    `data` : it is no number but a list or a word that says which law this is; no fit changes it, and `split` checks it.
     """
 
     name: str
@@ -90,6 +91,12 @@ class Parameter:
     upper: float = np.inf
     linear: bool = True
     listed: bool = False
+    data: bool = False
+
+    @property
+    def numeric(self) -> bool:
+        """Whether it is a number, which can be fitted, held and bounded."""
+        return not (self.listed or self.data)
 
     @property
     def whole_turn(self) -> bool:
@@ -144,6 +151,7 @@ class Effect:
         model then has sections `<id>`, `<id>_2`, `<id>_3`, ... of one law. None: there is one in a model.
     told_apart : another effect, "inertia" or "delay", that logs often cannot tell from this one -> the experiment that
         can. It is enough if one of the two says so.
+    needs_of : values -> channels of the motion that it needs with these; None: `needs`.
     """
 
     id: str
@@ -167,11 +175,12 @@ class Effect:
     varies: tuple[str, ...] = ()
     repeats: Callable[[Ranges], bool] | None = None
     told_apart: Mapping[str, str] = field(default_factory=dict)
+    needs_of: Callable[[Values], tuple[str, ...]] | None = None
 
     @property
     def searched(self) -> int:
         """Number of parameters that are searched, not solved for: a part of the price of the effect."""
-        return sum(not p.linear and not p.listed for p in self.parameters)
+        return sum(not p.linear and p.numeric for p in self.parameters)
 
     @property
     def listed(self) -> bool:

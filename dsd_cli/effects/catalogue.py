@@ -1,7 +1,8 @@
 """Finds the effects: every module of this folder that defines `EFFECT`, and those that were registered.
 
 A model may have several of an effect that repeats (`Effect.repeats`): `cogging`, `cogging_2`, `cogging_3`, ... Each is
-looked up by the id before its number, and is the same law under a name of its own.
+looked up by the id before its number, and is the same law under a name of its own. The laws of any form (`general`)
+are known by name alone: no search tries them.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ from pathlib import Path
 from types import MappingProxyType
 
 from dsd_cli.effects.base import Effect
+from dsd_cli.effects.general import GENERAL
 from dsd_cli.errors import UsageError
 
-_NOT_EFFECTS = {"base", "catalogue", "memory", "_memory", "user"}
+_NOT_EFFECTS = {"base", "catalogue", "general", "memory", "_memory", "tables", "user"}
 
 #: Effects of the user, by id: the one registry, written only by `register` and `unregister`.
 _REGISTERED: dict[str, Effect] = {}
@@ -41,6 +43,11 @@ def catalogue() -> MappingProxyType[str, Effect]:
     return MappingProxyType({**_own(), **_REGISTERED})
 
 
+def named_effects() -> MappingProxyType[str, Effect]:
+    """All that a config may name: the catalogue, then the laws of any form."""
+    return MappingProxyType({**catalogue(), **GENERAL})
+
+
 def register(effects: Iterable[Effect]) -> None:
     """From now on this process knows these effects too; the command line calls it once, before it reads a config.
 
@@ -49,7 +56,7 @@ def register(effects: Iterable[Effect]) -> None:
     UsageError : an id that is taken.
     """
     for effect in effects:
-        if effect.id in catalogue():
+        if effect.id in catalogue() or effect.id in GENERAL:
             raise UsageError(f"effect '{effect.id}' is there already", "give it another id")
         _REGISTERED[effect.id] = effect
     _numbered.cache_clear()
@@ -64,14 +71,14 @@ def unregister(ids: Iterable[str]) -> None:
 
 def find_effect(name: str) -> Effect | None:
     """The effect of that name, or of that kind where the name has a number; None if there is none."""
-    return _own().get(name) or _REGISTERED.get(name) or _numbered(name)
+    return _own().get(name) or _REGISTERED.get(name) or GENERAL.get(name) or _numbered(name)
 
 
 @cache
 def _numbered(name: str) -> Effect | None:
     """The effect that repeats under a name with a number."""
     found = _NUMBERED.fullmatch(name)
-    kind = found and (_own().get(found["kind"]) or _REGISTERED.get(found["kind"]))
+    kind = found and (_own().get(found["kind"]) or _REGISTERED.get(found["kind"]) or GENERAL.get(found["kind"]))
     return replace(kind, id=name) if kind and kind.repeats is not None else None
 
 

@@ -121,7 +121,7 @@ def _try_out(effect: Effect, path: Path) -> None:
     UsageError : says what came back instead, or what went wrong.
     """
     where = f"{path}: effect '{effect.id}'"
-    values: dict[str, Any] = {p.name: [] if p.listed else _inside(p.lower, p.upper) for p in effect.parameters}
+    values: dict[str, Any] = {p.name: [] if not p.numeric else _inside(p.lower, p.upper) for p in effect.parameters}
     rows = np.linspace(-1.0, 1.0, _ROWS)
     channels = Channels(1e-3 * np.arange(_ROWS), rows, rows[::-1].copy(), 0.5 * rows, np.full(_ROWS, 1e-3))
     instant = Channels(*(float(channel[1]) for channel in channels))

@@ -79,8 +79,9 @@ class PlantModel:
     def needs(self) -> dict[str, str]:
         """Channel that must be in the log -> the first effect that asks for it."""
         found: dict[str, str] = {}
-        for name in self.effects:
-            for channel in get_effect(name).needs:
+        for name, values in self.effects.items():
+            effect = get_effect(name)
+            for channel in effect.needs if effect.needs_of is None else effect.needs_of(values):
                 found.setdefault(channel, name)
         return found
 
@@ -107,9 +108,12 @@ def _checked_values(effect: Effect, values: Mapping[str, Any]) -> Mapping[str, A
     for name, parameter in known.items():
         if name not in values:
             raise UsageError(f"effect {effect.id} lacks {name}", parameter.meaning)
-        if not parameter.listed:
+        if parameter.numeric:
             _check(f"{effect.id}.{name}", values[name], lower=parameter.lower, upper=parameter.upper)
-    return MappingProxyType({name: values[name] if p.listed else float(values[name]) for name, p in known.items()})
+    checked = {name: float(values[name]) if p.numeric else values[name] for name, p in known.items()}
+    if any(p.data for p in known.values()):
+        effect.to_columns(checked)  # says what is wrong with a table
+    return MappingProxyType(checked)
 
 
 def _check(

@@ -7,7 +7,7 @@ import pytest
 
 from dsd_cli.cli.effects import markdown
 from dsd_cli.cli.lazy import COMMANDS, load_command
-from dsd_cli.effects import catalogue
+from dsd_cli.effects import named_effects
 
 ROOT = Path(__file__).parents[2]
 
@@ -45,4 +45,4 @@ def test_config_page_has_no_key_that_is_gone() -> None:
 
 def test_effects_page_is_current() -> None:
     page = (ROOT / "docs/effects.md").read_text(encoding="utf-8")
-    assert page == markdown(list(catalogue().values())), "run: dsd effects --format markdown > docs/effects.md"
+    assert page == markdown(list(named_effects().values())), "run: dsd effects --format markdown > docs/effects.md"

@@ -50,9 +50,21 @@ def _read_effect(name: str, parameters: Any, at: Place, axes: bool) -> Mapping[s
                 raise here.child(parameter).wrong(value, "left out: a list of tables cannot be an axis of the grid")
             values[parameter] = _read_pulses(value, here.child(parameter))
             continue
+        if spec.data:
+            if axes:
+                raise here.child(parameter).wrong(value, "left out: a table cannot be an axis of the grid")
+            values[parameter] = _read_data(value, here.child(parameter))
+            continue
         rule = number(lower=float(spec.lower), upper=float(spec.upper))
         values[parameter] = (axis(rule) if axes else rule).read(value, here.child(parameter))
     return MappingProxyType(values)
+
+
+def _read_data(value: Any, at: Place) -> Any:
+    """A word, or numbers in a list or in lists; what it must be the effect says."""
+    if isinstance(value, list | tuple):
+        return tuple(_read_data(one, at.item(i)) for i, one in enumerate(value))
+    return value if isinstance(value, str) else number().read(value, at)
 
 
 def _read_pulses(value: Any, at: Place) -> tuple[Mapping[str, float], ...]:

@@ -70,8 +70,8 @@ def limits_of(name: str, at: Place) -> tuple[float, float]:
         raise UsageError(f"{at.subject}: {effect} is an effect, not a value", f"write {names}")
     if parameter not in specs:
         raise UsageError(f"{at.subject}: {effect} has no '{parameter}'", f"it has {', '.join(specs)}")
-    if specs[parameter].listed:
-        raise UsageError(f"{at.subject}: {name} is a list", "it cannot be held or bounded")
+    if not specs[parameter].numeric:
+        raise UsageError(f"{at.subject}: {name} is a list or a word", "it cannot be held or bounded")
     return float(specs[parameter].lower), float(specs[parameter].upper)
 
 

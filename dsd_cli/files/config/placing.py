@@ -134,7 +134,8 @@ def _effect_blocks(missing: Mapping[Path, str], end: str, units: Units) -> str:
         for p in get_effect(effect_id).parameters:
             raw = missing.get(("model", "effects", effect_id, p.name))
             if raw is not None:
-                lines += [f"# {p.meaning} [{units.words(p.unit)}]", f"{p.name} = {raw}"]
+                unit = f" [{units.words(p.unit)}]" if p.unit else ""
+                lines += [f"# {p.meaning}{unit}", f"{p.name} = {raw}"]
     return "".join(line + end for line in lines)
 
 

@@ -99,7 +99,7 @@ def _values(model: PlantModel) -> Iterator[_Value]:
     for effect, parameters in model.effects.items():
         known = {p.name: p for p in get_effect(effect).parameters}
         for name, value in parameters.items():
-            if not known[name].listed:
+            if known[name].numeric:
                 yield _Value(f"{effect}.{name}", float(value), known[name].unit)
 
 

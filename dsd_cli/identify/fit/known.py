@@ -74,7 +74,7 @@ class Known:
             if get_effect(name).listed:
                 events[name] = values
             else:
-                numbers |= {f"{name}.{p}": float(v) for p, v in values.items()}
+                numbers |= {f"{name}.{p}": v for p, v in values.items() if isinstance(v, float)}
         rest = {name: found for name, found in self.priors.items() if name not in numbers}
         limits = {name: found for name, found in self.bounds.items() if name not in numbers}
         return replace(self, fixed={**numbers, **self.fixed}, events=events, priors=rest, bounds=limits)

@@ -73,7 +73,7 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     sure = counted & sure_rows(fit.terms, equations, POLICY.unsure_share)
     sure &= uncertain(equations) <= _harmless(fit, solver.bank, sure)
     unsure = counted & ~sure
-    least = POLICY.rows_per_value * (len(fit.total) + sum(len(t.items) for t in fit.terms))
+    least = POLICY.rows_per_value * (len(fit.total) + sum(t.effect.searched for t in fit.terms))
     if sure.sum() < least or not unsure.any():
         return Weighed(solver, fit, _residual(fit, solver.bank), float(counted.sum()))
     for _ in range(_ROUNDS):

@@ -82,7 +82,7 @@ def _bounded(effect: Any, values: Mapping[str, Any]) -> dict[str, Any]:
     """Values within the bounds of their parameters."""
     bounds = {p.name: p for p in effect.parameters}
     return {
-        name: value if bounds[name].listed else float(np.clip(value, bounds[name].lower, bounds[name].upper))
+        name: float(np.clip(value, bounds[name].lower, bounds[name].upper)) if bounds[name].numeric else value
         for name, value in values.items()
     }
 

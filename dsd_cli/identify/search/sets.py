@@ -270,7 +270,7 @@ class Search:
         """With the shapes of all effects searched around where they are."""
         terms, tap = fit.terms, fit.tap
         for i, term in enumerate(terms):
-            if term.items and not term.effect.listed:
+            if term.effect.searched:
                 terms, tap = refined(self, terms, i, tap)
         if terms == fit.terms:
             return fit

@@ -1,0 +1,224 @@
+"""Laws of any form, which `dsd learn` writes: a table over channels, and hysteresis as a sum of stops.
+
+They are no candidates of a search, for they explain anything; a model has them by their name, further ones as
+`curve_2`, `curve_3`, ... What a fit finds anew is their scale, 1 as learnt.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, Values
+from dsd_cli.effects.tables import table_of, values_of
+from dsd_cli.errors import UsageError
+from dsd_cli.signals.log import Array
+
+_CHANNELS = Parameter("channels", "", "one or two of velocity, speed, position, u, time", data=True, linear=False)
+_KNOTS = Parameter("knots", "", "a list of increasing numbers for each channel, in its unit", data=True, linear=False)
+_VALUES = Parameter("values", "{u}", "the law at the knots; with two channels a row per knot of the first",
+                    data=True, linear=False)  # fmt: skip
+_FACTOR = Parameter("factor", "", "what the table is multiplied by: one, velocity or u", data=True, linear=False)
+_SCALE = Parameter("scale", "", "what a fit multiplies it by; 1 as learnt")
+
+
+def _split(effect: str) -> Callable[[Values, float], tuple[tuple[float, ...], Shape]]:
+    def split(values: Values, _: float) -> tuple[tuple[float, ...], Shape]:
+        return (float(values.get("scale", 1.0)),), {"table": table_of(values, effect)}
+
+    return split
+
+
+def _join(coefficients: tuple[float, ...], shape: Shape, _: float) -> Values:
+    return values_of(shape["table"], coefficients[0])
+
+
+def _needs(values: Values) -> tuple[str, ...]:
+    over = (*values["channels"], values.get("factor", "one"))
+    return tuple(name for name in ("velocity", "position") if name in over or (name == "velocity" and "speed" in over))
+
+
+def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
+    return (shape["table"](channels),)
+
+
+def _never(_: Ranges) -> bool:
+    return False
+
+
+def _tabled(name: str, role: Role, law: str, summary: str, needs: tuple[str, ...], **others: Any) -> Effect:
+    found = {
+        "columns": _columns,
+        "parameters": (_CHANNELS, _KNOTS, _VALUES, _FACTOR, _SCALE),
+        "needs_of": _needs,
+        **others,
+    }
+    return Effect(
+        id=name,
+        role=role,
+        law=law,
+        summary=summary,
+        pattern="the residual is a function of these channels that no other effect has",
+        needs=needs,
+        starts=lambda _: [],
+        split=_split(name),
+        join=_join,
+        repeats=_never,
+        rarity=9,
+        **found,
+    )
+
+
+CURVE = _tabled(
+    "curve",
+    Role.APPLIED,
+    "f(channels), a table; times v or u",
+    "A force that a table gives over one channel or two, as `dsd learn` finds it; beyond the knots it is held.",
+    ("velocity", "u"),
+)
+
+FRICTION_CURVE = _tabled(
+    "friction_curve",
+    Role.FRICTION,
+    "-f(channels) sgn v, a table; sticking at rest",
+    "Dry friction whose level a table gives over velocity, position, u or time, as `dsd learn` finds it.",
+    ("velocity", "u"),
+)
+
+
+class Moved(NamedTuple):
+    """Speed and length of the last interval, and the acceleration that it had."""
+
+    velocity: float
+    interval: float
+    acceleration: float
+
+
+def _inertia_columns(channels: Channels, shape: Shape, state: Moved | None) -> tuple[tuple[Any, ...], Moved]:
+    """-(D(q) a + D'(q) v^2 / 2), with a from the speeds of this interval and of that before.
+
+    An interval of 0 is this instant: the acceleration is the last one, and nothing moves.
+    """
+    table, q, v, interval = shape["table"], channels.position, channels.velocity, channels.interval
+    before = state or Moved(float(np.ravel(v)[0]) if np.size(v) else 0.0, 0.0, 0.0)
+    if np.ndim(v) == 0:
+        between = 0.5 * (interval + before.interval)
+        a = (v - before.velocity) / between if interval > 0.0 and between > 0.0 else before.acceleration
+        last = Moved(float(v), float(interval), float(a)) if interval > 0.0 else before
+    else:
+        intervals = np.broadcast_to(interval, np.shape(v))
+        between = 0.5 * (intervals + np.concatenate([[before.interval], intervals[:-1]]))
+        change = np.diff(v, prepend=before.velocity)
+        a = np.where(between > 0.0, change / np.where(between > 0.0, between, 1.0), before.acceleration)
+        last = Moved(float(v[-1]), float(intervals[-1]), float(a[-1])) if len(v) else before
+    return (-(table(channels) * a + 0.5 * table.slope(q) * v * v),), last
+
+
+INERTIA_CURVE = _tabled(
+    "inertia_curve",
+    Role.APPLIED,
+    "-(D(q) a + D'(q) v^2/2), D a table",
+    "An inertia that changes over the position by what a table gives, as `dsd learn` finds it.",
+    ("velocity", "position"),
+    columns=_inertia_columns,
+    memory=True,
+    parameters=(
+        _CHANNELS,
+        _KNOTS,
+        Parameter("values", "{u}/({v}/s)", "what the inertia has more there", data=True, linear=False),
+        _FACTOR,
+        _SCALE,
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Stops:
+    """Springs that slip (Maxwell slip, Prandtl-Ishlinskii): each holds up to its radius, then it is dragged along.
+
+    radii : rad or m, above 0. stiffnesses : unit of u per rad or m.
+    """
+
+    radii: tuple[float, ...]
+    stiffnesses: tuple[float, ...]
+
+    def unit(self, i: int) -> Stops:
+        """The same with stiffness 1 / radius of stop i alone: it holds up to 1."""
+        stiffnesses = [0.0] * len(self.radii)
+        stiffnesses[i] = 1.0 / self.radii[i]
+        return Stops(self.radii, tuple(stiffnesses))
+
+
+def stretches(moved: Array, radius: float, before: float) -> Array:
+    """z_k = clip(z_(k-1) + moved_k, -radius, radius), shape (n,): how far a spring that slips is stretched."""
+    out = np.empty(len(moved))
+    z = before
+    for k, step in enumerate(moved.tolist()):
+        z += step
+        z = radius if z > radius else -radius if z < -radius else z
+        out[k] = z
+    return out
+
+
+def _slip_columns(
+    channels: Channels, shape: Shape, state: tuple[float, ...] | None
+) -> tuple[tuple[Any, ...], tuple[float, ...]]:
+    """Minus the mean force of the springs over the interval; state: how far each is stretched at its end."""
+    stops, moved = shape["stops"], channels.velocity * channels.interval
+    before = state or (0.0,) * len(stops.radii)
+    total, last = 0.0 * moved, []
+    for radius, stiffness, z in zip(stops.radii, stops.stiffnesses, before, strict=True):
+        if stiffness == 0.0:
+            last.append(z)
+        elif np.ndim(moved) == 0:
+            last.append(min(max(z + moved, -radius), radius))
+            total = total - 0.5 * stiffness * (z + last[-1])
+        else:
+            ends = stretches(moved, radius, z)
+            total = total - 0.5 * stiffness * (np.concatenate([[z], ends[:-1]]) + ends)
+            last.append(float(ends[-1]) if len(ends) else z)
+    return (total,), tuple(map(float, last))
+
+
+def _stops_of(values: Mapping[str, Any], _: float) -> tuple[tuple[float, ...], Shape]:
+    rows = {name: tuple(float(x) for x in values[name]) for name in ("radii", "stiffnesses")}
+    radii, stiffnesses = rows["radii"], rows["stiffnesses"]
+    if not radii or min(radii) <= 0.0 or not all(map(math.isfinite, (*radii, *stiffnesses))):
+        raise UsageError("hysteresis.radii", "must be numbers above 0, rad or m")
+    if len(radii) != len(stiffnesses):
+        raise UsageError("hysteresis.stiffnesses", f"must be {len(radii)} numbers, one for each radius")
+    return (float(values.get("scale", 1.0)),), {"stops": Stops(radii, stiffnesses)}
+
+
+def _stop_values(coefficients: tuple[float, ...], shape: Shape, _: float) -> Values:
+    stops = shape["stops"]
+    return {"radii": stops.radii, "stiffnesses": stops.stiffnesses, "scale": coefficients[0]}
+
+
+HYSTERESIS = Effect(
+    id="hysteresis",
+    role=Role.APPLIED,
+    law="-sum k_i z_i, z_i' = v while |z_i| < r_i",
+    summary="Hysteresis over the position: springs that slip, as `dsd learn` finds them (Maxwell slip).",
+    pattern="the residual over position runs in loops, which do not depend on how fast the axis moves",
+    parameters=(
+        Parameter("radii", "{q}", "the way after which each spring slips", data=True, linear=False),
+        Parameter("stiffnesses", "{u}/({q})", "of each spring", data=True, linear=False),
+        _SCALE,
+    ),
+    needs=("velocity",),
+    columns=_slip_columns,
+    starts=lambda _: [],
+    split=_stops_of,
+    join=_stop_values,
+    memory=True,
+    repeats=_never,
+    rarity=9,
+)
+
+#: All of them.
+GENERAL = {effect.id: effect for effect in (CURVE, FRICTION_CURVE, INERTIA_CURVE, HYSTERESIS)}

@@ -1,0 +1,174 @@
+"""Laws of any form: tables over channels and springs that slip, against laws written down a second time."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.interpolate import RegularGridInterpolator
+
+from dsd_cli.effects import Channels, Role, find_effect, get_effect
+from dsd_cli.errors import UsageError
+from dsd_cli.plant.beyond import held_beyond
+from dsd_cli.plant.model import PlantModel
+from dsd_cli.plant.motion import Plant
+from dsd_cli.signals.log import Log
+from tests.cli.rig import AXIS, done, dsd
+
+OVER_Q = {"channels": ["position"], "knots": [[-1.0, 0.0, 1.0]], "values": [1.0, 3.0, 2.0], "factor": "one"}
+LAWS = {
+    "curve": {**OVER_Q, "scale": 2.0},
+    "friction_curve": {**OVER_Q, "channels": ["speed"], "scale": 0.5},
+    "inertia_curve": {**OVER_Q, "scale": 1.0},
+    "hysteresis": {"radii": [0.05, 0.3], "stiffnesses": [2.0, 1.0], "scale": 1.0},
+}
+N = 60
+
+
+def channels():
+    rng = np.random.default_rng(3)
+    t = 1e-3 * np.arange(N)
+    q = 1.4 * np.sin(np.linspace(0.0, 7.0, N))
+    return Channels(t, rng.standard_normal(N), np.gradient(q, 1e-3), q, np.full(N, 1e-3))
+
+
+def force(name, given, state=None):
+    return get_effect(name).force(given, LAWS[name], 1.0, state)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_row_by_row_cut_and_whole_are_one_function(name):
+    given, state = channels(), None
+    whole, last = force(name, given)
+    assert np.shape(whole) == (N,)
+    for k in range(N):
+        single, state = force(name, Channels(*(float(c[k]) for c in given)), state)
+        assert np.ndim(single) == 0
+        assert float(single) == pytest.approx(whole[k], rel=1e-11, abs=1e-11)
+    for cut in (0, 1, 23, N):
+        first, middle = force(name, Channels(*(c[:cut] for c in given)))
+        second, end = force(name, Channels(*(c[cut:] for c in given)), middle if cut else None)
+        np.testing.assert_array_equal(np.concatenate([np.broadcast_to(first, cut), second]), whole)
+        assert end == last
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_values_come_back_and_further_ones_have_a_number(name):
+    effect = get_effect(name)
+    back = effect.from_columns(*effect.to_columns(LAWS[name]))
+    again = effect.from_columns(*effect.to_columns(back))
+    assert again == back
+    assert list(back) == [p.name for p in effect.parameters]
+    assert back["scale"] == LAWS[name]["scale"]
+    assert get_effect(f"{name}_2").columns is effect.columns
+    assert effect.searched == 0
+
+
+def test_a_table_over_two_channels_is_bilinear_and_held():
+    knots, values = [[-1.0, 0.0, 2.0], [0.0, 1.0]], [[1.0, 2.0], [0.0, 5.0], [3.0, -1.0]]
+    given = {"channels": ["velocity", "position"], "knots": knots, "values": values, "factor": "u", "scale": 1.0}
+    rng = np.random.default_rng(0)
+    at = Channels(np.zeros(200), rng.standard_normal(200), *rng.uniform(-3.0, 3.0, (2, 200)))
+    held = np.stack([np.clip(at.velocity, -1.0, 2.0), np.clip(at.position, 0.0, 1.0)], axis=1)
+    wanted = RegularGridInterpolator(knots, np.array(values))(held) * at.u
+    np.testing.assert_allclose(get_effect("curve").force(at, given)[0], wanted, atol=1e-12)
+
+
+def test_a_spring_that_slips_is_a_loop_with_the_area_that_friction_takes():
+    """Round a cycle of amplitude A a stop of radius r and stiffness k takes 4 k r (A - r)."""
+    way = np.concatenate([np.linspace(0, 1, 4001), np.linspace(1, -1, 8001)[1:], np.linspace(-1, 0, 4001)[1:]])
+    way = np.concatenate([way, way[1:]])
+    moved = np.diff(way)
+    at = Channels(*np.zeros((2, len(moved))), moved, way[1:], np.ones(len(moved)))
+    one = {"radii": [0.3], "stiffnesses": [5.0], "scale": 1.0}
+    found, _ = get_effect("hysteresis").force(at, one)
+    cycle = slice(len(moved) // 2, None)
+    assert -float(found[cycle] @ moved[cycle]) == pytest.approx(4 * 5.0 * 0.3 * (1.0 - 0.3), rel=1e-6)
+
+
+def test_an_inertia_that_changes_over_the_position_keeps_its_energy():
+    """(J + D(q)) v^2 / 2 stays while nothing pushes."""
+    table = {"channels": ["position"], "knots": [[0.0, 1.0, 2.0]], "values": [0.0, 0.4, 0.0], "factor": "one"}
+    plant = Plant(PlantModel(1.0, 0.0, {"inertia_curve": {**table, "scale": 1.0}}), 0.0, 1.0)
+    for k in range(3000):
+        plant.advance(1e-3 * k, 0.0, 1e-3)
+        more = float(np.interp(plant.position, [0.0, 1.0, 2.0], [0.0, 0.4, 0.0]))
+        assert 0.5 * (1.0 + more) * plant.velocity**2 == pytest.approx(0.5, rel=2e-3)
+    assert plant.position > 2.0
+
+
+def test_friction_of_a_table_sticks():
+    level = {**OVER_Q, "values": [0.2, 0.6, 0.2], "scale": 1.0}
+    assert get_effect("friction_curve").role is Role.FRICTION
+    plant = Plant(PlantModel(1.0, 0.0, {"friction_curve": level}), 0.0, 0.0)
+    plant.advance(0.0, 0.59, 1.0)
+    assert plant.position == plant.velocity == 0.0
+    plant.advance(0.0, 0.61, 1.0)
+    assert plant.position > 0.0
+
+
+@pytest.mark.parametrize(
+    ("effect", "change", "said"),
+    [
+        ("curve", {"channels": ["speedo"]}, "must be one or two of velocity"),
+        ("curve", {"knots": [[0.0, 0.0, 1.0]]}, "must increase"),
+        ("curve", {"values": [1.0, 2.0]}, "must be 3 numbers"),
+        ("curve", {"values": [1.0, math.nan, 2.0]}, "must be finite numbers"),
+        ("curve", {"knots": [1.0, 2.0, 3.0]}, "a list of numbers for each channel"),
+        ("curve", {"channels": ["velocity", "position"]}, "for each channel"),
+        ("curve", {"factor": "w"}, "must be one of one"),
+        ("hysteresis", {"radii": [0.0, 1.0]}, "above 0"),
+        ("hysteresis", {"stiffnesses": [1.0]}, "must be 2 numbers"),
+    ],
+)
+def test_what_is_no_table_is_refused(effect, change, said):
+    with pytest.raises(UsageError, match=said):
+        PlantModel(1.0, 0.0, {effect: {**LAWS[effect], **change}})
+
+
+def test_beyond_its_knots_a_law_is_held_and_that_is_said():
+    log = Log({"t": np.arange(4.0), "position": np.array([0.0, 0.5, 2.0, 3.0])}, 1.0, "log")
+    model = PlantModel(1.0, 0.0, {"curve": LAWS["curve"]})
+    (line,) = held_beyond(model, [log])
+    assert "curve is known for position from -1 to 1; 50.0 %" in line
+    assert held_beyond(model, [Log({"t": np.arange(2.0), "position": np.zeros(2)}, 1.0, "log")]) == []
+    assert find_effect("curve_2") is not None
+
+
+CONFIG = """
+[model.effects.friction_curve]
+channels = ["position"]
+knots = [[-0.5, 0.0, 0.5]]
+values = [0.02, 0.06, 0.02]
+factor = "one"
+scale = 1.0
+
+[simulate]
+duration = 5.0
+sample_time = 0.001
+encoder_step = 1e-6
+
+[simulate.controller]
+kind = "pd"
+kp = 4.0
+kd = 0.3
+
+[simulate.reference]
+kind = "multisine"
+frequencies = [0.4, 1.3]
+amplitude = 0.8
+seed = 2
+"""
+
+
+def test_the_commands_take_it_like_any_effect(tmp_path):
+    (tmp_path / "axis.toml").write_text(AXIS + CONFIG)
+    simulated = done("simulate", "-c", "axis.toml", "-o", "log.csv", cwd=tmp_path)
+    assert "friction_curve is known for position from -0.5 to 0.5" in simulated.stderr
+    compared = done("compare", "log.csv", "-c", "axis.toml", cwd=tmp_path)
+    assert "where its ends are held" in compared.stderr
+    refused = dsd("compare", "log.csv", "-c", "axis.toml", "--fix", "friction_curve.knots=1", cwd=tmp_path)
+    assert (refused.returncode, "is a list or a word" in refused.stderr) == (2, True)
+    (tmp_path / "bad.toml").write_text(AXIS + CONFIG.replace("[0.02, 0.06, 0.02]", "[0.02, 0.06]"))
+    bad = dsd("compare", "log.csv", "-c", "bad.toml", cwd=tmp_path)
+    assert (bad.returncode, len(bad.stderr.splitlines())) == (2, 1)
+    assert "friction_curve.values: must be 3 numbers" in bad.stderr
