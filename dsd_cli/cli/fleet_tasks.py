@@ -63,7 +63,7 @@ def run_task(task: Task) -> Row:
     row = _head(task)
     try:
         with _on_disk(task.path) as path:
-            row["date"] = row["date"] or _recorded(path)
+            row["date"] = row["date"] or recorded_date(path)
             found = _COMMANDS[task.command](path, _settings(task.config, task.effects_from))
         return row | {"status": DONE, "reason": "", **found, "key": task.key}
     except DsdError as error:
@@ -136,7 +136,7 @@ def _on_disk(path: str) -> Iterator[str]:
             raise
 
 
-def _recorded(path: str) -> str:
+def recorded_date(path: str) -> str:
     """When a file of another tool says that it was recorded."""
     from dsd_cli.files.formats.base import RECORDED
     from dsd_cli.files.formats.known import HEAD_BYTES, format_of, is_bag, open_container

@@ -25,6 +25,7 @@ COMMANDS = {
     "improve": ("improve", "improve", "Diagnose and add, step by step, until nothing is left to add."),
     "report": ("report", "report", "Write one HTML page that tells what a log says."),
     "fleet": ("fleet", "app", "Run detect, compare or diagnose over many logs; one table."),
+    "passport": ("passport", "passport", "Sign the values of an axis: within limits, or what changed since when."),
     "schema": ("schema", "schema", "Print the JSON schema of a command's result."),
     "effects": ("effects", "effects", "Show the catalogue of physical effects."),
 }

@@ -84,7 +84,7 @@ def tell(
         command=shlex.join(["dsd", *sys.argv[1:]]),
         made=now(),
         units=config.signals.units,
-        files=tuple(_source(path) for path in (*logs, *holdout, origin.path, *others)),
+        files=tuple(source_file(path) for path in (*logs, *holdout, origin.path, *others)),
         versions=_versions(),
         warnings=(*(given.value.warnings if given.value else ()), *teller.warnings),
     )
@@ -213,7 +213,7 @@ class _Kept(Destination):
         return nullcontext(self.rows.append)
 
 
-def _source(path: str | Path) -> SourceFile:
+def source_file(path: str | Path) -> SourceFile:
     if Path(path).is_dir():  # some logs are folders
         return SourceFile(str(path), sum(file.stat().st_size for file in Path(path).rglob("*") if file.is_file()), "")
     with open(path, "rb") as stream:

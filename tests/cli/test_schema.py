@@ -11,7 +11,7 @@ from dsd_cli.cli.lazy import COMMANDS, load_command
 from tests.cli.rig import done, dsd
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
-NAMES = ["add", "check", "compare", "detect", "diagnose", "effects", "fleet", "improve", "tune"]
+NAMES = ["add", "check", "compare", "detect", "diagnose", "effects", "fleet", "improve", "passport", "tune"]
 FRICTION, BARE, SINE = (f"{SAMPLES}/{name}" for name in ("servo-friction.csv", "servo-bare.toml", "paper-sine"))
 
 
@@ -93,11 +93,13 @@ def test_it_is_a_schema_whose_keys_say_what_they_are(name):
         ("improve", "improve -c best.toml --history"),
         ("improve", "improve -c best.toml --undo -o undone.toml"),
         ("effects", "effects"),
+        ("passport", f"passport {SAMPLES}/servo-friction.toml {FRICTION} --to 2 --limits limits.toml"),
     ],
 )
 def test_what_a_command_writes_holds(tmp_path_factory, name, command):
     folder = tmp_path_factory.getbasetemp() / "schemas"
     folder.mkdir(exist_ok=True)
+    (folder / "limits.toml").write_text('[limits]\ninertia = "within 20 %"\nrmse = "max 1"\n')
     ran = done(*command.split(), "--format", "json", cwd=folder, timeout=900)
     holds(name, ran.stdout)
     result = json.loads(ran.stdout)

@@ -1,6 +1,6 @@
 """`dsd.toml`: `load_config(path)` reads and checks it, the sections are frozen dataclasses."""
 
-from dsd_cli.files.config.config import Config, load_config, parse_config, read_config
+from dsd_cli.files.config.config import Config, config_text, load_config, parse_config, parse_tables, read_config
 from dsd_cli.files.config.fitting import Fit
 from dsd_cli.files.config.history import History
 from dsd_cli.files.config.sections import Detector, Initial, Model, Observer, States, Stay, TransitionFile
@@ -38,7 +38,9 @@ __all__ = [
     "Step",
     "TransitionFile",
     "Trapezoid",
+    "config_text",
     "load_config",
     "parse_config",
+    "parse_tables",
     "read_config",
 ]

@@ -201,15 +201,24 @@ def parse_config(text: str, name: str = "dsd.toml", folder: Path = Path()) -> Co
     ------
     UsageError : not TOML (with line and column), or not a valid config.
     """
+    return read_config(parse_tables(text, name), name, folder)
+
+
+def parse_tables(text: str, name: str) -> dict[str, Any]:
+    """TOML text to nested tables.
+
+    Raises
+    ------
+    UsageError : not TOML (with line and column).
+    """
     try:
-        written = tomllib.loads(text)
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         place = re.fullmatch(r"(.*) \(at (line \d+, column \d+|end of document)\)", str(error), re.DOTALL)
         reason, where = place.groups() if place else (str(error), "somewhere")
         raise UsageError(f"{name}: {where}: not valid TOML", " ".join(reason.split())) from error
     except RecursionError:
         raise UsageError(f"{name}: nested too deeply", "a config has at most five levels") from None
-    return read_config(written, name, folder)
 
 
 def load_config(path: str | Path, values: Iterable[str] = (), effects: Iterable[str] = ()) -> Config:
@@ -220,12 +229,22 @@ def load_config(path: str | Path, values: Iterable[str] = (), effects: Iterable[
     UsageError : no such file, not TOML, or not a valid config.
     """
     path = Path(path)
+    text = config_text(path, "config file", "`dsd init` writes one, -c FILE names another")
+    return parse_config(text, str(path), path.parent).override(values, effects)
+
+
+def config_text(path: Path, what: str, hint: str = "") -> str:
+    """The text of a file that a user wrote; `what` it is called and the `hint` are for messages.
+
+    Raises
+    ------
+    UsageError : no such file, or it cannot be read as text.
+    """
     try:
-        text = read_text(path)
+        return read_text(path)
     except FileNotFoundError as error:
-        raise UsageError(f"{path}: no such config file", "`dsd init` writes one, -c FILE names another") from error
+        raise UsageError(f"{path}: no such {what}", hint) from error
     except OSError as error:
         raise UsageError(f"{path}: cannot be read", error.strerror or str(error)) from error
     except UnicodeDecodeError as error:
         raise UsageError(f"{path}: byte {error.start} is not UTF-8", "save the file as UTF-8") from error
-    return parse_config(text, str(path), path.parent).override(values, effects)

@@ -28,7 +28,7 @@ _OWN = {"inertia": (0.0, math.inf), "delay": (0.0, LONGEST)}
 _ALSO_CALLED = {"mass": "inertia", "m": "inertia", "j": "inertia", "l": "delay", "latency": "delay"}
 
 
-def _named(meaning: str, allowed: str, read: Callable[[Any, Place, str], Any]) -> Any:
+def named_values(meaning: str, allowed: str, read: Callable[[Any, Place, str], Any]) -> Any:
     """A table of values by name, nested ({ viscous_friction = { coefficient = 1 } }) or dotted."""
 
     def tables(value: Any, at: Place) -> Named:
@@ -142,11 +142,11 @@ def _range(name: str, low: float, high: float) -> str:
 class Fit(Section):
     """[fit]: what a fit may change. Names are inertia, delay or <effect>.<parameter>, of [model] or of a candidate."""
 
-    fix: Named = _named(
+    fix: Named = named_values(
         "values that no fit changes; true: as [model] has it", "a table of numbers (or true) by name", read_fixed
     )
-    bounds: Named = _named("smallest and largest value", "a table of lists such as [0, 5] by name", read_bounds)
-    prior: Named = _named(
+    bounds: Named = named_values("smallest and largest value", "a table of lists such as [0, 5] by name", read_bounds)
+    prior: Named = named_values(
         "what a data sheet says: one more equation", 'a table of texts such as "0.35+-0.02" by name', read_prior
     )
     hold: bool = key(flag(), "fit nothing that [model] has: a known machine", default=False)
