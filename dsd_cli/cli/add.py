@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
     from dsd_cli.identify.compare.evaluation import Force
     from dsd_cli.identify.results import Addition
-    from dsd_cli.report.ladder import AdditionReport
+    from dsd_cli.report.addition import AdditionReport
 
 OutputNeeded = Annotated[
     str, typer.Option("-o", "--output", metavar="FILE", help="Config to write, may be that of -c; - is stdout.")
@@ -70,7 +70,7 @@ def add(
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
     from dsd_cli.files.config.edit import read_origin
-    from dsd_cli.report.ladder import AdditionReport, add_json, added_step, print_addition
+    from dsd_cli.report.addition import AdditionReport, add_json, added_step, bias_warning, print_addition
 
     apart = holdout or []
     use_effects(effects_from)
@@ -87,7 +87,7 @@ def add(
     report = AdditionReport(added, (log,), tuple(apart), output, force)
     text = with_steps(origin.text, added.before, [added_step(added)], [log], added.units)
     put_config(output, text, origin)
-    warn(quiet, (*given.warnings, *added.warnings))
+    warn(quiet, (*given.warnings, *added.warnings, *bias_warning(report)))
     if form is Format.JSON:
         print_json(add_json(report))
     elif output != "-" or not quiet:

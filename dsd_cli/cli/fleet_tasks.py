@@ -225,14 +225,17 @@ def _diagnose(path: str, settings: Config) -> Row:
     given = load_given(settings, [path], [])
     result = diagnose(given.recordings, given.model, given.observer, given.engine_settings)
     winner = candidate(result, result.verdict)
-    values = {**result.estimates, **({} if winner is None else _named(winner.effect, winner.parameters))}
+    named = {} if winner is None or result.whole_values else _named(winner.effect, winner.parameters)
+    values = {**result.estimates, **named}
+    after = result.refitted.heldout_rmse if winner is None else winner.heldout_rmse_after
+    after = result.whole_heldout_rmse if result.whole_values else after
     row: Row = {
         "verdict": result.verdict,
         "probability": _finite(result.probability),
         "samples": result.samples,
         "force_rmse": _finite(result.score.rmse),
         "heldout_rmse": _finite(result.score.heldout_rmse),
-        "heldout_rmse_after": _finite(result.refitted.heldout_rmse if winner is None else winner.heldout_rmse_after),
+        "heldout_rmse_after": _finite(after),
         "band_hz": _finite(result.band_hz),
         "floor": _finite(result.floor),
         "found": " + ".join(result.found),

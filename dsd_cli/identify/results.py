@@ -132,7 +132,7 @@ class Diagnosis:
     probability : of the verdict.
     score : of the model as it stands; `refitted` with its own values fitted to the log.
     ranking : best first; untestable ones last.
-    estimates : inertia, delay and the values of the effects that the model has, fitted with the verdict's effect in.
+    estimates : inertia, delay and the values of all effects, fitted together with the whole set that was found.
     model : with the verdict's effect in it; refitted_model : without, its values fitted; refitted_values : these, with
         their correlations. given : the model as given, with what is fixed in it.
     advice : what to do next, one sentence each.
@@ -144,7 +144,8 @@ class Diagnosis:
     held_out : logs that no fit saw; the held-out errors are theirs.
     noise : rms of r that no smooth function of anything explains, unit of u.
     found : the whole set of effects that the search found; the verdict is the one of them that is worth most alone.
-    whole_model : with all of them; None where nothing was found. whole_values : its values, where they are several.
+    whole_model : with all of them; None where nothing was found. whole_values : its values, where they are several,
+        whole_heldout_rmse : and its held-out error there.
     correlations : of the estimates. stability : the verdict with half of the data, and with half and twice the band.
     band_hz, floor : end of the band in which forces were balanced, Hz; rms of r that the sensor alone leaves in it.
     levels : values that differ between the logs: every error but `score` is beside them.
@@ -177,12 +178,23 @@ class Diagnosis:
     refitted_correlations: Correlations = ()
     whole_model: PlantModel | None = None
     whole_values: Estimates = field(default_factory=dict)
+    whole_heldout_rmse: float = math.nan
     nearest: str = ""
     at_stops: bool = False
     blocked: str = ""
     stand_ins: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     levels: tuple[LogLevels, ...] = ()
     held_out: tuple[str, ...] = ()
+
+    def joint_values(self, effect: str) -> Estimates:
+        """Those of one effect by parameter name (of inertia and delay by their own); empty for one not in the set."""
+        return own_values(self.whole_values, effect) if effect in self.found else {}
+
+    def alone(self, candidate: Candidate) -> Estimates:
+        """The values of a candidate fitted without the others; where more than it is missing they have no standard
+        error, for the one that the fit gives ignores the bias which the others cause."""
+        more_missing = bool(self.whole_values) or self.verdict == UNKNOWN
+        return without_errors(candidate.parameters) if more_missing else candidate.parameters
 
 
 @dataclass(frozen=True)
@@ -237,6 +249,18 @@ class Ladder:
     correlations: Correlations = ()
     warnings: tuple[str, ...] = ()
     levels: tuple[LogLevels, ...] = ()
+
+
+def own_values(estimates: Estimates, effect: str) -> Estimates:
+    """The values of one effect, "inertia" or "delay", by parameter name."""
+    if effect in (INERTIA, DELAY):
+        return {name: one for name, one in estimates.items() if name == effect}
+    return {name.partition(".")[2]: one for name, one in estimates.items() if name.startswith(f"{effect}.")}
+
+
+def without_errors(estimates: Estimates) -> Estimates:
+    """Values whose standard errors hold for a model that lacks nothing, said of one that does."""
+    return {name: replace(one, std_error=math.nan, told="") for name, one in estimates.items()}
 
 
 def in_units(result: Any, units: Units) -> Any:

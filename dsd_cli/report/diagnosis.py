@@ -55,13 +55,13 @@ def to_json(report: DiagnosisReport) -> dict[str, Any]:
         "against_told": against_json(result),
         "verdict_text": verdict_line(result, report.given),
         "found": list(result.found),
-        **({"found_values": estimates_json(result.whole_values)} if result.whole_values else {}),
+        **_set_json(result),
         **levels_json(result.levels),
         "stability": [asdict(one) for one in result.stability],
         **score_json(result.score),
         **balance_json(result.band_hz, result.floor, result.units),
         "refitted": score_json(result.refitted),
-        "ranking": [_candidate_json(c, result.found) for c in result.ranking],
+        "ranking": [_candidate_json(c, result) for c in result.ranking],
         "ceiling": {"heldout_rmse": number_or_none(result.ceiling.heldout_rmse), "on": list(result.ceiling.on)},
         "noise": number_or_none(result.noise),
         "depends_on": list(result.depends_on),
@@ -95,15 +95,23 @@ def stability_line(result: Diagnosis) -> str:
     return "not sure: " + "; ".join(f"with {one.what} it is {one.verdict}" for one in other)
 
 
-def _candidate_json(one: Candidate, found: Sequence[str]) -> dict[str, Any]:
+def _set_json(result: Diagnosis) -> dict[str, Any]:
+    """The values and the error of several effects that were found, all fitted together."""
+    if not result.whole_values:
+        return {}
+    held_out = number_or_none(result.whole_heldout_rmse)
+    return {"found_values": estimates_json(result.whole_values), "found_heldout_rmse": held_out}
+
+
+def _candidate_json(one: Candidate, result: Diagnosis) -> dict[str, Any]:
     out: dict[str, Any] = {
         "effect": one.effect,
         "rmse_after": number_or_none(one.rmse_after),
         "heldout_rmse_before": number_or_none(one.heldout_rmse_before),
         "heldout_rmse_after": number_or_none(one.heldout_rmse_after),
         "probability": number_or_none(one.probability),
-        "in_final_set": one.effect in found,
-        "parameters": estimates_json(one.parameters),
+        "in_final_set": one.effect in result.found,
+        "parameters": estimates_json(result.alone(one)),
         "indistinguishable_from": list(one.indistinguishable_from),
     }
     if one.untestable:
@@ -152,13 +160,17 @@ def _print_ranking(console: Any, result: Diagnosis, most: int) -> None:
             notes.append(f"{how}, from {error(one.heldout_rmse_before)} as given{there}")
         notes += [f"not to be told from {other}" for other in one.indistinguishable_from]
         table.add_row(
-            named(one.effect, one.parameters, notes),
+            named(one.effect, result.alone(one), notes),
             error(one.heldout_rmse_after),
             fall_text(one.heldout_rmse_before, one.heldout_rmse_after),
             f"{'yes, ' * (one.effect in result.found)}{percent(one.probability)}",
         )
     console.print(table)
     console.print("  in the final set: probability that the effect belongs to what is missing, all found ones together")
+    if result.whole_values:
+        console.print(
+            "  values: of each effect alone, biased by the others that are missing, so without +-; below, all together"
+        )
     if len(tested) > most:
         console.print(f"  and {len(tested) - most} more candidates (--format json lists them)")
 
@@ -169,8 +181,10 @@ def _closing_lines(report: DiagnosisReport) -> list[str]:
     if len(result.found) > 1:
         lines.append(f"found together: {found_text(result)}")
     lines += [line for line in [stability_line(result)] if line]
-    if result.estimates:
-        fitted = (f"{name} {estimate_text(e)}" for name, e in result.estimates.items())
+    shown_above = tuple(f"{effect}." for effect in result.found) if result.whole_values else ()
+    along = {k: e for k, e in result.estimates.items() if not k.startswith(shown_above)} if result.estimates else {}
+    if along:
+        fitted = (f"{name} {estimate_text(e)}" for name, e in along.items())
         lines.append("fitted along: " + ", ".join(fitted))
     lines += correlation_lines(result.correlations)
     on = f" of {listed(result.ceiling.on)}" if result.ceiling.on else ""
@@ -193,7 +207,7 @@ def found_text(result: Diagnosis) -> str:
     """`cogging (amplitude 0.11 +- 0.01 u, ...) and ...`: the set that was found, with its values fitted together."""
     names = []
     for effect in result.found:
-        own = {k.partition(".")[2]: e for k, e in result.whole_values.items() if k.startswith(f"{effect}.")}
+        own = result.joint_values(effect)
         names.append(f"{effect} ({values_text(own)})" if own else effect)
     return listed(names)
 

@@ -27,11 +27,14 @@ def print_history(config: str, steps: Sequence[Mapping[str, Any]], file: Any) ->
         return
     table = plain_table(f"{config}: steps, newest last", "step", "date", "held-out error")
     for step in steps:
+        newest = step is steps[-1]  # of an older one the standard errors hold only if nothing else had been missing
         before, after = (_given(step.get(f"heldout_rmse_{when}")) for when in ("before", "after"))
         gone = " taken back" if step.get("taken_back") else ""
         table.add_row(
             named(
-                str(step["effect"]) + gone, {} if gone else _recorded(step), [f"from {x}" for x in step.get("logs", ())]
+                str(step["effect"]) + gone,
+                {} if gone else _recorded(step, newest),
+                [f"from {x}" for x in step.get("logs", ())],
             ),
             escaped(str(step["date"]).replace("T", " ")[:16]),
             f"{error(before)} -> {error(after)}{_of_errors(step)} ({change_text(before, after)})",
@@ -48,8 +51,8 @@ def _given(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def _recorded(step: Mapping[str, Any]) -> dict[str, Estimate]:
-    errors = step.get("std_errors", {})
+def _recorded(step: Mapping[str, Any], with_errors: bool) -> dict[str, Estimate]:
+    errors = step.get("std_errors", {}) if with_errors else {}
     numbers = {name: v for name, v in step.get("values", {}).items() if isinstance(v, int | float)}
     units, effect = step.get("units", {}), step["effect"]
     unit = {name: units.get(name, units.get(f"{effect}.{name}", "")) for name in numbers}

@@ -1,4 +1,4 @@
-"""The results of `dsd add` and `dsd improve`, as JSON and as tables."""
+"""The result of `dsd improve`, as JSON and as tables."""
 
 from __future__ import annotations
 
@@ -7,18 +7,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from dsd_cli.identify.compare.evaluation import Force
 from dsd_cli.identify.compare.versus import Moved
 from dsd_cli.identify.results import (
-    DELAY,
-    INERTIA,
     NONE,
     UNKNOWN,
-    Addition,
     Diagnosis,
     Estimates,
     Ladder,
     Step,
+    own_values,
+    without_errors,
 )
 from dsd_cli.identify.validation import Validation
 from dsd_cli.identify.verdict.contradictions import kept_values
@@ -75,7 +73,7 @@ def improve_json(report: LadderReport) -> dict[str, Any]:
         **head("improve", report.logs),
         "holdout": list(result.holdout),
         **balance_json(result.last.band_hz, result.last.floor, result.last.units),
-        "ladder": [_step_json(step) for step in result.steps],
+        "ladder": [_step_json(step, result) for step in result.steps],
         "validation": [validation_json(one) for one in report.validation],
         **({"moved": [moved_json(one) for one in report.moved]} if report.moved else {}),
         "values": estimates_json(result.values),
@@ -92,17 +90,25 @@ def improve_json(report: LadderReport) -> dict[str, Any]:
     }
 
 
-def _step_json(step: Step) -> dict[str, Any]:
+def _step_json(step: Step, result: Ladder) -> dict[str, Any]:
     done = {"step": step.step, "effect": step.effect, "kind": step.kind.replace(" ", "_")}
-    return {**done, **score_json(step.score), "values": estimates_json(own(step))}
+    return {**done, **score_json(step.score), "values": estimates_json(brought(step, result))}
 
 
 def own(step: Step) -> Estimates:
     """The values that a step brought: those of its effect by parameter; after a refit all."""
-    if step.effect in (INERTIA, DELAY):
-        return {k: e for k, e in step.estimates.items() if k == step.effect}
-    mine = {k.partition(".")[2]: e for k, e in step.estimates.items() if k.startswith(f"{step.effect}.")}
+    mine = own_values(step.estimates, step.effect)
     return mine or ({} if step.step == 0 else dict(step.estimates))
+
+
+def brought(step: Step, result: Ladder) -> Estimates:
+    """The values of a step's effect as the model at the end has them: fitted before what came later they are biased,
+    and what the end has no more stands without a standard error."""
+    mine = {} if step.kind == "taken back" else own(step)
+    if step is result.steps[-1]:
+        return mine
+    at_end = own_values(result.values, step.effect) or result.values
+    return {name: at_end.get(name, one) for name, one in without_errors(mine).items()}
 
 
 def final_line(result: Ladder) -> str:
@@ -135,7 +141,7 @@ def _count(steps: int) -> str:
 def step_line(step: Step, before: Step | None) -> str:
     """One rung, as it is taken."""
     fell = f" ({change_text(before.score.heldout_rmse, step.score.heldout_rmse)})" if before else ""
-    values = values_text(own(step)) if before and step.kind != "taken back" else ""
+    values = values_text(without_errors(own(step))) if before and step.kind != "taken back" else ""
     return f"step {step.step}: {_done(step)}: held-out force error {error(step.score.heldout_rmse)}{fell}" + (
         f"; {values}" if values else ""
     )
@@ -152,11 +158,11 @@ def print_ladder(report: LadderReport, file: Any) -> None:
     table.columns[2].justify = "left"
     for i, step in enumerate(result.steps):
         table.add_row(
-            named(f"{step.step} {_done(step)}", {} if step.kind == "taken back" else own(step)),
+            named(f"{step.step} {_done(step)}", brought(step, result)),
             error(errors[i]),
             bar(errors[i], top, _encoding(file)),
             fall_text(errors[i - 1], errors[i]) if i else "",
-            _fit(step.score.fit_percent),
+            fit_text(step.score.fit_percent),
         )
     console.print(table)
     if report.dropped:
@@ -172,7 +178,7 @@ def print_ladder(report: LadderReport, file: Any) -> None:
             console.print(escaped(line))
     if line := stability_line(result.last):
         console.print(escaped(line))
-    _print_legend(console, result.last.units)
+    print_legend(console, result.last.units)
     console.print(f"[bold]{escaped(final_line(result))}[/bold]")
 
 
@@ -185,7 +191,8 @@ def _title(result: Ladder) -> str:
     )
 
 
-def _print_legend(console: Any, units: Units) -> None:
+def print_legend(console: Any, units: Units) -> None:
+    """What the letters in the units are."""
     if units.legend:
         console.print(units.legend)
 
@@ -194,7 +201,8 @@ def _done(step: Step) -> str:
     return f"{step.effect} taken back" if step.kind == "taken back" else step.effect
 
 
-def _fit(percent: float) -> str:
+def fit_text(percent: float) -> str:
+    """Fit percent with one digit."""
     return f"{percent:.1f} %" if math.isfinite(percent) else "-"
 
 
@@ -213,81 +221,3 @@ def bar(value: float, top: float, encoding: str) -> str:
         return "#" * max(round(length), 1)
     eighths = max(round(8 * length), 1)
     return _EIGHTHS[-1] * (eighths // 8) + _EIGHTHS[eighths % 8].strip()
-
-
-@dataclass(frozen=True)
-class AdditionReport:
-    """An addition and where it came from and went; `force` : the balance of forces of the model without it."""
-
-    result: Addition
-    logs: tuple[str, ...]
-    holdout: tuple[str, ...]
-    config: str
-    force: Force | None = None
-
-    @property
-    def band_hz(self) -> float:
-        """End of the band, Hz; NaN where it is not known."""
-        return math.nan if self.force is None else self.force.band_hz
-
-    @property
-    def floor(self) -> float:
-        """What the sensor alone would leave, unit of u; NaN where it is not known."""
-        return math.nan if self.force is None else self.force.floor
-
-
-def add_json(report: AdditionReport) -> dict[str, Any]:
-    """The object of the contract of `dsd add`."""
-    result = report.result
-    return {
-        **head("add", report.logs),
-        "holdout": list(report.holdout),
-        "effect": result.effect,
-        "rmse_before": number_or_none(result.before.rmse),
-        "rmse_after": number_or_none(result.after.rmse),
-        "heldout_rmse_before": number_or_none(result.before.heldout_rmse),
-        "heldout_rmse_after": number_or_none(result.after.heldout_rmse),
-        **balance_json(report.band_hz, report.floor, result.units),
-        "before": score_json(result.before),
-        "after": score_json(result.after),
-        "parameters": estimates_json(own(added_step(result))),
-        "estimates": estimates_json(result.estimates),
-        "correlations": correlations_json(result.correlations),
-        "refitted": None if result.refitted is None else score_json(result.refitted),
-        "warnings": list(result.warnings),
-        "config": report.config,
-    }
-
-
-def added_step(result: Addition) -> Step:
-    """An addition as the one rung of a ladder."""
-    return Step(1, result.effect, result.after, result.estimates, result.model)
-
-
-def addition_line(report: AdditionReport) -> str:
-    """What the effect brought."""
-    result = report.result
-    before, after = result.before.heldout_rmse, result.after.heldout_rmse
-    held = f"held-out {force_error(report.band_hz)}: {error(before)} -> {error(after)} {result.units.force}"
-    return f"{result.effect} added: {held} ({change_text(before, after)})"
-
-
-def print_addition(report: AdditionReport, file: Any) -> None:
-    """For a person."""
-    console = terminal.console(file)
-    result = report.result
-    before, after = result.before, result.after
-    console.print(f"[bold]{escaped(addition_line(report))}[/bold]")
-    refitted = [] if result.refitted is None or result.effect in (INERTIA, DELAY) else [result.refitted]
-    scores = [before, *refitted, after]
-    table = plain_table("", "", "before", *(["own values refitted"] * len(refitted)), "after")
-    for name, of in (
-        ("force error, rms", lambda s: error(s.rmse)),
-        ("held-out, rms", lambda s: error(s.heldout_rmse)),
-        ("fit", lambda s: _fit(s.fit_percent)),
-        ("of u", lambda s: _fit(s.relative_error_percent)),
-    ):
-        table.add_row(name, *map(of, scores))
-    console.print(table)
-    print_values(console, "values", result.estimates, result.correlations)
-    _print_legend(console, result.units)

@@ -20,6 +20,7 @@ __all__ = [
     "force_error",
     "in_words",
     "listed",
+    "moves",
     "number_or_none",
     "percent",
     "values_text",
@@ -90,6 +91,14 @@ def fall_text(before: float, after: float) -> str:
     """`72 %` of a fall, `rises 3 %`, `-` where it cannot be said."""
     text = change_text(before, after)
     return f"rises {text[1:]}" if text.startswith("+") else text[1:] or "-"
+
+
+def moves(before: float, after: float) -> str:
+    """`falls from 0.4 to 0.1`; a rise is called one, and what three digits do not show is none of both."""
+    first, second = error(before), error(after)
+    if first == second or not (math.isfinite(before) and math.isfinite(after)):
+        return f"stays at {second}" if first == second else f"goes from {first} to {second}"
+    return f"{'falls' if after < before else 'rises'} from {first} to {second}"
 
 
 def change_text(before: float, after: float) -> str:

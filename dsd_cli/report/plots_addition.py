@@ -8,8 +8,8 @@ from typing import Any
 
 from dsd_cli.identify.results import DELAY, INERTIA, Step
 from dsd_cli.plant.model import PlantModel
+from dsd_cli.report.addition import AdditionReport, added_step, addition_line
 from dsd_cli.report.figure import OTHER, RESIDUAL, headline, legend_above, sheet
-from dsd_cli.report.ladder import AdditionReport, added_step, addition_line
 from dsd_cli.report.names import force_error
 from dsd_cli.report.plots_diagnosis import draw_residual
 from dsd_cli.report.plots_ladder import draw_steps, draw_values, values_shown

@@ -48,7 +48,7 @@ def values_by_step(steps: Sequence[Step]) -> dict[str, list[Cell]]:
         for k, (step, values) in enumerate(zip(steps, models, strict=True)):
             last = models[k - 1].get(name) if k else None
             before = None if last is None else Estimate(last, _error(name, steps[k - 1]), "")
-            row.append(_cell(name, step, values.get(name), before))
+            row.append(_cell(name, step, values.get(name), before, step is steps[-1]))
         table[name] = row
     return table
 
@@ -58,11 +58,13 @@ def _error(name: str, step: Step) -> float:
     return known.std_error if known is not None else math.nan
 
 
-def _cell(name: str, step: Step, value: float | None, before: Estimate | None) -> Cell:
+def _cell(name: str, step: Step, value: float | None, before: Estimate | None, last: bool) -> Cell:
+    """+- stands at the last step alone: before it more was missing, and the error of the fit ignores that."""
     if value is None:
         return Cell("")
     error = _error(name, step)
-    text = estimate_text(Estimate(value, error if step.step else math.nan, "")).replace(" +- ", "\n+- ")
+    spread = error if step.step and last else math.nan
+    text = estimate_text(Estimate(value, spread, "")).replace(" +- ", "\n+- ")
     if before is None:
         return Cell(text, "new" if step.step else "")
     least = max(MOVED * error if math.isfinite(error) else 1e-3 * abs(before.value), 1e-9 * abs(before.value))

@@ -7,7 +7,7 @@ from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate, D
 from dsd_cli.identify.verdict.contradictions import kept_values
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.report.levels import levels_text
-from dsd_cli.report.names import error, force_error, listed, percent, values_text
+from dsd_cli.report.names import error, force_error, listed, moves, percent, values_text
 from dsd_cli.report.told import first_of_all
 
 
@@ -42,17 +42,27 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
     winner = candidate(result, result.verdict)
     if winner is None:
         return f"{result.verdict} is missing ({sure})"
-    values = values_text(winner.parameters)
+    values = values_text(result.joint_values(winner.effect) or result.alone(winner))
     values = f"{values}, " if values else ""
-    before, after = error(winner.heldout_rmse_before), error(winner.heldout_rmse_after)
-    falls = f"{held} falls from {before} to {after} ({unit})"
+    beside, falls = _with_the_set(result, winner)
     if winner.effect in (INERTIA, DELAY) or (given is not None and winner.effect in given.effects):
-        line = f"{_as_given(winner, given)} of [model] is wrong: {values}{sure}; {falls}"
+        line = f"{_as_given(winner, given)} of [model] is wrong: {values}{sure}{beside}; {held} {falls}"
     else:
-        line = f"{winner.effect} is missing: {values}{sure}; {falls}"
+        line = f"{winner.effect} is missing: {values}{sure}{beside}; {held} {falls}"
     if winner.indistinguishable_from:
         line += f"; this log cannot tell it from {listed(winner.indistinguishable_from, 'or')}"
     return line
+
+
+def _with_the_set(result: Diagnosis, winner: Candidate) -> tuple[str, str]:
+    """(the other effects that are missing, how the held-out error moves with all of them and with this one alone)."""
+    unit, others = result.units.force, [name for name in result.found if name != winner.effect]
+    alone = moves(winner.heldout_rmse_before, winner.heldout_rmse_after)
+    if not result.whole_values or not others:
+        return "", f"{alone} ({unit})"
+    together = moves(result.refitted.heldout_rmse, result.whole_heldout_rmse)
+    only = f"with {winner.effect} alone it {alone}"
+    return f", and so {'is' if len(others) == 1 else 'are'} {listed(others)}", f"{together} with all ({unit}); {only}"
 
 
 def _nothing(result: Diagnosis, sure: str, held: str) -> str:

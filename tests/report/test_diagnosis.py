@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.results import Candidate
+from dsd_cli.identify.results import Candidate, Estimate
 from dsd_cli.report.diagnosis import DiagnosisReport, print_table, to_json
 from dsd_cli.report.figure import rendered
-from dsd_cli.report.names import percent
+from dsd_cli.report.names import moves, percent
 from dsd_cli.report.plots_diagnosis import draw
 from dsd_cli.report.verdict import verdict_line
 from dsd_cli.report.views_diagnosis import residual_view, residual_views
@@ -44,6 +44,60 @@ def test_the_verdict_is_one_sentence() -> None:
         " (probability 80 %): the held-out force error below 31.4 Hz is 0.113 (unit of u)"
     )
     assert "depends" not in verdict_line(replace(UNKNOWN, depends_on=()))
+
+
+SEVERAL = replace(
+    DIAGNOSIS,
+    found=("coulomb_friction", "viscous_asymmetry"),
+    whole_values={
+        "inertia": Estimate(1.0, 0.001, "kg m2"),
+        "coulomb_friction.level": Estimate(0.4, 0.001, "{u}"),
+        "viscous_asymmetry.coefficient": Estimate(0.2, 0.002, "{u}"),
+    },
+    whole_heldout_rmse=0.021,
+)
+
+
+def test_of_several_the_values_are_those_of_the_joint_fit() -> None:
+    """Alone, friction takes 0.52, for what else is missing bends it; the standard error of that ignores the bias."""
+    assert verdict_line(SEVERAL).startswith(
+        "coulomb_friction is missing: level 0.4000 +- 0.0010 u, probability 97 %, and so is viscous_asymmetry;"
+        " the held-out force error below 31.4 Hz falls from 0.402 to 0.021 with all (unit of u);"
+        " with coulomb_friction alone it falls from 0.402 to 0.113"
+    )
+    text = shown(DiagnosisReport(SEVERAL, GIVEN))
+    ranking, together = text.split("found together:")
+    assert "level 0.52 u" in ranking
+    assert "+-" not in ranking.splitlines()[0].split("probability")[1]
+    assert " +- " not in ranking.split("one effect more")[1].replace("without +-", "")
+    assert "level 0.4000 +- 0.0010 u" in together
+    first = to_json(DiagnosisReport(SEVERAL, GIVEN))
+    assert first["found_heldout_rmse"] == 0.021
+    assert first["found_values"]["coulomb_friction.level"]["std_error"] == 0.001
+    assert first["ranking"][0]["parameters"]["level"] == {
+        "value": 0.52,
+        "std_error": None,
+        "unit": "u",
+        "at_bound": False,
+    }
+
+
+def test_beside_something_unknown_no_candidate_has_a_standard_error() -> None:
+    assert "+-" not in shown(DiagnosisReport(replace(UNKNOWN, estimates={}), GIVEN))
+
+
+def test_a_rise_is_never_called_a_fall() -> None:
+    worse = replace(RANKING[0], heldout_rmse_before=9.46, heldout_rmse_after=12.0)
+    line = verdict_line(replace(DIAGNOSIS, ranking=(worse,)))
+    assert "rises from 9.46 to 12 (unit of u)" in line
+    assert "falls" not in line
+    refitted = replace(DIAGNOSIS.refitted, heldout_rmse=9.46)
+    together = verdict_line(replace(SEVERAL, ranking=(worse,), refitted=refitted, whole_heldout_rmse=0.5))
+    assert (
+        "falls from 9.46 to 0.5 with all (unit of u); with coulomb_friction alone it rises from 9.46 to 12" in together
+    )
+    assert moves(0.1131, 0.1132) == "stays at 0.113"
+    assert moves(NAN, 0.1) == "goes from - to 0.1"
 
 
 def test_a_wrong_inertia_is_not_missing_but_wrong() -> None:

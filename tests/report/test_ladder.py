@@ -10,19 +10,17 @@ from rich.console import Console
 
 from dsd_cli.identify.compare.evaluation import Force
 from dsd_cli.identify.results import Estimate, Score, Step
+from dsd_cli.report.addition import AdditionReport, add_json, print_addition
 from dsd_cli.report.diagnosis import named, plain_table
 from dsd_cli.report.figure import rendered
 from dsd_cli.report.history import history_json, print_history
 from dsd_cli.report.ladder import (
     BAR,
-    AdditionReport,
     LadderReport,
-    add_json,
     bar,
     final_line,
     improve_json,
     own,
-    print_addition,
     print_ladder,
     step_line,
 )
@@ -82,7 +80,7 @@ def test_a_step_owns_the_values_of_its_effect() -> None:
 def test_lines() -> None:
     assert step_line(STEPS[0], None) == "step 0: as given: held-out force error 0.402"
     assert step_line(STEPS[1], STEPS[0]) == (
-        "step 1: coulomb_friction: held-out force error 0.113 (-72 %); level 0.52 +- 0.03 u"
+        "step 1: coulomb_friction: held-out force error 0.113 (-72 %); level 0.52 u"
     )
     assert final_line(LADDER) == (
         "held-out force error below 31.4 Hz: 0.402 -> 0.054 unit of u (-87 %) in 2 steps; nothing is missing"
@@ -108,7 +106,7 @@ def test_the_ladder_has_bars_that_stdout_can_show(file: io.StringIO, full: str, 
     for expected in (
         "held-out force error below 31.4 Hz (unit of u)",
         "72 %",
-        "level 0.52 +- 0.03 u",
+        "level 0.52 u",
         "phase 0.10 +- 0.02 rad",
         "89.5 %",
         "gap 2",
@@ -157,7 +155,7 @@ def test_an_addition() -> None:
 def test_a_history() -> None:
     out = io.StringIO()
     print_history("dsd.toml", HISTORY, out)
-    for part in ("2026-01-31 12:00", "0.4 -> 0.1 (-75 %)", "level 0.52 +- 0.03", "from a [1].csv", "refit"):
+    for part in ("2026-01-31 12:00", "0.4 -> 0.1 (-75 %)", "level 0.52 ", "from a [1].csv", "refit"):
         assert part in out.getvalue()
     empty = io.StringIO()
     print_history("a [b].toml", [], empty)
@@ -190,3 +188,22 @@ def test_what_has_no_room_goes_on_further_in(width: int) -> None:
     for row in rows:
         first = row.split()[0]
         assert len(row) - len(row.lstrip()) == begins.get(first, 6), rows
+
+
+def test_a_ladder_has_the_values_of_the_end() -> None:
+    """Fitted before gravity was there, the level was biased by it."""
+    end = {**STEPS[2].estimates, "coulomb_friction.level": Estimate(0.4, 0.001, "{u}")}
+    result = replace(LADDER, values=end)
+    assert improve_json(replace(REPORT, result=result))["ladder"][1]["values"]["level"]["value"] == 0.4
+    out = io.StringIO()
+    print_ladder(replace(REPORT, result=result), out)
+    assert "level 0.4000 +- 0.0010 u" in out.getvalue()
+    assert "0.52" not in out.getvalue()
+
+
+@pytest.mark.parametrize(("left", "said"), [(0.113, True), (0.021, False)])
+def test_an_addition_says_that_more_is_missing(left: float, said: bool) -> None:
+    """The sensor alone would leave 0.02: beside what is left above that no standard error holds."""
+    after = replace(ADDITION.after, heldout_rmse=left)
+    warnings = add_json(replace(ADDED, result=replace(ADDITION, after=after)))["warnings"]
+    assert any("more is missing, and biases these values" in line for line in warnings) is said

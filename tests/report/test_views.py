@@ -187,7 +187,7 @@ def test_the_values_that_moved() -> None:
     )
     table = values_by_step(steps)
     assert [cell.change for cell in table["inertia"]] == ["", "", "up", "down", ""]
-    assert [cell.text.split("\n")[0] for cell in table["inertia"]] == ["1", "1.020", "1.200", "0.900", "0.90500"]
+    assert [cell.text.split("\n")[0] for cell in table["inertia"]] == ["1", "1.02", "1.2", "0.9", "0.90500"]
     assert [cell.change for cell in table["coulomb_friction.level"]] == ["", "new", "", "", ""]
     assert table["coulomb_friction.level"][3] == Cell("")
 

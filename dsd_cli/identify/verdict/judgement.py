@@ -185,6 +185,8 @@ class Verdict:
         named = next((c for c in ranking if c.effect == verdict), None)
         fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
         known, refit, nearest = problem.values(fit), problem.values(self.search.refit), self._nearest()
+        several = len(self.members) > 1
+        joint = problem.values(self.whole) if several else known
         unknown, source = self.beyond.unknown, problem.recordings[0].provenance
         own = verdict in problem.model.effects
         return Diagnosis(
@@ -197,15 +199,16 @@ class Verdict:
             ranking=ranking,
             ceiling=Ceiling(self.beyond.heldout_rmse, self.beyond.on),
             advice=advice_for(verdict, named, unknown, self.beyond.on, source, nearest, own),
-            estimates=known.estimates,
-            correlations=known.correlations,
+            estimates=joint.estimates,
+            correlations=joint.correlations,
             given=problem.model,
             refitted_values=refit.estimates,
             refitted_correlations=refit.correlations,
             model=known.model,
             refitted_model=refit.model,
             whole_model=problem.scale.model(self.whole) if self.members else None,
-            whole_values=problem.values(self.whole).estimates if len(self.members) > 1 else {},
+            whole_values=joint.estimates if several else {},
+            whole_heldout_rmse=problem.score(self.whole).heldout_rmse if several else math.nan,
             noise=self.beyond.noise,
             found=() if self.limits.blocked else tuple(t.id for t in self.search.added(self.whole.terms)),
             band_hz=self.search.equations.band.hz,

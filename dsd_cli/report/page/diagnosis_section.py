@@ -73,7 +73,7 @@ def _ranking(result: Diagnosis, candidates: Sequence[Candidate]) -> Html:
     before = befores[0] if befores else math.nan
     rows = []
     for one in candidates:
-        values = [typeset(f"{key} {estimate_text(e)}") for key, e in one.parameters.items()]
+        values = [typeset(f"{key} {estimate_text(e)}") for key, e in result.alone(one).items()]
         notes = [one.note] if one.note else []
         notes += [f"not to be told from {other}" for other in one.indistinguishable_from]
         winner = "winner" if one.effect == result.verdict else ""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from dsd_cli.identify.fit.values import flat
-from dsd_cli.identify.results import Estimate, Ladder, Step
+from dsd_cli.identify.results import Estimate, Ladder, Step, without_errors
 from dsd_cli.report.diagnosis import stability_line
-from dsd_cli.report.ladder import own
+from dsd_cli.report.ladder import brought
 from dsd_cli.report.names import error, estimate_text, fall_text, force_error, in_words
 from dsd_cli.report.page.html import Html, bar, joined, left, listing, name, table, tag, typeset
 from dsd_cli.report.page.parts import GRADES, badge, missing, panel, panels, section
@@ -55,8 +55,7 @@ def _rungs(result: Ladder) -> Html:
     low, high = _BELOW * min(positive, default=1.0), max(positive, default=1.0)
     rows = []
     for i, step in enumerate(result.steps):
-        brought = {} if step.kind == "taken back" else own(step)
-        values = [typeset(f"{key} {estimate_text(e)}") for key, e in brought.items()]
+        values = [typeset(f"{key} {estimate_text(e)}") for key, e in brought(step, result).items()]
         rows.append(
             (
                 left(f"{step.step} ", tag("b", name(_done(step))), listing(values, "values")),
@@ -108,7 +107,7 @@ def _chosen(result: Ladder, i: int) -> Html:
     before = flat(result.steps[i - 1].model) if i else {}
     rows = []
     for key, value in flat(step.model).items():
-        estimate = step.estimates.get(key)
+        estimate = (step.estimates if step is result.steps[-1] else without_errors(step.estimates)).get(key)
         now = typeset(estimate_text(estimate)) if estimate and i else f"{value:.6g}"
         was = "new" if i and key not in before else f"{before[key]:.6g}" if key in before else ""
         rows.append((left(name(key)), left(now), left(was)))
