@@ -26,6 +26,7 @@ COMMANDS = {
     "report": ("report", "report", "Write one HTML page that tells what a log says."),
     "fleet": ("fleet", "app", "Run detect, compare or diagnose over many logs; one table."),
     "passport": ("passport", "passport", "Sign the values of an axis: within limits, or what changed since when."),
+    "export": ("export", "export", "Write the model for a simulator, a controller or another tool."),
     "schema": ("schema", "schema", "Print the JSON schema of a command's result."),
     "effects": ("effects", "effects", "Show the catalogue of physical effects."),
 }

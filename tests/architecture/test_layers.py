@@ -22,8 +22,9 @@ ALLOWED = {
     "detect": {"plant", "effects", "signals", "errors"},
     "identify": {"plant", "effects", "signals", "errors"},
     "files": {"detect", "identify", "plant", "effects", "signals", "errors"},
-    "report": {"detect", "identify", "plant", "effects", "signals", "errors"},
-    "cli": {"report", "files", "detect", "identify", "plant", "effects", "signals", "errors"},
+    "export": {"identify", "plant", "effects", "signals", "errors"},
+    "report": {"export", "detect", "identify", "plant", "effects", "signals", "errors"},
+    "cli": {"report", "export", "files", "detect", "identify", "plant", "effects", "signals", "errors"},
     "__main__": {"cli"},
     "__init__": set(),
 }

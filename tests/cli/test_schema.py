@@ -11,7 +11,7 @@ from dsd_cli.cli.lazy import COMMANDS, load_command
 from tests.cli.rig import done, dsd
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
-NAMES = ["add", "check", "compare", "detect", "diagnose", "effects", "fleet", "improve", "passport", "tune"]
+NAMES = ["add", "check", "compare", "detect", "diagnose", "effects", "export", "fleet", "improve", "passport", "tune"]
 FRICTION, BARE, SINE = (f"{SAMPLES}/{name}" for name in ("servo-friction.csv", "servo-bare.toml", "paper-sine"))
 
 
@@ -93,6 +93,8 @@ def test_it_is_a_schema_whose_keys_say_what_they_are(name):
         ("improve", "improve -c best.toml --history"),
         ("improve", "improve -c best.toml --undo -o undone.toml"),
         ("effects", "effects"),
+        ("export", f"export {SAMPLES}/servo-friction.toml --to parameters -o values.csv"),
+        ("export", f"export {SAMPLES}/servo-friction.toml --to parameters -o values.csv --verify {FRICTION}"),
         ("passport", f"passport {SAMPLES}/servo-friction.toml {FRICTION} --to 2 --limits limits.toml"),
     ],
 )

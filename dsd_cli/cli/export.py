@@ -1,0 +1,120 @@
+"""`dsd export`: the model of a config for simulators, controllers and other tools."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dsd_cli.cli.options import EffectsFromOption, Format, FormatOption, QuietOption, SetOption
+
+if TYPE_CHECKING:
+    from dsd_cli.export.base import Motion
+    from dsd_cli.files.config import Config
+
+
+def target_ids(incomplete: str) -> list[str]:
+    """For the completion of a shell."""
+    from dsd_cli.export.targets import targets
+
+    return [name for name in targets() if name.startswith(incomplete)]
+
+
+ConfigArgument = Annotated[Path, typer.Argument(metavar="CONFIG", help="Config whose [model] is exported.")]
+TargetOption = Annotated[
+    str, typer.Option("--to", metavar="TARGET", autocompletion=target_ids, help="What to write, see docs/export.md.")
+]
+OutputNeeded = Annotated[str, typer.Option("-o", "--output", metavar="FILE", help="File to write; - is stdout.")]
+VerifyOption = Annotated[
+    str | None,
+    typer.Option("--verify", metavar="LOG", help="Run the exported model under the u of LOG, not a built-in one."),
+]
+NoVerifyOption = Annotated[bool, typer.Option("--no-verify", help="Do not run the exported model.")]
+DropOption = Annotated[
+    bool, typer.Option("--drop", help="Leave out what TARGET does not carry, and say what it costs.")
+]
+NameOption = Annotated[str, typer.Option("--name", help="Name of the joint, block or functions in the file.")]
+ClockOption = Annotated[
+    float | None, typer.Option("--sample-time", metavar="S", help="Clock of the controller, s.", show_default=False)
+]
+
+
+def export(
+    config: ConfigArgument,
+    target: TargetOption,
+    output: OutputNeeded,
+    verify: VerifyOption = None,
+    no_verify: NoVerifyOption = False,
+    drop: DropOption = False,
+    name: NameOption = "joint",
+    sample_time: ClockOption = None,
+    override: SetOption = None,
+    effects_from: EffectsFromOption = None,
+    form: FormatOption = Format.TABLE,
+    quiet: QuietOption = False,
+) -> None:
+    """Write the model of CONFIG for a simulator, a controller or another tool, and run what was written.
+
+    What TARGET cannot carry is refused, or with --drop left out and measured. The exported model is run beside that of
+    `dsd simulate`, under the u of LOG or a built-in one, and is refused where its speed is more than 1 % (rms) off.
+    """
+    import sys
+
+    from dsd_cli.cli.identification import print_json
+    from dsd_cli.cli.recordings import believed_model
+    from dsd_cli.cli.user_effects import use_effects
+    from dsd_cli.errors import CheckFailed, UsageError
+    from dsd_cli.export.base import Joint
+    from dsd_cli.export.making import make
+    from dsd_cli.export.making import verify as held_against
+    from dsd_cli.export.targets import get_target
+    from dsd_cli.files.config import load_config
+    from dsd_cli.files.whole import check_target, write_whole
+    from dsd_cli.report.export import ExportReport, export_json, print_export
+
+    use_effects(effects_from)
+    found = get_target(target)
+    if verify is not None and no_verify:
+        raise UsageError("--verify and --no-verify", "give one of them")
+    if output == "-" and form is Format.JSON:
+        raise UsageError("-o - and --format json", "both would go to stdout; give -o a file")
+    settings = load_config(config, override or ())
+    if output != "-":
+        check_target(output, [config, *settings.files, *(effects_from or ()), *([verify] if verify else [])])
+    motion = _motion(settings, verify, sample_time)
+    made = make(found, Joint(believed_model(settings), motion.sample_time, name), motion, drop)
+    checked = None if no_verify else held_against(found, made, motion)
+    if checked is not None and not checked.holds:
+        raise CheckFailed(
+            f"{target}: the exported model is {checked.rms_percent:.3g} % off under {checked.how}; nothing is written",
+            "1 % is the most; another target carries it, or --no-verify writes it all the same",
+        )
+    if output == "-":
+        sys.stdout.buffer.write(made.content)
+        sys.stdout.buffer.flush()
+    else:
+        write_whole(output, made.content)
+    report = ExportReport(made, checked, found.id, output, (verify,) if verify else (), settings.signals.units)
+    if form is Format.JSON:
+        print_json(export_json(report))
+    elif output != "-" or not quiet:
+        print_export(report, sys.stderr if output == "-" else sys.stdout)
+
+
+def _motion(settings: Config, log: str | None, sample_time: float | None) -> Motion:
+    """u of the log from its first sample on, or the built-in motion of the config's clock."""
+    from dsd_cli.cli.recordings import believed_model
+    from dsd_cli.export.motion import built_in, logged
+
+    model = believed_model(settings)
+    if log is None:
+        clock = sample_time or settings.signals.sample_time
+        return built_in(model, clock or (settings.simulate.sample_time if settings.simulate else 1e-3))
+    from dsd_cli.cli.plan import as_logged, log_columns, naming, optional_columns, reading
+    from dsd_cli.files.logs import load_log
+
+    settings = as_logged(settings, log)
+    with naming(log):
+        loaded = load_log(log, log_columns(settings.signals), optional_columns(settings), **reading(settings.signals))
+    return logged(loaded.log, log, loaded.restarts)

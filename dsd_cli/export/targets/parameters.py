@@ -1,0 +1,41 @@
+"""Values as a CSV file: one row per value, with its unit and meaning; lists are JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+from dsd_cli.export.base import DELAY, INERTIA, Joint, Target, Verdict, number
+from dsd_cli.signals.units import in_words
+
+
+def _judge(joint: Joint, part: str) -> Verdict:
+    return Verdict(part, True, "its values, by name")
+
+
+def _write(joint: Joint) -> bytes:
+    out = io.StringIO()
+    rows = csv.writer(out, lineterminator="\n")
+    rows.writerow(["part", "parameter", "value", "unit", "meaning"])
+    rows.writerow([INERTIA, "", number(joint.model.inertia), in_words("{u}/({v}/s)"), "J of the whole axis"])
+    rows.writerow([DELAY, "", number(joint.model.delay), "s", "L of the command"])
+    for name, values in joint.model.effects.items():
+        effect = joint.effect(name)
+        assert effect is not None
+        for parameter in effect.parameters:
+            unit, meaning = in_words(parameter.unit), parameter.meaning
+            value = values[parameter.name]
+            text = number(value) if parameter.numeric else json.dumps(value, allow_nan=False)
+            rows.writerow([name, parameter.name, text, unit, meaning])
+    return out.getvalue().encode()
+
+
+TARGET = Target(
+    id="parameters",
+    summary="Values with units as a CSV file.",
+    suffix=".csv",
+    judge=_judge,
+    write=_write,
+    not_run="a table of values has no motion",
+)
