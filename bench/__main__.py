@@ -1,7 +1,8 @@
 """`python -m bench [--rows N] [--repeats N]`: a table on stdout, and bench/results/latest.json.
 
 `python -m bench hidden` is the study of hidden effects, see bench/hidden.py, `python -m bench outside` that on the
-logs of another laboratory, see bench/outside.py; `python -m bench random` runs the property
+logs of another laboratory, see bench/outside.py; `python -m bench paired` asks several versions the same logs, see
+bench/paired.py; `python -m bench random` runs the property
 tests on new examples, see bench/properties.py; `python -m bench fuzz` looks for input that breaks the commands, see
 bench/fuzz.py; `python -m bench kills` ends them by signals, see bench/fuzz_kills.py;
 `python -m bench coverage` counts how often standard errors hold the truth, see bench/coverage.py;
@@ -32,6 +33,8 @@ RESULTS = Path(__file__).parent / "results" / "latest.json"
 STUDIES = {
     "hidden": "hidden",
     "outside": "outside",
+    "paired": "paired",
+    "machines": "machines",
     "random": "properties",
     "coverage": "coverage",
     "fleet": "fleet",

@@ -1,0 +1,174 @@
+"""`python -m bench machines`: real recordings, what must be named and what must not, of one or more checkouts.
+
+The recordings are found by DSD_RECORDINGS, else in ../shared/recordings. Each is asked `dsd improve --auto` from a bare
+mass; rows go to bench/results/machines.json, and with `--page` the table into docs/machines.md, the worst first.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from bench.engines import ROOT, Asked, Engine
+from bench.machines_cases import RECORDED, Recorded
+
+RESULTS = Path(__file__).parent / "results" / "machines.json"
+PAGE = ROOT / "docs" / "machines.md"
+#: Between these lines of the page stands what `--page` writes.
+BEGIN, END = "<!-- python -m bench machines --page -->", "<!-- end of it -->"
+Row = dict[str, Any]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(
+        prog="python -m bench machines", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--engine", action="append", metavar="NAME=PATH", help="a checkout; this one if none is given")
+    parser.add_argument("--only", nargs="*", default=[], help="recordings whose name contains one of these")
+    parser.add_argument("--output", type=Path, default=RESULTS)
+    parser.add_argument("--table", action="store_true", help="print what is there and ask nothing")
+    parser.add_argument("--page", action="store_true", help="write the table of the first engine into docs/machines.md")
+    options = parser.parse_args(arguments)
+    rows = json.loads(options.output.read_text()) if options.output.exists() else []
+    cases = [c for c in RECORDED if not options.only or any(name in c.name for name in options.only)]
+    if not (options.table or options.page):
+        for engine in [Engine.of(text) for text in options.engine or [f"here={ROOT}"]]:
+            rows = _asked(engine, cases, rows, options.output)
+    names = list(dict.fromkeys(r["engine"] for r in rows))
+    lines = [line for name in names for line in ("", f"{name}:", "", *table([r for r in rows if r["engine"] == name]))]
+    print("\n".join(lines))
+    if options.page:
+        _write([r for r in rows if r["engine"] == names[0]])
+
+
+def _asked(engine: Engine, cases: Sequence[Recorded], rows: list[Row], output: Path) -> list[Row]:
+    """Rows with those of this engine new; kept as they come."""
+    output.parent.mkdir(parents=True, exist_ok=True)
+    asked = Asked(engine)
+    for case in cases:
+        row = {"engine": engine.name, "commit": engine.commit, "name": case.name} | ask(case, asked)
+        rows = [r for r in rows if (r["engine"], r["name"]) != (engine.name, case.name)] + [row]
+        output.write_text(json.dumps(rows, indent=1))
+        print(
+            f"{case.name}: {row['met']} of {row['musts']}, {row['steps']} {row['verdict']}", file=sys.stderr, flush=True
+        )
+    asked.close()
+    return rows
+
+
+def ask(case: Recorded, engine: Asked) -> Row:
+    """What `improve` makes of it, and how that is judged.
+
+    Raises
+    ------
+    SystemExit : a recording is not there.
+    """
+    folder = (ROOT / os.environ.get("DSD_RECORDINGS", "../shared/recordings")).resolve()
+    logs = [folder / log for log in case.logs]
+    if missing := [str(log) for log in logs if not log.exists()]:
+        sys.exit(f"recording {missing[0]} is not there (set DSD_RECORDINGS)")
+    with tempfile.TemporaryDirectory(prefix="dsd-machines-") as place:
+        (Path(place) / "dsd.toml").write_text(case.config())
+        words = ("-c", "dsd.toml", "--auto", "-o", "better.toml", "--format", "json")
+        done = engine.run("improve", *logs, *words, cwd=Path(place))
+    if done["code"] != 0:
+        said = {"verdict": "error", "probability": 0.0, "steps": [], "values": {}, "error": done["err"].strip()[-300:]}
+        return said | judged(case, said) | {"seconds": round(done["seconds"], 1)}
+    result = json.loads(done["out"])
+    back = {s["effect"] for s in result["ladder"] if s["kind"] == "taken back"}
+    said = {
+        "verdict": result["verdict"],
+        "probability": result.get("probability") or 0.0,
+        "steps": [s["effect"] for s in result["ladder"][1:] if s["effect"] not in back],
+        "values": result.get("values") or {},
+        "before": result["ladder"][0]["heldout_rmse"],
+        "after": result["ladder"][-1]["heldout_rmse"],
+        "left_percent": result["ladder"][-1].get("relative_error_percent"),
+        "warnings": result.get("warnings") or [],
+        "missing": result.get("missing"),
+        "unexplained": result.get("unexplained"),
+    }
+    return said | judged(case, said) | {"seconds": round(done["seconds"], 1)}
+
+
+def judged(case: Recorded, said: Row) -> Row:
+    """musts and how many are met; what must not be and is; values beside published ones."""
+    effects = [e for e in said["steps"] if e not in ("refit", "inertia", "delay")]
+    wanted = [set(must.split("|")) for must in case.must]
+    unmet = [m for m, names in zip(case.must, wanted, strict=True) if not names & set(effects)]
+    firsts = [f"{m} first" for m in case.must[: case.first] if not set(m.split("|")) & set(effects[: case.first])]
+    unmet += [f for f in firsts if f.removesuffix(" first") not in unmet]
+    if case.unknown and not (said["verdict"] == "unknown" or "inertia" in said["steps"]):
+        unmet.append("unknown, or that the inertia differs")
+    if said["verdict"] == "error":
+        unmet = [*case.must, *(["an answer"] if not case.must else [])]
+    values = {n: v["value"] for n, v in said["values"].items() if n in case.published}
+    off = [n for n, value in values.items() if abs(value / case.published[n] - 1.0) > case.within]
+    told = [n for n in case.open_values if said["values"].get(n, {}).get("identified") == "identified"]
+    musts = len(case.must) + bool(case.first) + case.unknown
+    return {
+        "musts": musts,
+        "met": max(0, musts - len(unmet)) if said["verdict"] != "error" else 0,
+        "unmet": unmet,
+        "violated": [e for e in effects if e in case.must_not] + [f"{n} called identified" for n in told],
+        "published": case.published,
+        "within": case.within,
+        "off": off,
+    }
+
+
+def table(rows: Sequence[Row]) -> list[str]:
+    """Markdown, the worst first: what must not be, then what must be and is not, then values that are off."""
+    lines = [
+        "| machine | must be named | must not, and is | what `improve` said | values (published) | left of u | CPU |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    order = sorted(rows, key=lambda r: (r["met"] - r["musts"], -len(r["violated"]), -len(r["off"])))
+    for r in order:
+        missed = f": not {', '.join(r['unmet'])}" if r["unmet"] else ""
+        steps = ", ".join(_words(s) for s in r["steps"] if s != "refit") or "nothing"
+        said = f"{steps}; then {r['verdict']} ({100 * r['probability']:.0f} %)" if not r.get("error") else r["error"]
+        left = f"{r['left_percent']:.1f} %" if r.get("left_percent") is not None else ""
+        cells = (r["name"], f"{r['met']} of {r['musts']}{missed}", ", ".join(r["violated"]), said, _values(r), left)
+        lines.append("| " + " | ".join(map(_words, cells)) + f" | {r['seconds']:.0f} s |")
+    met, musts = sum(r["met"] for r in rows), sum(r["musts"] for r in rows)
+    values = sum(len(r["published"]) for r in rows)
+    near = sum(len([n for n in r["published"] if n in r["values"] and n not in r["off"]]) for r in rows)
+    broken = sum(len(r["violated"]) for r in rows)
+    cpu = sum(r["seconds"] for r in rows)
+    said = f"{broken} named that must not be; {near} of {values} published values within their margin"
+    return [*lines, "", f"{met} of {musts} that must be named; {said}; {cpu:.0f} s of CPU."]
+
+
+def _words(text: str) -> str:
+    return text.replace("_", " ").replace("|", " or ")
+
+
+def _values(row: Row) -> str:
+    parts = []
+    for name, published in row["published"].items():
+        found = row["values"].get(name)
+        if found is None or found["value"] is None:
+            parts.append(f"{name.split('.')[0]} - ({published:.3g})")
+            continue
+        spread = f" +- {found['std_error']:.1g}" if found.get("std_error") else ""
+        mark = " **off**" if name in row["off"] else ""
+        parts.append(f"{name.split('.')[0]} {found['value']:.3g}{spread} ({published:.3g}){mark}")
+    return "; ".join(parts)
+
+
+def _write(rows: Sequence[Row]) -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    before, _, rest = text.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    PAGE.write_text(f"{before}{BEGIN}\n" + "\n".join(table(rows)) + f"\n{END}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
