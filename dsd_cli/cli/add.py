@@ -6,24 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dsd_cli.cli.identification import HoldoutOption
-from dsd_cli.cli.options import (
-    CONFIG_FILE,
-    BoundsOption,
-    ConfigOption,
-    EffectsFromOption,
-    FixOption,
-    Format,
-    FormatOption,
-    FromOption,
-    LogArgument,
-    PriorOption,
-    QuietOption,
-    SetOption,
-    ToOption,
-    effect_ids,
-)
-from dsd_cli.cli.pictures import PlotOption
+from dsd_cli.cli.fit_options import FitOptions
+from dsd_cli.cli.identification import LogsArgument
+from dsd_cli.cli.options import Format, effect_ids
+from dsd_cli.cli.sharing import spread
 
 if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
@@ -36,24 +22,14 @@ OutputNeeded = Annotated[
 ]
 
 
+@spread
 def add(
-    log: LogArgument,
+    log: LogsArgument,
     effect: Annotated[
         str, typer.Argument(metavar="EFFECT", autocompletion=effect_ids, help="Effect to add, see `dsd effects`.")
     ],
     output: OutputNeeded,
-    config: ConfigOption = CONFIG_FILE,
-    holdout: HoldoutOption = None,
-    form: FormatOption = Format.TABLE,
-    plot: PlotOption = None,
-    fix: FixOption = None,
-    bounds: BoundsOption = None,
-    prior: PriorOption = None,
-    start: FromOption = None,
-    end: ToOption = None,
-    override: SetOption = None,
-    effects_from: EffectsFromOption = None,
-    quiet: QuietOption = False,
+    options: FitOptions,
 ) -> None:
     """Add EFFECT to [model], fit all values to LOG again, and write the config with the result.
 
@@ -67,25 +43,22 @@ def add(
     from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.plan import widening
     from dsd_cli.cli.progress import Progress
-    from dsd_cli.cli.user_effects import use_effects
-    from dsd_cli.files.config import load_config
     from dsd_cli.files.config.edit import read_origin
     from dsd_cli.report.addition import AdditionReport, add_json, added_step, bias_warning, print_addition
 
-    apart = holdout or []
-    use_effects(effects_from)
-    origin = read_origin(config)
-    settings = load_config(config, override or ()).within(start, end).knowing(fix or (), bounds or (), prior or ())
-    check_logs([log], apart, settings.signals)
-    read = [log, *apart, *settings.files, *(effects_from or ())]
+    apart, plot, form, quiet = options.apart, options.plot, options.form, options.quiet
+    origin = read_origin(options.config)
+    settings = options.settings()
+    check_logs(log, apart, settings.signals)
+    read = [*log, *options.files(settings)]
     check_outputs(output, form, read)
-    check_plot(plot, [config, *read, output])
+    check_plot(plot, [options.config, *read, output])
     with Progress(not quiet) as progress, widening(settings.signals):
-        given = load_given(settings, [log], apart, progress)
+        given = load_given(settings, log, apart, progress)
         progress(f"fitting with {effect}")
         added, force = _added(given, effect)
-    report = AdditionReport(added, (log,), tuple(apart), output, force)
-    text = with_steps(origin.text, added.before, [added_step(added)], [log], added.units)
+    report = AdditionReport(added, tuple(log), apart, output, force)
+    text = with_steps(origin.text, added.before, [added_step(added)], log, added.units)
     put_config(output, text, origin)
     warn(quiet, (*given.warnings, *added.warnings, *bias_warning(report)))
     if form is Format.JSON:

@@ -4,22 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dsd_cli.cli.identification import HoldoutOption, LogsArgument
-from dsd_cli.cli.options import (
-    CONFIG_FILE,
-    BoundsOption,
-    ConfigOption,
-    EffectsFromOption,
-    FixOption,
-    Format,
-    FormatOption,
-    FromOption,
-    PriorOption,
-    QuietOption,
-    SetOption,
-    ToOption,
-)
-from dsd_cli.cli.pictures import PlotOption
+from dsd_cli.cli.fit_options import FitOptions
+from dsd_cli.cli.identification import LogsArgument
+from dsd_cli.cli.options import Format
+from dsd_cli.cli.sharing import spread
 
 if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
@@ -27,21 +15,8 @@ if TYPE_CHECKING:
     from dsd_cli.identify.results import Diagnosis
 
 
-def diagnose(
-    log: LogsArgument,
-    config: ConfigOption = CONFIG_FILE,
-    holdout: HoldoutOption = None,
-    plot: PlotOption = None,
-    form: FormatOption = Format.TABLE,
-    fix: FixOption = None,
-    bounds: BoundsOption = None,
-    prior: PriorOption = None,
-    start: FromOption = None,
-    end: ToOption = None,
-    override: SetOption = None,
-    effects_from: EffectsFromOption = None,
-    quiet: QuietOption = False,
-) -> None:
+@spread
+def diagnose(log: LogsArgument, options: FitOptions) -> None:
     """Say which physical effect, added to [model], predicts best what no fit has seen; or that none is missing.
 
     Every effect of the catalogue is fitted to LOG together with the values that [model] has, and judged on data that
@@ -54,23 +29,20 @@ def diagnose(
     from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.plan import widening
     from dsd_cli.cli.progress import Progress
-    from dsd_cli.cli.user_effects import use_effects
-    from dsd_cli.files.config import load_config
     from dsd_cli.report.diagnosis import DiagnosisReport, print_table, to_json
 
-    apart = holdout or []
-    use_effects(effects_from)
-    settings = load_config(config, override or ()).within(start, end).knowing(fix or (), bounds or (), prior or ())
+    apart, plot, quiet = options.apart, options.plot, options.quiet
+    settings = options.settings()
     check_logs(log, apart, settings.signals)
-    check_plot(plot, [config, *log, *apart, *settings.files, *(effects_from or ())])
+    check_plot(plot, [options.config, *log, *options.files(settings)])
     with Progress(not quiet) as progress, widening(settings.signals):
         given = load_given(settings, log, apart, progress)
         found = _found(given, progress, quiet)
     report = DiagnosisReport(
-        replace(found, warnings=(*given.warnings, *found.warnings)), given.model, tuple(apart), given.dropped
+        replace(found, warnings=(*given.warnings, *found.warnings)), given.model, apart, given.dropped
     )
     warn(quiet, report.result.warnings)
-    if form is Format.JSON:
+    if options.form is Format.JSON:
         print_json(to_json(report))
     else:
         print_table(report, sys.stdout)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,6 +20,7 @@ from dsd_cli.cli.options import (
     SetOption,
 )
 from dsd_cli.cli.pictures import PlotOption
+from dsd_cli.cli.sharing import spread
 
 if TYPE_CHECKING:
     from dsd_cli.cli.fleet_run import Workers
@@ -52,63 +54,42 @@ RetriesOption = Annotated[
 AnewOption = Annotated[bool, typer.Option("--anew", help="Work on every log again; keep no row of an earlier run.")]
 
 
+@dataclass(frozen=True)
+class FleetOptions:
+    """What a command over many logs is given beside them."""
+
+    output: TableOption = "results.parquet"
+    config: ConfigOption = CONFIG_FILE
+    listing: ListOption = None
+    workers: WorkersOption = None
+    cluster: ClusterOption = None
+    retries: RetriesOption = 2
+    anew: AnewOption = False
+    override: SetOption = None
+    effect: EffectOption = None
+    effects_from: EffectsFromOption = None
+    quiet: QuietOption = False
+
+
 @app.command("detect")
-def detect(
-    logs: FleetLogs = None,
-    output: TableOption = "results.parquet",
-    config: ConfigOption = CONFIG_FILE,
-    listing: ListOption = None,
-    workers: WorkersOption = None,
-    cluster: ClusterOption = None,
-    retries: RetriesOption = 2,
-    anew: AnewOption = False,
-    override: SetOption = None,
-    effect: EffectOption = None,
-    effects_from: EffectsFromOption = None,
-    quiet: QuietOption = False,
-) -> None:
+@spread
+def detect(options: FleetOptions, logs: FleetLogs = None) -> None:
     """Label every log; a row has the usual and the final state, how sure, and what is left unexplained."""
-    given = (override, effect, effects_from)
-    _run("detect", logs, listing, output, config, (workers, cluster, retries), anew, given, quiet)
+    _run("detect", logs, options)
 
 
 @app.command("compare")
-def compare(
-    logs: FleetLogs = None,
-    output: TableOption = "results.parquet",
-    config: ConfigOption = CONFIG_FILE,
-    listing: ListOption = None,
-    workers: WorkersOption = None,
-    cluster: ClusterOption = None,
-    retries: RetriesOption = 2,
-    anew: AnewOption = False,
-    override: SetOption = None,
-    effect: EffectOption = None,
-    effects_from: EffectsFromOption = None,
-    quiet: QuietOption = False,
-) -> None:
+@spread
+def compare(options: FleetOptions, logs: FleetLogs = None) -> None:
     """Hold the model against every log; a row has the errors and on what they depend."""
-    given = (override, effect, effects_from)
-    _run("compare", logs, listing, output, config, (workers, cluster, retries), anew, given, quiet)
+    _run("compare", logs, options)
 
 
 @app.command("diagnose")
-def diagnose(
-    logs: FleetLogs = None,
-    output: TableOption = "results.parquet",
-    config: ConfigOption = CONFIG_FILE,
-    listing: ListOption = None,
-    workers: WorkersOption = None,
-    cluster: ClusterOption = None,
-    retries: RetriesOption = 2,
-    anew: AnewOption = False,
-    override: SetOption = None,
-    effects_from: EffectsFromOption = None,
-    quiet: QuietOption = False,
-) -> None:
+@spread
+def diagnose(options: FleetOptions, logs: FleetLogs = None) -> None:
     """Diagnose every log by itself; a row has the verdict and all fitted values with their standard errors."""
-    given = (override, None, effects_from)
-    _run("diagnose", logs, listing, output, config, (workers, cluster, retries), anew, given, quiet)
+    _run("diagnose", logs, options)
 
 
 @app.command("summary")
@@ -142,33 +123,24 @@ def summary(
         put_picture(plot, lambda: draw(found, rows), quiet)
 
 
-def _run(
-    command: str,
-    logs: list[str] | None,
-    listing: Path | None,
-    output: str,
-    config: Path,
-    where: tuple[int | None, str | None, int],
-    anew: bool,
-    given: tuple[list[str] | None, list[str] | None, list[Path] | None],
-    quiet: bool,
-) -> None:
+def _run(command: str, logs: list[str] | None, given: FleetOptions) -> None:
     from dsd_cli.cli.fleet_logs import Asked, entries, once, refuse_output_among, tasks
     from dsd_cli.cli.fleet_run import run_fleet
     from dsd_cli.files.fleet_table import check_table
 
-    override, effect, effects_from = given
-    workers = _workers(*where)
+    output, listing, quiet = given.output, given.listing, given.quiet
+    workers = _workers(given.workers, given.cluster, given.retries)
     named = entries(logs or (), listing)
     found = once(named)
     if (again := len(named) - len(found)) and not quiet:
         typer.echo(f"{again:,} of {len(named):,} names are of logs that are named already: taken once", err=True)
     found = refuse_output_among(found, output)
-    asked = Asked(command, config, tuple(override or ()), tuple(effect or ()), tuple(effects_from or ()))
+    texts = tuple(given.override or ()), tuple(given.effect or ())
+    asked = Asked(command, given.config, *texts, tuple(given.effects_from or ()))
     work = tasks(found, asked)
     inputs: Sequence[str | Path] = [*{task.config.name for task in work}, *asked.effects_from]
     target = check_table(output, [*inputs, *([] if listing is None else [listing])])
-    ran = run_fleet(work, target, workers, anew, quiet)
+    ran = run_fleet(work, target, workers, given.anew, quiet)
     if not quiet:
         bad = f", {ran.failed:,} without a result (column reason)" if ran.failed else ""
         typer.echo(f"{output}: {ran.logs:,} logs{bad}; next: dsd fleet summary {output}", err=True)

@@ -172,11 +172,13 @@ def tasks(found: Iterable[Entry], asked: Asked) -> list[Task]:
     use_effects(asked.effects_from)
     texts: dict[str, ConfigText] = {}
     beside: dict[str, list[str]] = {}
+    own: dict[str, tuple[str, ...]] = {}
     out = []
     for entry in found:
         name = entry.config or str(asked.config)
         if name not in texts:
             settings = load_config(name, asked.values, asked.effects)
+            own[name] = tuple(str(file.absolute()) for file in (*asked.effects_from, *settings.effect_files))
             beside[name] = [part for file in settings.files for part in _state(str(file))]
             folder, text = str(Path(name).parent.absolute()), read_again(name)
             texts[name] = ConfigText(name, folder, text, asked.values, asked.effects)
@@ -186,7 +188,7 @@ def tasks(found: Iterable[Entry], asked: Asked) -> list[Task]:
             entry.log,
             path,
             texts[name],
-            tuple(str(file.absolute()) for file in asked.effects_from),
+            tuple(dict.fromkeys(own[name])),
             "",
             entry.machine or Path(path).parent.name,
             entry.date,

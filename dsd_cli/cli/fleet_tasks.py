@@ -148,18 +148,11 @@ def recorded_date(path: str) -> str:
 
 @lru_cache(maxsize=16)
 def _settings(config: ConfigText, effects_from: tuple[str, ...]) -> Config:
+    from dsd_cli.cli.user_effects import not_loaded, use_effects
     from dsd_cli.files.config import parse_config
 
-    _know_effects(effects_from)
+    use_effects(not_loaded(Path(file) for file in effects_from))
     return parse_config(config.text, config.name, Path(config.folder)).override(config.values, config.effects)
-
-
-@lru_cache(maxsize=1)
-def _know_effects(files: tuple[str, ...]) -> None:
-    """Once in the life of a worker."""
-    from dsd_cli.cli.user_effects import use_effects
-
-    use_effects([Path(file) for file in files])
 
 
 def _detect(path: str, settings: Config) -> Row:

@@ -8,22 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dsd_cli.cli.identification import HoldoutOption
-from dsd_cli.cli.options import (
-    CONFIG_FILE,
-    BoundsOption,
-    ConfigOption,
-    EffectsFromOption,
-    FixOption,
-    Format,
-    FormatOption,
-    FromOption,
-    PriorOption,
-    QuietOption,
-    SetOption,
-    ToOption,
-)
-from dsd_cli.cli.pictures import PlotOption
+from dsd_cli.cli.fit_options import FitOptions
+from dsd_cli.cli.options import Format
+from dsd_cli.cli.sharing import spread
 from dsd_cli.cli.transfer import SPREAD
 
 if TYPE_CHECKING:
@@ -50,29 +37,19 @@ SpreadOption = Annotated[
 ]
 
 
+@spread
 def improve(
+    options: FitOptions,
     log: LogsOrNone = None,
-    config: ConfigOption = CONFIG_FILE,
     output: ConfigOut = None,
-    holdout: HoldoutOption = None,
     hold: HoldOption = False,
     from_prior: FromPriorOption = False,
-    spread: SpreadOption = SPREAD,
+    spread_by: SpreadOption = SPREAD,
     auto: Annotated[bool, typer.Option("--auto", help="Do not ask: add what the diagnosis finds.")] = False,
-    plot: PlotOption = None,
-    form: FormatOption = Format.TABLE,
     history: Annotated[bool, typer.Option("--history", help="Show the steps that the config remembers.")] = False,
     undo: Annotated[
         bool, typer.Option("--undo", help="Take the last step back, in the config or into the file of -o.")
     ] = False,
-    fix: FixOption = None,
-    bounds: BoundsOption = None,
-    prior: PriorOption = None,
-    start: FromOption = None,
-    end: ToOption = None,
-    override: SetOption = None,
-    effects_from: EffectsFromOption = None,
-    quiet: QuietOption = False,
 ) -> None:
     """Improve [model] step by step: diagnose LOG, ask, add the effect, measure again, until nothing is left to add.
 
@@ -82,23 +59,22 @@ def improve(
     from dsd_cli.cli.improve_loop import check_outputs
     from dsd_cli.cli.pictures import check_plot
     from dsd_cli.cli.transfer import check_spread, with_priors
-    from dsd_cli.cli.user_effects import use_effects
-    from dsd_cli.files.config import load_config
     from dsd_cli.files.config.edit import read_origin
 
-    wanted = Request(config, tuple(log or ()), tuple(holdout or ()), auto, plot, output, form, quiet, from_prior)
+    config, plot, form = options.config, options.plot, options.form
+    wanted = Request(config, tuple(log or ()), options.apart, auto, plot, output, form, options.quiet, from_prior)
     if history or undo:
-        wanted.check_config_alone("--history" if history else "--undo", both=history and undo, override=override)
+        wanted.check_config_alone(
+            "--history" if history else "--undo", both=history and undo, override=options.override
+        )
     else:
         wanted.check_logs()
-    use_effects(effects_from)
     origin = read_origin(config)
-    settings = load_config(config, override or ()).within(start, end)
-    settings = settings.knowing(fix or (), bounds or (), prior or (), hold)
-    check_spread(spread, from_prior)
-    settings = with_priors(settings, spread) if from_prior else settings
+    settings = options.settings(hold)
+    check_spread(spread_by, from_prior)
+    settings = with_priors(settings, spread_by) if from_prior else settings
     check_logs(wanted.logs, wanted.holdout, settings.signals)
-    read = (*wanted.inputs, *settings.files, *(effects_from or ()))
+    read = (*wanted.logs, *options.files(settings))
     check_outputs(output, form, read)
     if history:
         _show_history(settings, wanted)
@@ -106,9 +82,7 @@ def improve(
         _undo(settings, wanted, origin)
     else:
         wanted.check_asker()
-        check_plot(
-            plot, [config, *wanted.inputs, *settings.files, *(effects_from or ()), *([output] if output else ())]
-        )
+        check_plot(plot, [config, *read, *([output] if output else ())])
         _improve(settings, wanted, origin)
 
 

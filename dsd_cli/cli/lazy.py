@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from importlib import import_module
 from typing import Any
 
@@ -10,6 +11,8 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 from dsd_cli.cli.coercion import use_plain_coercion
+from dsd_cli.cli.sharing import with_option
+from dsd_cli.cli.user_effects import TrustOption
 
 #: Command -> (module in `dsd_cli.cli`, function, one line for `dsd --help`). A new command is a file and a line here.
 COMMANDS = {
@@ -38,14 +41,22 @@ def load_command(name: str) -> Any:
     found = getattr(import_module(f"dsd_cli.cli.{module}"), function)
     if isinstance(found, typer.Typer):  # a command with commands of its own
         app = found
+        for one in app.registered_commands:
+            one.callback = _with_trust(one.callback)
     else:
         app = typer.Typer(add_completion=False, rich_markup_mode=None)
         settings = {"help_option_names": ["-h", "--help"]}
-        app.command(name, short_help=short_help, context_settings=settings)(found)
+        app.command(name, short_help=short_help, context_settings=settings)(_with_trust(found))
     command = get_command(app)
     for one in (command, *getattr(command, "commands", {}).values()):
         use_plain_coercion(one)
     return command
+
+
+def _with_trust(command: Any) -> Any:
+    """The command with `--trust`, if it reads a config."""
+    reads = "config" in inspect.signature(command).parameters
+    return with_option(command, "trust", TrustOption, False) if reads else command
 
 
 class LazyGroup(TyperGroup):

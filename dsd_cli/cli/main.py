@@ -188,6 +188,9 @@ def _usage(error: Exception) -> str:
     context = getattr(error, "ctx", None)
     if why := _ELSEWHERE.get((context.info_name if context else "", getattr(error, "option_name", ""))):
         return why
+    if text.startswith("Missing argument") and context:
+        wanted = [param.metavar for param in context.command.params if param.param_type_name == "argument"]
+        text += f" (of {' '.join(wanted)})" if len(wanted) > 1 and all(wanted) else ""
     return f"{text}: see '{context.command_path if context else 'dsd'} --help'"
 
 

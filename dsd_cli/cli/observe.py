@@ -9,6 +9,7 @@ import typer
 from dsd_cli.cli.options import (
     CONFIG_FILE,
     ConfigOption,
+    EffectsFromOption,
     FromOption,
     LogArgument,
     QuietOption,
@@ -34,6 +35,7 @@ def observe(
     start: FromOption = None,
     end: ToOption = None,
     override: SetOption = None,
+    effects_from: EffectsFromOption = None,
     plot: PlotOption = None,
     quiet: QuietOption = False,
 ) -> None:
@@ -45,15 +47,17 @@ def observe(
     from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_settings, optional_columns, reading
     from dsd_cli.cli.progress import Progress
+    from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
     from dsd_cli.files.logs import load_log, write_log
     from dsd_cli.files.tables_out import check_output
 
+    use_effects(effects_from)
     settings = as_logged(load_config(config, override or ()).within(start, end), log)
     observer = observer_settings(settings)
     if output != "-":
-        check_output(output, (log, config, *settings.files))
-    check_plot(plot, (log, config, output, *settings.files))
+        check_output(output, (log, config, *settings.files, *(effects_from or ())))
+    check_plot(plot, (log, config, output, *settings.files, *(effects_from or ())))
     columns = log_columns(settings.signals)
     columns.pop("d_hat", None)
     with naming(log), Progress(not quiet) as progress:

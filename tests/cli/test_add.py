@@ -136,3 +136,10 @@ def test_the_real_command_names_the_band_and_the_floor_that_compare_names(tmp_pa
     after = json.loads(done("compare", "log.csv", "-c", "new.toml", "--format", "json", cwd=tmp_path).stdout)["force"]
     assert after["rmse"] == pytest.approx(result["rmse_after"], rel=0.01)  # values in the file are rounded
     assert after["rmse"] < 0.1 * force["rmse"]
+
+
+def test_several_logs_are_fitted_together(rig: Path, engine: Engine, capsys) -> None:
+    assert run("add", "a.csv", "b.csv", "coulomb_friction", "-o", "better.toml", "--format", "json") == 0
+    ((recordings, *_), _), *_ = engine.asked
+    assert [one.name for one in recordings] == ["a.csv", "b.csv"]
+    assert json.loads(capsys.readouterr().out)["log"] == ["a.csv", "b.csv"]

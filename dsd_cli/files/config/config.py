@@ -14,6 +14,7 @@ from dsd_cli.files.config.effect_values import check_complete
 from dsd_cli.files.config.fitting import Fit
 from dsd_cli.files.config.history import History
 from dsd_cli.files.config.overrides import with_effects, with_values
+from dsd_cli.files.config.own_effects import OwnEffects, read_own_effects
 from dsd_cli.files.config.rules import Place, Section, key, shown, table, tables
 from dsd_cli.files.config.sections import Detector, Model, Observer, States
 from dsd_cli.files.config.signals import Signals
@@ -37,6 +38,7 @@ class Config(Section):
     written: Mapping[str, Any]
     signals: Signals = key(table(Signals), "column names in the log", default=Signals())
     observer: Observer | None = key(table(Observer), "the disturbance observer", default=None)
+    effects: OwnEffects = key(table(OwnEffects), "effects of your own", default=OwnEffects())
     model: Model = key(table(Model), "what the plant is believed to be", default=Model())
     fit: Fit = key(table(Fit), "what a fit may change", default=Fit())
     states: States | None = key(table(States), "the grid of candidate states", default=None)
@@ -114,11 +116,16 @@ class Config(Section):
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The files that the config names: transition matrix, reference."""
+        """The files that the config names: transition matrix, reference, effects of the user."""
         named = [getattr(self.detector.transition, "file", None)]
         if self.simulate is not None:
             named.append(getattr(self.simulate.reference, "file", None))
-        return tuple(self.resolve(file) for file in named if file is not None)
+        return (*(self.resolve(file) for file in named if file is not None), *self.effect_files)
+
+    @property
+    def effect_files(self) -> tuple[Path, ...]:
+        """Python files with effects of the user."""
+        return tuple(self.resolve(file) for file in self.effects.files)
 
     def override(self, values: Iterable[str] = (), effects: Iterable[str] = ()) -> Config:
         """With `--set` values (`model.inertia=0.7`) and `--effect` texts (`coulomb_friction:level=0.5`) in place.
@@ -230,7 +237,9 @@ def load_config(path: str | Path, values: Iterable[str] = (), effects: Iterable[
     """
     path = Path(path)
     text = config_text(path, "config file", "`dsd init` writes one, -c FILE names another")
-    return parse_config(text, str(path), path.parent).override(values, effects)
+    written = parse_tables(text, str(path))
+    read_own_effects(written, str(path), path.parent)
+    return read_config(written, str(path), path.parent).override(values, effects)
 
 
 def config_text(path: Path, what: str, hint: str = "") -> str:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
+from dsd_cli.errors import UsageError
 from dsd_cli.files.config.rules import Place, Rule, axis, number
 
 #: Effect id -> parameter -> value (a tuple of values on an axis of the grid).
@@ -35,7 +36,11 @@ def _read_effect(name: str, parameters: Any, at: Place, axes: bool) -> Mapping[s
 
     effect = find_effect(name)
     if effect is None:
-        raise at.unknown(name, catalogue(), what="effect")
+        unknown = at.unknown(name, catalogue(), what="effect")
+        own = 'your own is read with --effects-from FILE.py, or [effects] from = ["FILE.py"]'
+        raise UsageError(
+            unknown.message, f"{unknown.hint}; {own}" if "did you" in unknown.hint else f"{own}; {unknown.hint}"
+        )
     here = at.child(name)
     if not isinstance(parameters, Mapping):
         raise here.wrong(parameters, f"a table, written [{here.path}]")

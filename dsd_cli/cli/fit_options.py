@@ -1,0 +1,68 @@
+"""The options of the commands that fit: `diagnose`, `add` and `improve` read, hold out and know values alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dsd_cli.cli.identification import HoldoutOption
+from dsd_cli.cli.options import (
+    CONFIG_FILE,
+    BoundsOption,
+    ConfigOption,
+    EffectsFromOption,
+    FixOption,
+    Format,
+    FormatOption,
+    FromOption,
+    PriorOption,
+    QuietOption,
+    SetOption,
+    ToOption,
+)
+from dsd_cli.cli.pictures import PlotOption
+
+if TYPE_CHECKING:
+    from dsd_cli.files.config import Config
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """What such a command is given beside its logs."""
+
+    config: ConfigOption = CONFIG_FILE
+    holdout: HoldoutOption = None
+    plot: PlotOption = None
+    form: FormatOption = Format.TABLE
+    fix: FixOption = None
+    bounds: BoundsOption = None
+    prior: PriorOption = None
+    start: FromOption = None
+    end: ToOption = None
+    override: SetOption = None
+    effects_from: EffectsFromOption = None
+    quiet: QuietOption = False
+
+    @property
+    def apart(self) -> tuple[str, ...]:
+        """Logs that no fit sees."""
+        return tuple(self.holdout or ())
+
+    def settings(self, hold: bool = False) -> Config:
+        """The config with all of these in place; effects of the user are known from now on.
+
+        Raises
+        ------
+        UsageError : a config, an effect or a value that cannot be used.
+        """
+        from dsd_cli.cli.user_effects import use_effects
+        from dsd_cli.files.config import load_config
+
+        use_effects(self.effects_from)
+        read = load_config(self.config, self.override or ()).within(self.start, self.end)
+        return read.knowing(self.fix or (), self.bounds or (), self.prior or (), hold)
+
+    def files(self, settings: Config) -> tuple[str | Path, ...]:
+        """What is read beside the logs that are fitted: no output may be one of these."""
+        return (*self.apart, *settings.files, *(self.effects_from or ()))
