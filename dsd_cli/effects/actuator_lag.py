@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, decay, log_spaced
+from dsd_cli.effects.joint_terms import JointTerms, Shaping
 from dsd_cli.effects.memory import before_each, one_pole
 
 
@@ -45,4 +46,5 @@ EFFECT = Effect(
     told_apart={
         "delay": "apply steps of u and log at a higher rate: a lag rises gradually, a delay jumps",
     },
+    joint=lambda values, _: JointTerms(command=(Shaping("lag", values["time_constant"]),)),
 )

@@ -5,6 +5,7 @@ from itertools import product
 from typing import Any
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, Values, log_spaced
+from dsd_cli.effects.joint_terms import Hung, JointTerms
 from dsd_cli.effects.memory import Coupling, Load, load_acceleration
 
 #: Damping ratio of the contact: with it the load comes to rest after a few bounces. It is not a parameter, because a
@@ -46,6 +47,11 @@ def _join(coefficients: tuple[float, ...], shape: Shape, inertia: float) -> Valu
     return {"gap": shape["gap"], "load_share": share, "stiffness": share * inertia * rate * rate}
 
 
+def _joint(values: Values, inertia: float) -> JointTerms:
+    (share,), shape = _split(values, inertia)
+    return JointTerms(loads=(Hung(share, _coupling(shape)),))
+
+
 EFFECT = Effect(
     id="backlash",
     role=Role.STRUCTURE,
@@ -68,4 +74,5 @@ EFFECT = Effect(
     told_apart={
         "flexible_coupling": "move with small and large amplitudes: only play depends on the amplitude",
     },
+    joint=_joint,
 )

@@ -14,6 +14,8 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from dsd_cli.effects.joint_terms import JointTerms
+
 #: Parameters by name that shape the columns and do not multiply them.
 Shape = Mapping[str, Any]
 #: All parameters of an effect by name, as they stand in `dsd.toml`.
@@ -152,6 +154,7 @@ class Effect:
     told_apart : another effect, "inertia" or "delay", that logs often cannot tell from this one -> the experiment that
         can. It is enough if one of the two says so.
     needs_of : values -> channels of the motion that it needs with these; None: `needs`.
+    joint : (values, inertia J of the whole plant) -> what it is in the joint of a robot simulator; None: nobody said.
     """
 
     id: str
@@ -176,6 +179,7 @@ class Effect:
     repeats: Callable[[Ranges], bool] | None = None
     told_apart: Mapping[str, str] = field(default_factory=dict)
     needs_of: Callable[[Values], tuple[str, ...]] | None = None
+    joint: Callable[[Values, float], JointTerms] | None = None
 
     @property
     def searched(self) -> int:

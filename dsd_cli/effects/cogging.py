@@ -16,6 +16,7 @@ from dsd_cli.effects.base import (
     sinc,
     sine_and_cosine,
 )
+from dsd_cli.effects.joint_terms import JointTerms, Sine
 
 
 def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
@@ -62,4 +63,5 @@ EFFECT = Effect(
     told_apart={
         "periodic_disturbance": "move at two different speeds: cogging keeps its place, not its frequency",
     },
+    joint=lambda values, _: JointTerms(ripples=(Sine(values["amplitude"], values["periods"], values["phase"]),)),
 )

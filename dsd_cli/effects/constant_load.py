@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Role
+from dsd_cli.effects.joint_terms import JointTerms
 
 
 def _columns(channels: Channels, _: Mapping[str, float]) -> tuple[Any, ...]:
@@ -23,4 +24,5 @@ EFFECT = Effect(
     columns=_columns,
     rarity=2,
     varies=("force",),
+    joint=lambda values, _: JointTerms(constant=values["force"]),
 )

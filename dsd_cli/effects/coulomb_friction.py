@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Role
+from dsd_cli.effects.joint_terms import JointTerms
 
 
 def _columns(channels: Channels, _: Mapping[str, float]) -> tuple[Any, ...]:
@@ -32,4 +33,5 @@ EFFECT = Effect(
         " speed",
         "dead_zone": "hold a small constant command while the axis coasts: friction stops it, a dead zone does not",
     },
+    joint=lambda values, _: JointTerms(dry_friction=values["level"]),
 )

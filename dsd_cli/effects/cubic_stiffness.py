@@ -3,6 +3,7 @@
 from typing import Any
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Role, Shape
+from dsd_cli.effects.joint_terms import JointTerms
 
 
 def _columns(channels: Channels, _: Shape) -> tuple[Any, ...]:
@@ -18,4 +19,5 @@ EFFECT = Effect(
     parameters=(Parameter("coefficient", "{u}/({q})^3", "k3, force per position cubed"),),
     needs=("position",),
     columns=_columns,
+    joint=lambda values, _: JointTerms(cubic_spring=values["coefficient"]),
 )

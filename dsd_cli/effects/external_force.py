@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, Values
+from dsd_cli.effects.joint_terms import JointTerms
 
 
 def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
@@ -51,4 +52,5 @@ EFFECT = Effect(
     starts=_starts,
     split=_split,
     join=_join,
+    joint=lambda values, _: JointTerms(missing="a force over time: whoever steps the simulation applies it"),
 )

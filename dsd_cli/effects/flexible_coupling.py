@@ -5,6 +5,7 @@ from itertools import product
 from typing import Any
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, SpectralLines, Values, log_spaced
+from dsd_cli.effects.joint_terms import Hung, JointTerms
 from dsd_cli.effects.memory import Coupling, Load, load_acceleration
 
 #: Own frequency of a load, times the end of the band, up to which a search starts; beyond it all is rigid to the band.
@@ -49,6 +50,11 @@ def _join(coefficients: tuple[float, ...], shape: Shape, _: float) -> Values:
     return {"frequency": resonance, "load_share": share, "damping": shape["damping"]}
 
 
+def _joint(values: Values, inertia: float) -> JointTerms:
+    (share,), shape = _split(values, inertia)
+    return JointTerms(loads=(Hung(share, _coupling(shape)),))
+
+
 EFFECT = Effect(
     id="flexible_coupling",
     role=Role.STRUCTURE,
@@ -70,4 +76,5 @@ EFFECT = Effect(
     join=_join,
     memory=True,
     coupling=_coupling,
+    joint=_joint,
 )

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Role, Shape, Values, amplitude_and_phase, sine_and_cosine
+from dsd_cli.effects.joint_terms import JointTerms, Sine
 
 
 def _columns(channels: Channels, _: Shape) -> tuple[Any, ...]:
@@ -40,4 +41,5 @@ EFFECT = Effect(
         "stiffness": "move over half a turn or more: a spring keeps growing, gravity turns back",
         "constant_load": "move over half a turn: gravity changes with the angle, a constant load does not",
     },
+    joint=lambda values, _: JointTerms(weights=(Sine(-values["amplitude"], 1.0, values["phase"]),)),
 )

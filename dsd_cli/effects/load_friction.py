@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Role, Shape
+from dsd_cli.effects.joint_terms import JointTerms
 
 
 def _columns(channels: Channels, _: Shape) -> tuple[Any, ...]:
@@ -21,4 +22,5 @@ EFFECT = Effect(
     needs=("velocity", "u"),
     columns=_columns,
     rarity=4,
+    joint=lambda values, _: JointTerms(missing="dry friction that grows with the command"),
 )

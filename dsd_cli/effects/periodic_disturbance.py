@@ -16,6 +16,7 @@ from dsd_cli.effects.base import (
     sinc,
     sine_and_cosine,
 )
+from dsd_cli.effects.joint_terms import JointTerms
 
 
 def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
@@ -59,4 +60,5 @@ EFFECT = Effect(
     repeats=lambda _: True,
     split=_split,
     join=_join,
+    joint=lambda values, _: JointTerms(missing="a force over time: whoever steps the simulation applies it"),
 )

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, Values, decay, log_spaced
+from dsd_cli.effects.joint_terms import Bristle, JointTerms
 from dsd_cli.effects.memory import before_each, one_pole
 
 
@@ -57,4 +58,5 @@ EFFECT = Effect(
     split=_split,
     join=_join,
     memory=True,
+    joint=lambda values, _: JointTerms(bristles=(Bristle(values["level"], values["stiffness"]),)),
 )

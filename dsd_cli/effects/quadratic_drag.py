@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Role, Shape
+from dsd_cli.effects.joint_terms import JointTerms
 
 
 def _columns(channels: Channels, _: Shape) -> tuple[Any, ...]:
@@ -20,4 +21,5 @@ EFFECT = Effect(
     parameters=(Parameter("coefficient", "{u}/({v})^2", "c, force per speed squared", lower=0.0),),
     needs=("velocity",),
     columns=_columns,
+    joint=lambda values, _: JointTerms(square_damping=values["coefficient"]),
 )

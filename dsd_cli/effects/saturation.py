@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, log_spaced
+from dsd_cli.effects.joint_terms import JointTerms, Shaping
 
 
 def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
@@ -30,4 +31,5 @@ EFFECT = Effect(
     needs=(),
     columns=_columns,
     starts=_starts,
+    joint=lambda values, _: JointTerms(command=(Shaping("limit", values["limit"]),)),
 )

@@ -3,6 +3,7 @@
 from typing import Any
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Role, Shape
+from dsd_cli.effects.joint_terms import JointTerms
 
 
 def _columns(channels: Channels, _: Shape) -> tuple[Any, ...]:
@@ -22,4 +23,5 @@ EFFECT = Effect(
     told_apart={
         "cubic_stiffness": "move further out: the cubic part grows faster",
     },
+    joint=lambda values, _: JointTerms(linear_spring=values["coefficient"]),
 )

@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, log_spaced
+from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, Values, log_spaced
+from dsd_cli.effects.joint_terms import JointTerms, speed_dependent
 
 
 def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
@@ -14,6 +15,16 @@ def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
 
 def _starts(ranges: Ranges) -> list[Shape]:
     return [{"velocity": v} for v in log_spaced(0.01 * ranges.top_speed, 0.35 * ranges.top_speed, 8)]
+
+
+#: Straight pieces of the bell up to END vs, where 0.04 % of it are left.
+PIECES, END = 12, 2.8
+
+
+def _joint(values: Values, _: float) -> JointTerms:
+    relative = np.linspace(0.0, END, PIECES + 1)
+    levels = values["excess"] * np.exp(-relative * relative)
+    return speed_dependent((values["velocity"] * relative).tolist(), levels.tolist())
 
 
 EFFECT = Effect(
@@ -29,4 +40,5 @@ EFFECT = Effect(
     needs=("velocity",),
     columns=_columns,
     starts=_starts,
+    joint=_joint,
 )

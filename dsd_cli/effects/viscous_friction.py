@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Role
+from dsd_cli.effects.joint_terms import JointTerms
 
 
 def _columns(channels: Channels, _: Mapping[str, float]) -> tuple[Any, ...]:
@@ -24,4 +25,5 @@ EFFECT = Effect(
     told_apart={
         "quadratic_drag": "move at constant speed at three speeds or more, a fast one among them",
     },
+    joint=lambda values, _: JointTerms(linear_damping=values["coefficient"]),
 )
