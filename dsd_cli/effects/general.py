@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, Values
-from dsd_cli.effects.tables import table_of, values_of
+from dsd_cli.effects.joint_terms import JointTerms, Ramps, Stop, speed_dependent
+from dsd_cli.effects.tables import Table, table_of, values_of
 from dsd_cli.errors import UsageError
 from dsd_cli.signals.log import Array
 
@@ -50,6 +51,37 @@ def _never(_: Ranges) -> bool:
     return False
 
 
+def _in_a_joint(values: Values, _: float) -> JointTerms:
+    """A force over the velocity, the speed or the position; of two channels or a factor a joint knows nothing."""
+    table = _scaled_table(values, CURVE.id)
+    over = table.channels[0]
+    if len(table.channels) > 1 or table.factor != "one" or over not in ("velocity", "speed", "position"):
+        return JointTerms(missing=f"a force over {' and '.join(table.channels)}")
+    knots, levels = table.knots[0], table.values
+    if over == "speed":
+        speeds, at = _from_standstill(table)
+        knots, levels = (*(-v for v in speeds[:0:-1]), *speeds), (*at[:0:-1], *at)
+    return JointTerms(ramps=(Ramps("position" if over == "position" else "velocity", knots, levels),))
+
+
+def _friction_in_a_joint(values: Values, _: float) -> JointTerms:
+    table = _scaled_table(values, FRICTION_CURVE.id)
+    if table.channels != ("speed",) or table.factor != "one":
+        return JointTerms(missing=f"dry friction over {' and '.join(table.channels)}")
+    return speed_dependent(*_from_standstill(table))
+
+
+def _scaled_table(values: Values, effect: str) -> Table:
+    table = table_of(values, effect)
+    return table.holding(float(values.get("scale", 1.0)) * np.ravel(table.values))
+
+
+def _from_standstill(table: Table) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """(speeds from 0 on, the table there)."""
+    speeds = (0.0, *(v for v in table.knots[0] if v > 0.0))
+    return speeds, tuple(np.interp(speeds, table.knots[0], table.values).tolist())
+
+
 def _tabled(name: str, role: Role, law: str, summary: str, needs: tuple[str, ...], **others: Any) -> Effect:
     found = {
         "columns": _columns,
@@ -79,6 +111,7 @@ CURVE = _tabled(
     "f(channels), a table; times v or u",
     "A force that a table gives over one channel or two, as `dsd learn` finds it; beyond the knots it is held.",
     ("velocity", "u"),
+    joint=_in_a_joint,
 )
 
 FRICTION_CURVE = _tabled(
@@ -87,6 +120,7 @@ FRICTION_CURVE = _tabled(
     "-f(channels) sgn v, a table; sticking at rest",
     "Dry friction whose level a table gives over velocity, position, u or time, as `dsd learn` finds it.",
     ("velocity", "u"),
+    joint=_friction_in_a_joint,
 )
 
 
@@ -126,6 +160,7 @@ INERTIA_CURVE = _tabled(
     ("velocity", "position"),
     columns=_inertia_columns,
     memory=True,
+    joint=lambda _, __: JointTerms(missing="an inertia that changes over the position"),
     parameters=(
         _CHANNELS,
         _KNOTS,
@@ -199,6 +234,12 @@ def _stop_values(coefficients: tuple[float, ...], shape: Shape, _: float) -> Val
     return {"radii": stops.radii, "stiffnesses": stops.stiffnesses, "scale": coefficients[0]}
 
 
+def _slips_in_a_joint(values: Values, _: float) -> JointTerms:
+    (scale,), shape = _stops_of(values, 1.0)
+    stops = shape["stops"]
+    return JointTerms(stops=tuple(Stop(r, scale * k) for r, k in zip(stops.radii, stops.stiffnesses, strict=True)))
+
+
 HYSTERESIS = Effect(
     id="hysteresis",
     role=Role.APPLIED,
@@ -216,6 +257,7 @@ HYSTERESIS = Effect(
     split=_stops_of,
     join=_stop_values,
     memory=True,
+    joint=_slips_in_a_joint,
     repeats=_never,
     rarity=9,
 )

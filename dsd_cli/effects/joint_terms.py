@@ -35,6 +35,13 @@ class Bristle(NamedTuple):
     stiffness: float
 
 
+class Stop(NamedTuple):
+    """A spring that slips: stretched by the motion, by no more than `radius`; stiffness per unit of position."""
+
+    radius: float
+    stiffness: float
+
+
 class Shaping(NamedTuple):
     """What happens to the command, in order: "limit" (clipped to +-value), "dead" (what is within +-value is lost) or
     "lag" (first order, value in s)."""
@@ -61,7 +68,7 @@ class JointTerms:
     dry_friction : level that opposes motion and holds at rest.
     constant : force that is always there.
     weights : of arms that hang, for which a whole turn is 2 pi; ripples : any others over the position.
-    ramps, bristles, command, loads : see there.
+    ramps, bristles, stops, command, loads : see there.
     missing : why a joint has nothing of the kind; "" where it has.
     """
 
@@ -75,6 +82,7 @@ class JointTerms:
     ripples: tuple[Sine, ...] = ()
     ramps: tuple[Ramps, ...] = ()
     bristles: tuple[Bristle, ...] = ()
+    stops: tuple[Stop, ...] = ()
     command: tuple[Shaping, ...] = ()
     loads: tuple[Hung, ...] = ()
     missing: str = ""
