@@ -10,7 +10,7 @@ import typer
 from dsd_cli.cli.options import EffectsFromOption, Format, FormatOption, QuietOption, SetOption
 
 if TYPE_CHECKING:
-    from dsd_cli.export.base import Motion
+    from dsd_cli.export.base import Joint, Motion
     from dsd_cli.files.config import Config
 
 
@@ -62,10 +62,8 @@ def export(
     import sys
 
     from dsd_cli.cli.identification import print_json
-    from dsd_cli.cli.recordings import believed_model
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.errors import CheckFailed, UsageError
-    from dsd_cli.export.base import Joint
     from dsd_cli.export.making import make
     from dsd_cli.export.making import verify as held_against
     from dsd_cli.export.targets import get_target
@@ -83,7 +81,7 @@ def export(
     if output != "-":
         check_target(output, [config, *settings.files, *(effects_from or ()), *([verify] if verify else [])])
     motion = _motion(settings, verify, sample_time)
-    made = make(found, Joint(believed_model(settings), motion.sample_time, name), motion, drop)
+    made = make(found, _joint(settings, motion.sample_time, name), motion, drop)
     checked = None if no_verify else held_against(found, made, motion)
     if checked is not None and not checked.holds:
         raise CheckFailed(
@@ -100,6 +98,13 @@ def export(
         print_json(export_json(report))
     elif output != "-" or not quiet:
         print_export(report, sys.stderr if output == "-" else sys.stdout)
+
+
+def _joint(settings: Config, sample_time: float, name: str) -> Joint:
+    from dsd_cli.cli.recordings import believed_model
+    from dsd_cli.export.base import Joint
+
+    return Joint(believed_model(settings), sample_time, name, linear=settings.signals.units.position == "m")
 
 
 def _motion(settings: Config, log: str | None, sample_time: float | None) -> Motion:

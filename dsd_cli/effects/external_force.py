@@ -52,5 +52,5 @@ EFFECT = Effect(
     starts=_starts,
     split=_split,
     join=_join,
-    joint=lambda values, _: JointTerms(missing="a force over time: whoever steps the simulation applies it"),
+    joint=lambda values, _: JointTerms(missing="force over time: whoever steps the simulation applies it"),
 )

@@ -56,7 +56,7 @@ def _in_a_joint(values: Values, _: float) -> JointTerms:
     table = _scaled_table(values, CURVE.id)
     over = table.channels[0]
     if len(table.channels) > 1 or table.factor != "one" or over not in ("velocity", "speed", "position"):
-        return JointTerms(missing=f"a force over {' and '.join(table.channels)}")
+        return JointTerms(missing=f"force over {' and '.join(table.channels)}")
     knots, levels = table.knots[0], table.values
     if over == "speed":
         speeds, at = _from_standstill(table)
@@ -160,7 +160,7 @@ INERTIA_CURVE = _tabled(
     ("velocity", "position"),
     columns=_inertia_columns,
     memory=True,
-    joint=lambda _, __: JointTerms(missing="an inertia that changes over the position"),
+    joint=lambda _, __: JointTerms(missing="inertia that changes over the position"),
     parameters=(
         _CHANNELS,
         _KNOTS,

@@ -60,5 +60,5 @@ EFFECT = Effect(
     repeats=lambda _: True,
     split=_split,
     join=_join,
-    joint=lambda values, _: JointTerms(missing="a force over time: whoever steps the simulation applies it"),
+    joint=lambda values, _: JointTerms(missing="force over time: whoever steps the simulation applies it"),
 )

@@ -31,11 +31,13 @@ class Joint:
     model : inertia, delay and effects with their values, in the units of the config.
     sample_time : s, the clock of the controller: u is held for so long.
     name : of the joint, function or block; letters, digits and _ (checked), so that it is no code in any target.
+    linear : it slides, q is in m; else it turns.
     """
 
     model: PlantModel
     sample_time: float
     name: str = "joint"
+    linear: bool = False
 
     def __post_init__(self) -> None:
         if not _IDENTIFIER.fullmatch(self.name):

@@ -99,6 +99,7 @@ def test_a_circle_is_found_however_it_is_imported(back: str) -> None:
 #: Files that name an effect all the same, and why.
 NAMING = {
     "detect/damping/derivative.py": "eq. 6 is about the viscous coefficient: candidates of it are the states",
+    "export/targets/mjcf.py": "a stiffness is an attribute of a joint, too",
     "identify/search/play.py": "a stiffness is a parameter of play, too",
     "identify/search/response.py": "the response of two masses, without and with play, is that of these two alone",
 }

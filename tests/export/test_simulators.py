@@ -1,0 +1,144 @@
+"""Models as joints of simulators: what they carry runs like `dsd simulate`, and reads back as it was written."""
+
+import math
+
+import pytest
+
+from dsd_cli.effects import catalogue
+from dsd_cli.effects.general import GENERAL
+from dsd_cli.errors import UsageError
+from dsd_cli.export.base import Joint
+from dsd_cli.export.joint_parts import Chain, Stage, chain_of
+from dsd_cli.export.making import make, verify
+from dsd_cli.export.motion import built_in
+from dsd_cli.export.targets import get_target
+from dsd_cli.plant.model import PlantModel
+
+INERTIA, STEP = 0.01, 1e-3
+TABLE = {"factor": "one", "scale": 1.0}
+#: Every effect there is, in a size that matters for an axis of 0.01 kg m2.
+VALUES = {
+    "actuator_lag": {"time_constant": 0.01},
+    "backlash": {"gap": 0.05, "load_share": 0.4, "stiffness": 20.0},
+    "cogging": {"amplitude": 0.1, "periods": 7.3, "phase": 0.4},
+    "constant_load": {"force": 0.2},
+    "coulomb_friction": {"level": 0.2},
+    "cubic_stiffness": {"coefficient": 0.3},
+    "dead_zone": {"width": 0.1},
+    "external_force": {"events": [{"start": 0.5, "end": 0.7, "force": 0.2}]},
+    "flexible_coupling": {"frequency": 30.0, "load_share": 0.4, "damping": 0.05},
+    "gravity": {"amplitude": 0.3, "phase": 0.5},
+    "load_friction": {"coefficient": 0.2},
+    "periodic_disturbance": {"amplitude": 0.1, "frequency": 3.0, "phase": 0.0},
+    "presliding_friction": {"level": 0.2, "stiffness": 20.0},
+    "quadratic_drag": {"coefficient": 0.01},
+    "saturation": {"limit": 0.4},
+    "stiffness": {"coefficient": 0.5},
+    "stribeck_friction": {"excess": 0.1, "velocity": 0.5},
+    "viscous_asymmetry": {"coefficient": 0.02},
+    "viscous_friction": {"coefficient": 0.05},
+    "curve": {"channels": ["position"], "knots": [[-0.5, 0.3, 0.6, 2.0]], "values": [0.1, -0.1, 0.2, 0.0], **TABLE},
+    "friction_curve": {"channels": ["speed"], "knots": [[0.0, 1.0, 3.0]], "values": [0.2, 0.1, 0.2], **TABLE},
+    "hysteresis": {"radii": [0.05, 0.2], "stiffnesses": [2.0, 1.0], "scale": 1.0},
+    "inertia_curve": {"channels": ["position"], "knots": [[0.0, 1.0]], "values": [0.0, 0.002], **TABLE},
+}
+#: What no joint of MuJoCo has.
+NOT_IN_MUJOCO = {"external_force", "inertia_curve", "load_friction", "periodic_disturbance"}
+
+
+def joint(effects: dict, delay: float = 0.0, linear: bool = False) -> Joint:
+    return Joint(PlantModel(INERTIA, delay, effects), STEP, linear=linear)
+
+
+def beside(effect: str) -> dict:
+    """That effect on an axis that does not run away without a controller."""
+    damped = (
+        {} if effect.endswith("friction") or effect == "friction_curve" else {"viscous_friction": {"coefficient": 0.05}}
+    )
+    return {**damped, effect: VALUES[effect]}
+
+
+def percent(target: str, one: Joint) -> float:
+    """rms of the speed error of what was written, in percent of the rms speed."""
+    motion = built_in(one.model, STEP)
+    checked = verify(get_target(target), make(get_target(target), one, motion, drop=False), motion)
+    assert checked.ran, checked.how
+    return checked.rms_percent
+
+
+def test_every_effect_is_tried() -> None:
+    assert set(VALUES) == {*catalogue(), *GENERAL}
+
+
+@pytest.mark.parametrize("effect", sorted(VALUES))
+def test_mujoco_moves_as_dsd_simulate_or_says_what_it_lacks(effect: str) -> None:
+    pytest.importorskip("mujoco", minversion="4.0", reason="dsd-cli[sim] is not installed")
+    one = joint(beside(effect), delay=0.0023)
+    if effect in NOT_IN_MUJOCO:
+        with pytest.raises(UsageError, match=rf"mjcf does not carry {effect} \(a joint of MJCF has no "):
+            make(get_target("mjcf"), one, built_in(one.model, STEP), drop=False)
+    else:
+        assert percent("mjcf", one) <= 1.0
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {"gravity": VALUES["gravity"], "viscous_friction": VALUES["viscous_friction"]},
+        {"constant_load": VALUES["constant_load"], "curve": VALUES["curve"], "cogging": VALUES["cogging"],
+         "quadratic_drag": {"coefficient": 0.01}, "viscous_friction": {"coefficient": 0.05}},
+        {"coulomb_friction": {"level": 0.1}, "stribeck_friction": VALUES["stribeck_friction"],
+         "flexible_coupling": VALUES["flexible_coupling"]},
+    ],
+    ids=["weight of a sliding axis", "forces", "friction and load"],
+)  # fmt: skip
+def test_effects_together_on_a_sliding_axis(effects: dict) -> None:
+    pytest.importorskip("mujoco", minversion="4.0", reason="dsd-cli[sim] is not installed")
+    assert percent("mjcf", joint(effects, linear=True)) <= 1.0
+
+
+def test_mujoco_reads_back_what_was_written() -> None:
+    mujoco = pytest.importorskip("mujoco", minversion="4.0", reason="dsd-cli[sim] is not installed")
+    effects = {
+        name: VALUES[name]
+        for name in ("viscous_friction", "quadratic_drag", "stiffness", "coulomb_friction", "gravity")
+    }
+    content = make(get_target("mjcf"), joint(effects, 0.004), built_in(PlantModel(INERTIA), STEP), False).content
+    model = mujoco.MjModel.from_xml_string(content.decode())
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert model.dof_M0[0] == pytest.approx(INERTIA, rel=1e-12)  # the arm of the weight is in it
+    assert (model.dof_damping[0], model.dof_dampingpoly[0][0]) == (0.05, 0.01)
+    assert (model.jnt_stiffness[0], model.dof_frictionloss[0]) == (0.5, 0.2)
+    assert data.qfrc_bias[0] == pytest.approx(0.3 * math.sin(0.5), rel=1e-12)
+    assert model.actuator(0).name == "u"
+
+
+@pytest.mark.parametrize("order", [("saturation", "dead_zone"), ("dead_zone", "saturation")])
+@pytest.mark.parametrize("lag", [0, 1, 2])
+def test_limit_dead_zone_and_lag_in_any_order(order: tuple[str, str], lag: int) -> None:
+    pytest.importorskip("mujoco", minversion="4.0", reason="dsd-cli[sim] is not installed")
+    names = [*order]
+    names.insert(lag, "actuator_lag")
+    one = joint({**{name: VALUES[name] for name in names}, "viscous_friction": {"coefficient": 0.05}})
+    if names == ["dead_zone", "actuator_lag", "saturation"]:
+        with pytest.raises(UsageError, match="no such order of lag, limit and dead zone"):
+            percent("mjcf", one)
+    else:
+        assert percent("mjcf", one) <= 1.0
+
+
+def test_a_chain_by_hand() -> None:
+    from dsd_cli.effects.joint_terms import Shaping
+
+    dead, limit, lag = Shaping("dead", 0.1), Shaping("limit", 0.4), Shaping("lag", 0.02)
+    assert chain_of([dead, limit]) == Chain(Stage(0.5, 0.1), 0.0, Stage())
+    assert chain_of([limit, dead, lag]) == Chain(Stage(0.4, 0.1), 0.02, Stage())
+    assert chain_of([lag, dead, limit]) == Chain(Stage(), 0.02, Stage(0.5, 0.1))
+    assert chain_of([dead, lag, limit]) is None
+
+
+@pytest.mark.parametrize("name", ['a"/><evil', "a b", "joint\n", "", "1a", "x" * 64, "ü", "a<!--"])
+def test_hostile_names_never_become_xml(name: str) -> None:
+    with pytest.raises(UsageError, match="letters, digits and _"):
+        Joint(PlantModel(INERTIA), STEP, name=name)
