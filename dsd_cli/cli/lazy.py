@@ -26,6 +26,7 @@ COMMANDS = {
     "diagnose": ("diagnose", "diagnose", "Say which physical effect the model lacks."),
     "add": ("add", "add", "Add an effect to the model of the config, fitted to a log."),
     "improve": ("improve", "improve", "Diagnose and add, step by step, until nothing is left to add."),
+    "learn": ("learn", "learn", "Learn the law that no effect of the catalogue has."),
     "report": ("report", "report", "Write one HTML page that tells what a log says."),
     "fleet": ("fleet", "app", "Run detect, compare or diagnose over many logs; one table."),
     "passport": ("passport", "passport", "Sign the values of an axis: within limits, or what changed since when."),

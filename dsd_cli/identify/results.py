@@ -16,7 +16,7 @@ NONE, UNKNOWN = "none", "unknown"
 #: Candidates that are values of [model], not effects.
 INERTIA, DELAY = "inertia", "delay"
 #: What a rung of the ladder did.
-StepKind = Literal["given", "refit", "added", "taken back"]
+StepKind = Literal["given", "refit", "added", "taken back", "learnt"]
 
 
 @dataclass(frozen=True)

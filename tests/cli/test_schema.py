@@ -11,7 +11,7 @@ from dsd_cli.cli.lazy import COMMANDS, load_command
 from tests.cli.rig import done, dsd
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
-NAMES = ["add", "check", "compare", "detect", "diagnose", "effects", "export", "fleet", "improve", "passport", "tune"]
+NAMES = ["add", "check", "compare", "detect", "diagnose", "effects", "export", "fleet", "improve", "learn", "passport", "tune"]
 FRICTION, BARE, SINE = (f"{SAMPLES}/{name}" for name in ("servo-friction.csv", "servo-bare.toml", "paper-sine"))
 
 
@@ -89,6 +89,8 @@ def test_it_is_a_schema_whose_keys_say_what_they_are(name):
         ("compare", f"compare -c {BARE} -c {SAMPLES}/servo-friction.toml"),
         ("diagnose", f"diagnose {FRICTION} -c {BARE} --fix inertia --to 1"),
         ("add", f"add {FRICTION} coulomb_friction -c {BARE} -o better.toml"),
+        ("learn", f"learn {FRICTION} -c {BARE} --to 1 -o learnt.toml --curve law.csv"),
+        ("learn", f"learn {FRICTION} -c {SAMPLES}/servo-friction.toml --law-file law.py"),
         ("improve", f"improve {FRICTION} -c {BARE} --to 1 --auto -o best.toml"),
         ("improve", "improve -c best.toml --history"),
         ("improve", "improve -c best.toml --undo -o undone.toml"),

@@ -281,7 +281,12 @@ def _columns(stretch: Stretch, term: Term, u: Array) -> list[Array]:
     effect = term.effect
     if stretch.pushed is not None and stretch.pushed[0] == term.id and effect.coupling is not None:
         return [_pushed_load(stretch, effect.coupling(term.shape), stretch.pushed[1])]
-    found, _ = effect.run(stretch.channels(u, effect), term.shape)
+    return effect_columns(stretch, effect, term.shape, u)
+
+
+def effect_columns(stretch: Stretch, effect: Effect, shape: Shape, u: Array) -> list[Array]:
+    """Regressor of each coefficient, mean per interval under that delayed u; minus the unit force."""
+    found, _ = effect.run(stretch.channels(u, effect), shape)
     columns = [np.broadcast_to(c, len(u)) for c in found]
     if effect.role is Role.FRICTION:
         return [stretch.sign * c for c in columns]

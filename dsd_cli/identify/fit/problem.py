@@ -83,7 +83,7 @@ class Problem:
     @property
     def floor(self) -> float:
         """rms of r that the sensor alone leaves in the band, for the inertia that was fitted, unit of u."""
-        noise = _sensor(self.recordings)
+        noise = noisiest(self.recordings)
         return self.solver.inertia * math.sqrt(passed_variance(np.ones(1), self.equations.band, noise))
 
     def reconstructed(self, channel: str) -> bool:
@@ -196,7 +196,7 @@ def asked_of_all(problem: Problem, recordings: Sequence[Recording], holdout: Seq
     few = problem.equations
     recordings, holdout = (with_driven_load(some, problem.model) for some in (recordings, holdout))
     equations = equations_of(recordings, few.startup, few.band)
-    plain = Bank(equations, variance=passed_variance(np.ones(1), few.band, _sensor(recordings, sure=True)))
+    plain = Bank(equations, variance=passed_variance(np.ones(1), few.band, noisiest(recordings, sure=True)))
     blocks = lay_blocks(equations.lengths, POLICY.gap_rows, recordings[0].name)
     white = Bank(equations.with_whitening(few.whitening), plain, problem.solver.bank.variance)
     known = problem.solver.known
@@ -234,7 +234,7 @@ def _bank(recordings: Sequence[Recording], longest: float, widened: float) -> tu
     startup = math.ceil(longest / recordings[0].sample_time) + 3
     equations = equations_of(recordings, startup, widened=widened)
     check_used(recordings, equations)
-    bank = Bank(equations, variance=passed_variance(np.ones(1), equations.band, _sensor(recordings, sure=True)))
+    bank = Bank(equations, variance=passed_variance(np.ones(1), equations.band, noisiest(recordings, sure=True)))
     return bank, max(int(longest / bank.tap_time) - 1, 1)
 
 
@@ -267,11 +267,11 @@ def _inertia_by_size(bank: Bank) -> float:
 
 def _with_noise(problem: Problem, fit: Fit) -> Problem:
     """Rows whitened by the noise that no function of single channels explains beside the fit."""
-    sensors = _sensor(problem.recordings), _sensor(problem.recordings, sure=True)
+    sensors = noisiest(problem.recordings), noisiest(problem.recordings, sure=True)
     solver, noise = measured(problem.errors.bank, problem.solver, fit, *sensors)
     return replace(problem, solver=solver, noise=noise)
 
 
-def _sensor(recordings: Sequence[Recording], sure: bool = False) -> SensorNoise:
+def noisiest(recordings: Sequence[Recording], sure: bool = False) -> SensorNoise:
     """The noise of the noisiest sensor; `sure`: what is taken out of the normal equations of it."""
     return max((r.sensor.sure if sure else r.sensor.noise for r in recordings), key=lambda noise: noise.scale)

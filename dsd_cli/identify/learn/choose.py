@@ -1,0 +1,128 @@
+"""Which family of laws: the simplest within one standard error of the best, and a further one as long as it helps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsd_cli.identify.fit.blocks import spread_over_blocks
+from dsd_cli.identify.learn.families import FAMILIES, Columns, columns_of
+from dsd_cli.identify.learn.judge import Judge, LawFit
+from dsd_cli.identify.learn.rows import Balance
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.signals.log import Array
+
+#: Laws that stand beside each other at most; rounds in which the noise is measured beside the best of them.
+MOST_LAWS, _ROUNDS = 3, 2
+#: Share of the best loss by which a simpler law may leave more, however sure that is: 2 % of the rms.
+_AS_GOOD = 0.04
+#: Laws whose loss is so many times the best one's are no ties, whatever the standard error.
+_TIED = 1.5
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What was chosen.
+
+    base : the model alone. fit : with the laws, `base` where there is none. tied : other families as good as the first.
+    richest : the fit with the least held-out loss. refused : why the best law was not taken, "" if one was.
+    """
+
+    judge: Judge
+    base: LawFit
+    fit: LawFit
+    tied: tuple[LawFit, ...]
+    richest: LawFit
+    best: LawFit
+    refused: str
+
+    def rmse(self, fit: LawFit, rows: Array | None = None) -> float:
+        """Held-out rms of r, of the rows that count or of these, unit of u."""
+        return left_of(self.judge, fit, rows)
+
+
+def left_of(judge: Judge, fit: LawFit, rows: Array | None = None) -> float:
+    """Held-out rms of r, of the rows that count or of these, unit of u."""
+    keep = judge.balance.equations.kept if rows is None else rows
+    return float(np.sqrt(np.mean(judge.residual(fit)[keep] ** 2)))
+
+
+def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -> Choice:
+    """The laws that stand beside the model's own effects."""
+    all_of_them = [c for c in (columns_of(f, balance) for f in FAMILIES) if c is not None]
+    for turn in range(_ROUNDS):
+        report(turn / _ROUNDS)
+        judge = Judge(balance)
+        base = judge.fit(())
+        fits = [judge.fit((c,)) for c in all_of_them]
+        richest = min(fits, key=lambda f: f.loss, default=base)
+        if turn + 1 < _ROUNDS:
+            balance = balance.beside(judge.residual(richest, held_out=False))
+    if not fits:
+        return Choice(judge, base, base, (), base, base, "the log has no channel that a law could depend on")
+    first, tied = simplest(fits)
+    refused = why_not(judge, base, first)
+    if refused:
+        return Choice(judge, base, base, (), richest, first, refused)
+    fit = first
+    while first.laws[0].family.of_motion and len(fit.laws) < MOST_LAWS:
+        following = _following(judge, fit, all_of_them)
+        if following is None:
+            break
+        fit = following
+    return Choice(judge, base, fit, tied, min(richest, fit, key=lambda f: f.loss), first, "")
+
+
+def _following(judge: Judge, fit: LawFit, all_of_them: Sequence[Columns]) -> LawFit | None:
+    """One law more, if it is certain and of use; no law of u beside one of the motion: it would follow its noise."""
+    here = {law.family.name for law in fit.laws}
+    others = [
+        c
+        for c in all_of_them
+        if c.family.name not in here and c.family.of_motion and c.family.of_u == fit.forward and len(c.family.over) < 2
+    ]
+    found = [judge.fit((*fit.laws, c)) for c in others]
+    if not found:
+        return None
+    best, _ = simplest(found)
+    return None if why_not(judge, fit, best) else best
+
+
+def simplest(fits: Sequence[LawFit]) -> tuple[LawFit, tuple[LawFit, ...]]:
+    """(the simplest fit within one standard error of the best, others of other channels that are as good)."""
+    best = min(fits, key=lambda f: f.loss)
+    near = [
+        f
+        for f in fits
+        if f.loss - best.loss <= max(standard_error(f, best), _AS_GOOD * best.loss) and f.loss < _TIED * best.loss
+    ]
+    first = min(near, key=lambda f: f.laws[-1].family.rank)
+    own = set(first.laws[-1].family.on)
+    return first, tuple(f for f in near if f is not first and not own <= set(f.laws[-1].family.on))
+
+
+def standard_error(a: LawFit, b: LawFit) -> float:
+    """Of the difference of two held-out losses, over the blocks."""
+    apart = a.losses - b.losses
+    return float(np.std(apart, ddof=1) * math.sqrt(len(apart))) if len(apart) > 1 else math.inf
+
+
+def why_not(judge: Judge, before: LawFit, after: LawFit) -> str:
+    """Why the last law of a fit is not taken, "" if it is: it must be certain, spread, of use, not at stops alone."""
+    nats = judge.nats(after)
+    gains = (after.without - after.losses) / nats
+    was, now = left_of(judge, before), left_of(judge, after)
+    force = judge.balance.problem.errors.force
+    if float(gains.sum()) < POLICY.unknown_nats or not spread_over_blocks(gains):
+        return "no function of the channels explains what is left, on blocks that it was not fitted to"
+    if now > (1.0 - POLICY.unknown_fall) * was or math.sqrt(max(was**2 - now**2, 0.0)) < POLICY.least_unknown * force:
+        return "what a function of the channels explains is too small to matter"
+    sure = judge.balance.weight == 1.0
+    if sure.any() and not sure.all():
+        was, now = left_of(judge, before, sure), left_of(judge, after, sure)
+        if now > (1.0 - POLICY.unknown_fall) * was:
+            return "what is left lies at stops and turns, where the direction of the motion is not sure"
+    return ""

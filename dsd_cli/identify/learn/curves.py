@@ -1,0 +1,133 @@
+"""From the coefficients of a fit to effects of a model, and to curves with their bands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from dsd_cli.effects import Role, Values, free_name
+from dsd_cli.effects.general import HYSTERESIS, INERTIA_CURVE
+from dsd_cli.effects.tables import Table
+from dsd_cli.identify.learn.families import Columns
+from dsd_cli.identify.learn.judge import Judge, LawFit
+from dsd_cli.identify.learn.results import Curve, View
+from dsd_cli.identify.learn.rows import Balance
+from dsd_cli.plant.forces import Mask
+from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.log import Array
+
+#: Standard errors of a band of 95 %.
+_BAND = 1.96
+#: Share of the mean information on a coefficient, below which the log was hardly there.
+_VISITED = 1e-3
+
+
+def parts(fit: LawFit) -> Iterator[tuple[Columns, slice]]:
+    """Each law and where its coefficients stand among those of the laws."""
+    at = 0
+    for law in fit.laws:
+        yield law, slice(at, at + len(law.rows))
+        at += len(law.rows)
+
+
+def coefficients(fit: LawFit) -> Array:
+    """Of the laws as forces, shape (c,); u counts once."""
+    theta = fit.total[len(fit.total) - sum(len(law.rows) for law in fit.laws) :]
+    return -theta / gain(fit) if fit.forward else theta
+
+
+def gain(fit: LawFit) -> float:
+    """What a forward fit multiplies u by; 1 where the law says it."""
+    return float(fit.total[0]) if fit.forward and 0 not in fit.held else 1.0
+
+
+def effects_of(fit: LawFit, model: PlantModel) -> dict[str, Values]:
+    """Name in the model -> values, of every law."""
+    found: dict[str, Values] = {}
+    theta = coefficients(fit)
+    for law, at in parts(fit):
+        name = free_name(law.family.effect.id, {*model.effects, *found})
+        found[name] = law.values(law.matrix @ theta[at])
+    return found
+
+
+def with_scale_in(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The same law with a scale of 1."""
+    numbers = "stiffnesses" if "stiffnesses" in values else "values"
+    return {**values, numbers: _times(values[numbers], float(values["scale"])), "scale": 1.0}
+
+
+def _times(values: Any, scale: float) -> Any:
+    """With six digits: a config is read by people."""
+    if isinstance(values, list | tuple):
+        return tuple(_times(x, scale) for x in values)
+    return float(f"{scale * float(values):.6g}")
+
+
+def curves_of(fit: LawFit, judge: Judge, names: Sequence[str]) -> tuple[Curve, ...]:
+    """Every law with the band of its posterior; nothing where the log never was."""
+    variance, theta, found = judge.nats(fit) / 2.0, coefficients(fit), []
+    for (law, at), name in zip(parts(fit), names, strict=True):
+        spread = np.einsum("ij,jk,ik->i", law.matrix, fit.covariance[at, at], law.matrix)
+        half = _BAND * np.sqrt(np.maximum(variance * spread, 0.0))
+        found.append(_curve(law, name, law.matrix @ theta[at], half, judge))
+    return tuple(found)
+
+
+def _curve(law: Columns, name: str, theta: Array, half: Array, judge: Judge) -> Curve:
+    weight = np.abs(law.matrix) @ np.array([float(np.sum(judge.white(x) ** 2)) for x in law.rows])
+    known = weight > _VISITED * float(np.mean(weight))
+    if law.family.effect is HYSTERESIS:
+        return Curve(name, (), (law.law.radii,), *_flat(theta, half, known), "{u}/({q})")
+    table: Table = law.law
+    unit = {"one": "{u}", "velocity": "{u}/({v})", "u": "1"}[table.factor]
+    unit = "{u}/({v}/s)" if law.family.effect is INERTIA_CURVE else unit
+    return Curve(name, table.channels, table.knots, *_flat(theta, half, known), unit, table.factor)
+
+
+def _flat(values: Array, half: Array, known: Mask) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+    low, high = (np.where(known, values + side * half, math.nan) for side in (-1.0, 1.0))
+    return tuple(map(float, values)), tuple(map(float, low)), tuple(map(float, high))
+
+
+#: Share of the largest factor of a curve, below which a point tells nothing of the curve.
+_TELLS = 0.2
+
+
+def views_of(fit: LawFit, judge: Judge) -> tuple[View, ...]:
+    """Each law over the channel of its curve, the others beside it."""
+    balance, after = judge.balance, judge.residual(fit, held_out=False)
+    theta = coefficients(fit)
+    keep = balance.weight == np.max(balance.weight)
+    found = []
+    for law, at in parts(fit):
+        taken = theta[at] @ np.stack(law.rows)
+        channel = "position" if not law.family.over else law.family.over[0]
+        rows = _of_rows(balance, channel)[keep]
+        direction = np.sign(_of_rows(balance, "velocity"))[keep]
+        before = -(taken + after)[keep]
+        factor = {"velocity": "velocity", "u": "u"}.get(getattr(law.law, "factor", ""), "")
+        if law.family.effect.role is Role.FRICTION:
+            by = -direction
+        elif factor:
+            by = _of_rows(balance, factor)[keep]
+        else:
+            by = np.full(len(rows), math.nan if law.family.effect is INERTIA_CURVE else 1.0)
+        tells = np.abs(by) > _TELLS * np.nanmax(np.abs(by), initial=0.0)
+        points = np.where(tells, before / np.where(tells, by, 1.0), math.nan)
+        found.append(View(channel, rows, direction, before, -after[keep], points))
+    return tuple(found)
+
+
+def _of_rows(balance: Balance, channel: str) -> Array:
+    """A channel at the centres of the rows, shape (N,)."""
+    by_stretch = []
+    for s, u in zip(balance.equations.stretches, balance.drive, strict=True):
+        known = {"u": u, "time": s.frame.times}
+        by_stretch.append(
+            known[channel] if channel in known else getattr(s.middle, channel.replace("speed", "velocity"))
+        )
+    return balance.equations.of_rows(by_stretch)

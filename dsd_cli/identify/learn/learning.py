@@ -1,0 +1,193 @@
+"""The law that the catalogue lacks: which channels, its curve, its formula, and by how much the error falls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+
+from dsd_cli.effects import get_effect
+from dsd_cli.identify.fit.asked import Settings
+from dsd_cli.identify.fit.driven import with_driven_load
+from dsd_cli.identify.fit.problem import Problem, pose
+from dsd_cli.identify.learn.choose import Choice, choose
+from dsd_cli.identify.learn.curves import curves_of, effects_of, gain, views_of, with_scale_in
+from dsd_cli.identify.learn.judge import LawFit
+from dsd_cli.identify.learn.results import LEARNT, NOT_OF_MOTION, NOTHING, Learnt, Tie
+from dsd_cli.identify.learn.rows import Balance, balance_of
+from dsd_cli.identify.learn.words import of_several, separating
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.excerpts import excerpts
+from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.results import INERTIA, Score
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.plant.model import PlantModel
+
+Progress = Callable[[str, float], None]
+
+
+def learn(
+    recordings: Sequence[Recording],
+    model: PlantModel,
+    settings: Settings | None = None,
+    holdout: Sequence[Recording] = (),
+    progress: Progress = lambda _what, _share: None,
+) -> Learnt:
+    """What the model lacks, as a law of the channels, if there is one; else why not.
+
+    Parameters
+    ----------
+    recordings : of one machine. model : what it is believed to be; its values are fitted along.
+    holdout : recordings that no fit sees; the held-out errors are then theirs.
+
+    Raises
+    ------
+    DataError : the recordings are too short, the axis does not move, or a needed channel is missing.
+    UsageError : recordings of different rates.
+    """
+    settings = settings or Settings()
+    progress("preparing", 0.0)
+    model = settings.known.applied(model)
+    problem = pose(excerpts(with_driven_load(recordings, model)), model, settings)
+    progress("which channels", 0.1)
+    chosen = choose(balance_of(problem), lambda share: progress("which channels", 0.1 + 0.5 * share))
+    progress("fitting the law", 0.7)
+    scores = Scores(recordings, holdout, model, settings)
+    if chosen.refused or not chosen.fit.laws[0].family.of_motion:
+        return _nothing(chosen, scores, recordings, holdout)
+    found = _learnt(chosen, scores, recordings, holdout)
+    progress("done", 1.0)
+    return found
+
+
+class Scores:
+    """Errors of models on all rows of the recordings, in one band, and on those held out."""
+
+    def __init__(
+        self, recordings: Sequence[Recording], holdout: Sequence[Recording], model: PlantModel, settings: Settings
+    ) -> None:
+        self.recordings, self.holdout, self.model, self.settings = recordings, holdout, model, settings
+        self.problem = pose(recordings, model, replace(settings, effects=()), holdout)
+        self.given = self.problem.errors.of_model(self.problem.model)
+        self.search = Search(self.problem)
+        self.refitted = self.problem.score(self.search.refit)
+
+    def with_law(self, model: PlantModel, held: Sequence[str]) -> Problem:
+        """The problem of a model with the law in it; the inertia, or all values of an effect, that are held stay."""
+        fixed = {INERTIA: model.inertia} if INERTIA in held else {}
+        fixed |= {
+            f"{name}.{p.name}": float(model.effects[name][p.name])
+            for name in held
+            if name != INERTIA
+            for p in get_effect(name).parameters
+            if p.numeric
+        }
+        known = self.settings.known
+        known = replace(known, fixed={**fixed, **known.fixed}) if fixed else known
+        return pose(self.recordings, model, replace(self.settings, effects=(), known=known), self.holdout)
+
+
+def _learnt(chosen: Choice, scores: Scores, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Learnt:
+    fit, judge = chosen.fit, chosen.judge
+    laws = effects_of(fit, scores.problem.model)
+    balance: Balance = judge.balance
+    begun = scores.problem.model.changed(inertia=_inertia(fit, balance), effects=laws)
+    problem = scores.with_law(begun, _held(fit, balance, laws))
+    known = problem.values(Search(problem).refit)
+    model = known.model
+    model = model.changed(effects={name: with_scale_in(model.effects[name]) for name in laws})
+    after = problem.errors_for(model, recordings).of_model(model)
+    heldout = chosen.rmse(fit)
+    if holdout:
+        heldout = problem.errors_for(model, holdout).of_model(model).rmse
+    estimates = {name: one for name, one in known.estimates.items() if name.partition(".")[0] not in laws}
+    families = [law.family for law in fit.laws]
+    return Learnt(
+        logs=tuple(r.name for r in recordings),
+        verdict=LEARNT,
+        family=of_several(families),
+        channels=tuple(dict.fromkeys(name for family in families for name in family.on)),
+        curves=curves_of(fit, judge, list(laws)),
+        formula=None,
+        score=scores.given,
+        refitted=_held_out(scores.refitted, chosen, chosen.base, holdout),
+        after=replace(after, heldout_rmse=heldout),
+        model=model,
+        estimates=estimates,
+        ceiling=chosen.rmse(chosen.richest),
+        band_hz=problem.equations.band.hz,
+        floor=problem.floor,
+        ties=tuple(_tie(chosen, one) for one in chosen.tied),
+        notes=_notes(chosen, problem, heldout),
+        views=views_of(fit, judge),
+        held_out=tuple(r.name for r in holdout),
+    )
+
+
+def _inertia(fit: LawFit, balance: Balance) -> float:
+    """J beside the law."""
+    found = balance.inertia / gain(fit) if fit.forward or 0 in fit.held else float(fit.total[0])
+    return found if found > 0.0 else balance.inertia
+
+
+def _held(fit: LawFit, balance: Balance, laws: Iterable[str]) -> list[str]:
+    """What the law has as well; beside a law of u the inertia and the law itself: u would explain u."""
+    if fit.forward:
+        return [INERTIA, *laws]
+    return [INERTIA if i == 0 else balance.names[i - 1] for i in fit.held]
+
+
+def _held_out(score: Score, chosen: Choice, fit: LawFit, holdout: Sequence[Recording]) -> Score:
+    """Held-out errors before and after are of the same rows and folds, unless logs are held out."""
+    return score if holdout else replace(score, heldout_rmse=chosen.rmse(fit))
+
+
+def _tie(chosen: Choice, other: LawFit) -> Tie:
+    families = [law.family for law in other.laws]
+    own = [law.family for law in chosen.best.laws]
+    return Tie(of_several(families), families[-1].on, chosen.rmse(other), separating(own[-1], families[-1]))
+
+
+def _notes(chosen: Choice, problem: Problem, heldout: float) -> tuple[str, ...]:
+    least = math.hypot(POLICY.floor_factor * problem.floor, POLICY.floor_excess * problem.errors.force)
+    if heldout <= least:
+        return ()
+    share = 100.0 * heldout / max(problem.errors.force, 1e-300)
+    return (f"{share:.1f} % of u stays unexplained beside the law, more than the sensor leaves",)
+
+
+def _nothing(chosen: Choice, scores: Scores, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Learnt:
+    """No law, and why."""
+    problem = scores.problem
+    known = problem.values(scores.search.refit)
+    refitted = _held_out(scores.refitted, chosen, chosen.base, holdout)
+    sure = chosen.judge.balance.weight == 1.0
+    left = min(chosen.rmse(chosen.base), chosen.rmse(chosen.base, sure) if sure.any() else math.inf)
+    least = math.hypot(POLICY.floor_factor * problem.floor, POLICY.floor_excess * problem.errors.force)
+    verdict, why = NOTHING, chosen.refused
+    if not chosen.refused:
+        verdict, why = NOT_OF_MOTION, "what is left is a force over time, not over the motion"
+    elif left > least and "stops" not in why:
+        verdict = NOT_OF_MOTION
+        why = f"{100.0 * left / max(problem.errors.force, 1e-300):.1f} % of u is left: {why}"
+    elif left <= least and "stops" not in why:
+        band = f"{problem.equations.band.hz:.1f} Hz"
+        why = f"nothing is missing below {band}: what is left is no more than the sensor's noise"
+    return Learnt(
+        logs=tuple(r.name for r in recordings),
+        verdict=verdict,
+        family="",
+        channels=(),
+        curves=(),
+        formula=None,
+        score=scores.given,
+        refitted=refitted,
+        after=refitted,
+        model=problem.model,
+        estimates=known.estimates,
+        ceiling=chosen.rmse(chosen.richest),
+        band_hz=problem.equations.band.hz,
+        floor=problem.floor,
+        why=why,
+        held_out=tuple(r.name for r in holdout),
+    )

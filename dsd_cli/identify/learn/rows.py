@@ -1,0 +1,154 @@
+"""The balance of forces beside which a law is learnt: a target, the columns of the model, and weights of the rows.
+
+    u = J a - sum c_k f_k - law + r          inverse: u on the motion; for laws of the motion
+    J0 a = g (u + sum c_k f_k + law) + r     forward: a on u; for laws of u, which beside u would explain u by itself
+
+Friction counts as holding at rest for every law alike: else a law with friction would delete the rows that speak
+against it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from dsd_cli.effects import Effect, Role, Shape
+from dsd_cli.identify.fit.bank import drive, effect_columns, inputs_of
+from dsd_cli.identify.fit.blocks import Blocks
+from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.noise import fitted_noise, passed_variance, whitening
+from dsd_cli.identify.fit.problem import Problem, noisiest
+from dsd_cli.identify.fit.sure import uncertain
+from dsd_cli.identify.fit.values import coefficients_of
+from dsd_cli.identify.recordings.spectrum import SensorNoise
+from dsd_cli.signals.log import Array
+
+#: Share of a row in which the axis may rest or turn, up to which it counts in full, or little; and how little.
+_SURE, _HARDLY, _LITTLE = 0.02, 0.7, 0.15
+#: Of the rows, that must be sure; with fewer all that are kept count alike.
+_ENOUGH = 0.1
+#: Share of J by which that of a fit may differ from the given one, to be held there.
+_NEAR = 0.5
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Rows in the unit of u, shape (N,) each, and how they are judged.
+
+    Attributes
+    ----------
+    tap : steps of delay at which u acts. u, acceleration, later : drive, measured a, change of the drive over a step.
+    own : columns of the model's own effects; given : their coefficients in the model; names : effect of each.
+    weight : of each row. whitening : taps over rows. noise : variance that the sensor leaves in a whitened row of a.
+    """
+
+    problem: Problem
+    tap: int
+    u: Array
+    acceleration: Array
+    later: Array
+    own: tuple[Array, ...]
+    given: Array
+    names: tuple[str, ...]
+    weight: Array
+    whitening: Array
+    noise: float
+
+    @property
+    def equations(self) -> Equations:
+        """Rows that are not whitened."""
+        return self.problem.errors.equations
+
+    @property
+    def blocks(self) -> Blocks:
+        """Held-out blocks."""
+        return self.problem.blocks
+
+    @property
+    def all_own(self) -> tuple[Array, ...]:
+        """The acceleration, and the columns of the model's own effects."""
+        return (self.acceleration, *self.own)
+
+    def taken(self, held: Sequence[int]) -> Array:
+        """What these of `all_own` take of u with the values of the model, shape (N,)."""
+        values = (self.inertia, *self.given)
+        return sum((values[i] * self.all_own[i] for i in held), np.zeros(len(self.u)))
+
+    @cached_property
+    def inertia(self) -> float:
+        """J where a law has it as well, so that no log tells the two apart: as given, or as u is on the motion."""
+        given = self.problem.model.inertia
+        x = np.stack([self.white(x) for x in (*self.all_own, self.later)])
+        found = float(np.linalg.lstsq(x.T, self.white(self.u), rcond=1e-12)[0][0])
+        return given if abs(found - given) < _NEAR * given or found <= 0.0 else found
+
+    @cached_property
+    def drive(self) -> list[Array]:
+        """The delayed u per interval, by stretch: what laws of u look at."""
+        return drive(self.equations, (), self.tap * self.problem.solver.bank.tap_time)
+
+    def columns(self, effect: Effect, shape: Shape) -> list[Array]:
+        """Rows of what an effect with this shape takes of u, one for each coefficient; minus the unit force."""
+        pairs = zip(self.equations.stretches, self.drive, strict=True)
+        by_stretch = [effect_columns(s, effect, shape, u) for s, u in pairs]
+        smooth = effect.role is not Role.FRICTION
+        return [self.equations.acting(list(x), smooth, True) for x in zip(*by_stretch, strict=True)]
+
+    def white(self, rows: Array) -> Array:
+        """Rows made white and weighed."""
+        return self._white_equations.whitened(rows)
+
+    @cached_property
+    def _white_equations(self) -> Equations:
+        return replace(self.equations, whitening=self.whitening, trust=self.weight)
+
+    def beside(self, residual: Array) -> Balance:
+        """The same, whitened by the noise in what a richer fit leaves, shape (N,), unit of u."""
+        noise = noisiest(self.problem.recordings)
+        band = self.equations.band
+        taps = whitening(fitted_noise(self.equations.by_stretch(residual), band, noise), band, noise)
+        return replace(self, whitening=taps, noise=_noise(self.problem, taps))
+
+
+def balance_of(problem: Problem) -> Balance:
+    """Of a problem; the noise is that beside functions of single channels."""
+    bank, model, tap = problem.errors.bank, problem.model, problem.tap
+    inputs = inputs_of(problem.base)
+    now, after = (bank.drive(inputs, n, held=True) for n in (tap, tap + 1))
+    acting = [t for t in problem.base if t.effect.role is not Role.INPUT]
+    columns = [bank.columns(t, tap, held=True) for t in acting]
+    _, given = coefficients_of(model, problem.base, bank.tap_time)
+    taps = problem.equations.whitening
+    return Balance(
+        problem,
+        tap,
+        now,
+        bank.acceleration,
+        now - after,
+        tuple(x for by_coefficient in columns for x in by_coefficient),
+        given[2:],
+        tuple(t.id for t, by in zip(acting, columns, strict=True) for _ in by),
+        _weights(problem.errors.equations),
+        taps,
+        _noise(problem, taps),
+    )
+
+
+def _noise(problem: Problem, taps: Array) -> float:
+    sure: SensorNoise = noisiest(problem.recordings, sure=True)
+    return passed_variance(taps, problem.errors.equations.band, sure)
+
+
+def _weights(equations: Equations) -> Array:
+    """1 where the direction of the motion is sure, little where it hardly is, 0 at rest."""
+    doubt = uncertain(equations)
+    weight = np.where(doubt <= _SURE, 1.0, np.where(doubt <= _HARDLY, _LITTLE, 0.0)) * equations.kept
+    return np.asarray(weight if np.mean(weight == 1.0) > _ENOUGH else equations.kept.astype(np.float64))
+
+
+def stacked(balance: Balance, rows: Sequence[Array]) -> Array:
+    """Whitened rows, shape (p, N)."""
+    return np.stack([balance.white(x) for x in rows])

@@ -1,0 +1,115 @@
+"""`dsd learn` as a user runs it: a law that no effect has, from the log to a config whose error falls."""
+
+import csv
+import json
+
+import pytest
+
+from tests.cli.rig import done, dsd
+from tests.oracle.rig_strange import make
+
+CONFIG = """
+[signals]
+time = "t"
+u = "u"
+position = "position"
+
+[observer]
+nominal_inertia = {inertia}
+time_constant = 0.01
+
+[model]
+inertia = {inertia}
+delay = {delay}
+
+[model.effects.viscous_friction]
+coefficient = {viscous}
+
+[model.effects.coulomb_friction]
+level = {dry}
+"""
+
+
+def write(folder, law, name="log", second=0, motion="moves"):
+    log = make(law, 1, "enc40k", motion, duration=12.0, second=second)
+    with (folder / f"{name}.csv").open("w", newline="") as file:
+        rows = csv.writer(file)
+        rows.writerow(log.channels)
+        rows.writerows(zip(*(c.tolist() for c in log.channels.values()), strict=True))
+    own = log.believed
+    text = CONFIG.format(
+        inertia=log.inertia,
+        delay=log.delay,
+        viscous=own["viscous_friction"]["coefficient"],
+        dry=own["coulomb_friction"]["level"],
+    )
+    (folder / "model.toml").write_text(text)
+    return log
+
+
+@pytest.fixture(scope="module")
+def spot(tmp_path_factory):
+    """A place where friction is three times as high, and another motion of the same machine."""
+    folder = tmp_path_factory.mktemp("spot")
+    write(folder, "friction_spot", "other", second=1, motion="sines")
+    return folder, write(folder, "friction_spot")
+
+
+def rmse(folder, config, log="log.csv"):
+    return json.loads(done("compare", log, "-c", config, "--format", "json", cwd=folder).stdout)["force"]["rmse"]
+
+
+def test_the_law_goes_into_a_config_that_works_by_itself(spot):
+    folder, _ = spot
+    more = ("--curve", "law.csv", "--plot", "law.png", "--holdout", "other.csv", "--format", "json")
+    ran = done("learn", "log.csv", "-c", "model.toml", "-o", "better.toml", *more, cwd=folder)
+    result = json.loads(ran.stdout)
+    assert (result["verdict"], result["channels"]) == ("learnt", ["direction", "position"])
+    assert result["heldout_rmse_after"] < 0.15 * result["heldout_rmse_before"]
+    assert rmse(folder, "better.toml") < 0.1 * rmse(folder, "model.toml")
+    assert rmse(folder, "better.toml", "other.csv") < 0.1 * rmse(folder, "model.toml", "other.csv")
+    assert (folder / "law.png").read_bytes()[:4] == b"\x89PNG"
+    undone = done("improve", "-c", "better.toml", "--undo", "-o", "undone.toml", cwd=folder)
+    assert "wrote undone.toml" in undone.stderr
+    assert "friction_curve" not in (folder / "undone.toml").read_text()
+
+
+def test_the_curve_is_the_law_that_was_hidden(spot):
+    folder, log = spot
+    done("learn", "log.csv", "-c", "model.toml", "--curve", "law.csv", "--quiet", cwd=folder)
+    rows = list(csv.DictReader((folder / "law.csv").open()))
+    size = log.values["size"]
+    inside = []
+    for row in rows:
+        if row["low"]:
+            q = float(row["knot_1"])
+            true = 2.0 * size / (1.0 + ((q - log.values["q0"]) / log.values["w"]) ** 2)
+            assert float(row["value"]) == pytest.approx(true, abs=0.08 * size)
+            inside.append(float(row["low"]) - 0.02 * size <= true <= float(row["high"]) + 0.02 * size)
+    assert len(inside) > 15
+    assert sum(inside) >= 0.9 * len(inside)
+
+
+def test_nothing_is_learnt_where_nothing_is_missing(tmp_path):
+    write(tmp_path, "nothing")
+    ran = done("learn", "log.csv", "-c", "model.toml", "-o", "same.toml", "--curve", "law.csv", cwd=tmp_path)
+    assert ran.stdout.startswith("none: nothing is missing below")
+    assert (tmp_path / "same.toml").read_text() == (tmp_path / "model.toml").read_text()
+    assert not (tmp_path / "law.csv").exists()
+    assert "law.csv: not written, no law was learnt" in ran.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["--law-file", "law.txt"], "--law-file law.txt: end its name in .py"),
+        (["--curve", "log.csv"], "log.csv"),
+        (["-o", "better.toml", "--curve", "better.toml"], "better.toml"),
+        (["-o", "-", "--format", "json"], "-o - and --format json"),
+    ],
+)
+def test_what_cannot_be_written_is_said_before_anything_is_computed(spot, arguments, line):
+    folder, _ = spot
+    ran = dsd("learn", "log.csv", "-c", "model.toml", *arguments, cwd=folder)
+    assert (ran.returncode, ran.stdout, len(ran.stderr.splitlines())) == (2, "", 1)
+    assert line in ran.stderr
