@@ -11,7 +11,20 @@ from dsd_cli.cli.lazy import COMMANDS, load_command
 from tests.cli.rig import done, dsd
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
-NAMES = ["add", "check", "compare", "detect", "diagnose", "effects", "export", "fleet", "improve", "learn", "passport", "tune"]
+NAMES = [
+    "add",
+    "check",
+    "compare",
+    "detect",
+    "diagnose",
+    "effects",
+    "export",
+    "fleet",
+    "improve",
+    "learn",
+    "passport",
+    "tune",
+]
 FRICTION, BARE, SINE = (f"{SAMPLES}/{name}" for name in ("servo-friction.csv", "servo-bare.toml", "paper-sine"))
 
 
