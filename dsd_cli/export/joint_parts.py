@@ -100,3 +100,17 @@ def chain_of(shapings: Collection[Shaping]) -> Chain | None:
         else:
             before = before.then(shaping)
     return None if before.dead is not None and after != Stage() else Chain(before, lag, after)
+
+
+def only_a_limit(joint: Joint, verdict: Verdict, name: str) -> Verdict:
+    """The verdict, against what shapes a command otherwise than a limit: dead zones and lags."""
+    effect = joint.effect(verdict.part)
+    shapings = terms_of(joint, verdict.part).command if effect is not None and verdict.carried else ()
+    if all(shaping.kind == "limit" for shaping in shapings):
+        return verdict
+    return Verdict(verdict.part, False, f"a joint of {name} has no shaping of the command but a limit")
+
+
+def effort_limit(terms: JointTerms) -> float | None:
+    """The narrowest limit of the command; None without one."""
+    return min((shaping.value for shaping in terms.command if shaping.kind == "limit"), default=None)

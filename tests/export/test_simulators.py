@@ -1,6 +1,8 @@
 """Models as joints of simulators: what they carry runs like `dsd simulate`, and reads back as it was written."""
 
 import math
+from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -142,3 +144,77 @@ def test_a_chain_by_hand() -> None:
 def test_hostile_names_never_become_xml(name: str) -> None:
     with pytest.raises(UsageError, match="letters, digits and _"):
         Joint(PlantModel(INERTIA), STEP, name=name)
+
+
+#: What a joint of these has, and what each calls it in the file that was written.
+PLAIN = ("viscous_friction", "coulomb_friction", "gravity")
+
+
+@pytest.mark.parametrize(
+    ("target", "more"), [("urdf", {"saturation"}), ("sdf", {"saturation", "stiffness"}), ("usd", {"stiffness"})]
+)
+def test_what_other_simulators_carry(target: str, more: set[str]) -> None:
+    found = get_target(target)
+    carried = {e for e in VALUES if found.judge(joint({e: VALUES[e]}), e).carried}
+    assert carried == {*PLAIN, *more}
+    assert not found.judge(joint({}, delay=0.002), "delay").carried
+    assert all(found.judge(joint({e: VALUES[e]}), e).how for e in VALUES)
+
+
+@pytest.mark.parametrize("effect", [*PLAIN, "saturation"])
+def test_a_urdf_read_by_mujoco_moves_as_dsd_simulate(effect: str) -> None:
+    pytest.importorskip("mujoco", minversion="4.0", reason="dsd-cli[sim] is not installed")
+    assert percent("urdf", joint(beside(effect))) <= 1.0
+
+
+@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize("target", ["urdf", "sdf"])
+def test_xml_reads_back_as_it_was_written(target: str, linear: bool) -> None:
+    weight = {} if linear else {"gravity": VALUES["gravity"]}
+    effects = {
+        "viscous_friction": VALUES["viscous_friction"],
+        "coulomb_friction": {"level": 0.2},
+        "saturation": {"limit": 0.4},
+    }
+    one = joint({**effects, **weight}, linear=linear)
+    root = ElementTree.fromstring(make(get_target(target), one, built_in(one.model, STEP), False).content)
+    (axis,) = root.iter("joint")
+    assert axis.get("type") == ("prismatic" if linear else {"urdf": "continuous", "sdf": "revolute"}[target])
+
+    def value(tag: str, name: str) -> float:
+        (found,) = axis.iter(tag)
+        return float(found.get(name) or found.findtext(name))
+
+    assert (value("dynamics", "damping"), value("dynamics", "friction"), value("limit", "effort")) == (0.05, 0.2, 0.4)
+    link = next(link for link in root.iter("link") if link.get("name") == "joint_link")
+    mass = float(link.find("inertial/mass").get("value") or link.findtext("inertial/mass"))
+    if linear:
+        assert mass == INERTIA
+    else:  # about the axis it is J, and the weight is G sin(phi) at q = 0
+        pose = link.find("inertial/origin").get("xyz") if target == "urdf" else link.findtext("inertial/pose")
+        x, _, z = map(float, pose.split()[:3])
+        own = link.find("inertial/inertia")
+        about = float(own.get("iyy") or own.findtext("iyy"))
+        assert about + mass * (x * x + z * z) == pytest.approx(INERTIA, rel=1e-12)
+        assert -x * mass * 9.81 == pytest.approx(0.3 * math.sin(0.5), rel=1e-12)
+
+
+@pytest.mark.parametrize("linear", [False, True])
+def test_usd_reads_back_per_degree(linear: bool, tmp_path: Path) -> None:
+    pxr = pytest.importorskip("pxr", reason="usd-core is not installed")
+    assert pxr
+    from pxr import Usd, UsdPhysics
+
+    one = joint({e: VALUES[e] for e in ("viscous_friction", "coulomb_friction", "stiffness")}, linear=linear)
+    (tmp_path / "joint.usda").write_bytes(make(get_target("usd"), one, built_in(one.model, STEP), False).content)
+    stage = Usd.Stage.Open(str(tmp_path / "joint.usda"))
+    prim = stage.GetPrimAtPath("/joint/joint")
+    kind, per = ("linear", 1.0) if linear else ("angular", 180.0 / math.pi)
+    assert prim.IsA(UsdPhysics.PrismaticJoint if linear else UsdPhysics.RevoluteJoint)
+    drive = UsdPhysics.DriveAPI.Get(prim, kind)
+    assert drive.GetDampingAttr().Get() * per == pytest.approx(0.05, rel=1e-6)
+    assert drive.GetStiffnessAttr().Get() * per == pytest.approx(0.5, rel=1e-6)
+    assert prim.GetAttribute(f"physxJointAxis:{kind}:dynamicFrictionEffort").Get() == pytest.approx(0.2, rel=1e-6)
+    mass = UsdPhysics.MassAPI(stage.GetPrimAtPath("/joint/body"))
+    found = mass.GetMassAttr().Get() if linear else mass.GetDiagonalInertiaAttr().Get()[1]
+    assert found == pytest.approx(INERTIA, rel=1e-6)

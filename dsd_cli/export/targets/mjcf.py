@@ -11,7 +11,8 @@ from xml.etree import ElementTree as Xml
 
 import numpy as np
 
-from dsd_cli.effects.joint_terms import JointTerms, Ramps, Sine
+from dsd_cli.effects.joint_terms import JointTerms, Ramps
+from dsd_cli.export.arm import GRAVITY, Body, axis_of, body_of
 from dsd_cli.export.base import DELAY, Joint, Motion, NotRun, Target, Verdict, finite, number
 from dsd_cli.export.joint_parts import Chain, Stage, all_terms, chain_of, judged, terms_of
 from dsd_cli.signals.log import Array
@@ -22,8 +23,6 @@ LONGEST, OSCILLATION = 1e-3, 0.1
 LONGEST_WITH_SLIP = 2.5e-4
 #: Gain of an actuator that has no use for its control; with 0 MuJoCo takes its damping for a ratio.
 NO_GAIN = "1e-12"
-#: m/s2, and the length of the arm that stands for a weight as a share of that at which it has all of the inertia.
-GRAVITY, ARM = 9.81, 0.1
 
 _CARRIED = {
     DELAY: "actuator delay (MuJoCo 3.5)",
@@ -59,7 +58,7 @@ def _write(joint: Joint) -> bytes:
     step = _timestep(joint, terms)
     root = Xml.Element("mujoco", model=joint.name)
     _add(root, "compiler", angle="radian")
-    _add(root, "option", timestep=number(step), integrator="RK4", gravity=f"{GRAVITY} 0 0")
+    _add(root, "option", timestep=number(step), integrator="RK4", gravity=_numbers(0.0, 0.0, -GRAVITY))
     axis = _add(_add(root, "worldbody"), "body", name=joint.name)
     _axis(axis, joint, terms, step)
     _actuators(_add(root, "actuator"), joint, terms, step)
@@ -87,7 +86,7 @@ def _axis(body: Any, joint: Joint, terms: JointTerms, step: float) -> None:
         known |= {"frictionloss": number(terms.dry_friction), "solreffriction": _numbers(2.0 * step, 1.0),
                       "solimpfriction": "0.9999 0.9999 0.001"}  # fmt: skip
     _add(body, "joint", name=joint.name, **_kind(joint), **known)
-    _inertial(body, joint, joint.model.inertia * (1.0 - shares), _weight(terms) if not joint.linear else None)
+    _inertial(body, body_of(joint, terms, 1.0 - shares))
     for hung in terms.loads:
         load = _add(body, "body", name=f"{joint.name}_load")
         inertia = joint.model.inertia * hung.share
@@ -99,7 +98,7 @@ def _axis(body: Any, joint: Joint, terms: JointTerms, step: float) -> None:
             spring = {"range": _numbers(-half_gap, half_gap), "limited": "true", "solimplimit": "0.0001 0.0001 0.001",
                           "solreflimit": _numbers(-square / both, -drag / both)}  # fmt: skip
         _add(load, "joint", name=f"{joint.name}_coupling", **_kind(joint), **spring)
-        _inertial(load, joint, inertia, None)
+        _inertial(load, body_of(joint, JointTerms(), hung.share))
 
 
 def _add(parent: Any, tag: str, **known: str) -> Any:
@@ -112,27 +111,14 @@ def _higher(*coefficients: float) -> tuple[float, ...]:
 
 
 def _kind(joint: Joint) -> dict[str, str]:
-    return {"type": "slide" if joint.linear else "hinge", "axis": "0 1 0" if joint.linear else "0 0 1"}
+    return {"type": "slide" if joint.linear else "hinge", "axis": _numbers(*axis_of(joint))}
 
 
-def _inertial(body: Any, joint: Joint, inertia: float, weight: Sine | None) -> None:
-    """Mass and inertia; a weight G sin(q + phi) is a mass on an arm, whose own inertia is taken off."""
-    position, mass = "0 0 0", inertia if joint.linear else 1.0
-    if weight is not None:
-        arm = ARM * ARM * inertia * GRAVITY / abs(weight.amplitude)
-        mass = abs(weight.amplitude) / (GRAVITY * arm)
-        position = _numbers(arm * math.cos(weight.phase), arm * math.sin(weight.phase), 0.0)
-        inertia -= mass * arm * arm
-    shown = {"fromto": "0 0 0 0.1 0 0", "size": "0.01", "contype": "0", "conaffinity": "0"}
-    _add(body, "inertial", pos=position, mass=number(mass), diaginertia=_numbers(inertia, inertia, inertia))
-    _add(body, "geom", type="capsule", **shown)
-
-
-def _weight(terms: JointTerms) -> Sine | None:
-    """All weights as one with a negative amplitude; None where there is none."""
-    force = sum(w.amplitude * complex(math.cos(w.phase), math.sin(w.phase)) for w in terms.weights)
-    size = abs(force)
-    return Sine(-size, 1.0, math.atan2(-force.imag, -force.real)) if size > 0.0 else None
+def _inertial(parent: Any, body: Body) -> None:
+    inertia = _numbers(body.inertia, body.inertia, body.inertia)
+    _add(parent, "inertial", pos=_numbers(*body.centre), mass=number(body.mass), diaginertia=inertia)
+    shown = {"fromto": "0 0 0 0 0 0.1", "size": "0.01", "contype": "0", "conaffinity": "0"}
+    _add(parent, "geom", type="capsule", **shown)
 
 
 def _actuators(parent: Any, joint: Joint, terms: JointTerms, step: float) -> None:
