@@ -41,7 +41,7 @@ say "3. Diagnose: which effect of the catalogue explains data that no fit has se
 begin 14 out/diagnose.txt dsd diagnose out/hidden.csv -c sample_logs/servo-bare.toml --plot out/diagnose.png
 
 say "4. Improve: add it, fit, measure again, until nothing is missing."
-run dsd improve out/hidden.csv -c sample_logs/servo-bare.toml --auto -o out/better.toml --plot out/improve.png
+run dsd improve out/hidden.csv -c sample_logs/servo-bare.toml --auto --states -o out/better.toml --plot out/improve.png
 
 cat <<'TEXT'
 

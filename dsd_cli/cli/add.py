@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dsd_cli.cli.fit_options import FitOptions
+from dsd_cli.cli.fit_options import FitOptions, StatesOption
 from dsd_cli.cli.identification import LogsArgument
 from dsd_cli.cli.options import Format, effect_ids
 from dsd_cli.cli.sharing import spread
@@ -29,6 +29,8 @@ def add(
         str, typer.Argument(metavar="EFFECT", autocompletion=effect_ids, help="Effect to add, see `dsd effects`.")
     ],
     output: OutputNeeded,
+    states: StatesOption = False,
+    *,
     options: FitOptions,
 ) -> None:
     """Add EFFECT to [model], fit all values to LOG again, and write the config with the result.
@@ -43,6 +45,7 @@ def add(
     from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.plan import widening
     from dsd_cli.cli.progress import Progress
+    from dsd_cli.cli.refresh import put_states
     from dsd_cli.files.config.edit import read_origin
     from dsd_cli.report.addition import AdditionReport, add_json, added_step, bias_warning, print_addition
 
@@ -59,6 +62,7 @@ def add(
         added, force = _added(given, effect)
     report = AdditionReport(added, tuple(log), apart, output, force)
     text = with_steps(origin.text, added.before, [added_step(added)], log, added.units)
+    text, of_states = put_states(text, given, added.model, states)
     put_config(output, text, origin)
     warn(quiet, (*given.warnings, *added.warnings, *bias_warning(report)))
     if form is Format.JSON:
@@ -67,6 +71,8 @@ def add(
         print_addition(report, sys.stderr if output == "-" else sys.stdout)
     if output != "-":
         say(quiet, f"wrote {output}")
+    if of_states:
+        say(quiet, of_states)
     if plot is not None:
         put_picture(plot, lambda: _drawn(report, given), quiet)
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from dsd_cli.cli.identification import HoldoutOption
 from dsd_cli.cli.options import (
@@ -25,6 +27,11 @@ from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.files.config import Config
+
+StatesOption = Annotated[
+    bool,
+    typer.Option("--states", help="Lay [states], rho and (where d_hat is not logged) Jn around the new model, too."),
+]
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dsd_cli.cli.fit_options import FitOptions
+from dsd_cli.cli.fit_options import FitOptions, StatesOption
 from dsd_cli.cli.options import Format
 from dsd_cli.cli.sharing import spread
 from dsd_cli.cli.transfer import SPREAD
@@ -45,6 +45,7 @@ def improve(
     hold: HoldOption = False,
     from_prior: FromPriorOption = False,
     spread_by: SpreadOption = SPREAD,
+    states: StatesOption = False,
     auto: Annotated[bool, typer.Option("--auto", help="Do not ask: add what the diagnosis finds.")] = False,
     history: Annotated[bool, typer.Option("--history", help="Show the steps that the config remembers.")] = False,
     undo: Annotated[
@@ -62,7 +63,8 @@ def improve(
     from dsd_cli.files.config.edit import read_origin
 
     config, plot, form = options.config, options.plot, options.form
-    wanted = Request(config, tuple(log or ()), options.apart, auto, plot, output, form, options.quiet, from_prior)
+    kind = from_prior, states
+    wanted = Request(config, tuple(log or ()), options.apart, auto, plot, output, form, options.quiet, *kind)
     if history or undo:
         wanted.check_config_alone(
             "--history" if history else "--undo", both=history and undo, override=options.override
@@ -99,6 +101,7 @@ class Request:
     form: Format
     quiet: bool
     transfer: bool = False
+    states: bool = False
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -156,6 +159,7 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
     from dsd_cli.cli.pictures import put_picture
     from dsd_cli.cli.plan import widening
     from dsd_cli.cli.progress import Progress
+    from dsd_cli.cli.refresh import put_states
     from dsd_cli.cli.transfer import transferred
     from dsd_cli.identify.results import in_units
     from dsd_cli.report.ladder import LadderReport, improve_json, print_ladder
@@ -168,6 +172,7 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
     moved = transferred(settings, ladder) if wanted.transfer else ()
     report = LadderReport(ladder, wanted.logs, output, given.dropped, given.warnings, held_out, moved)
     text = with_steps(origin.text, ladder.steps[0].score, ladder.steps[1:], wanted.logs, ladder.last.units)
+    text, of_states = put_states(text, given, ladder.steps[-1].model, wanted.states)
     if output is not None:
         put_config(output, text, origin)
     warn(quiet, report.warnings)
@@ -179,6 +184,8 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
         say(quiet, "nothing was written: -o FILE writes the improved config")
     elif output != "-":
         say(quiet, f"wrote {output}")
+    if of_states and output is not None:
+        say(quiet, of_states)
     if wanted.plot is not None:
         from dsd_cli.report.plots_ladder import draw
 

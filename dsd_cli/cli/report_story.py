@@ -8,7 +8,9 @@ import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -24,11 +26,14 @@ from dsd_cli.cli.improve_loop import follow, with_steps
 from dsd_cli.cli.labels_out import ESTIMATES
 from dsd_cli.cli.progress import Progress
 from dsd_cli.cli.recordings import beyond_known, known_values
+from dsd_cli.cli.refresh import Refreshed, refreshed
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.rows import Rows
 from dsd_cli.errors import DsdError, printable
 from dsd_cli.files.config import Config
+from dsd_cli.files.config.config import parse_tables, read_config
 from dsd_cli.files.config.edit import Origin, now
+from dsd_cli.files.config.values_edit import merged, with_keys
 from dsd_cli.identify.compare.comparison import compare
 from dsd_cli.identify.improve import improve
 from dsd_cli.identify.results import Diagnosis, Ladder, Step, in_units
@@ -36,6 +41,7 @@ from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.report.comparison import Report
 from dsd_cli.report.diagnosis import DiagnosisReport
 from dsd_cli.report.ladder import LadderReport, step_line
+from dsd_cli.report.names import listed
 from dsd_cli.report.page.series import Views, channels_of, views
 from dsd_cli.report.page.story import Labels, Part, SourceFile, Story
 
@@ -63,13 +69,12 @@ def tell(
     with Progress(not quiet) as progress:
         looked = [checked_log(path, config, quiet, progress) for path in logs]
     teller = _Teller(config, tuple(logs), tuple(holdout), quiet)
-    detections = teller.detections()
     given = teller.attempt("the model", lambda: load_given(config, logs, holdout))
-    axes = {axis for _, part in detections if part.value for axis in part.value.axes}
-    comparison, ladder, diagnosis, curves = teller.identified(given, 2 * len(axes))
+    comparison, ladder, diagnosis, curves = teller.identified(given, 2 * _axes(config))
+    text, detector, with_what = teller.at_the_end(origin.text, given, ladder)
+    detections = teller.detections(detector)
     if curves.value is None:
         curves = teller.attempt("curves", lambda: channels_of([(one.log, one.restarts) for one in looked]))
-    steps = ladder.value.result.steps if ladder.value else ()
     return Story(
         logs=tuple(logs),
         holdout=tuple(holdout),
@@ -80,7 +85,8 @@ def tell(
         ladder=ladder,
         views=curves,
         config_name=str(origin.path),
-        config_text=with_steps(origin.text, steps[0].score, steps[1:], logs, config.signals.units) if steps else "",
+        config_text=text,
+        detected_with=with_what,
         command=shlex.join(["dsd", *sys.argv[1:]]),
         made=now(),
         units=config.signals.units,
@@ -88,6 +94,25 @@ def tell(
         versions=_versions(),
         warnings=(*(given.value.warnings if given.value else ()), *teller.warnings),
     )
+
+
+def _axes(config: Config) -> int:
+    """Number of axes of the grid of states."""
+    states = config.states
+    return 0 if states is None else 2 + sum(map(len, states.effects.values()))
+
+
+def _labels(log: str, config: Config) -> Labels:
+    """What the detector says of one log."""
+    to = _Kept("table", None, True, ())
+    result = Job(log, config, False, to).run(Judgement())
+    rows = to.rows
+    t, state, confident = (np.concatenate([getattr(r, n) for r in rows]) for n in ("t", "state", "confident"))
+    axes = {name: np.asarray(values)[state] for name, values in to.grids[0].axes.items()}
+    columns = zip(*(r.estimates for r in rows), strict=True)
+    estimates = dict(zip(ESTIMATES, (np.concatenate(column) for column in columns), strict=False))
+    between = {axis: estimates[f"{axis}_estimate"] for axis in axes if f"{axis}_estimate" in estimates}
+    return Labels(result, t, axes, confident, between)
 
 
 @dataclass
@@ -111,22 +136,31 @@ class _Teller:
         warn(self.quiet, [f"{what}: {line}"])
         return Part(None, line)
 
-    def detections(self) -> tuple[tuple[str, Part[Labels]], ...]:
-        """The labels of each log, where the config has states."""
-        if self.config.states is None:
-            return ()
-        return tuple((log, self.attempt("detect", lambda log=log: self._labels(log))) for log in self.logs)  # type: ignore[misc]
+    def at_the_end(self, text: str, given: Part[Given], ladder: Part[LadderReport]) -> tuple[str, Config, str]:
+        """(the config that results, the one to detect with, what that has from the model at the end, in words)."""
+        steps = ladder.value.result.steps if ladder.value else ()
+        if not steps or given.value is None:
+            return "", self.config, ""
+        known, units = given.value, self.config.signals.units
+        resulting = with_steps(text, steps[0].score, steps[1:], self.logs, units)
+        if len(steps) == 1 or self.config.states is None:
+            return resulting, self.config, ""
+        found = self.attempt("detect", lambda: refreshed(self.config, known, steps[-1].model))
+        fresh = found.value or Refreshed({}, "")
+        new = with_keys(resulting, fresh.values)
+        written = deepcopy(dict(self.config.written))  # with the options of the command line
+        values = {("model",): parse_tables(new, self.config.name)["model"], **fresh.values}
+        config = read_config(merged(written, values), self.config.name, self.config.folder)
+        model = "with the model at the end, inertia {0.inertia:.4g}, delay {0.delay:.4g} s".format(steps[-1].model)
+        effects = f", with {listed(steps[-1].model.effects)}" if steps[-1].model.effects else ""
+        return new, config, f"{model}{effects}" + (f"; refreshed: {fresh.said}" if fresh.said else "")
 
-    def _labels(self, log: str) -> Labels:
-        to = _Kept("table", None, True, ())
-        result = Job(log, self.config, False, to).run(Judgement())
-        rows = to.rows
-        t, state, confident = (np.concatenate([getattr(r, n) for r in rows]) for n in ("t", "state", "confident"))
-        axes = {name: np.asarray(values)[state] for name, values in to.grids[0].axes.items()}
-        columns = zip(*(r.estimates for r in rows), strict=True)
-        estimates = dict(zip(ESTIMATES, (np.concatenate(column) for column in columns), strict=False))
-        between = {axis: estimates[f"{axis}_estimate"] for axis in axes if f"{axis}_estimate" in estimates}
-        return Labels(result, t, axes, confident, between)
+    def detections(self, config: Config) -> tuple[tuple[str, Part[Labels]], ...]:
+        """The labels of each log, where the config has states."""
+        if config.states is None:
+            return ()
+        parts = (self.attempt("detect", partial(_labels, log, config)) for log in self.logs)
+        return tuple(zip(self.logs, parts, strict=True))
 
     def identified(
         self, given: Part[Given], more: int

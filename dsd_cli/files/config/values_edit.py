@@ -21,7 +21,7 @@ def with_keys(text: str, values: Mapping[Path, Any]) -> str:
     changed = text
     for path, value in values.items():
         changed = _with_key(changed, path, literal(value))
-    meant = _merged(tomllib.loads(text), values)
+    meant = merged(tomllib.loads(text), values)
     try:
         now = tomllib.loads(changed)
     except tomllib.TOMLDecodeError:
@@ -52,7 +52,8 @@ def _with_key(text: str, path: Path, raw: str) -> str:
     return text[:at] + ("" if text[:at].endswith("\n") else newline(text)) + line + text[at:]
 
 
-def _merged(tables: dict[str, Any], values: Mapping[Path, Any]) -> dict[str, Any]:
+def merged(tables: dict[str, Any], values: Mapping[Path, Any]) -> dict[str, Any]:
+    """Nested tables with these values in them; changed in place."""
     for path, value in values.items():
         here = tables
         for part in path[:-1]:

@@ -137,7 +137,7 @@ def detection_section(story: Story) -> Html:
     title = "What was detected"
     if not story.detections:
         return section("detected", title, missing("the config has no [states], so no state was asked for"))
-    parts: list[Html] = []
+    parts: list[Html] = [tag("p", f"Detected {story.detected_with}.")] if story.detected_with else []
     for log, part in story.detections:
         if len(story.detections) > 1:
             parts.append(tag("h3", PurePath(log).name))

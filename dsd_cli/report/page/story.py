@@ -58,6 +58,7 @@ class Story:
     ----------
     command : as it was typed, quoted for a shell. files : what was read. versions : what it was made with.
     config_name, config_text : the config that results; "" without a ladder.
+    detected_with : what the labels are of that the config as given does not have; "" if nothing.
     warnings : of reading the logs, and values of [model] beyond what is known of them.
     """
 
@@ -74,6 +75,7 @@ class Story:
     command: str
     made: str
     units: Units
+    detected_with: str = ""
     files: tuple[SourceFile, ...] = ()
     versions: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()

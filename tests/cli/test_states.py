@@ -1,0 +1,80 @@
+"""What was found of the model reaches the detector: `--states` of improve and add, and the labels of a report."""
+
+import json
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dsd_cli.cli.refresh import with_delay, with_inertia
+from tests.cli.rig import done, dsd
+
+ROOT = Path(__file__).parents[2]
+LOG = ROOT / "sample_logs/servo-friction.csv"
+TRUTH = {"delay": 0.002, "inertia": 0.01}
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    """Nobody thought of friction, and the candidates have neither the delay nor the inertia of the axis."""
+    text = (ROOT / "sample_logs/servo-bare.toml").read_text(encoding="utf-8")
+    text = text.replace("delays = [0.0, 0.002, 0.004]", "delays = [0.0, 0.000767, 0.00177]")
+    text = text.replace("inertias = [0.008, 0.01, 0.0125]", "inertias = [0.007, 0.0113, 0.0141]")
+    (tmp_path / "dsd.toml").write_text(text.replace("inertia = 0.01 }", "inertia = 0.0113 }"))
+    return tmp_path
+
+
+def test_improve_lays_the_candidates_around_the_new_model(rig: Path) -> None:
+    said = done("improve", LOG, "--auto", "-o", "plain.toml", cwd=rig).stderr
+    assert "delay 0.001998 and inertia 0.01 of [model] is no candidate of [states]: --states puts it there" in said
+    said = done("improve", LOG, "--auto", "--states", "-o", "new.toml", cwd=rig).stderr
+    assert "refreshed: states.delays = [0, 0.000767, 0.001998]" in said
+    written = tomllib.loads((rig / "new.toml").read_text())
+    assert written["observer"]["nominal_inertia"] == 0.01  # the log has the d_hat of an observer with that one
+    assert written["detector"]["initial"] == {"delay": 0.0, "inertia": written["states"]["inertias"][1]}
+    shares = {}
+    for config in ("plain.toml", "new.toml"):
+        result = json.loads(done("detect", LOG, "-c", config, "--format", "json", cwd=rig).stdout)
+        shares[config] = result["truth"]["share_correct"]
+        for name, value in TRUTH.items():
+            near = abs(result["final"][name] / value - 1.0) < 0.01
+            assert near is (config == "new.toml"), (config, name)
+    assert shares["new.toml"] > 0.9
+
+
+def test_a_computed_d_hat_takes_the_new_inertia_for_jn(rig: Path) -> None:
+    rows = [line.split(",") for line in LOG.read_text(encoding="utf-8").splitlines()]
+    keep = [i for i, name in enumerate(rows[0]) if name in ("t", "u", "position")]
+    (rig / "log.csv").write_text("\n".join(",".join(row[i] for i in keep) for row in rows) + "\n")
+    options = ("--set", "observer.nominal_inertia=0.02", "--states", "-o", "new.toml")
+    done("add", "log.csv", "coulomb_friction", *options, cwd=rig)
+    written = tomllib.loads((rig / "new.toml").read_text())
+    assert written["observer"]["nominal_inertia"] == pytest.approx(written["model"]["inertia"], rel=1e-3)
+
+
+def test_a_report_detects_with_the_model_at_the_end(rig: Path) -> None:
+    done("report", LOG, "-o", "r.html", "-q", cwd=rig)
+    page = (rig / "r.html").read_text(encoding="utf-8")
+    assert "Detected with the model at the end, inertia 0.01, delay 0.001998 s, with coulomb_friction and" in page
+    (right,) = re.findall(r"The log knows the truth: ([0-9.]+) % of the labels are right", page)
+    assert float(right) > 90.0
+
+
+@given(st.lists(st.floats(1e-4, 1.0), min_size=1, max_size=6, unique=True), st.floats(1e-4, 1.0))
+def test_axes_keep_their_size_and_get_the_value(axis: list[float], found: float) -> None:
+    for new in (with_delay(axis, found), with_inertia(axis, found)):
+        assert len(new) == len(axis)
+        assert min(abs(one / found - 1.0) for one in new) <= 1e-3
+    spread = max(axis) / min(axis)
+    assert max(with_inertia(axis, found)) / min(with_inertia(axis, found)) == pytest.approx(spread, rel=2e-3)
+
+
+def test_without_states_nothing_is_refreshed(rig: Path) -> None:
+    text = re.sub(r"\[states\].*?\[simulate\]", "[simulate]", (rig / "dsd.toml").read_text(), flags=re.DOTALL)
+    (rig / "dsd.toml").write_text(text)
+    made = dsd("add", LOG, "coulomb_friction", "--states", "-o", "new.toml", cwd=rig)
+    assert made.returncode == 0
+    assert "refreshed" not in made.stderr
