@@ -22,6 +22,19 @@ def _written(found: re.Match[str]) -> str:
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
 
 
+def how_to_install(extra: str) -> str:
+    """The command that brings what an extra of this package needs: by the libraries, for a clone is on no index."""
+    from importlib.metadata import PackageNotFoundError, requires
+
+    try:
+        needed = requires("dsd-cli") or []
+    except PackageNotFoundError:
+        needed = []
+    wanted = re.compile(rf"""(\S+?)\s*;\s*extra == ['"]{re.escape(extra)}['"]""")
+    libraries = [found[1] for one in needed if (found := wanted.fullmatch(one))]
+    return "pip install " + (" ".join(f"'{one}'" for one in libraries) or f"'.[{extra}]' in the folder of the source")
+
+
 class DsdError(Exception):
     """A failure with one clear line for the user.
 

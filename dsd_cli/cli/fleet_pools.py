@@ -15,7 +15,7 @@ from multiprocessing import active_children, get_context
 from typing import Any, Protocol
 
 from dsd_cli.cli.fleet_tasks import Row, Task, failed, run_task
-from dsd_cli.errors import DataError, UsageError
+from dsd_cli.errors import DataError, UsageError, how_to_install
 
 #: Tasks handed out per worker: one in work, one that waits for it.
 AHEAD = 2
@@ -140,7 +140,7 @@ class DaskPool:
         from importlib.util import find_spec
 
         if find_spec("distributed") is None:
-            raise UsageError(f"--cluster {where}: distributed is not installed", "pip install 'dsd-cli[cluster]'")
+            raise UsageError(f"--cluster {where}: distributed is not installed", how_to_install("cluster"))
         from distributed import Client
         from distributed.scheduler import KilledWorker
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -30,6 +30,24 @@ def template_names(incomplete: str) -> list[str]:
     from dsd_cli.files.template import template_names as names
 
     return [name for name in names() if name.startswith(incomplete)]
+
+
+def set_keys(incomplete: str) -> list[str]:
+    """For the completion of a shell: `model.inertia=`, the values of each effect included."""
+    from dsd_cli.effects import catalogue
+    from dsd_cli.files.config import Config
+
+    keys = _keys_below(Config, "")
+    effects = [f"model.effects.{name}.{p.name}" for name, one in catalogue().items() for p in one.parameters]
+    return [f"{key}=" for key in (*keys, *effects) if key.startswith(incomplete)]
+
+
+def _keys_below(section: Any, path: str) -> list[str]:
+    found = []
+    for name, spec in section.keys.items():
+        inner = [key for one in spec.rule.sections for key in _keys_below(one, f"{path}{name}.")]
+        found += inner or [f"{path}{name}"]
+    return list(dict.fromkeys(found))
 
 
 LogArgument = Annotated[str, typer.Argument(metavar="LOG", help="Log file (CSV, Parquet, MF4, ...); - is stdin.")]
@@ -85,7 +103,12 @@ QuietOption = Annotated[bool, typer.Option("--quiet", "-q", is_eager=True, help=
 
 SetOption = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Config value for this run, e.g. model.inertia=0.7; repeatable."),
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        autocompletion=set_keys,
+        help="Config value for this run, e.g. model.inertia=0.7; repeatable.",
+    ),
 ]
 
 EffectOption = Annotated[

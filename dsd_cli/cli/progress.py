@@ -113,7 +113,7 @@ def progress_line(activity: Activity, now: float) -> str:
     if unit:
         parts = [f"{done:,.0f} of {total:,.0f} {unit}" if total else f"{done:,.0f} {unit}", f"{three(rate)} a second"]
     else:
-        parts = [f"{100.0 * done:.0f} %", f"{three(100.0 * rate)} % a second"]
+        parts = [f"{100.0 * done:.0f} %"]
     if total is not None and done < total:  # counted down between two steps that take long
         parts.append(f"{span(max((total - done) / rate - (now - at), 0.0))} left")
     return f"{what}: {', '.join(parts)}"

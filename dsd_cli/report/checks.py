@@ -94,7 +94,7 @@ def _rank(one: Parameter) -> tuple[int, float]:
 
 def print_table(results: Sequence[CheckResult], file: Any) -> None:
     """For a person: the verdict of each log first."""
-    console = terminal(file, broken=True)
+    console = terminal(file)
     for i, result in enumerate(results):
         if i:
             console.print()

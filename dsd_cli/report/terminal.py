@@ -23,10 +23,11 @@ NARROWEST = 60
 _ENDLESS = 10_000
 
 
-def console(file: Any, broken: bool | None = None) -> Any:
-    """Where tables are printed; long lines are `broken` between words, by default only on a terminal.
+def console(file: Any) -> Any:
+    """Where tables are printed; long lines are broken between words on a terminal.
 
     A table is as wide as its numbers need: where the terminal is narrower, it folds the lines, and nothing is cut.
+    Where there is no terminal nothing is folded: a program reads lines, and a file has no edge.
     """
     from rich.console import Console
     from rich.table import Table
@@ -41,9 +42,9 @@ def console(file: Any, broken: bool | None = None) -> Any:
             finally:
                 self.width = given
 
-    broken = file.isatty() if broken is None else broken
+    broken = file.isatty()
     made = Roomy(file=file, highlight=False, emoji=False, soft_wrap=not broken)
-    made.width = max(made.width, NARROWEST)
+    made.width = max(made.width, NARROWEST) if broken else _ENDLESS
     return made
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dsd_cli.errors import how_to_install
 from tests.cli.rig import CONFIG, csv_text, done, dsd, make_log, read_labels, refused, same, summary
 from tests.files.formats import makers
 
@@ -97,7 +98,8 @@ def test_a_missing_library_is_one_line_with_what_installs_it(
         text=True,
         check=False,
     )
-    refused(result, 2, f"{library} is not installed: pip install 'dsd-cli[{extra}]'")
+    refused(result, 2, f"{library} is not installed: {how_to_install(extra)}")
+    assert f"'{library}" in how_to_install(extra).lower().replace("mat-io", "matio")
 
 
 def test_channels_that_are_not_there_or_are_there_twice(tmp_path: Path) -> None:

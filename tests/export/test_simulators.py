@@ -74,7 +74,7 @@ def test_every_effect_is_tried() -> None:
 
 @pytest.mark.parametrize("effect", sorted(VALUES))
 def test_mujoco_moves_as_dsd_simulate_or_says_what_it_lacks(effect: str) -> None:
-    pytest.importorskip("mujoco", minversion="4.0", reason="dsd-cli[sim] is not installed")
+    pytest.importorskip("mujoco", minversion="4.0", reason="mujoco is not installed")
     one = joint(beside(effect), delay=0.0023)
     if effect in NOT_IN_MUJOCO:
         with pytest.raises(UsageError, match=rf"mjcf does not carry {effect} \(a joint of MJCF has no "):
@@ -95,12 +95,12 @@ def test_mujoco_moves_as_dsd_simulate_or_says_what_it_lacks(effect: str) -> None
     ids=["weight of a sliding axis", "forces", "friction and load"],
 )  # fmt: skip
 def test_effects_together_on_a_sliding_axis(effects: dict) -> None:
-    pytest.importorskip("mujoco", minversion="4.0", reason="dsd-cli[sim] is not installed")
+    pytest.importorskip("mujoco", minversion="4.0", reason="mujoco is not installed")
     assert percent("mjcf", joint(effects, linear=True)) <= 1.0
 
 
 def test_mujoco_reads_back_what_was_written() -> None:
-    mujoco = pytest.importorskip("mujoco", minversion="4.0", reason="dsd-cli[sim] is not installed")
+    mujoco = pytest.importorskip("mujoco", minversion="4.0", reason="mujoco is not installed")
     effects = {
         name: VALUES[name]
         for name in ("viscous_friction", "quadratic_drag", "stiffness", "coulomb_friction", "gravity")
@@ -119,7 +119,7 @@ def test_mujoco_reads_back_what_was_written() -> None:
 @pytest.mark.parametrize("order", [("saturation", "dead_zone"), ("dead_zone", "saturation")])
 @pytest.mark.parametrize("lag", [0, 1, 2])
 def test_limit_dead_zone_and_lag_in_any_order(order: tuple[str, str], lag: int) -> None:
-    pytest.importorskip("mujoco", minversion="4.0", reason="dsd-cli[sim] is not installed")
+    pytest.importorskip("mujoco", minversion="4.0", reason="mujoco is not installed")
     names = [*order]
     names.insert(lag, "actuator_lag")
     one = joint({**{name: VALUES[name] for name in names}, "viscous_friction": {"coefficient": 0.05}})
@@ -163,7 +163,7 @@ def test_what_other_simulators_carry(target: str, more: set[str]) -> None:
 
 @pytest.mark.parametrize("effect", [*PLAIN, "saturation"])
 def test_a_urdf_read_by_mujoco_moves_as_dsd_simulate(effect: str) -> None:
-    pytest.importorskip("mujoco", minversion="4.0", reason="dsd-cli[sim] is not installed")
+    pytest.importorskip("mujoco", minversion="4.0", reason="mujoco is not installed")
     assert percent("urdf", joint(beside(effect))) <= 1.0
 
 

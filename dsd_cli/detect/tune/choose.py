@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsd_cli.detect.profile.kernel import LEAST_WINDOW
 from dsd_cli.detect.settings import OFFLINE, DetectorSettings
 from dsd_cli.detect.transition import Transition
 from dsd_cli.detect.tune.baum_welch import Fitted
@@ -103,7 +104,8 @@ def judged(evidence: Evidence, settings: DetectorSettings, path: Path) -> Choice
 def candidates(now: DetectorSettings, noise: float, samples: int) -> Iterator[DetectorSettings]:
     """Everything that is tried; a method that needs the whole log is tuned as dsd, which labels as samples come."""
     method = "dsd" if now.method in OFFLINE else now.method
-    windows = [w for w in WINDOWS if w <= max(samples // 10, 1)] if method not in ("imm",) else [now.window]
+    least = LEAST_WINDOW if method == "profile" else 1
+    windows = [w for w in WINDOWS if least <= w <= max(samples // 10, least)] if method != "imm" else [now.window]
     transitions = [Transition(), *(Transition(stay=1.0 - leave) for leave in LEAVES)]
     for window in windows:
         for transition in transitions:

@@ -12,6 +12,7 @@ from xml.etree import ElementTree as Xml
 import numpy as np
 
 from dsd_cli.effects.joint_terms import JointTerms, Ramps
+from dsd_cli.errors import how_to_install
 from dsd_cli.export.arm import GRAVITY, Body, axis_of, body_of
 from dsd_cli.export.base import DELAY, Joint, Motion, NotRun, Target, Verdict, finite, number
 from dsd_cli.export.joint_parts import Chain, Stage, all_terms, chain_of, judged, terms_of
@@ -200,7 +201,7 @@ def _run(content: bytes, joint: Joint, motion: Motion) -> Array:
     try:
         import mujoco
     except ImportError:
-        raise NotRun("MuJoCo is not installed: pip install 'dsd-cli[sim]'") from None
+        raise NotRun(f"MuJoCo is not installed: {how_to_install('sim')}") from None
     try:
         model = mujoco.MjModel.from_xml_string(content.decode())
     except ValueError as error:

@@ -8,6 +8,7 @@ from xml.etree import ElementTree as Xml
 import numpy as np
 
 from dsd_cli.effects.joint_terms import JointTerms
+from dsd_cli.errors import how_to_install
 from dsd_cli.export.arm import axis_of, body_of
 from dsd_cli.export.base import Joint, Motion, NotRun, Target, Verdict, finite, number
 from dsd_cli.export.joint_parts import all_terms, effort_limit, judged, only_a_limit
@@ -67,7 +68,7 @@ def _run(content: bytes, joint: Joint, motion: Motion) -> Array:
     try:
         import mujoco
     except ImportError:
-        raise NotRun("MuJoCo is not installed: pip install 'dsd-cli[sim]'") from None
+        raise NotRun(f"MuJoCo is not installed: {how_to_install('sim')}") from None
     model = mujoco.MjModel.from_xml_string(content.decode())
     model.opt.timestep = motion.sample_time
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4

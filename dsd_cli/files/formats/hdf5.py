@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.files.formats.base import MOST_COLUMNS, Group, numbers
-from dsd_cli.files.formats.matlab_objects import NO_NUMBERS, NOT_SEEN, object_channels
+from dsd_cli.files.formats.matlab_objects import NO_NUMBERS, not_seen, object_channels
 from dsd_cli.signals.log import Array
 
 #: Attributes that name the unit of a dataset.
@@ -64,7 +64,7 @@ class Hdf5File:
     def _note_objects(self, parts: dict[tuple[str, int], dict[str, _Place]], path: str) -> None:
         found = object_channels(path)
         if found is None:
-            self.notes.append(NOT_SEEN)
+            self.notes.append(not_seen())
             return
         for full, values in found.items():
             if any(full == one or full.startswith(f"{one}/") for one in self._objects):

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from dsd_cli.errors import DataError, UsageError
+from dsd_cli.errors import DataError, UsageError, how_to_install
 
 if TYPE_CHECKING:
     from dsd_cli.files.formats.base import Container
@@ -103,9 +103,7 @@ def open_container(path: str | Path, found: Format) -> Container:
     """
     missing = [library for library in found.libraries if find_spec(library) is None]
     if missing:
-        raise UsageError(
-            f"{path}: is {found.kind}, and {missing[0]} is not installed", f"pip install 'dsd-cli[{found.extra}]'"
-        )
+        raise UsageError(f"{path}: is {found.kind}, and {missing[0]} is not installed", how_to_install(found.extra))
     from dsd_cli.files.formats.base import understanding
 
     with understanding(str(path), found.kind):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.files.formats.base import InMemory, check_size, columns_of
-from dsd_cli.files.formats.matlab_objects import NO_NUMBERS, NOT_SEEN, object_channels
+from dsd_cli.files.formats.matlab_objects import NO_NUMBERS, not_seen, object_channels
 from dsd_cli.signals.log import Array
 
 #: Where a file keeps what is in its objects.
@@ -31,7 +31,7 @@ class MatFile(InMemory):
         plain = {name: value for name, value in loaded.items() if not name.startswith("__") and name != "None"}
         super().__init__(_channels("", plain) if objects is None else objects)
         if _WORKSPACE in loaded and (objects is None or not self.groups):
-            self.notes.append(NOT_SEEN if objects is None else NO_NUMBERS)
+            self.notes.append(not_seen() if objects is None else NO_NUMBERS)
 
 
 def _claimed(path: str) -> float:

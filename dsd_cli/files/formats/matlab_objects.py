@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from dsd_cli.errors import how_to_install
 from dsd_cli.files.formats.base import columns_of
 from dsd_cli.signals.log import Array
 
@@ -27,11 +28,14 @@ _UNITS = {
     "weeks": 604800.0,
 }
 _EXPORT = "in MATLAB: s.t = ts.Time; s.u = ts.Data; save('log.mat', '-struct', 's')"
-#: What is said where the library is not there, and where it finds nothing that could be a channel.
-NOT_SEEN = (
-    f"MATLAB objects in it (tables, timetables, timeseries) are not seen: pip install 'dsd-cli[mat]', or {_EXPORT}"
-)
+#: What is said where the library finds nothing that could be a channel, too.
+_NOT_SEEN = "MATLAB objects in it (tables, timetables, timeseries) are not seen"
 NO_NUMBERS = f"the MATLAB objects in it have no numbers that can be read; {_EXPORT}"
+
+
+def not_seen() -> str:
+    """What is said where the library is not there."""
+    return f"{_NOT_SEEN}: {how_to_install('mat')}, or {_EXPORT}"
 
 
 def object_channels(path: str) -> dict[str, Array] | None:

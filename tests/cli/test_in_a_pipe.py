@@ -1,0 +1,62 @@
+"""What goes to a pipe is for a program: no line is folded there; and what a shell completes."""
+
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.cli.rig import DSD, done
+from tests.cli.terminal import terminal
+
+ROOT = Path(__file__).parents[2]
+NAME = "a-log-of-an-axis-whose-name-is-longer-than-what-a-narrow-terminal-has-in-one-line-measured-on-monday.csv"
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    here = tmp_path_factory.mktemp("pipe")
+    (here / NAME).write_bytes((ROOT / "sample_logs/servo-friction.csv").read_bytes())
+    (here / "dsd.toml").write_bytes((ROOT / "sample_logs/servo-bare.toml").read_bytes())
+    return here
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (("check", NAME), rf"^{NAME}: can answer$"),
+        (("check", NAME, "--set", "signals.u_sign=-1"), rf"^{NAME}: cannot answer: u has the other sign than the "),
+        (("diagnose", NAME), r"^  coulomb_friction +\S+ +\S+ % +yes, 99 % +$"),
+        (("detect", NAME), rf"^{NAME}: 3,000 samples, 1 ms apart; 2,970 judged"),
+    ],
+)
+def test_nothing_is_folded(rig: Path, arguments: tuple[str, ...], line: str) -> None:
+    out = done(*arguments, cwd=rig).stdout
+    assert re.search(line, out, flags=re.MULTILINE), out
+    assert NAME in out or arguments[0] == "diagnose"
+
+
+def test_a_terminal_folds_between_words(rig: Path) -> None:
+    with terminal("check", NAME, "--set", "signals.u_sign=-1", cwd=rig, columns=70) as shown:
+        shown.finish()
+        assert not re.search("cannot answer: u has the other sign than the motion it causes", shown.text)
+
+
+def completed(words: str, cwd: Path) -> list[str]:
+    asked = {"_DSD_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split()) - 1)}
+    made = subprocess.run(DSD, cwd=cwd, env={**os.environ, **asked}, capture_output=True, text=True, check=False)
+    return made.stdout.split()
+
+
+def test_a_shell_completes_the_keys_of_the_config(rig: Path) -> None:
+    assert {"model.inertia=", "model.delay=", "model.effects.viscous_friction.coefficient="} <= set(
+        completed("dsd detect x.csv --set model.", rig)
+    )
+    assert completed("dsd detect x.csv --set observer.tim", rig) == ["observer.time_constant="]
+
+
+def test_tune_knows_how_short_a_window_of_the_profile_may_be(rig: Path) -> None:
+    done("tune", NAME, "--from", "0.5", "--to", "1.2", "--set", "detector.method='profile'", "-o", "t.toml", cwd=rig)
+    (window,) = re.findall(r"^window = (\d+)", (rig / "t.toml").read_text(), flags=re.MULTILINE)
+    assert int(window) >= 10
