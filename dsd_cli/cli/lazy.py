@@ -29,6 +29,7 @@ COMMANDS = {
     "learn": ("learn", "learn", "Learn the law that no effect of the catalogue has."),
     "report": ("report", "report", "Write one HTML page that tells what a log says."),
     "fleet": ("fleet", "app", "Run detect, compare or diagnose over many logs; one table."),
+    "import": ("import_", "import_", "Read a joint of a simulator (MJCF, URDF) or values as a config."),
     "passport": ("passport", "passport", "Sign the values of an axis: within limits, or what changed since when."),
     "export": ("export", "export", "Write the model for a simulator, a controller or another tool."),
     "schema": ("schema", "schema", "Print the JSON schema of a command's result."),

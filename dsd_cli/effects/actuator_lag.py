@@ -47,4 +47,5 @@ EFFECT = Effect(
         "delay": "apply steps of u and log at a higher rate: a lag rises gradually, a delay jumps",
     },
     joint=lambda values, _: JointTerms(command=(Shaping("lag", values["time_constant"]),)),
+    of_joint=lambda terms, _: [{"time_constant": s.value} for s in terms.command if s.kind == "lag"],
 )

@@ -52,6 +52,11 @@ def _joint(values: Values, inertia: float) -> JointTerms:
     return JointTerms(loads=(Hung(share, _coupling(shape)),))
 
 
+def _of_joint(terms: JointTerms, inertia: float) -> list[Values]:
+    found = [h for h in terms.loads if h.coupling.half_gap > 0.0]
+    return [_join((h.share,), h.coupling.shape, inertia) for h in found]
+
+
 EFFECT = Effect(
     id="backlash",
     role=Role.STRUCTURE,
@@ -75,4 +80,5 @@ EFFECT = Effect(
         "flexible_coupling": "move with small and large amplitudes: only play depends on the amplitude",
     },
     joint=_joint,
+    of_joint=_of_joint,
 )

@@ -7,7 +7,7 @@ prediction and identification evaluate the same function over a whole log, so th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, NamedTuple, Protocol
@@ -155,6 +155,7 @@ class Effect:
         can. It is enough if one of the two says so.
     needs_of : values -> channels of the motion that it needs with these; None: `needs`.
     joint : (values, inertia J of the whole plant) -> what it is in the joint of a robot simulator; None: nobody said.
+    of_joint : (terms of a joint, inertia) -> values for each of this effect that is among them; None: it is none.
     """
 
     id: str
@@ -180,6 +181,7 @@ class Effect:
     told_apart: Mapping[str, str] = field(default_factory=dict)
     needs_of: Callable[[Values], tuple[str, ...]] | None = None
     joint: Callable[[Values, float], JointTerms] | None = None
+    of_joint: Callable[[JointTerms, float], Sequence[Values]] | None = None
 
     @property
     def searched(self) -> int:

@@ -64,4 +64,7 @@ EFFECT = Effect(
         "periodic_disturbance": "move at two different speeds: cogging keeps its place, not its frequency",
     },
     joint=lambda values, _: JointTerms(ripples=(Sine(values["amplitude"], values["periods"], values["phase"]),)),
+    of_joint=lambda terms, _: [
+        _join(sine_and_cosine(r.amplitude, r.phase), {"periods": r.periods}, 1.0) for r in terms.ripples
+    ],
 )

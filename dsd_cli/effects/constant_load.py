@@ -25,4 +25,5 @@ EFFECT = Effect(
     rarity=2,
     varies=("force",),
     joint=lambda values, _: JointTerms(constant=values["force"]),
+    of_joint=lambda terms, _: [{"force": terms.constant}] if terms.constant else [],
 )

@@ -34,4 +34,5 @@ EFFECT = Effect(
         "dead_zone": "hold a small constant command while the axis coasts: friction stops it, a dead zone does not",
     },
     joint=lambda values, _: JointTerms(dry_friction=values["level"]),
+    of_joint=lambda terms, _: [{"level": terms.dry_friction}] if terms.dry_friction else [],
 )

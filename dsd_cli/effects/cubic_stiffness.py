@@ -20,4 +20,5 @@ EFFECT = Effect(
     needs=("position",),
     columns=_columns,
     joint=lambda values, _: JointTerms(cubic_spring=values["coefficient"]),
+    of_joint=lambda terms, _: [{"coefficient": terms.cubic_spring}] if terms.cubic_spring else [],
 )

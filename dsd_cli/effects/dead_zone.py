@@ -28,4 +28,5 @@ EFFECT = Effect(
     columns=_columns,
     starts=_starts,
     joint=lambda values, _: JointTerms(command=(Shaping("dead", values["width"]),)),
+    of_joint=lambda terms, _: [{"width": s.value} for s in terms.command if s.kind == "dead"],
 )

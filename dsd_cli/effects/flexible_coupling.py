@@ -55,6 +55,11 @@ def _joint(values: Values, inertia: float) -> JointTerms:
     return JointTerms(loads=(Hung(share, _coupling(shape)),))
 
 
+def _of_joint(terms: JointTerms, inertia: float) -> list[Values]:
+    found = [h for h in terms.loads if h.coupling.half_gap == 0.0]
+    return [_join((h.share,), h.coupling.shape, inertia) for h in found]
+
+
 EFFECT = Effect(
     id="flexible_coupling",
     role=Role.STRUCTURE,
@@ -77,4 +82,5 @@ EFFECT = Effect(
     memory=True,
     coupling=_coupling,
     joint=_joint,
+    of_joint=_of_joint,
 )

@@ -7,7 +7,7 @@ They are no candidates of a search, for they explain anything; a model has them 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -64,6 +64,11 @@ def _in_a_joint(values: Values, _: float) -> JointTerms:
     return JointTerms(ramps=(Ramps("position" if over == "position" else "velocity", knots, levels),))
 
 
+def _table_values(ramps: Ramps) -> Values:
+    return {"channels": [ramps.over], "knots": [list(ramps.knots)], "values": list(ramps.values), "factor": "one",
+            "scale": 1.0}  # fmt: skip
+
+
 def _friction_in_a_joint(values: Values, _: float) -> JointTerms:
     table = _scaled_table(values, FRICTION_CURVE.id)
     if table.channels != ("speed",) or table.factor != "one":
@@ -112,6 +117,7 @@ CURVE = _tabled(
     "A force that a table gives over one channel or two, as `dsd learn` finds it; beyond the knots it is held.",
     ("velocity", "u"),
     joint=_in_a_joint,
+    of_joint=lambda terms, _: [_table_values(ramps) for ramps in terms.ramps],
 )
 
 FRICTION_CURVE = _tabled(
@@ -240,6 +246,10 @@ def _slips_in_a_joint(values: Values, _: float) -> JointTerms:
     return JointTerms(stops=tuple(Stop(r, scale * k) for r, k in zip(stops.radii, stops.stiffnesses, strict=True)))
 
 
+def _stop_lists(stops: Sequence[Stop]) -> Values:
+    return {"radii": [s.radius for s in stops], "stiffnesses": [s.stiffness for s in stops], "scale": 1.0}
+
+
 HYSTERESIS = Effect(
     id="hysteresis",
     role=Role.APPLIED,
@@ -258,6 +268,7 @@ HYSTERESIS = Effect(
     join=_stop_values,
     memory=True,
     joint=_slips_in_a_joint,
+    of_joint=lambda terms, _: [_stop_lists(terms.stops)] if terms.stops else [],
     repeats=_never,
     rarity=9,
 )

@@ -42,4 +42,5 @@ EFFECT = Effect(
         "constant_load": "move over half a turn: gravity changes with the angle, a constant load does not",
     },
     joint=lambda values, _: JointTerms(weights=(Sine(-values["amplitude"], 1.0, values["phase"]),)),
+    of_joint=lambda terms, _: [_join(sine_and_cosine(-w.amplitude, w.phase), {}, 1.0) for w in terms.weights],
 )

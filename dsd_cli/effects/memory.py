@@ -72,6 +72,15 @@ class Coupling(NamedTuple):
         rate = 2.0 * math.pi * frequency
         return cls(rate * rate, 2.0 * damping * rate, 0.5 * gap, rate)
 
+    @property
+    def shape(self) -> dict[str, float]:
+        """Hz, the damping ratio, and the total play: the inverse of `of`."""
+        return {
+            "frequency": self.rate / (2.0 * math.pi),
+            "damping": 0.5 * self.drag / self.rate,
+            "gap": 2.0 * self.half_gap,
+        }
+
     def pull(self, apart: float, closing: float) -> float:
         """Acceleration of the load; apart = motor less load, closing = its rate. A contact pushes and never pulls."""
         if self.half_gap == 0.0:

@@ -59,4 +59,5 @@ EFFECT = Effect(
     join=_join,
     memory=True,
     joint=lambda values, _: JointTerms(bristles=(Bristle(values["level"], values["stiffness"]),)),
+    of_joint=lambda terms, _: [b._asdict() for b in terms.bristles],
 )

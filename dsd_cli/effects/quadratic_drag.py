@@ -22,4 +22,5 @@ EFFECT = Effect(
     needs=("velocity",),
     columns=_columns,
     joint=lambda values, _: JointTerms(square_damping=values["coefficient"]),
+    of_joint=lambda terms, _: [{"coefficient": terms.square_damping}] if terms.square_damping else [],
 )

@@ -32,4 +32,5 @@ EFFECT = Effect(
     columns=_columns,
     starts=_starts,
     joint=lambda values, _: JointTerms(command=(Shaping("limit", values["limit"]),)),
+    of_joint=lambda terms, _: [{"limit": s.value} for s in terms.command if s.kind == "limit"],
 )

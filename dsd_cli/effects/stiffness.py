@@ -24,4 +24,5 @@ EFFECT = Effect(
         "cubic_stiffness": "move further out: the cubic part grows faster",
     },
     joint=lambda values, _: JointTerms(linear_spring=values["coefficient"]),
+    of_joint=lambda terms, _: [{"coefficient": terms.linear_spring}] if terms.linear_spring else [],
 )

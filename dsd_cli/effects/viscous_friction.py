@@ -26,4 +26,5 @@ EFFECT = Effect(
         "quadratic_drag": "move at constant speed at three speeds or more, a fast one among them",
     },
     joint=lambda values, _: JointTerms(linear_damping=values["coefficient"]),
+    of_joint=lambda terms, _: [{"coefficient": terms.linear_damping}] if terms.linear_damping else [],
 )

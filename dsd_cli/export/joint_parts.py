@@ -38,6 +38,8 @@ def judged(joint: Joint, part: str, carried: Mapping[str, str], inertia: str, na
     terms = terms_of(joint, part)
     if terms.missing:
         return Verdict(part, False, f"a joint of {name} has no {terms.missing}")
+    if joint.linear and terms.weights and "ripples" not in carried:
+        return Verdict(part, False, f"a sliding joint of {name} has no force that is a sine of the position")
     means = [carried.get(term, "") for term in terms.used]
     if not all(means):
         lacks = next(term for term, how in zip(terms.used, means, strict=True) if not how)

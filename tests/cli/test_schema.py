@@ -20,6 +20,7 @@ NAMES = [
     "effects",
     "export",
     "fleet",
+    "import",
     "improve",
     "learn",
     "passport",
@@ -110,12 +111,14 @@ def test_it_is_a_schema_whose_keys_say_what_they_are(name):
         ("effects", "effects"),
         ("export", f"export {SAMPLES}/servo-friction.toml --to parameters -o values.csv"),
         ("export", f"export {SAMPLES}/servo-friction.toml --to parameters -o values.csv --verify {FRICTION}"),
+        ("import", "import joint.csv -o imported.toml"),
         ("passport", f"passport {SAMPLES}/servo-friction.toml {FRICTION} --to 2 --limits limits.toml"),
     ],
 )
 def test_what_a_command_writes_holds(tmp_path_factory, name, command):
     folder = tmp_path_factory.getbasetemp() / "schemas"
     folder.mkdir(exist_ok=True)
+    (folder / "joint.csv").write_text("inertia = 0.01\ncoulomb_friction.level = 0.2\n")
     (folder / "limits.toml").write_text('[limits]\ninertia = "within 20 %"\nrmse = "max 1"\n')
     ran = done(*command.split(), "--format", "json", cwd=folder, timeout=900)
     holds(name, ran.stdout)

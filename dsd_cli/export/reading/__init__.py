@@ -1,0 +1,1 @@
+"""Reads joints of simulators and tables of values as models."""
