@@ -138,12 +138,15 @@ class Moved(NamedTuple):
     acceleration: float
 
 
-def _inertia_columns(channels: Channels, shape: Shape, state: Moved | None) -> tuple[tuple[Any, ...], Moved]:
-    """-(D(q) a + D'(q) v^2 / 2), with a from the speeds of this interval and of that before.
+def inertia_columns(
+    channels: Channels, more: Sequence[Any], slopes: Sequence[Any], state: Moved | None
+) -> tuple[tuple[Any, ...], Moved]:
+    """-(D a + D' v^2 / 2) for every D of `more` with its slope over the position; a is from the speeds of this interval
+    and of that before.
 
     An interval of 0 is this instant: the acceleration is the last one, and nothing moves.
     """
-    table, q, v, interval = shape["table"], channels.position, channels.velocity, channels.interval
+    v, interval = channels.velocity, channels.interval
     before = state or Moved(float(np.ravel(v)[0]) if np.size(v) else 0.0, 0.0, 0.0)
     if np.ndim(v) == 0:
         between = 0.5 * (interval + before.interval)
@@ -155,7 +158,12 @@ def _inertia_columns(channels: Channels, shape: Shape, state: Moved | None) -> t
         change = np.diff(v, prepend=before.velocity)
         a = np.where(between > 0.0, change / np.where(between > 0.0, between, 1.0), before.acceleration)
         last = Moved(float(v[-1]), float(intervals[-1]), float(a[-1])) if len(v) else before
-    return (-(table(channels) * a + 0.5 * table.slope(q) * v * v),), last
+    return tuple(-(d * a + 0.5 * slope * v * v) for d, slope in zip(more, slopes, strict=True)), last
+
+
+def _inertia_columns(channels: Channels, shape: Shape, state: Moved | None) -> tuple[tuple[Any, ...], Moved]:
+    table = shape["table"]
+    return inertia_columns(channels, (table(channels),), (table.slope(channels.position),), state)
 
 
 INERTIA_CURVE = _tabled(

@@ -90,6 +90,37 @@ def test_the_curve_is_the_law_that_was_hidden(spot):
     assert sum(inside) >= 0.9 * len(inside)
 
 
+def test_the_law_file_is_an_effect_that_the_other_commands_take(spot):
+    folder, log = spot
+    ran = done("learn", "log.csv", "-c", "model.toml", "--law-file", "law.py", "--format", "json", cwd=folder)
+    formula = json.loads(ran.stdout)["formula"]
+    assert (formula["effects"], formula["in_catalogue"]) == (["learnt_dry_lorentz_q"], False)
+    assert formula["as_good_as_the_curve"]
+    for name, true in (
+        ("place", log.values["q0"]),
+        ("width", log.values["w"]),
+        ("coefficient", 2 * log.values["size"]),
+    ):
+        found = formula["parameters"][f"learnt_dry_lorentz_q.{name}"]
+        assert found["value"] == pytest.approx(true, abs=max(5 * found["std_error"], 0.01 * abs(true)))
+    with_it = ("-c", "model.toml", "--effects-from", "law.py", "-o", "formula.toml", "--quiet")
+    done("add", "log.csv", "learnt_dry_lorentz_q", *with_it, cwd=folder)
+    shown = done("compare", "log.csv", "-c", "formula.toml", "--effects-from", "law.py", "--format", "json", cwd=folder)
+    assert json.loads(shown.stdout)["force"]["rmse"] < 0.1 * rmse(folder, "model.toml")
+
+
+def test_a_law_of_the_catalogue_is_named_as_that(tmp_path):
+    write(tmp_path, "nothing")
+    bare = (tmp_path / "model.toml").read_text().partition("[model.effects")[0]
+    (tmp_path / "bare.toml").write_text(bare)
+    ran = done("learn", "log.csv", "-c", "bare.toml", "-o", "better.toml", "--law-file", "law.py", cwd=tmp_path)
+    assert "the law is in the catalogue: " in ran.stderr
+    text = (tmp_path / "better.toml").read_text()
+    assert "[model.effects.coulomb_friction]" in text
+    assert "[model.effects.viscous_friction]" in text
+    assert rmse(tmp_path, "better.toml") < 1.2 * rmse(tmp_path, "model.toml")
+
+
 def test_nothing_is_learnt_where_nothing_is_missing(tmp_path):
     write(tmp_path, "nothing")
     ran = done("learn", "log.csv", "-c", "model.toml", "-o", "same.toml", "--curve", "law.csv", cwd=tmp_path)

@@ -10,6 +10,7 @@ import numpy as np
 
 from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.learn.families import FAMILIES, Columns, columns_of
+from dsd_cli.identify.learn.formula import AS_GOOD
 from dsd_cli.identify.learn.judge import Judge, LawFit
 from dsd_cli.identify.learn.rows import Balance
 from dsd_cli.identify.policy import POLICY
@@ -17,8 +18,6 @@ from dsd_cli.signals.log import Array
 
 #: Laws that stand beside each other at most; rounds in which the noise is measured beside the best of them.
 MOST_LAWS, _ROUNDS = 3, 2
-#: Share of the best loss by which a simpler law may leave more, however sure that is: 2 % of the rms.
-_AS_GOOD = 0.04
 #: Laws whose loss is so many times the best one's are no ties, whatever the standard error.
 _TIED = 1.5
 
@@ -97,7 +96,7 @@ def simplest(fits: Sequence[LawFit]) -> tuple[LawFit, tuple[LawFit, ...]]:
     near = [
         f
         for f in fits
-        if f.loss - best.loss <= max(standard_error(f, best), _AS_GOOD * best.loss) and f.loss < _TIED * best.loss
+        if f.loss - best.loss <= max(standard_error(f, best), AS_GOOD * best.loss) and f.loss < _TIED * best.loss
     ]
     first = min(near, key=lambda f: f.laws[-1].family.rank)
     own = set(first.laws[-1].family.on)

@@ -107,10 +107,10 @@ def columns_of(family: Family, balance: Balance) -> Columns | None:
     """None where the log lacks a channel, or it does not vary."""
     if family.effect is HYSTERESIS:
         return _stops(family, balance)
-    channels = [_samples(name, balance) for name in family.over]
+    channels = [samples_of(name, balance) for name in family.over]
     if not all(len(x) and np.ptp(x) > 0.0 for x in channels):
         return None
-    if family.effect is INERTIA_CURVE and not len(_samples("position", balance)):
+    if family.effect is INERTIA_CURVE and not len(samples_of("position", balance)):
         return None
     knots = tuple(_knots(name, x, family, balance) for name, x in zip(family.over, channels, strict=True))
     finer, matrix = _smooth(knots)
@@ -129,7 +129,7 @@ def _frozen(values: Any) -> Any:
 
 
 def _stops(family: Family, balance: Balance) -> Columns | None:
-    place = _samples("position", balance)
+    place = samples_of("position", balance)
     travel = float(np.ptp(place)) if len(place) else 0.0
     if not travel > 0.0:
         return None
@@ -144,7 +144,7 @@ def _stops(family: Family, balance: Balance) -> Columns | None:
     return Columns(family, rows, np.eye(len(radii)), stops, np.diag(1.0 / np.array(radii)), values)
 
 
-def _samples(name: str, balance: Balance) -> Array:
+def samples_of(name: str, balance: Balance) -> Array:
     """A channel in the middle of the intervals that count, all stretches; empty where one lacks it."""
     found = []
     for s, u in zip(balance.equations.stretches, balance.drive, strict=True):

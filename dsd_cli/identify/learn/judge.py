@@ -216,7 +216,8 @@ def _solved(stack: Array, problem: Problem, strength: float) -> tuple[Array, Arr
     if len(problem.penalty):
         information = float(np.mean(a[0].diagonal()[fixed:]))
         bends = float(np.trace(problem.penalty)) / len(problem.penalty)
-        ridge[fixed:, fixed:] += strength * information / max(bends, 1e-300) * problem.penalty
+        if bends > 0.0:  # a formula has none
+            ridge[fixed:, fixed:] += strength * information / bends * problem.penalty
         ridge[fixed:, fixed:] += 1e-7 * information * np.eye(len(problem.penalty))
     scale = np.where(np.arange(len(size)) < fixed, size, math.sqrt(max(float(np.mean(size**2)), 1e-300)))
     normal = (a + ridge) / (scale[:, None] * scale)

@@ -12,6 +12,7 @@ from dsd_cli.identify.fit.driven import with_driven_load
 from dsd_cli.identify.fit.problem import Problem, pose
 from dsd_cli.identify.learn.choose import Choice, choose
 from dsd_cli.identify.learn.curves import curves_of, effects_of, gain, views_of, with_scale_in
+from dsd_cli.identify.learn.formulate import formula_of
 from dsd_cli.identify.learn.judge import LawFit
 from dsd_cli.identify.learn.results import LEARNT, NOT_OF_MOTION, NOTHING, Learnt, Tie
 from dsd_cli.identify.learn.rows import Balance, balance_of
@@ -89,26 +90,31 @@ class Scores:
 
 def _learnt(chosen: Choice, scores: Scores, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Learnt:
     fit, judge = chosen.fit, chosen.judge
-    laws = effects_of(fit, scores.problem.model)
+    formula = formula_of(chosen)
+    curves = effects_of(fit, scores.problem.model)
+    known_as = {} if formula is None else formula.known
+    laws = dict(known_as) or curves
+    fit = formula.fit if formula is not None and known_as else fit
     balance: Balance = judge.balance
     begun = scores.problem.model.changed(inertia=_inertia(fit, balance), effects=laws)
     problem = scores.with_law(begun, _held(fit, balance, laws))
     known = problem.values(Search(problem).refit)
     model = known.model
-    model = model.changed(effects={name: with_scale_in(model.effects[name]) for name in laws})
+    if not known_as:
+        model = model.changed(effects={name: with_scale_in(model.effects[name]) for name in laws})
     after = problem.errors_for(model, recordings).of_model(model)
     heldout = chosen.rmse(fit)
     if holdout:
         heldout = problem.errors_for(model, holdout).of_model(model).rmse
-    estimates = {name: one for name, one in known.estimates.items() if name.partition(".")[0] not in laws}
-    families = [law.family for law in fit.laws]
+    estimates = {name: one for name, one in known.estimates.items() if name.partition(".")[0] not in curves}
+    families = [law.family for law in chosen.fit.laws]
     return Learnt(
         logs=tuple(r.name for r in recordings),
         verdict=LEARNT,
         family=of_several(families),
         channels=tuple(dict.fromkeys(name for family in families for name in family.on)),
-        curves=curves_of(fit, judge, list(laws)),
-        formula=None,
+        curves=curves_of(chosen.fit, judge, list(curves)),
+        formula=None if formula is None else formula.formula,
         score=scores.given,
         refitted=_held_out(scores.refitted, chosen, chosen.base, holdout),
         after=replace(after, heldout_rmse=heldout),
@@ -119,7 +125,7 @@ def _learnt(chosen: Choice, scores: Scores, recordings: Sequence[Recording], hol
         floor=problem.floor,
         ties=tuple(_tie(chosen, one) for one in chosen.tied),
         notes=_notes(chosen, problem, heldout),
-        views=views_of(fit, judge),
+        views=views_of(chosen.fit, judge),
         held_out=tuple(r.name for r in holdout),
     )
 

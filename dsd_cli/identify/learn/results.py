@@ -121,5 +121,7 @@ class Learnt:
         """The rung of the ladder that it is; none where nothing was learnt."""
         if self.verdict != LEARNT:
             return ()
-        name = self.curves[0].effect if self.curves else next(iter(self.model.effects))
+        formula = self.formula
+        known = formula is not None and formula.effects[0] in self.model.effects
+        name = formula.effects[0] if formula is not None and known else self.curves[0].effect
         return (Step(1, name, self.after, self.estimates, self.model, "learnt"),)

@@ -1,0 +1,101 @@
+"""Learning a law: the numbers behind it against independent ones, and laws that must be refused."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize
+
+from dsd_cli.effects import Channels, load_effects
+from dsd_cli.identify.learn.dictionary import Kind, effect_of, kinds
+from dsd_cli.identify.learn.families import natural_spline
+from dsd_cli.identify.learn.formula import Term, nelder_mead
+from dsd_cli.identify.learn.law_file import law_source
+from dsd_cli.identify.learn.learning import learn
+from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Log
+from tests.oracle.rig_strange import make
+
+ALL = list(kinds(("velocity", "position", "u")))
+
+
+def asked(law, sensor="speed40k", seed=1, motion="moves", push=None):
+    log = make(law, seed, sensor, motion, duration=12.0)
+    channels = dict(log.channels)
+    if push is not None:
+        channels["u"] = channels["u"] - push(channels["t"], log)
+    recording = prepare(Log(channels, 1e-3, "log"), ObserverSettings(log.inertia, 0.01))
+    return log, recording, PlantModel(log.inertia, log.delay, log.believed)
+
+
+def test_the_spline_between_knots_is_the_natural_one():
+    rng = np.random.default_rng(0)
+    knots = np.sort(rng.uniform(-1.0, 2.0, 9))
+    values, at = rng.standard_normal(9), np.linspace(knots[0], knots[-1], 101)
+    wanted = CubicSpline(knots, values, bc_type="natural")(at)
+    np.testing.assert_allclose(natural_spline(knots, at) @ values, wanted, atol=1e-12)
+
+
+@pytest.mark.parametrize("start", [(-1.0, 2.0), (0.4, 0.1)])
+def test_the_simplex_ends_where_that_of_scipy_does(start):
+    def of(x):
+        return (x[0] - 0.3) ** 2 + 3.0 * (x[1] + 0.2 * x[0]) ** 2 + 1.0
+
+    found = nelder_mead(of, np.array(start), np.array([0.3, 0.3]), 150)
+    np.testing.assert_allclose(found, minimize(of, start, method="Nelder-Mead").x, atol=2e-3)
+
+
+@pytest.mark.parametrize("kind", ALL, ids=lambda k: f"{k.base}-{k.modulation}-{k.over}")
+def test_every_term_has_a_file_that_is_the_same_law(kind: Kind, tmp_path):
+    shape = dict.fromkeys(kind.parameters, 0.7)
+    term = Term(kind, tuple(shape.items()))
+    sine = kind.modulation == "sine"
+    values = {"amplitude": 1.3, "phase": 0.4, **shape} if sine else {"coefficient": 1.3, **shape}
+    path = tmp_path / "law.py"
+    path.write_text(law_source([term], ["my_law"], [values]))
+    (effect,) = load_effects(path)
+    rng = np.random.default_rng(1)
+    at = Channels(np.linspace(0.0, 3.0, 40), *rng.standard_normal((3, 40)), np.full(40, 1e-3))
+    coefficients, given = effect.to_columns(values)
+    for a, b in zip(effect.run(at, given)[0], effect_of(kind).run(at, shape)[0], strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert effect.role is effect_of(kind).role
+    assert effect.starts(None)[0].keys() == shape.keys()
+    assert dict(effect.from_columns(coefficients, given)) == pytest.approx(values)
+
+
+@pytest.mark.parametrize(
+    ("law", "channels", "effects"),
+    [
+        ("end_stop", {"position"}, ("learnt_force_beyond_q",)),
+        ("torque_ripple", {"u", "position"}, ("learnt_gain_sine_q",)),
+        ("lugre", {"memory"}, None),
+    ],
+)
+def test_channels_formula_and_a_falling_error(law, channels, effects):
+    log, recording, model = asked(law)
+    found = learn([recording], model)
+    assert (found.verdict, set(found.channels)) == ("learnt", channels)
+    assert found.after.heldout_rmse < 0.15 * found.refitted.heldout_rmse
+    assert found.model.inertia == pytest.approx(log.inertia, rel=0.02)
+    if effects:
+        assert found.formula is not None
+        assert found.formula.effects == effects
+
+
+@pytest.mark.parametrize(("sensor", "motion"), [("speed40k", "moves"), ("enc4096", "sines"), ("enc40k", "moves")])
+def test_nothing_is_learnt_from_a_complete_model(sensor, motion):
+    _, recording, model = asked("nothing", sensor, seed=7, motion=motion)
+    assert learn([recording], model).verdict == "none"
+
+
+def test_a_force_over_time_is_no_law_of_the_motion():
+    def wander(t, log):
+        walk = np.cumsum(np.random.default_rng(5).standard_normal(13))
+        return 8.0 * log.inertia * np.interp(t, np.arange(13.0), walk - walk.mean())
+
+    _, recording, model = asked("nothing", push=wander)
+    found = learn([recording], model)
+    assert found.verdict == "not a function of the motion"
+    assert "time" in found.why
+    assert found.model.effects.keys() == model.effects.keys()
