@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from bench.figures import commands, fleet, paper
+from bench.figures import commands, fleet, paper, plan
 from dsd_cli.files.whole import write_whole
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
@@ -27,7 +27,7 @@ WIDEST, COLOURS, MOST_BYTES = 1100, (255, 128, 64), 140_000
 def pictures() -> dict[str, Callable[[Path], None]]:
     """Name -> what draws it into a file."""
     found: dict[str, Callable[[Path], None]] = {}
-    for maker in (commands, fleet, paper):
+    for maker in (commands, fleet, paper, plan):
         found |= {name: partial(maker.draw, name) for name in maker.PICTURES}
     return found
 

@@ -19,11 +19,11 @@ from dsd_cli.cli.options import (
 from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
-    from dsd_cli.files.config import Config
+    from dsd_cli.files.config import Config, Planned
     from dsd_cli.plant.controllers import ControllerSettings
     from dsd_cli.plant.references import Reference
     from dsd_cli.plant.simulation import SimulationSettings
-    from dsd_cli.signals.log import Log
+    from dsd_cli.signals.log import Array, Log
 
 ConfigOrNone = Annotated[
     Path | None, typer.Option("-c", "--config", metavar="FILE", help=f"Config file of the rig; default {CONFIG_FILE}.")
@@ -47,6 +47,14 @@ NoiseOption = Annotated[
 AdaptOption = Annotated[
     bool, typer.Option("--adapt", help="The state that [states] and [detector] find goes back into the controller.")
 ]
+ReferenceOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--reference",
+        metavar="FILE",
+        help="Follow this motion of dsd plan, in place of [simulate.reference], after a second of rest.",
+    ),
+]
 DurationOption = Annotated[float | None, typer.Option("--duration", metavar="S", help="Length of the log, s.")]
 
 
@@ -60,15 +68,15 @@ def simulate(
     seed: SeedOption = None,
     noise: NoiseOption = None,
     duration: DurationOption = None,
+    reference: ReferenceOption = None,
     adapt: AdaptOption = False,
     plot: PlotOption = None,
     quiet: QuietOption = False,
 ) -> None:
     """Run the delayed plant of the config (or of a template) in closed loop and write its log.
 
-    Columns: t, u, d_hat, position, velocity, reference, and the truth (true_delay, true_inertia). Config and seed go
-    into the Parquet metadata, or beside a CSV file into FILE.meta.json. With --adapt also what the controller believed:
-    adopted_delay, adopted_inertia.
+    Columns: t, u, d_hat, position, velocity, reference, and the truth (true_delay, true_inertia); with --adapt also
+    adopted_delay, adopted_inertia. Config and seed go into the Parquet metadata, or into FILE.meta.json.
     """
     from dsd_cli.cli.identification import say, warn
     from dsd_cli.cli.pictures import check_plot, put_picture
@@ -83,8 +91,9 @@ def simulate(
     settings = _config(config, template, quiet)
     values = {"seed": seed, "noise": noise, "duration": duration}
     given = [f"simulate.{name}={value!r}" for name, value in values.items() if value is not None]
+    given += _following(reference, duration) if reference is not None else []
     settings = settings.override([*(override or ()), *given], effect or ())
-    inputs = (*(() if config is None else (config,)), *settings.files, *(effects_from or ()))
+    inputs = (*filter(None, (config,)), *settings.files, *(effects_from or ()))
     if output != "-":
         check_output(output, inputs)
     check_plot(plot, (*inputs, output))
@@ -109,6 +118,19 @@ def simulate(
 
         name = output if output != "-" else settings.name
         put_picture(plot, lambda: draw(name, log, (), settings.signals.units), quiet)
+
+
+#: s of rest before a motion.
+_REST = 1.0
+
+
+def _following(reference: Path, duration: float | None) -> list[str]:
+    """What --reference says of [simulate]: the motion, and how long it takes."""
+    import json
+
+    named = f'{{kind = "plan", file = {json.dumps(str(reference.resolve()))}, delay = {_REST}}}'
+    last = _read_column(reference, "t")[-1]
+    return [f"simulate.reference={named}"] + [f"simulate.duration={_REST + last!r}"] * (duration is None)
 
 
 def _check_finite(name: str, log: Log) -> None:
@@ -169,8 +191,10 @@ def simulation_settings(settings: Config) -> SimulationSettings:
         duration=section.duration,
         sample_time=section.sample_time,
         observer=observer_settings(settings),
-        controller=_controller(settings),
+        controller=controller_settings(settings),
         reference=_reference(settings),
+        start=section.start,
+        feedforward=_feedforward(settings),
         events=tuple(Event(e.time, e.delay, e.inertia, e.effects, e.noise) for e in section.events),
         measurement=Measurement(
             section.noise, section.position_noise, section.velocity_noise, section.encoder_step, section.seed
@@ -178,7 +202,7 @@ def simulation_settings(settings: Config) -> SimulationSettings:
     )
 
 
-def _controller(settings: Config) -> ControllerSettings:
+def controller_settings(settings: Config) -> ControllerSettings:
     """[simulate.controller]; gains by the coefficient diagram method unless kp and kd are given."""
     import math
 
@@ -194,7 +218,7 @@ def _controller(settings: Config) -> ControllerSettings:
     else:
         gains = Gains(0.0, 0.0)
     limit = math.inf if section.limit is None else section.limit
-    return ControllerSettings(section.kind, gains, section.derivative, limit)
+    return ControllerSettings(section.kind, gains, section.derivative, limit, section.ki)
 
 
 def _reference(settings: Config) -> Reference:
@@ -214,6 +238,36 @@ def _reference(settings: Config) -> Reference:
             return references.Trapezoids(moves.distance, moves.speed, moves.acceleration, moves.dwell, moves.start)
         case sections.Column() as column:
             return references.Samples(_read_column(settings.resolve(column.file), column.column))
+        case sections.Planned() as planned:
+            position, rate, _ = _planned(settings, planned)
+            return references.Planned(position, rate)
+
+
+def _feedforward(settings: Config) -> Array | None:
+    """What a planned motion adds to u; None of other references."""
+    from dsd_cli.files import config as sections
+
+    reference = settings.require(sections.Simulate).reference
+    return _planned(settings, reference)[2] if isinstance(reference, sections.Planned) else None
+
+
+def _planned(settings: Config, reference: Planned) -> tuple[Array, Array, Array]:
+    """Position, its rate and feedforward that `dsd plan` wrote, at the samples of the simulation.
+
+    Raises
+    ------
+    DataError : a column is missing.
+    """
+    import numpy as np
+
+    from dsd_cli.files.config import Simulate
+    from dsd_cli.files.motion_out import COLUMNS
+
+    path, step = settings.resolve(reference.file), settings.require(Simulate).sample_time
+    t, position, velocity, _, added = (np.array(_read_column(path, name)) for name in COLUMNS)
+    at = np.arange(round((reference.delay + t[-1]) / step) + 1) * step - reference.delay
+    rate = np.where(at < 0.0, 0.0, np.interp(at, t, velocity))
+    return np.interp(at, t, position), rate, np.interp(at, t, added)
 
 
 def _read_column(path: Path, column: str) -> tuple[float, ...]:

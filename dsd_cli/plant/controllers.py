@@ -42,12 +42,14 @@ class ControllerSettings:
     gains : PD gains; not used in open loop.
     derivative : "output" is -Kd v, "error" is Kd (r' - v), which kicks at a step of the reference.
     limit : u stays within +-limit.
+    integral : gain Ki of the integral of r - q, unit of u per rad s or m s; it waits while u is at its limit.
     """
 
     kind: Kind = "network_observer"
     gains: Gains = field(default_factory=cdm_gains)
     derivative: Derivative = "output"
     limit: float = math.inf
+    integral: float = 0.0
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -59,13 +61,15 @@ class ControllerSettings:
 
 
 class Measured(NamedTuple):
-    """One sample of the loop: reference and its rate, measured position and velocity, d_hat of eq. 13's sign."""
+    """One sample of the loop: reference and its rate, measured position and velocity, d_hat of eq. 13's sign, and
+    what is added to u."""
 
     reference: float
     rate: float
     position: float
     velocity: float
     d_hat: float
+    feedforward: float = 0.0
 
 
 class Controller:
@@ -86,6 +90,7 @@ class Controller:
         self._started = False
         self._velocity_lost = 0.0  # d_hat/(Jn s)
         self._position_lost = 0.0  # d_hat/(Jn s^2)
+        self._error_sum = 0.0  # (r - q)/s
 
     def step(self, m: Measured) -> float:
         """u of this sample."""
@@ -99,7 +104,11 @@ class Controller:
             u = self._pd(m, m.position, m.velocity)
             if kind == "observer":
                 u -= m.d_hat
-        limit = self.settings.limit
+        limit, u = self.settings.limit, u + m.feedforward
+        if self.settings.integral > 0.0:
+            u += self.settings.integral * self._error_sum
+            if abs(u) < limit:
+                self._error_sum += self._sample_time * (m.reference - m.position)
         return min(max(u, -limit), limit)
 
     def _integrate(self, d_hat: float) -> None:

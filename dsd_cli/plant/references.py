@@ -145,6 +145,19 @@ class Logged(Samples):
         return Trajectory(position, np.where(smooth, 0.5 * (before + after), before))
 
 
+@dataclass(frozen=True)
+class Planned:
+    """A motion as `dsd plan` writes it: position and its rate, one per sample, shape (n,); at rest behind it."""
+
+    position: Array
+    rate: Array
+
+    def sample(self, samples: int, sample_time: float) -> Trajectory:
+        at = np.minimum(np.arange(samples), len(self.position) - 1)
+        beyond = np.arange(samples) >= len(self.position)
+        return Trajectory(self.position[at], np.where(beyond, 0.0, self.rate[at]))
+
+
 def _since(start: float, samples: int, sample_time: float) -> tuple[Array, Array]:
     """(time since `start`, 1 from `start` on and 0 before), each of shape (samples,)."""
     t = sample_time * np.arange(samples) - start

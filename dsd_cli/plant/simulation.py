@@ -67,7 +67,10 @@ class Measurement:
 
 @dataclass(frozen=True)
 class SimulationSettings:
-    """Everything that `simulate` needs; duration and sample_time in s."""
+    """Everything that `simulate` needs; duration and sample_time in s, start the position at rest (rad or m).
+
+    feedforward : added to the controller's u, shape (n,), one per sample; the last is held. None: nothing.
+    """
 
     model: PlantModel
     duration: float
@@ -78,6 +81,8 @@ class SimulationSettings:
     events: tuple[Event, ...] = ()
     measurement: Measurement = field(default_factory=Measurement)
     observe_from: Source = "velocity"
+    start: float = 0.0
+    feedforward: Array | None = None
 
     def __post_init__(self) -> None:
         if not self.sample_time > 0.0:
@@ -107,7 +112,8 @@ def simulate(
     loop = _Loop(settings, feedback)
     rows = np.empty((samples, 8))
     references = settings.reference.sample(samples, settings.sample_time)
-    targets = list(zip(references.position.tolist(), references.rate.tolist(), strict=True))
+    added = _added(settings.feedforward, samples)
+    targets = list(zip(references.position.tolist(), references.rate.tolist(), added.tolist(), strict=True))
     models = _models(settings, samples)
     noise = _Noise(settings, samples)
     for k in range(samples):
@@ -137,7 +143,7 @@ class _Loop:
         self.settings = settings
         self.feedback = feedback
         self.model = settings.model
-        self.plant = Plant(settings.model)
+        self.plant = Plant(settings.model, settings.start)
         self.actuator = Actuator(settings.model)
         encoder = settings.measurement.encoder_step > 0.0
         source: Source = "position" if encoder else settings.observe_from
@@ -148,7 +154,7 @@ class _Loop:
         self._encoder: float | None = None  # last encoder position
 
     def step(
-        self, k: int, model: PlantModel | None, reference: tuple[float, float], noise: tuple[float, float, float]
+        self, k: int, model: PlantModel | None, target: tuple[float, float, float], noise: tuple[float, float, float]
     ) -> tuple[float, ...]:
         """One sample, then the plant to the next one; (u, d_hat, position, velocity, truth, what is believed)."""
         if model is not None:
@@ -158,7 +164,7 @@ class _Loop:
         position, velocity = self._measure(noise)
         d_hat = self.observer.observe(velocity if self.observer.source == "velocity" else position) + noise[0]
         sign = self.settings.observer.sign
-        u = self.controller.step(Measured(*reference, position, velocity, sign * d_hat))
+        u = self.controller.step(Measured(*target[:2], position, velocity, sign * d_hat, target[2]))
         sample_time = self.settings.sample_time
         self.drive.append(self.actuator.drive(k * sample_time, u, sample_time))
         self.observer.apply(u)
@@ -226,6 +232,12 @@ def _models(settings: SimulationSettings, samples: int) -> dict[int, PlantModel]
         model = model.changed(event.delay, event.inertia, event.effects)
         models[_sample_of(event, settings.sample_time, samples)] = model
     return {k: model for k, model in models.items() if k < samples}
+
+
+def _added(feedforward: Array | None, samples: int) -> Array:
+    if feedforward is None:
+        return np.zeros(samples)
+    return np.asarray(feedforward[np.minimum(np.arange(samples), len(feedforward) - 1)])
 
 
 def _sample_of(event: Event, sample_time: float, samples: int) -> int:

@@ -24,6 +24,7 @@ NAMES = [
     "improve",
     "learn",
     "passport",
+    "plan",
     "tune",
 ]
 FRICTION, BARE, SINE = (f"{SAMPLES}/{name}" for name in ("servo-friction.csv", "servo-bare.toml", "paper-sine"))
@@ -102,6 +103,7 @@ def test_it_is_a_schema_whose_keys_say_what_they_are(name):
         ("compare", f"compare {FRICTION} -c {BARE} --horizon simulation"),
         ("compare", f"compare -c {BARE} -c {SAMPLES}/servo-friction.toml"),
         ("diagnose", f"diagnose {FRICTION} -c {BARE} --fix inertia --to 1"),
+        ("plan", f"plan {FRICTION} -c {BARE} --to 1 --seconds 4 -o next.csv"),
         ("add", f"add {FRICTION} coulomb_friction -c {BARE} -o better.toml"),
         ("learn", f"learn {FRICTION} -c {BARE} --to 1 -o learnt.toml --curve law.csv"),
         ("learn", f"learn {FRICTION} -c {SAMPLES}/servo-friction.toml --law-file law.py"),

@@ -3,6 +3,7 @@
 from dsd_cli.files.config.config import Config, config_text, load_config, parse_config, parse_tables, read_config
 from dsd_cli.files.config.fitting import Fit
 from dsd_cli.files.config.history import History
+from dsd_cli.files.config.planning import Plan
 from dsd_cli.files.config.sections import Detector, Initial, Model, Observer, States, Stay, TransitionFile
 from dsd_cli.files.config.signals import Signals
 from dsd_cli.files.config.simulation import (
@@ -10,6 +11,7 @@ from dsd_cli.files.config.simulation import (
     Controller,
     Event,
     Multisine,
+    Planned,
     Reference,
     Simulate,
     Sine,
@@ -29,6 +31,8 @@ __all__ = [
     "Model",
     "Multisine",
     "Observer",
+    "Plan",
+    "Planned",
     "Reference",
     "Signals",
     "Simulate",

@@ -15,6 +15,7 @@ from dsd_cli.files.config.fitting import Fit
 from dsd_cli.files.config.history import History
 from dsd_cli.files.config.overrides import with_effects, with_values
 from dsd_cli.files.config.own_effects import OwnEffects, read_own_effects
+from dsd_cli.files.config.planning import Plan
 from dsd_cli.files.config.rules import Place, Section, key, shown, table, tables
 from dsd_cli.files.config.sections import Detector, Model, Observer, States
 from dsd_cli.files.config.signals import Signals
@@ -44,6 +45,7 @@ class Config(Section):
     states: States | None = key(table(States), "the grid of candidate states", default=None)
     detector: Detector = key(table(Detector), "how the state is chosen", default=Detector())
     simulate: Simulate | None = key(table(Simulate), "what `dsd simulate` runs", default=None)
+    plan: Plan = key(table(Plan), "what a motion of `dsd plan` may reach", default=Plan())
     history: tuple[History, ...] = key(tables(History), "steps of `dsd add` and `dsd improve`, newest last", default=())
 
     def __init__(

@@ -251,6 +251,21 @@ def axis(item: Rule) -> Rule:
     return Rule(allowed, read)
 
 
+def span() -> Rule:
+    """Two numbers, the first below the second."""
+    allowed = "a smaller and a larger number, such as [-10, 10]"
+
+    def read(value: Any, at: Place) -> tuple[float, float]:
+        if not isinstance(value, list | tuple) or len(value) != 2:
+            raise at.wrong(value, allowed)
+        low, high = (number().read(item, at.item(i)) for i, item in enumerate(value))
+        if not low < high:
+            raise at.wrong(value, allowed)
+        return low, high
+
+    return Rule(allowed, read)
+
+
 def table(kind: type[Section]) -> Rule:
     """A table with the keys of one section."""
     return Rule("a table", lambda value, at: read_section(kind, value, at), (kind,))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from dsd_cli.files.config.rules import Place, Rule, Section, choice, factor, key, number, shown, text
+from dsd_cli.files.config.rules import Place, Rule, Section, choice, factor, key, number, shown, span, text
 from dsd_cli.signals.units import POSITION, SHORTEST, VELOCITY, Units
 
 
@@ -40,20 +40,9 @@ def _edge() -> Rule:
 
 
 def _range(channel: str) -> Any:
-    rule = Rule(_RANGE, _read_range)
-    return key(rule, f"smallest and largest value of {channel} that there can be; other rows are dropped", default=None)
-
-
-_RANGE = "a smaller and a larger number, such as [-10, 10]"
-
-
-def _read_range(value: Any, at: Place) -> tuple[float, float]:
-    if not isinstance(value, list | tuple) or len(value) != 2:
-        raise at.wrong(value, _RANGE)
-    low, high = (number().read(item, at.item(i)) for i, item in enumerate(value))
-    if not low < high:
-        raise at.wrong(value, _RANGE)
-    return low, high
+    return key(
+        span(), f"smallest and largest value of {channel} that there can be; other rows are dropped", default=None
+    )
 
 
 class Signals(Section):

@@ -66,7 +66,14 @@ class Column(Section):
     column: str = key(text(), "its column with the reference")
 
 
-Reference = Step | Sine | Multisine | Trapezoid | Column
+class Planned(Section):
+    """A motion that `dsd plan` wrote: its position, velocity and, added to u, its feedforward; at rest behind it."""
+
+    file: str = key(text(), "CSV file of dsd plan, relative to the config file")
+    delay: float = key(number(lower=0), "at rest at the first position before this time", "s", default=0.0)
+
+
+Reference = Step | Sine | Multisine | Trapezoid | Column | Planned
 
 
 class Controller(Section):
@@ -78,6 +85,7 @@ class Controller(Section):
     )
     kp: float | None = key(number(lower=0), "proportional gain; with kd", "u per rad or m", default=None)
     kd: float | None = key(number(lower=0), "derivative gain; with kp", "u per rad/s or m/s", default=None)
+    ki: float = key(number(lower=0), "gain of the integral of the error", "u per rad s or m s", default=0.0)
     time_constant: float | None = key(
         number(above=0), "instead of kp and kd: time constant of the coefficient diagram method", "s", default=None
     )
@@ -143,8 +151,10 @@ class Simulate(Section):
     encoder_step: float = key(
         number(lower=0), "position is rounded to multiples of it; 0 is exact", "rad or m", default=0.0
     )
+    start: float = key(number(), "position of the axis at the beginning, at rest", "rad or m", default=0.0)
     reference: Reference = key(
-        kinds(step=Step, sine=Sine, multisine=Multisine, trapezoid=Trapezoid, column=Column), "what the plant follows"
+        kinds(step=Step, sine=Sine, multisine=Multisine, trapezoid=Trapezoid, column=Column, plan=Planned),
+        "what the plant follows",
     )
     controller: Controller = key(table(Controller), "what computes u")
     events: tuple[Event, ...] = key(tables(Event), "changes of the true plant", default=())

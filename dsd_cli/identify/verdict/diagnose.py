@@ -6,10 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from dsd_cli.identify.fit.asked import Settings
+from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.levels import levelled
 from dsd_cli.identify.search.pulses import event_effect
+from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.beyond import above_floor, beyond_of, borne_out
 from dsd_cli.identify.verdict.command_time import CommandTime
 from dsd_cli.identify.verdict.contradictions import Contradiction, against_told
@@ -30,6 +32,7 @@ __all__ = ["Settings", "diagnose"]
 
 Progress = Callable[[str, float], None]
 Told = Callable[[Sequence[Contradiction]], None]
+Found = Callable[[Search, Fit], None]
 
 
 def diagnose(
@@ -41,6 +44,7 @@ def diagnose(
     progress: Progress | None = None,
     stability: bool = False,
     on_told: Told = lambda _: None,
+    on_found: Found = lambda _search, _whole: None,
 ) -> Diagnosis:
     """The effect that is missing most, "inertia" or "delay" if a value is wrong, "none" or "unknown".
 
@@ -51,7 +55,7 @@ def diagnose(
     holdout : recordings that no fit sees; the held-out errors are then those of them.
     progress : called with what is being done and the share that is done.
     stability : ask again with half of the data, and with half and twice the band.
-    on_told : called before the search, if the log is against what the user told.
+    on_told : called before the search, if the log is against what the user told. on_found : with search and whole set.
 
     Raises
     ------
@@ -84,8 +88,8 @@ def diagnose(
     members = {} if limits.blocked else memberships(search, whole, found, beyond.unknown)
     options, own = [*search.options(search.refit), *first], own_values(search)
     verdict = Verdict(search, options, whole, members, own, beyond, shown, limits)
-    diagnosis = against_told(verdict.diagnosis(), search, whole, asked)
-    diagnosis = with_levels_said(diagnosis, search, whole, apart)
+    on_found(search, whole)
+    diagnosis = with_levels_said(against_told(verdict.diagnosis(), search, whole, asked), search, whole, apart)
     if stability:
         report("how sure, on parts", 0.85)
         diagnosis = with_stability(diagnosis, recordings, model, shown.settings)

@@ -1,0 +1,189 @@
+"""From the options and the config to what a plan is asked for, and to the plan."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dsd_cli.errors import UsageError
+
+if TYPE_CHECKING:
+    from dsd_cli.files.config import Config
+    from dsd_cli.identify.design.plan import Wanted
+    from dsd_cli.identify.design.results import Experiment, Plan
+    from dsd_cli.identify.fit.solve import Fit
+    from dsd_cli.identify.results import Diagnosis
+    from dsd_cli.identify.search.sets import Search
+    from dsd_cli.plant.controllers import ControllerSettings
+
+#: What --seconds stands for, and the least that a motion can have.
+_LENGTHS, _LEAST_SECONDS, _MOST_SECONDS = 5, 1.0, 600.0
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is wanted of a plan, by the options and [plan]."""
+
+    wanted: Wanted
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A plan, the diagnosis before it, and the experiments that were run."""
+
+    plan: Plan
+    diagnosis: Diagnosis
+    warnings: tuple[str, ...] = ()
+    experiments: tuple[Experiment, ...] = ()
+
+
+Numbers = tuple[str | None, Sequence[str], float | None, float | None]
+
+
+def names_of(wanted: Sequence[str] | None, diagnosis: Path | None) -> tuple[str, ...]:
+    """What is to be told: by --for, or what a diagnosis left open; () for what the logs leave open.
+
+    Raises
+    ------
+    UsageError : both are given, or the file is no result of `dsd diagnose`.
+    """
+    names = tuple(name.strip() for text in wanted or () for name in text.split(",") if name.strip())
+    if wanted and not names:
+        raise UsageError("--for names nothing", "give effects or values, such as gravity,constant_load")
+    if diagnosis is None:
+        return names
+    if names:
+        raise UsageError("--for and --diagnosis", "give one of them")
+    return _left_open(diagnosis)
+
+
+def _left_open(path: Path) -> tuple[str, ...]:
+    import json
+
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        ranking = {one["effect"]: one for one in told["ranking"]}
+        found = [name for name in told["found"] if name in ranking]
+        ties = [r for name in found for r in ranking[name]["indistinguishable_from"]]
+        weak = [name for name, one in told["estimates"].items() if one.get("identified") in ("weak", "not")]
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read", error.strerror or str(error)) from None
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise UsageError(f"{path}: no result of dsd diagnose", "write it with --format json") from None
+    return tuple(dict.fromkeys([*(found if ties else ()), *ties, *weak]))
+
+
+def request(settings: Config, names: tuple[str, ...], numbers: Numbers) -> Request:
+    """What the options and [plan] say: the options come first.
+
+    Parameters
+    ----------
+    numbers : --seconds, --limit, --start, --sample-time.
+
+    Raises
+    ------
+    UsageError : an option that cannot be read.
+    """
+    from dsd_cli.identify.design.plan import Wanted
+
+    seconds, limits, start, rate = numbers
+    section = settings.plan
+    given = {n: (0.0, float(x)) for n in ("velocity", "acceleration", "jerk", "u") if (x := getattr(section, n))}
+    if section.position is not None:
+        given["position"] = section.position
+    given |= dict(_limit(text) for text in limits)
+    begin = section.start if start is None else start
+    if rate is not None and not rate > 0.0:
+        raise UsageError(f"--sample-time {rate:g}", "must be above 0, in s")
+    lengths = (section.seconds,) if seconds is None else _lengths(seconds)
+    return Request(
+        Wanted(
+            names=names,
+            seconds=lengths,
+            limits=given,
+            start=math.nan if begin is None else begin,
+            controller=_controller(settings),
+            rate=math.nan if rate is None else rate,
+        )
+    )
+
+
+def _controller(settings: Config) -> ControllerSettings | None:
+    """[simulate.controller], where it closes a loop that follows a reference."""
+    if settings.simulate is None or settings.observer is None or settings.simulate.controller.kind == "open_loop":
+        return None
+    from dsd_cli.cli.simulate import controller_settings
+
+    return controller_settings(settings)
+
+
+def _limit(text: str) -> tuple[str, tuple[float, float]]:
+    from dsd_cli.identify.design.limits import NAMES
+
+    name, _, value = text.partition("=")
+    form = "write position=-1:1, velocity=3, acceleration=20, jerk=400 or u=2"
+    if name not in NAMES:
+        raise UsageError(f"--limit {text}: no limit '{name}'", form)
+    low, colon, high = value.partition(":")
+    try:
+        numbers = [float(x) for x in ((low, high) if colon else (low,))]
+    except ValueError:
+        raise UsageError(f"--limit {text}: not a number", form) from None
+    if not all(math.isfinite(x) for x in numbers) or (colon and name != "position"):
+        raise UsageError(f"--limit {text}", form)
+    if len(numbers) == 1 and not numbers[0] > 0.0:
+        raise UsageError(f"--limit {text}: must be above 0", form)
+    return name, (numbers[0], numbers[1]) if colon else (-numbers[0], numbers[0])
+
+
+def _lengths(text: str) -> tuple[float, ...]:
+    """`10`, or `5:60`: a few between, each the same factor longer."""
+    try:
+        ends = [float(x) for x in text.split(":")]
+    except ValueError:
+        ends = []
+    known = 1 <= len(ends) <= 2 and all(_LEAST_SECONDS <= x <= _MOST_SECONDS for x in ends) and ends == sorted(ends)
+    if not known:
+        allowed = f"a length from {_LEAST_SECONDS:g} to {_MOST_SECONDS:g} s, or two such as 5:60"
+        raise UsageError(f"--seconds {text}", allowed)
+    if len(ends) == 1 or ends[0] == ends[1]:
+        return (ends[0],)
+    ratio = (ends[1] / ends[0]) ** (1.0 / (_LENGTHS - 1))
+    return tuple(round(ends[0] * ratio**k, 2) for k in range(_LENGTHS))
+
+
+def planned(settings: Config, logs: Sequence[str], asked: Request, quiet: bool) -> Answer:
+    """Diagnose, then plan.
+
+    Raises
+    ------
+    DataError, UsageError : as `dsd diagnose`; no motion within the limits.
+    """
+    from dsd_cli.cli.identification import early, load_given
+    from dsd_cli.cli.plan import widening
+    from dsd_cli.cli.progress import Progress
+    from dsd_cli.identify.design.plan import plan_next
+    from dsd_cli.identify.verdict.diagnose import diagnose
+
+    kept: list[tuple[Search, Fit]] = []
+    with Progress(not quiet) as progress, widening(settings.signals):
+        given = load_given(settings, list(logs), [], progress)
+        found = diagnose(
+            given.recordings,
+            given.model,
+            given.observer,
+            given.engine_settings,
+            progress=progress,
+            on_told=early(quiet, progress),
+            on_found=lambda search, whole: kept.append((search, whole)),
+        )
+        search, whole = kept[-1]
+        if not asked.wanted.names and found.blocked:
+            raise UsageError(f"{', '.join(logs)}: no motion mends this", found.blocked)
+        plan = plan_next(search, whole, found, given.observer, asked.wanted, progress)
+    names = tuple("<stdin>" if path == "-" else path for path in logs)
+    plan = replace(plan, units=settings.signals.units, logs=names)
+    return Answer(plan, found, (*given.warnings, *plan.warnings))

@@ -1,0 +1,1 @@
+"""The next experiment: which motion tells explanations of a log apart, and how well."""

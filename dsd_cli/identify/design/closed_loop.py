@@ -1,0 +1,87 @@
+"""Each explanation as the plant under the loop: does the motion keep its limits there, and what does it tell?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dsd_cli.errors import DataError
+from dsd_cli.identify.design.inverse import Path
+from dsd_cli.identify.design.limits import Limits
+from dsd_cli.plant.controllers import ControllerSettings, Gains
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.plant.references import Planned
+from dsd_cli.plant.simulation import SimulationSettings, simulate
+from dsd_cli.signals.log import Array
+
+#: Of a loop that nobody described: crossover times its lag, rad; least and most rad/s; share of the crossover at which
+#: the gains of position and of its integral take over.
+_PHASE, _SLOWEST, _FASTEST, _POSITION, _INTEGRAL = 0.3, 3.0, 40.0, 0.25, 0.05
+#: s that the axis is held at the start before the motion begins; s over which an acceleration counts.
+SETTLE, _ACCELERATION_OVER = 1.5, 0.02
+
+
+@dataclass(frozen=True)
+class Loop:
+    """The loop that the motion is run in; step : s, of its samples. described : by the user."""
+
+    controller: ControllerSettings
+    observer: ObserverSettings
+    step: float
+    described: bool = False
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a plant did: path and u, shape (n,), from the first sample of the motion on."""
+
+    path: Path
+    u: Array
+
+    def exceeded(self, limits: Limits) -> dict[str, float]:
+        """Limits that it broke, and by which share; an acceleration counts as its mean over 20 ms."""
+        width = max(round(_ACCELERATION_OVER / self.path.step), 1)
+        smooth = np.convolve(self.path.acceleration, np.ones(width) / width, "same")
+        return limits.exceeded(self.path.position, self.path.velocity, smooth, self.u)
+
+
+def usual_loop(model: PlantModel, observer: ObserverSettings, step: float) -> Loop:
+    """PID with feedforward for this plant, as slow as its delay asks."""
+    pace = float(np.clip(_PHASE / (model.delay + step + 0.004), _SLOWEST, _FASTEST))
+    kd = model.inertia * pace
+    kp = _POSITION * kd * pace
+    law = ControllerSettings("pd", Gains(kp, kd), "error", integral=_INTEGRAL * kp * pace)
+    return Loop(law, replace(observer, sign=1), step)
+
+
+def run_loop(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits: Limits) -> Run:
+    """The plant under that loop, held at the start until it rests.
+
+    planned : the path that is wanted, and the feedforward of u, shape (n,).
+
+    Raises
+    ------
+    DataError : the loop is not stable with this plant.
+    """
+    before, (path, added) = round(SETTLE / loop.step), planned
+
+    def held(x: Array, first: float) -> Array:
+        return np.concatenate([np.full(before, first), x])
+
+    settings = SimulationSettings(
+        model=plant,
+        duration=(before + len(added)) * loop.step,
+        sample_time=loop.step,
+        observer=loop.observer,
+        controller=loop.controller,
+        reference=Planned(held(path.position, path.position[0]), held(path.velocity, 0.0)),
+        start=limits.start,
+        feedforward=held(added, added[0]),
+    )
+    log = simulate(settings)
+    velocity = log["velocity"]
+    if not np.all(np.isfinite(velocity)) or float(np.abs(velocity).max()) > 1e3 * limits.velocity:
+        raise DataError("the simulated loop is unstable", "set simulate.controller to gains that hold this axis")
+    slope = np.diff(velocity, prepend=velocity[:1]) / loop.step
+    return Run(Path(loop.step, *(x[before:] for x in (log["position"], velocity, slope))), log["u"][before:])

@@ -1,0 +1,101 @@
+"""What a motion may reach, and by how much one goes beyond it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dsd_cli.errors import DataError, UsageError
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.signals.log import Array
+
+#: Limits by name; position has two ends.
+NAMES = ("position", "velocity", "acceleration", "jerk", "u")
+#: Periods of the band's end in which the acceleration may go from 0 to its limit, where nobody gave a jerk.
+_RISE = 0.5
+#: Quantile of what a log reached: single samples are noise.
+_REACHED = 0.999
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Of the motion (SI) and of the command (unit of u).
+
+    low, high : ends of the position. velocity, acceleration, jerk, u : largest size. start : where the motion begins
+    and ends, at rest. given : names of those that the user gave; the others are what the logs reached.
+    """
+
+    low: float
+    high: float
+    velocity: float
+    acceleration: float
+    jerk: float
+    u: float
+    start: float
+    given: tuple[str, ...] = ()
+
+    @property
+    def sizes(self) -> Mapping[str, float]:
+        """Largest size by name, but for the position."""
+        return {name: getattr(self, name) for name in NAMES[1:]}
+
+    def exceeded(self, q: Array, v: Array, a: Array, u: Array) -> dict[str, float]:
+        """Name -> share of the limit (of the range, for the position) by which arrays of shape (n,) go beyond it."""
+        span = self.high - self.low
+        beyond = {"position": max(self.low - float(q.min()), float(q.max()) - self.high) / span}
+        for name, x in (("velocity", v), ("acceleration", a), ("u", u)):
+            beyond[name] = float(np.abs(x).max()) / getattr(self, name) - 1.0
+        return {name: by for name, by in beyond.items() if by > 0.0}
+
+
+def limits_of(
+    recordings: Sequence[Recording], given: Mapping[str, tuple[float, float]], start: float, band_hz: float
+) -> Limits:
+    """What the logs reached, with what the user gave in its place.
+
+    Parameters
+    ----------
+    given : name -> (low, high); start : NaN for the middle of the range.
+
+    Raises
+    ------
+    UsageError : a limit that leaves no room. DataError : a limit of the position is needed, the logs have none.
+    """
+    low, high = given.get("position", (math.nan, math.nan))
+    if "position" not in given:
+        places = [p["position"] for r in recordings for p in r.pieces if "position" in p]
+        if not places:
+            raise DataError("the logs have no position that does not drift", "give --limit position=LOW:HIGH")
+        low, high = min(float(q.min()) for q in places), max(float(q.max()) for q in places)
+    if not low < high:
+        raise UsageError(f"limit position = {low:g}:{high:g}", "the first must be below the second")
+    sizes = {name: given[name][1] for name in NAMES[1:] if name in given}
+    for name, size in sizes.items():
+        if not size > 0.0:
+            raise UsageError(f"limit {name} = {size:g}", "must be above 0")
+    sizes = {**_reached(recordings), **sizes}
+    sizes.setdefault("jerk", sizes["acceleration"] * band_hz / _RISE)
+    start = 0.5 * (low + high) if math.isnan(start) else start
+    if not low <= start <= high:
+        raise UsageError(f"plan.start = {start:g}", f"must be within the position's limits, {low:g} to {high:g}")
+    return Limits(low, high, **sizes, start=start, given=tuple(given))
+
+
+def _reached(recordings: Sequence[Recording]) -> dict[str, float]:
+    """Largest speed, acceleration (as smooth as the speed is) and u of the logs."""
+    found = {"velocity": 0.0, "acceleration": 0.0, "u": 0.0}
+    for piece in (p for r in recordings for p in r.pieces if "velocity" in p):
+        width = max(round(POLICY.least_band_hz**-1 / 20.0 / piece.sample_time), 1)
+        smooth = np.convolve(np.gradient(piece["velocity"], piece.sample_time), np.ones(width) / width, "same")
+        for name, x in (("velocity", piece["velocity"]), ("acceleration", smooth), ("u", piece["u"])):
+            found[name] = max(found[name], float(np.quantile(np.abs(x), _REACHED)))
+    return found
+
+
+def with_u(limits: Limits, u: float) -> Limits:
+    """The same with another limit of u."""
+    return replace(limits, u=u)

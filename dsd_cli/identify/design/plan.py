@@ -1,0 +1,250 @@
+"""From a search over logs to the motion that tells what they leave open: optimised, run under the loop, judged."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from dsd_cli.errors import DataError
+from dsd_cli.identify.design.closed_loop import Loop, Run, run_loop, usual_loop
+from dsd_cli.identify.design.impossible import not_by_motion, told_by_none
+from dsd_cli.identify.design.inverse import Path, command_for
+from dsd_cli.identify.design.limits import Limits, limits_of
+from dsd_cli.identify.design.measure import Expected, Measure
+from dsd_cli.identify.design.motions import Part, Room, generator_values, position_of
+from dsd_cli.identify.design.optimise import Sized, joined, library_of, optimised
+from dsd_cli.identify.design.results import Impossible, Motion, Plan, PlannedPair, PlannedValue, Stage
+from dsd_cli.identify.design.rows import planning_step
+from dsd_cli.identify.design.targets import Targets, apart, targets_of, within_reach
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.results import Diagnosis
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.plant.controllers import ControllerSettings
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Array
+
+#: Plants of each explanation while the motion is looked for, and under the loop.
+_DRAWS_IN_SEARCH, _DRAWS_IN_LOOP = 2, 2
+#: By how much a motion shrinks that broke a limit under the loop, and how often.
+_SHRINK, _SHRINKS = 0.85, 12
+#: Share of the room in which any explanation must be able to move the axis.
+_GENTLE = 0.05
+
+Report = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What the user asks for.
+
+    names : effects and values; () for what the logs leave open. seconds : lengths that are tried, the first that is
+    enough is taken; limits : name -> (low, high); start : position of rest, NaN for the middle of the range.
+    controller : None for a usual one. rate : s between samples of the motion, NaN for that of the logs.
+    """
+
+    names: tuple[str, ...] = ()
+    seconds: tuple[float, ...] = (10.0,)
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    start: float = math.nan
+    controller: ControllerSettings | None = None
+    rate: float = math.nan
+
+
+#: Nats (and (value / standard error)^2 / 2) from which on nothing is left open.
+ENOUGH = 50.0
+
+
+def plan_next(
+    search: Search,
+    whole: Fit,
+    diagnosis: Diagnosis | None,
+    observer: ObserverSettings,
+    wanted: Wanted,
+    report: Report = lambda _what, _share: None,
+) -> Plan:
+    """The next motion.
+
+    Parameters
+    ----------
+    search, whole : over the logs, and the set that it found. diagnosis : of it; None where names are asked for.
+
+    Raises
+    ------
+    UsageError : limits or names that make no sense. DataError : the axis cannot be held within the limit of u.
+    """
+    band = search.equations.band
+    targets = targets_of(search, whole, diagnosis, wanted.names)
+    limits = limits_of(search.problem.recordings, wanted.limits, wanted.start, band.hz)
+    room = Room(limits, band.hz, planning_step(band))
+    targets = _able_to_move(targets, room)
+    report("looking at motions", 0.1)
+    impossible = list(not_by_motion(search, targets, diagnosis))
+    measure = Measure(search, targets, _DRAWS_IN_SEARCH)
+    empty = _Answer(search, targets, limits, diagnosis)
+    if not (targets.pairs or targets.values):
+        return empty.plan(None, measure, measure.expected(measure.nothing), impossible)
+    library = library_of(measure, room, wanted.seconds[0], lambda x: report("looking at motions", 0.1 + 0.4 * x))
+    if not library:
+        raise DataError("no motion keeps the limits", "widen them; holding the axis may need more u than allowed")
+    more, measure = told_by_none(measure, library)
+    impossible += more
+    if not measure.open:
+        return empty.plan(None, measure, measure.expected(measure.nothing), impossible)
+    parts, cost = _enough(measure, room, wanted, library, report)
+    report("under the loop", 0.8)
+    loop = _loop(targets, observer, wanted, room)
+    return _verified(measure, empty, parts, (room, loop, wanted), (impossible, cost))
+
+
+def _able_to_move(targets: Targets, room: Room) -> Targets:
+    """Without explanations by which u could not even begin to move the axis within its limit.
+
+    Raises
+    ------
+    DataError : the first of them is one.
+    """
+    gentle = position_of(Part("harmonics", 4.0, (0.0, 1.0, 0.5, 0.0), scale=_GENTLE), room)
+    path, most = Path.of(gentle, room.step), room.limits.u
+    able = [float(np.abs(command_for(e.fitted, path, 3.0 * most)).max()) < most for e in targets.explanations]
+    if not able[0]:
+        raise DataError(f"u within {most:.3g} does not move this axis", "widen --limit u, or take another --start")
+    return within_reach(targets, able)
+
+
+def _enough(
+    measure: Measure, room: Room, wanted: Wanted, library: Sequence[Sized], report: Report
+) -> tuple[tuple[Part, ...], tuple[tuple[float, float], ...]]:
+    """(parts of the first length that is enough, or of the last, (s, smallest nats) of all)."""
+    found, cost = [], []
+    for i, seconds in enumerate(wanted.seconds):
+        if i:  # parts are as long as the plan asks
+            library = library_of(measure, room, seconds)
+        parts, grams = optimised(measure, room, seconds, library)
+        found.append(parts)
+        cost.append((seconds, measure.smallest(grams)))
+        report("choosing the motion", 0.5 + 0.3 * (i + 1) / len(wanted.seconds))
+    enough = next((i for i, (_, nats) in enumerate(cost) if nats >= ENOUGH), len(cost) - 1)
+    return found[enough], tuple(cost)
+
+
+def _loop(targets: Targets, observer: ObserverSettings, wanted: Wanted, room: Room) -> Loop:
+    if wanted.controller is None:
+        return usual_loop(targets.explanations[0].fitted, observer, room.step)
+    return Loop(wanted.controller, replace(observer, sign=1), room.step, described=True)
+
+
+def _verified(
+    measure: Measure,
+    answer: _Answer,
+    parts: tuple[Part, ...],
+    how: tuple[Room, Loop, Wanted],
+    said: tuple[list[Impossible], tuple[tuple[float, float], ...]],
+) -> Plan:
+    """The motion so small that every plant keeps the limits under the loop, scored by what they did there.
+
+    Raises
+    ------
+    DataError : however small, a plant breaks a limit.
+    """
+    room, loop, wanted = how
+    first = Measure(measure.search, measure.targets, _DRAWS_IN_LOOP, measure.open)
+    plants = _plants(measure.targets, joined(parts, room), room)
+    for _ in range(_SHRINKS):
+        position = joined(parts, room)
+        path = Path.of(position, room.step)
+        planned = (path, command_for(measure.targets.explanations[0].fitted, path))
+        runs = {key: run_loop(plant, loop, planned, room.limits) for key, plant in plants.items()}
+        broken = {n: by for run in runs.values() for n, by in run.exceeded(room.limits).items()}
+        if not broken:
+            expected = first.expected(first.of_runs({key: (run.path, run.u) for key, run in runs.items()}))
+            motion = _motion(measure, position, room, wanted)
+            found = answer.plan(motion, first, expected, said[0])
+            return replace(found, stages=_stages(parts, room), cost=said[1], reached=_reached(list(runs.values())))
+        parts = tuple(replace(p, scale=_SHRINK * p.scale) for p in parts)
+    names = ", ".join(f"{name} ({100.0 * by:.0f} % beyond)" for name, by in broken.items())
+    raise DataError(f"no motion keeps the limits with every likely plant: {names}", "widen that limit, or move --start")
+
+
+def _plants(targets: Targets, position: Array, room: Room) -> dict[tuple[int, int], PlantModel]:
+    """Of each explanation the fitted plant, and the one of its draws that needs most u for the motion."""
+    path, found = Path.of(position, room.step), {}
+    for i, one in enumerate(targets.explanations):
+        needs = [float(np.abs(command_for(m, path, 3.0 * room.limits.u)).max()) for m in one.draws]
+        found[i, 0], found[i, 1] = one.fitted, one.draws[int(np.argmax(needs))]
+    return found
+
+
+def _motion(measure: Measure, position: Array, room: Room, wanted: Wanted) -> Motion:
+    """The reference at the samples of the user's controller."""
+    from scipy.interpolate import make_interp_spline
+
+    step = measure.template.sample_time if math.isnan(wanted.rate) else wanted.rate
+    t = room.step * np.arange(len(position))
+    spline = make_interp_spline(t, position, k=5)
+    at = step * np.arange(int(t[-1] / step + 1e-9) + 1)
+    q, v, a = (spline(at, k) for k in range(3))
+    u = command_for(measure.targets.explanations[0].fitted, Path(step, q, v, np.diff(v, prepend=v[:1]) / step))
+    return Motion(step, q, v, a, np.clip(u, -room.limits.u, room.limits.u))
+
+
+def _stages(parts: Sequence[Part], room: Room) -> tuple[Stage, ...]:
+    found, at = [], 0.0
+    for part in parts:
+        end = at + max(round(part.seconds / room.step), 8) * room.step
+        found.append(Stage(part.kind, at, end, generator_values(part, room)))
+        at = end
+    return tuple(found)
+
+
+def _reached(runs: Sequence[Run]) -> dict[str, float]:
+    return {
+        "position_low": min(float(r.path.position.min()) for r in runs),
+        "position_high": max(float(r.path.position.max()) for r in runs),
+        "velocity": max(float(np.abs(r.path.velocity).max()) for r in runs),
+        "u": max(float(np.abs(r.u).max()) for r in runs),
+    }
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """What all answers have."""
+
+    search: Search
+    targets: Targets
+    limits: Limits
+    diagnosis: Diagnosis | None
+
+    def plan(
+        self, motion: Motion | None, measure: Measure, expected: Expected, impossible: Sequence[Impossible]
+    ) -> Plan:
+        """With what is expected of the motion."""
+        targets, none = self.targets, [e.name for e in self.targets.explanations]
+        before = Measure(self.search, targets, 1)
+        now = before.expected(before.nothing).nats
+        pairs = tuple(
+            PlannedPair(*apart(none[a], none[b]), _lead(now, a, b), measure.told_apart(expected, a, b))
+            for a, b in targets.pairs
+        )
+        units = {} if not targets.values else self.search.problem.values(targets.explanations[0].fit).estimates
+        values = tuple(
+            PlannedValue(v.name, units[v.name].value, units[v.name].unit, v.error, expected.errors[v.name])
+            for v in targets.values
+        )
+        return Plan(
+            logs=tuple(r.name for r in self.search.problem.recordings),
+            verdict="" if self.diagnosis is None else self.diagnosis.verdict,
+            motion=motion,
+            stages=(),
+            pairs=pairs,
+            values=values,
+            limits=self.limits,
+            impossible=tuple(impossible),
+            band_hz=self.search.equations.band.hz,
+        )
+
+
+def _lead(nats: Mapping[tuple[int, int], float], a: int, b: int) -> float:
+    return nats[a, b] if (a, b) in nats else -nats[b, a]

@@ -1,0 +1,138 @@
+"""The result of `dsd plan` as JSON and as a table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from dsd_cli.identify.design.results import Experiment, Plan, PlannedPair, PlannedValue, Stage
+from dsd_cli.report import terminal
+from dsd_cli.report.diagnosis import plain_table
+from dsd_cli.report.head import head
+from dsd_cli.report.names import error, listed, number_or_none
+from dsd_cli.report.terminal import escaped
+
+#: Nats from which on explanations count as told apart in words: odds of 1 to 400.
+TOLD = 6.0
+#: Beyond so many nats only that they are many is said.
+_MANY = 1e4
+
+
+def to_json(plan: Plan, experiments: Sequence[Experiment] = (), output: str = "") -> dict[str, Any]:
+    """The object of the contract."""
+    motion, limits = plan.motion, plan.limits
+    return {
+        **head("plan", plan.logs),
+        "verdict": plan.verdict,
+        "output": output if motion is not None else None,
+        "seconds": None if motion is None else motion.seconds,
+        "sample_time": None if motion is None else motion.step,
+        "pairs": [
+            {"a": p.a, "b": p.b, "nats_before": p.nats_before, "nats_expected": p.nats_expected} for p in plan.pairs
+        ],
+        "values": [_value_json(v, plan) for v in plan.values],
+        "limits": {"position": [limits.low, limits.high], **limits.sizes, "start": limits.start},
+        "limits_given": list(limits.given),
+        "reached": dict(plan.reached),
+        "impossible": [asdict(one) for one in plan.impossible],
+        "stages": [
+            {"kind": s.kind, "start": s.start, "end": s.end, "values": {k: list(v) for k, v in s.values.items()}}
+            for s in plan.stages
+        ],
+        "cost": [{"seconds": s, "nats": n} for s, n in plan.cost],
+        "band_hz": number_or_none(plan.band_hz),
+        "experiments": [{**asdict(one), "left_open": list(one.left_open)} for one in experiments],
+        "warnings": list(plan.warnings),
+    }
+
+
+def _value_json(value: PlannedValue, plan: Plan) -> dict[str, Any]:
+    return {
+        "name": value.name,
+        "value": number_or_none(value.value),
+        "unit": plan.units.words(value.unit),
+        "std_error_before": number_or_none(value.std_error_before),
+        "std_error_expected": number_or_none(value.std_error_expected),
+    }
+
+
+def print_table(plan: Plan, experiments: Sequence[Experiment], file: Any) -> None:
+    """For a person."""
+    console = terminal.console(file)
+    for i, one in enumerate(experiments, 1):
+        left = f", left open: {listed(one.left_open)}" if one.left_open else ", nothing left open"
+        console.print(escaped(f"experiment {i}: {one.log}: {one.verdict}, {100.0 * one.probability:.0f} %{left}"))
+    console.print(f"[bold]{escaped(headline(plan))}[/bold]")
+    if plan.pairs:
+        table = plain_table("explanations, and by how much the true one will lead", "", "now", "after (nats)")
+        for pair in plan.pairs:
+            table.add_row(f"{pair.a} or {pair.b}", _now(pair), nats_text(pair.nats_expected))
+        console.print(table)
+    if plan.values:
+        table = plain_table("values", "", "now", "after (standard error)", "unit")
+        for v in plan.values:
+            now, after = error(v.std_error_before), error(v.std_error_expected)
+            table.add_row(v.name, f"{v.value:.4g} +- {now}", f"+- {after}", plan.units.words(v.unit))
+        console.print(table)
+    for line in _closing(plan):
+        console.print(escaped(line))
+
+
+def headline(plan: Plan) -> str:
+    """What the motion is and does, one sentence."""
+    logs = ", ".join(plan.logs)
+    if plan.motion is None:
+        return f"{logs}: no motion is written: " + (
+            "none within the limits tells what is open" if plan.pairs or plan.values else "nothing is left open"
+        )
+    kinds = list(dict.fromkeys(s.kind for s in plan.stages))
+    told = [p for p in plan.pairs if p.nats_expected > TOLD]
+    words = [f"tells {len(told)} of {len(plan.pairs)} pairs of explanations apart"] if plan.pairs else []
+    words += [f"tells {listed(v.name for v in plan.values)} better"] if plan.values else []
+    return (
+        f"{logs}: {plan.motion.seconds:.3g} s of {listed(kinds)}, from rest at {plan.limits.start:.3g}, {listed(words)}"
+    )
+
+
+def _now(pair: PlannedPair) -> str:
+    return f"{nats_text(abs(pair.nats_before))} for {pair.a if pair.nats_before >= 0.0 else pair.b}"
+
+
+def nats_text(nats: float) -> str:
+    """Three digits; large ones as such."""
+    return f"> {_MANY:,.0f}" if nats > _MANY else f"{nats:,.3g}" if abs(nats) < 100.0 else f"{nats:,.0f}"
+
+
+def _closing(plan: Plan) -> list[str]:
+    limits, units = plan.limits, plan.units
+    lines = [f"cannot be told by motion: {one.what}: {one.remedy}" for one in plan.impossible]
+    if plan.motion is None:
+        return lines
+    if len(plan.cost) > 1:
+        curve = ", ".join(f"{s:g} s {nats_text(n)}" for s, n in plan.cost)
+        lines.append(f"what it costs: smallest nats of all that is open: {curve}")
+    lines += [f"  {s.start:.4g} to {s.end:.4g} s  {_stage_text(s)}" for s in plan.stages]
+    where = "given" if len(limits.given) == 5 else "what the logs reached where no --limit says more"
+    lines.append(
+        f"limits ({where}): position {limits.low:.4g} to {limits.high:.4g} {units.of_position}, velocity "
+        f"{limits.velocity:.4g}, acceleration {limits.acceleration:.4g}, jerk {limits.jerk:.4g}, u {limits.u:.4g}"
+    )
+    reached = plan.reached
+    if reached:
+        lines.append(
+            f"every likely plant kept them under the simulated loop: position {reached['position_low']:.4g} to "
+            f"{reached['position_high']:.4g}, velocity up to {reached['velocity']:.4g}, u up to {reached['u']:.4g}"
+        )
+    lines.append("-> run it, and ask again with both logs: dsd diagnose OLD NEW")
+    return lines
+
+
+def _stage_text(stage: Stage) -> str:
+    """`chirp: frequency_hz 0.4, 7.8; amplitude 0.2`; the first few of long lists."""
+    words = []
+    for name, values in stage.values.items():
+        more = ", ..." if len(values) > 4 else ""
+        words.append(f"{name} " + ", ".join(f"{x:.3g}" for x in values[:4] if math.isfinite(x)) + more)
+    return f"{stage.kind}: " + "; ".join(words)

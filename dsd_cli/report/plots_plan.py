@@ -1,0 +1,82 @@
+"""The picture of `dsd plan --plot`: the motion, and what is told before and after it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dsd_cli.identify.design.results import Motion, Plan
+from dsd_cli.report.figure import LIMIT, MEASURED, OTHER, PREDICTED, SHARE, headline, legend_above, line, sheet
+from dsd_cli.report.planning import TOLD
+from dsd_cli.report.planning import headline as said
+
+#: Nats below which a bar ends.
+_LEAST = 0.1
+
+
+def draw(plan: Plan) -> Any:
+    """The figure; without a motion only what is told now."""
+    bars = _bars(plan)
+    figure = sheet(11.0, 1.6 + (5.4 if plan.motion is not None else 0.0) + 0.34 * len(bars))
+    heights = [1.3, 1.0, 1.0] if plan.motion is not None else []
+    axes = figure.subplots(len(heights) + 1, 1, height_ratios=[*heights, max(0.3 * len(bars), 0.6)], squeeze=False)[
+        :, 0
+    ]
+    headline(figure, said(plan), 110)
+    if plan.motion is not None:
+        _draw_motion(axes[:3], plan, plan.motion)
+    _draw_bars(axes[-1], bars)
+    return figure
+
+
+def _draw_motion(axes: Any, plan: Plan, motion: Motion) -> None:
+    t = np.asarray(np.arange(len(motion.position)) * motion.step, dtype=np.float64)
+    limits, units = plan.limits, plan.units
+    rows = (
+        (motion.position, (limits.low, limits.high), MEASURED, f"position ({units.of_position})"),
+        (motion.velocity, (-limits.velocity, limits.velocity), PREDICTED, f"velocity ({units.of_velocity})"),
+        (motion.u, (-limits.u, limits.u), OTHER, f"u, foreseen ({units.force})"),
+    )
+    for axis, (x, ends, color, label) in zip(axes, rows, strict=True):
+        line(axis, t, x, color)
+        for end in ends:
+            if abs(end) < 3.0 * float(np.abs(x).max()) + 1e-300:
+                axis.axhline(end, color=LIMIT, lw=0.9, ls=":")
+        for stage in plan.stages[1:]:
+            axis.axvline(stage.start, color=SHARE, lw=0.9)
+        axis.set_ylabel(label)
+    for stage in plan.stages:
+        axes[0].annotate(
+            stage.kind,
+            (0.5 * (stage.start + stage.end), 1.0),
+            xycoords=("data", "axes fraction"),
+            ha="center",
+            va="bottom",
+            fontsize=8.5,
+        )
+    axes[2].set_xlabel("time (s); dotted: limits")
+
+
+def _bars(plan: Plan) -> list[tuple[str, float, float]]:
+    """(what, nats now, nats after) of pairs and values."""
+    found = [(f"{p.a} or {p.b}", abs(p.nats_before), p.nats_expected) for p in plan.pairs]
+    for v in plan.values:
+        errors = (v.std_error_before, v.std_error_expected)
+        now, after = (0.5 * (v.value / e) ** 2 if np.isfinite(e) and e > 0.0 else 0.0 for e in errors)
+        found.append((v.name, now, after))
+    return found
+
+
+def _draw_bars(axis: Any, bars: list[tuple[str, float, float]]) -> None:
+    for i, (_, now, after) in enumerate(bars):
+        axis.barh(i + 0.18, max(after, _LEAST), 0.34, left=0.0, color=MEASURED, label="expected after it" * (i == 0))
+        axis.barh(i - 0.18, max(now, _LEAST), 0.34, left=0.0, color=SHARE, label="by the logs" * (i == 0))
+    axis.set_xscale("log")
+    axis.set_xlim(left=_LEAST)
+    axis.axvline(TOLD, color=LIMIT, lw=0.9, ls=":")
+    axis.set_yticks(range(len(bars)), [name for name, *_ in bars])
+    axis.invert_yaxis()
+    axis.set_xlabel("nats by which the true one leads; of a value (value / standard error)^2 / 2; dotted: told")
+    if bars:
+        legend_above(axis, 2)

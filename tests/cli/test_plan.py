@@ -1,0 +1,159 @@
+"""`dsd plan`: files, limits, what is refused, and the loop with a command of the user."""
+
+import csv
+import json
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dsd_cli.files.motion_out import COLUMNS, motion_text
+from dsd_cli.identify.design.results import Motion
+from tests.cli.rig import done, dsd, refused
+
+SAMPLES = Path(__file__).parents[2] / "sample_logs"
+ARM, BARE = SAMPLES / "servo-arm.toml", SAMPLES / "servo-arm-bare.toml"
+PLAN = ("plan", "small.csv", "-c", BARE, "--seconds", "3")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    here = tmp_path_factory.mktemp("plan")
+    done("simulate", "-c", ARM, "-o", "small.csv", cwd=here)
+    return here
+
+
+@pytest.fixture(scope="module")
+def planned(folder: Path) -> dict:
+    return json.loads(done(*PLAN, "-o", "next.csv", "--format", "json", cwd=folder).stdout)
+
+
+def columns(path: Path) -> dict[str, np.ndarray]:
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+
+
+def read_motion(columns: dict[str, np.ndarray]) -> Motion:
+    return Motion(0.001, *(columns[name] for name in COLUMNS[1:]))
+
+
+def test_the_motion_has_the_columns_of_the_contract(folder: Path, planned: dict) -> None:
+    motion = columns(folder / "next.csv")
+    assert list(motion) == ["t", "position", "velocity", "acceleration", "u_feedforward"]
+    np.testing.assert_allclose(np.diff(motion["t"]), 0.001, atol=1e-9)
+    limits = planned["limits"]
+    assert limits["position"] == [-1.5, 1.5]
+    assert "position" in planned["limits_given"]
+    assert np.abs(motion["position"]).max() < 1.5
+    assert np.abs(motion["velocity"]).max() < 6.0
+    # velocity and acceleration are those of the position
+    np.testing.assert_allclose(np.gradient(motion["position"], 0.001)[5:-5], motion["velocity"][5:-5], atol=2e-3)
+    np.testing.assert_allclose(np.gradient(motion["velocity"], 0.001)[5:-5], motion["acceleration"][5:-5], atol=0.2)
+    assert planned["pairs"]
+    assert all(p["nats_expected"] > 6.0 for p in planned["pairs"])
+    assert -1.5 < planned["reached"]["position_low"] < planned["reached"]["position_high"] < 1.5
+
+
+def test_other_files_hold_the_same_numbers(folder: Path, planned: dict) -> None:
+    wanted = columns(folder / "next.csv")
+    yaml, c, st = (motion_text(read_motion(wanted), suffix, "arm") for suffix in (".yaml", ".h", ".st"))
+    assert yaml.startswith('joint_names:\n  - "arm"\npoints:\n')
+    for key, column in (("positions", "position"), ("velocities", "velocity"), ("effort", "u_feedforward")):
+        found = [float(x) for x in re.findall(rf"\b{key}: \[(.*)\]", yaml)]
+        np.testing.assert_array_equal(found, wanted[column])
+    stamps = [int(s) + 1e-9 * int(n) for s, n in re.findall(r"sec: (\d+), nanosec: (\d+)", yaml)]
+    np.testing.assert_allclose(stamps, wanted["t"], atol=1e-9)
+    rows = re.findall(r"^  \{(.*)\},$", c, re.MULTILINE)
+    table = np.array([[float(x) for x in row.split(",")] for row in rows])
+    np.testing.assert_array_equal(table, np.column_stack(list(wanted.values())[1:]))
+    (body,) = re.findall(r"PLAN_POSITION : ARRAY\[0\.\.(?:\d+)\] OF LREAL := \[(.*?)\];", st, re.DOTALL)
+    literals = [x.strip() for x in body.split(",")]
+    assert all("." in x for x in literals)
+    np.testing.assert_array_equal([float(x) for x in literals], wanted["position"])
+
+
+def test_dsd_simulate_follows_it(folder: Path, planned: dict) -> None:
+    done("simulate", "-c", ARM, "--reference", "next.csv", "-o", "followed.csv", cwd=folder)
+    motion, log = columns(folder / "next.csv"), columns(folder / "followed.csv")
+    assert np.abs(log["reference"][:1000] - motion["position"][0]).max() < 1e-12  # a second of rest
+    np.testing.assert_allclose(log["reference"][1000:], motion["position"][: len(log["t"]) - 1000], atol=1e-6)
+    assert np.abs(log["position"] - log["reference"]).max() < 0.3
+
+
+def test_on_stdout_it_is_the_motion_alone(folder: Path) -> None:
+    ran = done(*PLAN, "--for", "inertia", "-o", "-", cwd=folder)
+    assert ran.stdout.startswith("t,position,velocity,acceleration,u_feedforward\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("-o", "next.txt"), "cannot tell how to write the motion"),
+        (("-o", "next.csv", "--limit", "speed=3"), "no limit 'speed'"),
+        (("-o", "next.csv", "--limit", "velocity=fast"), "not a number"),
+        (("-o", "next.csv", "--limit", "u=0"), "must be above 0"),
+        (("-o", "next.csv", "--seconds", "60:5"), "--seconds 60:5"),
+        (("-o", "next.csv", "--for", "rust"), "neither an effect nor a value"),
+        (("-o", "next.csv", "--start", "9"), "plan.start = 9"),
+        (("-o", "next.csv", "--diagnosis", "small.csv"), "no result of dsd diagnose"),
+        (("-o", "next.csv", "--run-with", "echo {log}"), "has no {reference}"),
+        (("-o", "next.csv", "--run-with", "echo '{log} {reference}"), "close the quotes"),
+        (("-o", "-", "--run-with", "echo {log} {reference}"), "--run-with needs a file"),
+        (("-o", "small.csv"), "small.csv"),
+    ],
+)
+def test_what_is_refused(folder: Path, arguments: tuple[str, ...], text: str) -> None:
+    refused(dsd("plan", "small.csv", "-c", BARE, *arguments, cwd=folder), 2, text)
+
+
+def test_the_gain_of_the_drive_takes_a_known_mass(folder: Path) -> None:
+    told = json.loads(done(*PLAN, "--for", "gain", "-o", "gain.csv", "--format", "json", cwd=folder).stdout)
+    assert [one["what"] for one in told["impossible"]] == ["the gain of the drive (the unit of u) or the inertia"]
+    assert told["output"] is None
+    assert not (folder / "gain.csv").exists()
+
+
+RIG = f"""
+import subprocess, sys
+reference, log = sys.argv[1:3]
+open("runs.txt", "a").write(log + chr(10))
+sys.exit(subprocess.call([sys.executable, "-m", "dsd_cli", "simulate", "-q", "-c", {str(ARM)!r},
+                          "--reference", reference, "-o", log, *sys.argv[3:]]))
+"""
+
+
+def test_the_loop_ends_when_nothing_is_left_open_and_goes_on_where_it_was(folder: Path) -> None:
+    (folder / "rig.py").write_text(RIG)
+    command = f"{sys.executable} rig.py {{reference}} {{log}}"
+    loop = (*PLAN, "-o", "auto.csv", "--format", "json", "--run-with", command)
+    told = json.loads(done(*loop, cwd=folder).stdout)
+    last = told["experiments"][-1]
+    assert (last["verdict"], last["left_open"]) == ("gravity", [])
+    assert (folder / "auto-1.csv").is_file()
+    assert (folder / "auto-1-log.csv").is_file()
+    runs = (folder / "runs.txt").read_text()
+    again = json.loads(done(*loop, cwd=folder).stdout)
+    assert again["experiments"] == told["experiments"]
+    assert (folder / "runs.txt").read_text() == runs  # logs that are there are not run again
+
+
+def test_a_command_sees_words_and_no_shell(folder: Path) -> None:
+    words = f"{sys.executable} -c pass {{reference}} {{log}} ; touch pwned"
+    ran = dsd(*PLAN, "-o", "shell.csv", "--run-with", words, cwd=folder)
+    assert ran.returncode == 1
+    assert "left no shell-1-log.csv" in ran.stderr
+    assert not (folder / "pwned").exists()
+
+
+def test_a_broken_limit_ends_the_loop(folder: Path) -> None:
+    """An axis that begins beyond its range."""
+    (folder / "rig.py").write_text(RIG)
+    wild = "--set simulate.start=2.0"
+    command = f"{sys.executable} rig.py {{reference}} {{log}} {wild}"
+    ran = dsd(*PLAN, "-o", "wild.csv", "--run-with", command, cwd=folder)
+    assert ran.returncode == 1
+    assert "beyond its limit" in ran.stderr
+    assert (folder / "wild-1-log.csv").is_file()

@@ -1,0 +1,45 @@
+"""The command for a path, put into the simulator without any loop, moves the plant along that path."""
+
+import numpy as np
+import pytest
+
+from dsd_cli.identify.design.inverse import Path, command_for
+from dsd_cli.plant.controllers import ControllerSettings
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.plant.references import Samples
+from dsd_cli.plant.simulation import SimulationSettings, simulate
+
+STEP = 0.001
+PLANTS = {
+    "friction": PlantModel(
+        0.02, 0.0047, {"viscous_friction": {"coefficient": 0.05}, "coulomb_friction": {"level": 0.1}}
+    ),
+    "drag and spring": PlantModel(
+        0.02, 0.003, {"quadratic_drag": {"coefficient": 0.03}, "stiffness": {"coefficient": 0.2}}
+    ),
+    "dead zone": PlantModel(0.02, 0.002, {"dead_zone": {"width": 0.08}, "viscous_friction": {"coefficient": 0.05}}),
+    "load friction": PlantModel(0.02, 0.0, {"load_friction": {"coefficient": 0.2}}),
+}
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_the_plant_follows(name: str) -> None:
+    t = np.arange(2001) * STEP
+    x = np.clip(np.minimum(t, 2.0 - t) / 0.4, 0.0, 1.0)
+    path = Path.of(x**3 * (10 - 15 * x + 6 * x * x) * np.sin(2.0 * np.pi * t), STEP)
+    u = command_for(PLANTS[name], path)
+    settings = SimulationSettings(
+        PLANTS[name],
+        duration=2.0,
+        sample_time=STEP,
+        observer=ObserverSettings(0.02, 0.01),
+        controller=ControllerSettings("open_loop"),
+        reference=Samples(tuple(u.tolist())),
+    )
+    log = simulate(settings)
+    assert np.abs(log["position"] - path.position[:-1]).max() < 0.03
+
+
+def test_a_command_stays_within_what_is_allowed() -> None:
+    path = Path.of(np.sin(np.linspace(0.0, 20.0, 2000)), STEP)
+    assert np.abs(command_for(PLANTS["dead zone"], path, 0.3)).max() <= 0.3

@@ -1,0 +1,134 @@
+"""The planned motion is run on the outside rig: what the log left open is settled, as was expected."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from dsd_cli.errors import DataError, UsageError
+from dsd_cli.identify.design.impossible import told_by_none
+from dsd_cli.identify.design.limits import limits_of
+from dsd_cli.identify.design.measure import Measure
+from dsd_cli.identify.design.plan import Wanted, plan_next
+from dsd_cli.identify.design.results import Plan
+from dsd_cli.identify.design.targets import targets_of
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.recordings.recording import Recording, prepare
+from dsd_cli.identify.results import Diagnosis
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.diagnose import Settings, diagnose
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Log
+from tests.oracle.rig_cases import RigCase
+from tests.oracle.rig_given import follow, poor_reference
+from tests.oracle.rig_trials import Trial, find_trial
+
+
+@dataclass
+class Asked:
+    """A machine of the rig with a poor log of it, and what is said of that."""
+
+    case: RigCase
+    trial: Trial
+    recording: Recording
+    model: PlantModel
+    observer: ObserverSettings
+    diagnosis: Diagnosis
+    search: Search
+    whole: Fit
+
+    @property
+    def limits(self) -> dict[str, tuple[float, float]]:
+        motion = self.trial.motion
+        sizes = {"velocity": motion.v, "acceleration": motion.acceleration, "u": motion.u}
+        found = {name: (0.0, float(np.abs(x).max())) for name, x in sizes.items()}
+        return {**found, "position": (float(motion.q.min()), float(motion.q.max()))}
+
+    def plan(self, **wanted: object) -> Plan:
+        asked = Wanted(**{"limits": self.limits, **wanted})
+        return plan_next(self.search, self.whole, self.diagnosis, self.observer, asked)
+
+
+def poor(what: str, kind: str, seed: int) -> Asked:
+    case = RigCase(what=(what,), seed=seed, sensing="enc4096", duration=10.0)
+    trial = find_trial(case)
+    log, _ = follow(case, trial, *poor_reference(trial, kind, 8.0))
+    observer = ObserverSettings(trial.design.inertia, 0.01)
+    base = {name: values for name, values in trial.machine.effects.items() if name in trial.base}
+    model = PlantModel(trial.beliefs["inertia"], trial.beliefs["delay"], base)
+    recording, kept = prepare(Log(log, case.sample_time, "log"), observer), []
+    said = diagnose([recording], model, observer, Settings(), on_found=lambda *found: kept.append(found))
+    return Asked(case, trial, recording, model, observer, said, *kept[-1])
+
+
+@pytest.fixture(scope="module")
+def tied() -> Asked:
+    """A constant load that a small motion cannot tell from gravity."""
+    return poor("constant_load", "small", 70103)
+
+
+def test_a_tie_falls(tied: Asked) -> None:
+    (before,) = (c for c in tied.diagnosis.ranking if c.effect == "constant_load")
+    assert "gravity" in before.indistinguishable_from
+    plan = tied.plan()
+    motion = plan.motion
+    assert motion is not None
+    (pair,) = (p for p in plan.pairs if {p.a, p.b} == {"constant_load", "gravity"})
+    assert pair.nats_expected > 100.0 > 0.0
+    t = np.arange(len(motion.position)) * motion.step
+    log, exact = follow(tied.case, tied.trial, t, (motion.position, motion.velocity, motion.u), take=1)
+    assert exact.q.min() > plan.limits.low
+    assert exact.q.max() < plan.limits.high
+    assert np.abs(exact.u).max() < plan.limits.u
+    after = diagnose(
+        [tied.recording, prepare(Log(log, tied.case.sample_time, "next"), tied.observer)],
+        tied.model,
+        tied.observer,
+        Settings(),
+    )
+    (named,) = (c for c in after.ranking if c.effect == "constant_load")
+    assert after.verdict == "constant_load"
+    assert not named.indistinguishable_from
+
+
+def test_the_motion_begins_and_ends_at_rest_within_the_limits(tied: Asked) -> None:
+    plan = tied.plan(names=("inertia",), seconds=(4.0,))
+    motion, limits = plan.motion, plan.limits
+    assert motion is not None
+    assert motion.seconds == pytest.approx(4.0, abs=0.1)
+    for end in (0, -1):
+        assert motion.position[end] == pytest.approx(limits.start, abs=0.01)
+        assert abs(motion.velocity[end]) < 0.01 * limits.velocity
+    assert limits.low < motion.position.min()
+    assert motion.position.max() < limits.high
+    assert np.abs(motion.velocity).max() < limits.velocity
+    assert np.abs(motion.acceleration).max() < limits.acceleration
+    assert np.abs(motion.u).max() <= limits.u
+    (value,) = plan.values
+    assert value.std_error_expected < value.std_error_before
+
+
+def test_the_gain_of_the_drive_is_no_matter_of_motion(tied: Asked) -> None:
+    (gain,) = tied.plan(names=("gain",)).impossible
+    assert "gain" in gain.what
+    assert "mass" in gain.remedy
+
+
+def test_what_no_motion_of_all_that_were_tried_tells_is_said(tied: Asked) -> None:
+    targets = targets_of(tied.search, tied.whole, tied.diagnosis, ("constant_load", "gravity"))
+    lost, rest = told_by_none(Measure(tied.search, targets, 1), [])
+    assert not rest.open
+    (one,) = lost
+    assert set(one.what.split(" or ")) == {"gravity", "constant_load"}
+    assert "half a turn" in one.remedy
+
+
+def test_a_u_that_cannot_hold_the_axis_is_refused(tied: Asked) -> None:
+    with pytest.raises(DataError, match="does not move this axis"):
+        tied.plan(limits={**tied.limits, "u": (0.0, 0.01)})
+
+
+def test_limits_that_leave_no_room_are_refused(tied: Asked) -> None:
+    for given, start in (({"position": (1.0, 1.0)}, 1.0), ({"velocity": (0.0, 0.0)}, 0.0), ({}, 99.0)):
+        with pytest.raises(UsageError):
+            limits_of([tied.recording], given, start, 10.0)
