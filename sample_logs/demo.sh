@@ -51,15 +51,20 @@ How to read it:
   - "held-out" is data that no fit saw; an effect counts only if it explains that. What is left at the end is the sensor's noise.
 TEXT
 
+if can export '[-]-plot'; then
+    say "5. Carry it out: the learnt model as a joint of MuJoCo, played there beside dsd simulate (out/mujoco.png has both curves)."
+    run dsd export out/better.toml --to mjcf -o out/joint.xml --plot out/mujoco.png
+fi
+
 if can report html; then
-    say "5. The whole story on one page, for a browser."
+    say "6. The whole story on one page, for a browser."
     run dsd report out/hidden.csv -c sample_logs/servo-bare.toml -o out/report.html
 fi
 
 say "B. WHICH STATE NOW? The paper's delayed plant follows a sine; at 1.5 s its delay jumps from 0.3 s to 0.4 s."
 run dsd simulate -c sample_logs/demo.toml -o out/log.csv
 
-say "6. Detect: which of 3 delays x 3 inertias explains u and d_hat, sample by sample?"
+say "7. Detect: which of 3 delays x 3 inertias explains u and d_hat, sample by sample?"
 if can detect '[-]-plot'; then
     run dsd detect out/log.csv -c sample_logs/demo.toml -o out/labels.csv --plot out/detect.png
 else
@@ -74,7 +79,7 @@ How to read it:
     before and after: the delay label follows within some 30 ms, the inertia label passes through 2 until the window is clean.
   - What the labels leave unexplained is below rho: these candidates explain the log. Every label is in out/labels.csv.
 
-7. Check, as in a pipeline: the exit code is 0 if 95 % of the labels are as expected, else 3.
+8. Check, as in a pipeline: the exit code is 0 if 95 % of the labels are as expected, else 3.
 TEXT
 expect() {
     printf '\n$ dsd detect out/log.csv -c sample_logs/demo.toml --after 1.6 --expect %s\n' "$1"

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dsd_cli.cli.options import EffectsFromOption, Format, FormatOption, QuietOption, SetOption
+from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.export.base import Joint, Motion
+    from dsd_cli.export.making import Verified
     from dsd_cli.files.config import Config
 
 
@@ -52,6 +54,7 @@ def export(
     override: SetOption = None,
     effects_from: EffectsFromOption = None,
     form: FormatOption = Format.TABLE,
+    plot: PlotOption = None,
     quiet: QuietOption = False,
 ) -> None:
     """Write the model of CONFIG for a simulator, a controller or another tool, and run what was written.
@@ -62,13 +65,14 @@ def export(
     import sys
 
     from dsd_cli.cli.identification import print_json
+    from dsd_cli.cli.pictures import check_plot
     from dsd_cli.cli.user_effects import use_effects
-    from dsd_cli.errors import CheckFailed, UsageError
+    from dsd_cli.errors import UsageError
     from dsd_cli.export.making import make
     from dsd_cli.export.making import verify as held_against
     from dsd_cli.export.targets import get_target
     from dsd_cli.files.config import load_config
-    from dsd_cli.files.whole import check_target, write_whole
+    from dsd_cli.files.whole import check_target
     from dsd_cli.report.export import ExportReport, export_json, print_export
 
     use_effects(effects_from)
@@ -80,24 +84,57 @@ def export(
     settings = load_config(config, override or ())
     if output != "-":
         check_target(output, [config, *settings.files, *(effects_from or ()), *([verify] if verify else [])])
+    check_plot(plot, [config, output, *([verify] if verify else [])])
     motion = _motion(settings, verify, sample_time)
     made = make(found, _joint(settings, motion.sample_time, name), motion, drop)
     checked = None if no_verify else held_against(found, made, motion)
-    if checked is not None and not checked.holds:
-        raise CheckFailed(
-            f"{target}: the exported model is {checked.rms_percent:.3g} % off under {checked.how}; nothing is written",
-            "1 % is the most; another target carries it, or --no-verify writes it all the same",
-        )
-    if output == "-":
-        sys.stdout.buffer.write(made.content)
-        sys.stdout.buffer.flush()
-    else:
-        write_whole(output, made.content)
+    _check_holds(target, checked)
+    _put(output, made.content)
     report = ExportReport(made, checked, found.id, output, (verify,) if verify else (), settings.signals.units)
     if form is Format.JSON:
         print_json(export_json(report))
     elif output != "-" or not quiet:
         print_export(report, sys.stderr if output == "-" else sys.stdout)
+    if plot is not None:
+        _draw(plot, checked, found.id, settings, quiet)
+
+
+def _check_holds(target: str, checked: Verified | None) -> None:
+    """Raises CheckFailed : the exported model ran, and is too far off."""
+    from dsd_cli.errors import CheckFailed
+
+    if checked is not None and not checked.holds:
+        raise CheckFailed(
+            f"{target}: the exported model is {checked.rms_percent:.3g} % off under {checked.how}; nothing is written",
+            "1 % is the most; another target carries it, or --no-verify writes it all the same",
+        )
+
+
+def _put(output: str, content: bytes) -> None:
+    """Into the file, whole or not at all; - is stdout."""
+    import sys
+
+    from dsd_cli.files.whole import write_whole
+
+    if output == "-":
+        sys.stdout.buffer.write(content)
+        sys.stdout.buffer.flush()
+    else:
+        write_whole(output, content)
+
+
+def _draw(plot: Path, checked: Verified | None, target: str, settings: Config, quiet: bool) -> None:
+    """Both speeds; where the exported model did not run there is nothing to draw, which is said."""
+    from dsd_cli.cli.identification import say
+    from dsd_cli.cli.pictures import put_picture
+
+    if checked is None or not checked.ran:
+        why = "--no-verify" if checked is None else checked.how
+        say(quiet, f"dsd: warning: {plot} is not drawn: {target} {why}")
+        return
+    from dsd_cli.report.plots_export import draw
+
+    put_picture(plot, lambda: draw(checked, target, settings.signals.units), quiet)
 
 
 def _joint(settings: Config, sample_time: float, name: str) -> Joint:

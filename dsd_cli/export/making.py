@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -48,12 +48,17 @@ class Left:
 class Verified:
     """Whether the exported model ran, what it ran under, and the rms of its speed error in percent of the rms speed.
 
-    `how` says why not where it did not run; `rms_percent` is then None.
+    `how` says why not where it did not run; `rms_percent` is then None. `found`, `wanted` : speed of the exported model
+    and of `dsd simulate` under `u`, SI, shape (n,), `sample_time` s apart; empty where it did not run.
     """
 
     ran: bool
     how: str
     rms_percent: float | None = None
+    sample_time: float = 0.0
+    u: Array = field(default_factory=lambda: np.zeros(0), repr=False, compare=False)
+    found: Array = field(default_factory=lambda: np.zeros(0), repr=False, compare=False)
+    wanted: Array = field(default_factory=lambda: np.zeros(0), repr=False, compare=False)
 
     @property
     def holds(self) -> bool:
@@ -96,7 +101,9 @@ def verify(target: Target, made: Made, motion: Motion) -> Verified:
         velocity = target.run(made.content, made.joint, motion)
     except NotRun as why:
         return Verified(False, f"not run: {why}")
-    return Verified(True, motion.source, percent(velocity, simulated(made.joint.model, motion).velocity))
+    wanted = simulated(made.joint.model, motion).velocity
+    off = percent(velocity, wanted)
+    return Verified(True, motion.source, off, motion.sample_time, motion.u, np.asarray(velocity), wanted)
 
 
 def percent(found: Array, wanted: Array) -> float:

@@ -15,6 +15,7 @@ from dsd_cli.export.making import make, verify
 from dsd_cli.export.motion import built_in
 from dsd_cli.export.targets import get_target
 from dsd_cli.plant.model import PlantModel
+from tests.cli.rig import done
 
 INERTIA, STEP = 0.01, 1e-3
 TABLE = {"factor": "one", "scale": 1.0}
@@ -218,3 +219,15 @@ def test_usd_reads_back_per_degree(linear: bool, tmp_path: Path) -> None:
     mass = UsdPhysics.MassAPI(stage.GetPrimAtPath("/joint/body"))
     found = mass.GetMassAttr().Get() if linear else mass.GetDiagonalInertiaAttr().Get()[1]
     assert found == pytest.approx(INERTIA, rel=1e-6)
+
+
+def test_the_picture_has_both_speeds_or_says_why_not(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", minversion="4.0", reason="dsd-cli[sim] is not installed")
+    rig = Path(__file__).parents[2] / "sample_logs" / "servo-friction.toml"
+    done("export", rig, "--to", "mjcf", "-o", "joint.xml", "--plot", "both.svg", cwd=tmp_path)
+    drawn = (tmp_path / "both.svg").read_text()
+    assert "dsd simulate" in drawn
+    assert "MuJoCo" in drawn
+    ran = done("export", rig, "--to", "sdf", "-o", "joint.sdf", "--drop", "--plot", "none.svg", cwd=tmp_path)
+    assert "none.svg is not drawn: sdf not run" in ran.stderr
+    assert not (tmp_path / "none.svg").exists()
