@@ -89,7 +89,7 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
     DataError : it cannot be read, or no usable row is in it.
     """
     from dsd_cli.cli.identification import warn
-    from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_settings, reading, window
+    from dsd_cli.cli.plan import as_logged, log_columns, made, naming, observer_settings, reading, window
     from dsd_cli.cli.recordings import absent, believed_model, check_sizes
     from dsd_cli.files.logs import load_log
     from dsd_cli.identify.checks import check_log
@@ -99,7 +99,7 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
     columns = log_columns(config.signals)
     optional = {name for name in columns if name not in ("t", "u")}
     with naming(path):
-        loaded = load_log(path, columns, optional, **reading(config.signals), watch=progress.watch)
+        loaded = load_log(path, columns, optional, **reading(config), watch=progress.watch)
     progress.clear()
     check_sizes(loaded.log.source, loaded)
     warn(quiet, [f"{loaded.log.source}: {warning}" for warning in absent(config, columns, loaded)])
@@ -112,6 +112,7 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
         dropped=loaded.dropped,
         factors=config.signals.factors(),
         u_shift=config.signals.u_shift,
+        maker=made(config).maker,
     ).named(config.signals.units)
     if window(config.signals):
         result = replace(result, findings=tuple(_widened(finding) for finding in result.findings))

@@ -158,5 +158,5 @@ def _motion(settings: Config, log: str | None, sample_time: float | None) -> Mot
 
     settings = as_logged(settings, log)
     with naming(log):
-        loaded = load_log(log, log_columns(settings.signals), optional_columns(settings), **reading(settings.signals))
+        loaded = load_log(log, log_columns(settings.signals), optional_columns(settings), **reading(settings))
     return logged(loaded.log, log, loaded.restarts)

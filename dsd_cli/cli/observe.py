@@ -61,7 +61,7 @@ def observe(
     columns = log_columns(settings.signals)
     columns.pop("d_hat", None)
     with naming(log), Progress(not quiet) as progress:
-        how = reading(settings.signals)
+        how = reading(settings)
         loaded = load_log(log, columns, optional_columns(settings), **how, unwrap=True, watch=progress.watch)
         progress("observing")
         observed = _observed(loaded, observer)

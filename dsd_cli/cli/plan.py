@@ -18,8 +18,10 @@ from dsd_cli.errors import DataError, TooShort, UsageError
 from dsd_cli.files.as_read import as_read
 from dsd_cli.files.command import Command
 from dsd_cli.files.config import Config, Detector, Observer, Signals, States, Stay
+from dsd_cli.files.remade import Made
 from dsd_cli.files.table_source import TableSource
 from dsd_cli.files.windowed import Window
+from dsd_cli.plant.maker import Maker
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.cleaning import MEASURED
 from dsd_cli.signals.log import DHatSource
@@ -33,13 +35,20 @@ TRUTH = ("true_delay", "true_inertia")
 
 
 def as_logged(config: Config, log: str) -> Config:
-    """The config for that log: one that `dsd observe` wrote has the tool's names and units, whatever [signals] says."""
+    """The config for that log: one that `dsd observe` wrote has the tool's names and units, whatever [signals] says;
+    what is "auto" in [observer] is what this log says.
+
+    Raises
+    ------
+    UsageError : it does not say it.
+    """
+    from dsd_cli.cli.d_hat_maker import known_maker
     from dsd_cli.files.table_source import OWN_CHANNELS
     from dsd_cli.files.tables_in import metadata_of
 
-    if OWN_CHANNELS not in metadata_of(log):
-        return config
-    return config.with_signals(config.signals.applied(config.written.get("signals", {})))
+    if OWN_CHANNELS in metadata_of(log):
+        config = config.with_signals(config.signals.applied(config.written.get("signals", {})))
+    return known_maker(config, log)
 
 
 def log_columns(signals: Signals) -> dict[str, str]:
@@ -63,9 +72,11 @@ def optional_columns(config: Config) -> set[str]:
     return {name for name in columns if name not in ("t", "u") and not config.says(f"signals.{name}")}
 
 
-def reading(signals: Signals) -> dict[str, Any]:
-    """How [signals] says that a log is read: what `load_log` takes beside the columns."""
+def reading(config: Config) -> dict[str, Any]:
+    """How [signals] and [observer] say that a log is read: what `load_log` takes beside the columns."""
+    signals = config.signals
     return {
+        "made": made(config),
         "sample_time": signals.sample_time,
         "time_scale": TIME_SCALE[signals.time_unit],
         "factors": signals.factors(),
@@ -73,6 +84,15 @@ def reading(signals: Signals) -> dict[str, Any]:
         "limits": limits(signals),
         "window": window(signals),
     }
+
+
+def made(config: Config) -> Made:
+    """How a logged d_hat was made; as here without [observer], and for what is "auto" and was not found."""
+    section = config.observer
+    if section is None:
+        return Made()
+    kept = {name: value for name in ("filter", "u") if (value := getattr(section, name)) != "auto"}
+    return Made(Maker(**kept), section.time_constant, section.sign)
 
 
 def command(signals: Signals) -> Command:
@@ -85,10 +105,11 @@ def window(signals: Signals) -> Window:
     return Window(signals.start, signals.end)
 
 
-def rows_read(table: TableSource, signals: Signals) -> TableSource:
-    """The rows of a table as [signals] says that they are read."""
+def rows_read(table: TableSource, config: Config) -> TableSource:
+    """The rows of a table as [signals] and [observer] say that they are read."""
+    signals = config.signals
     clock: dict[str, Any] = {"time_scale": TIME_SCALE[signals.time_unit], "sample_time": signals.sample_time}
-    return as_read(table, command(signals), window(signals), signals.factors(), **clock)
+    return as_read(table, command(signals), window(signals), signals.factors(), made=made(config), **clock)
 
 
 @contextmanager

@@ -57,7 +57,7 @@ def load_recording(
     columns = log_columns(config.signals)
     with naming(path):
         optional = {name for name in columns if name not in ("t", "u")}
-        how = reading(config.signals) if window is None else {**reading(config.signals), "window": window}
+        how = reading(config) if window is None else {**reading(config), "window": window}
         loaded = load_log(path, columns, optional, **how, watch=None if progress is None else progress.watch)
     if window:
         loaded = replace(loaded, log=replace(loaded.log, source=f"{loaded.log.source} ({window})"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from dsd_cli.files.command import Command, as_it_acted
+from dsd_cli.files.remade import Made, as_observed
 from dsd_cli.files.scaled import scaled
 from dsd_cli.files.table_source import TableSource
 from dsd_cli.files.unwrapped import unwrapped
@@ -17,15 +18,18 @@ def as_read(
     window: Window,
     factors: Mapping[str, float],
     *,
+    made: Made | None = None,
     time_scale: float,
     sample_time: float | None,
     unwrap: bool = True,
 ) -> TableSource:
-    """The rows of the window, with u as and when it acted, a position that goes on where it wraps, and scaled.
+    """The rows of the window, with u as and when it acted, a position that goes on where it wraps, scaled, and with
+    d_hat as this package makes it.
 
     Parameters
     ----------
     factors : channel -> what its column is multiplied by.
+    made : how a logged d_hat was made; None is as here.
     time_scale : s per unit of the stamps. sample_time : s from row to row, where there are no stamps.
     unwrap : not where the wraps themselves are looked for.
 
@@ -34,4 +38,5 @@ def as_read(
     DataError : while it is read: no row in the window, or none with a u that the command tells.
     """
     part = windowed(as_it_acted(table, command, time_scale, sample_time), window, time_scale, sample_time)
-    return scaled(unwrapped(part, factors.get("position", 1.0)) if unwrap else part, factors)
+    whole = scaled(unwrapped(part, factors.get("position", 1.0)) if unwrap else part, factors)
+    return as_observed(whole, made or Made(), time_scale, sample_time)

@@ -6,15 +6,16 @@ import sys
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.as_read import as_read
 from dsd_cli.files.command import Command
+from dsd_cli.files.remade import Made
 from dsd_cli.files.scaled import FACTORS, factors_text
-from dsd_cli.files.table_source import TableSource
+from dsd_cli.files.table_source import D_HAT_SOURCE, TableSource
 from dsd_cli.files.tables_in import dropped_with_unreadable, open_table
 from dsd_cli.files.tables_out import open_writer
 from dsd_cli.files.watched import Watch, watched
@@ -25,7 +26,7 @@ from dsd_cli.signals.outliers import Limits
 
 _D_HAT_SOURCES = ("logged", "velocity", "position")
 #: Metadata that `write_log` adds and `load_log` turns back into attributes.
-D_HAT_SOURCE, SAMPLE_TIME = "d_hat_source", "sample_time"
+SAMPLE_TIME = "sample_time"
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,7 @@ def load_log(
     time_scale: float = 1.0,
     factors: Mapping[str, float] | None = None,
     command: Command | None = None,
+    made: Made | None = None,
     unwrap: bool = False,
     limits: Limits | None = None,
     window: Window | None = None,
@@ -70,6 +72,7 @@ def load_log(
     time_scale : s per unit of the time column.
     factors : channel -> what its column is multiplied by.
     command : how u was logged; None is a held one, as it acted.
+    made : how d_hat was; None is as here.
     unwrap : see `unwrapped`.
     limits : rows with values beyond them, with the factors in, are dropped.
     window : the rows that are read; None is all.
@@ -84,9 +87,8 @@ def load_log(
         raise DataError(f"{path}: no time column", "set signals.time, or signals.sample_time")
     command = command or Command()
     table = watched(open_table(path, signals, optional, u_hold=command.hold), watch)
-    table = as_read(
-        table, command, window or Window(), factors or {}, time_scale=time_scale, sample_time=sample_time, unwrap=unwrap
-    )
+    clock: dict[str, Any] = {"time_scale": time_scale, "sample_time": sample_time}
+    table = as_read(table, command, window or Window(), factors or {}, made=made, **clock, unwrap=unwrap)
     cleaner = Cleaner(sample_time, time_scale, limits=limits)
     channels, restarts = _joined(_cleaned(table, cleaner, most_rows))
     if not channels or cleaner.sample_time is None:

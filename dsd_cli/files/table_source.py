@@ -16,6 +16,8 @@ from dsd_cli.signals.log import Array
 SIDECAR = ".meta.json"
 #: Metadata that says: the columns have the tool's own names, and its units ([signals] has been applied to them).
 OWN_CHANNELS = "channels"
+#: Metadata that says what d_hat was computed from, see `Log.d_hat_source`.
+D_HAT_SOURCE = "d_hat_source"
 #: Bytes; ours hold a config.
 LARGEST_SIDECAR = 1 << 24
 

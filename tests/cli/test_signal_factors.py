@@ -72,7 +72,7 @@ def test_ranges_and_outliers_are_judged_with_them_in(rig, key, spike):
     path = write(rig, "log.csv", spoiled)
     (rig / "dsd.toml").write_text(f"{FACTORS}{key}\n{CONFIG}{MODEL}")
     signals = {channel: channel for channel in ("t", *DISGUISE)}
-    loaded = load_log(path, signals, **reading(parse_config(f"{FACTORS}{key}\n").signals))
+    loaded = load_log(path, signals, **reading(parse_config(f"{FACTORS}{key}\n")))
     beyond = "beyond the range of the channel: velocity"
     assert loaded.dropped[beyond] == 1
     labelled = done("detect", "log.csv", "--set", 'signals.d_hat=""', "--format", "json", cwd=rig)

@@ -31,6 +31,16 @@ class Observer(Section):
     nominal_inertia: float = key(number(above=0), "nominal inertia Jn", "kg m2 or kg, per unit of u")
     time_constant: float = key(number(lower=0, upper=LONGEST), "time constant tau of Q; 0 is no filter", "s")
     sign: Literal[1, -1] = key(choice(1, -1), "-1 for logs whose d_hat is Q { u - Jn a }", default=1)
+    filter: Literal["exact", "euler", "backward_euler", "bilinear", "auto"] = key(
+        choice("exact", "euler", "backward_euler", "bilinear", "auto"),
+        "how the maker of a logged d_hat stepped Q; auto finds it",
+        default="exact",
+    )
+    u: Literal["previous", "newest", "mean", "auto"] = key(
+        choice("previous", "newest", "mean", "auto"),
+        "which u he paired with the last difference of the speed; auto finds it",
+        default="previous",
+    )
 
 
 class Model(Section):

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 
 from dsd_cli.identify.checks import clock
 from dsd_cli.identify.checks.channels import check_channels, check_jumps
+from dsd_cli.identify.checks.d_hat_maker import check_maker
 from dsd_cli.identify.checks.disturbance import check_disturbance, observed
 from dsd_cli.identify.checks.disturbance_alone import check_alone
 from dsd_cli.identify.checks.excitation import check_excitation, excitation
@@ -22,6 +23,7 @@ from dsd_cli.identify.checks.stretches import SHORTEST
 from dsd_cli.identify.checks.values import believable, check_values, delay_of
 from dsd_cli.identify.checks.view import View, look
 from dsd_cli.identify.checks.whose_factor import settled, times_too_large
+from dsd_cli.plant.maker import Maker
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 
@@ -48,6 +50,7 @@ def check_log(
     dropped: Mapping[str, int] | None = None,
     factors: Mapping[str, float] | None = None,
     u_shift: float = 0.0,
+    maker: Maker | None = None,
 ) -> CheckResult:
     """Everything that one log shows about itself; never raises for what is in a log.
 
@@ -58,6 +61,7 @@ def check_log(
     restarts : samples that do not continue the one before.
     dropped : rows that were not taken as they are, as `Cleaner.dropped` has them.
     factors, u_shift : of [signals], that are in the log already, for remedies that name these keys.
+    maker : of [observer] filter and u, whose d_hat has been turned into that of this package; None is as here.
     """
     true = clock.stamps_are_true(log, restarts)
     view = look(log, restarts, true > -clock.CLEAR)
@@ -66,7 +70,7 @@ def check_log(
     found += [*check_jumps(log, restarts), *_unusable(view)]
     found += check_excitation(did, view.stretches, 0 if model is None else len(model.effects))
     if not _fails(found):
-        found += _judged(view, model, observer, factors or {})
+        found += _judged(view, model, observer, factors or {}, maker or Maker())
     if _fails(found):
         parameters = unknown_parameters(model)
     else:
@@ -109,7 +113,11 @@ def _not_told(parameters: Sequence[Parameter]) -> list[Finding]:
 
 
 def _judged(
-    view: View, model: PlantModel | None, observer: ObserverSettings | None, applied: Mapping[str, float]
+    view: View,
+    model: PlantModel | None,
+    observer: ObserverSettings | None,
+    applied: Mapping[str, float],
+    maker: Maker,
 ) -> list[Finding]:
     """What can be said of a log in which something moves."""
     found, opposite = check_channels(view.stretches, view.cutoff)
@@ -120,7 +128,8 @@ def _judged(
     if contradict and applied:
         return found  # which of two motions the inertia and d_hat belong to is not known
     if observer is not None and d_hat is not None and not signs:
-        found += check_disturbance(d_hat, observer)
+        wrong = check_disturbance(d_hat, observer)
+        found += wrong or check_maker(view.stretches, observer, maker)
     elif observer is not None and view.band is None and not signs:
         found += check_alone(view.stretches, observer)
     if not signs:

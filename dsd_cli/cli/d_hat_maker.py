@@ -1,0 +1,81 @@
+"""`[observer] filter = "auto"` and `u = "auto"`: what a log says about how its d_hat was made."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from dsd_cli.errors import UsageError
+
+if TYPE_CHECKING:
+    from dsd_cli.files.config import Config
+    from dsd_cli.plant.maker import Maker
+
+#: Rows that are looked at.
+MOST_ROWS = 200_000
+_KEYS = ("filter", "u")
+
+
+def known_maker(config: Config, log: str) -> Config:
+    """The config with what its log says in place of "auto"; with the maker of this package where the log has no d_hat.
+
+    Raises
+    ------
+    UsageError : the log is a stream, or does not say it.
+    DataError : it cannot be read.
+    """
+    section = config.observer
+    if section is None or all(getattr(section, key) != "auto" for key in _KEYS):
+        return config
+    if log == "-":
+        raise UsageError(
+            f'{config.name}: observer {_open(config)} = "auto" needs a log in a file',
+            "dsd check of a file of that drive names them",
+        )
+    maker = _asked(_Question(config, log))
+    if maker is None:
+        raise UsageError(
+            f'{log}: does not say how d_hat was made, and observer {_open(config)} is "auto"',
+            "give observer.filter and observer.u, or log a velocity or position beside d_hat",
+        )
+    return config.override([f'observer.filter="{maker.filter}"', f'observer.u="{maker.u}"'])
+
+
+def _open(config: Config) -> str:
+    return " and ".join(key for key in _KEYS if getattr(config.observer, key) == "auto")
+
+
+class _Question:
+    """A config and a log, alike where both read alike: several parts of one command ask."""
+
+    def __init__(self, config: Config, log: str) -> None:
+        self.config, self.log = config, log
+        self._key = (log, config.name, repr(config.written.get("signals")), repr(config.written.get("observer")))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Question) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+
+@lru_cache(maxsize=8)
+def _asked(question: _Question) -> Maker | None:
+    from dsd_cli.cli.plan import log_columns, naming, observer_settings, reading
+    from dsd_cli.files.logs import load_log
+    from dsd_cli.files.remade import Made
+    from dsd_cli.identify.checks.d_hat_maker import MAKERS, maker_by_motion
+    from dsd_cli.identify.checks.stretches import cut
+    from dsd_cli.plant.maker import Maker
+
+    config, log = question.config, question.log
+    columns = log_columns(config.signals)
+    with naming(log):
+        how = {**reading(config), "made": Made(), "most_rows": MOST_ROWS}
+        loaded = load_log(log, columns, {name for name in columns if name not in ("t", "u")}, **how)
+    if "d_hat" not in loaded.log or loaded.log.d_hat_source != "logged":
+        return Maker()
+    given = {key: value for key in _KEYS if (value := getattr(config.observer, key)) != "auto"}
+    makers = [m for m in MAKERS if all(getattr(m, key) == value for key, value in given.items())]
+    found = maker_by_motion(cut(loaded.log, loaded.restarts, True), observer_settings(config), makers)
+    return None if found is None else found.maker

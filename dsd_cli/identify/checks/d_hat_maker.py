@@ -1,0 +1,116 @@
+"""Who made d_hat: how he stepped Q and which u he paired with the last difference, from the motion that is logged too.
+
+d_hat is predicted from u and the speed by each maker of `plant.maker`; the one that leaves least below `_CUTOFF` made
+it. Above that frequency the noise of the speed decides: a filter that averages it looks better than it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dsd_cli.identify.checks.lowpass import LowPass
+from dsd_cli.identify.checks.results import Finding
+from dsd_cli.identify.checks.stretches import Stretch
+from dsd_cli.plant.filtering import SETTLED, lowpass_irregular
+from dsd_cli.plant.maker import FILTERS, PAIRINGS, Maker
+from dsd_cli.plant.model import ObserverSettings
+from dsd_cli.signals.log import Array
+
+#: Hz, and share of the sample rate: end of the band in which makers are compared.
+_CUTOFF, _SHARE = 10.0, 0.02
+#: Blocks that vote; standard errors by which the second maker must leave more, and the share of what it leaves.
+_BLOCKS, CLEAR, BETTER = 24, 2.5, 0.9
+#: d_hat that a maker explains to less than this is another's in the first place.
+_EXPLAINED = 0.9
+#: Samples of a stretch that are looked at.
+_MOST = 60_000
+
+
+MAKERS = tuple(Maker(how, pairing) for how in FILTERS for pairing in PAIRINGS)
+
+
+@dataclass(frozen=True)
+class Known:
+    """maker : that leaves least. clear : whether this package's own leaves surely more. explained : share of d_hat."""
+
+    maker: Maker
+    clear: bool
+    explained: float
+
+
+def maker_by_motion(
+    stretches: Sequence[Stretch], observer: ObserverSettings, makers: Sequence[Maker] = MAKERS
+) -> Known | None:
+    """The one of `makers`; None where u, d_hat or the motion is not logged, or too little of it."""
+    sides = [side for s in stretches if (side := _sides(_part(s))) is not None]
+    if not sides:
+        return None
+    asked = list(dict.fromkeys([Maker(), *makers]))
+    left = {m: np.concatenate([_left(*side, m, observer) for side in sides]) for m in asked}
+    if (rows := left[Maker()].size) < 2 * _BLOCKS:
+        return None
+    whole = np.concatenate([_rows(s.T, s.d_hat, observer) for s, *_ in sides])
+    edges = np.arange(_BLOCKS) * rows // _BLOCKS
+    squares = {m: np.add.reduceat(x**2, edges) for m, x in left.items()}
+    best = min(makers, key=lambda m: float(squares[m].sum()))
+    more = squares[Maker()] - squares[best]
+    error = float(more.std(ddof=1)) * np.sqrt(_BLOCKS)
+    clear = float(more.sum()) > CLEAR * error and squares[best].sum() < BETTER * squares[Maker()].sum()
+    return Known(best, bool(clear), 1.0 - float(squares[best].sum() / max(float(whole @ whole), 1e-300)))
+
+
+def check_maker(stretches: Sequence[Stretch], observer: ObserverSettings, undone: Maker) -> list[Finding]:
+    """At most one finding, of a d_hat that another than `undone`, the config's maker, computed."""
+    found = maker_by_motion(stretches, observer)
+    if found is None or not found.clear or found.explained < _EXPLAINED:
+        return []
+    if not undone.as_here:
+        remedy = 'observer.filter = "auto" and observer.u = "auto"'
+        return [Finding(f"d_hat was not made with {undone}", "d_hat", "warning", 0.9, remedy)]
+    what, remedy = f"d_hat was made with {found.maker}", f'observer.filter = "{found.maker.filter}"'
+    remedy += f' and observer.u = "{found.maker.u}"'
+    return [Finding(what, "d_hat", "warning", 0.9, remedy)]
+
+
+def _part(s: Stretch) -> Stretch:
+    u, position, velocity, d_hat = (None if x is None else x[:_MOST] for x in (s.u, s.position, s.velocity, s.d_hat))
+    return replace(s, t=s.t[:_MOST], u=u, position=position, velocity=velocity, d_hat=d_hat)
+
+
+def _sides(s: Stretch) -> tuple[Stretch, Array] | None:
+    """(stretch, its speed); a position gives the slope over the samples beside each, which is not late."""
+    if s.u is None or s.d_hat is None:
+        return None
+    if s.velocity is not None:
+        return s, s.velocity
+    return None if s.position is None else (s, np.gradient(s.position, s.T))
+
+
+def _keep(T: float) -> LowPass:
+    return LowPass(T, min(_CUTOFF, _SHARE / T))
+
+
+def _rows(T: float, x: Array | None, observer: ObserverSettings) -> Array:
+    """Some samples of what has passed the low-pass, of the settled part, without mean."""
+    if x is None:
+        return np.zeros(0)
+    keep = _keep(T)
+    rows = keep.rows(x.size)
+    rows = rows[rows > keep.half + SETTLED * observer.time_constant / T]
+    found = keep(x)[rows]
+    return found - found.mean() if found.size else found
+
+
+def _left(s: Stretch, v: Array, maker: Maker, observer: ObserverSettings) -> Array:
+    """What this maker's d_hat leaves of the logged one."""
+    assert s.u is not None
+    assert s.d_hat is not None
+    x = observer.nominal_inertia * np.diff(v) / s.T - maker.own_u(s.u[1:], s.u[:-1])
+    if maker.intervals == 2:
+        x = 0.5 * (x + np.concatenate([x[:1], x[:-1]]))
+    keep, _ = maker.step(np.full(x.size, s.T), observer.time_constant)
+    predicted = np.concatenate([[0.0], lowpass_irregular(x, keep, 0.0)])
+    return _rows(s.T, observer.sign * s.d_hat - predicted, observer)

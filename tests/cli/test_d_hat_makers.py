@@ -1,0 +1,192 @@
+"""`[observer] filter` and `u`: a d_hat that a drive made its own way, through the commands that read it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from dsd_cli.plant.maker import FILTERS, PAIRINGS, Maker
+from tests.cli.rig import dsd
+from tests.oracle.d_hat_makers import made
+from tests.oracle.rig_sensors import observe
+
+J, JN, TAU, DELAY, B = 0.02, 0.03, 0.01, 0.006, 0.4
+CONFIG = f"""
+[signals]
+time = "t"
+[observer]
+nominal_inertia = {JN}
+time_constant = {TAU}
+[model]
+inertia = {J}
+delay = {DELAY}
+[states]
+delays = [0.0, 0.003, {DELAY}, 0.012]
+inertias = [0.01, {J}, 0.04]
+[states.effects.viscous_friction]
+coefficient = [{B}]
+[detector]
+window = 60
+rho = 0.02
+initial = {{ delay = 0.0, inertia = 0.01 }}
+"""
+MAKERS = [Maker(how, pairing) for how in FILTERS for pairing in PAIRINGS]
+
+
+def motion(jitter=0.0, n=4000):
+    """(t, u, v) of J v' = u(t - DELAY) - B v, exact under the hold; u a random staircase with a fine ripple."""
+    rng = np.random.default_rng(5)
+    t = np.concatenate([[0.0], np.cumsum(0.001 * (1.0 + jitter * rng.uniform(-1.0, 1.0, n - 1)))])
+    u = np.repeat(rng.uniform(-1.0, 1.0, n // 40), 40) + 0.05 * rng.standard_normal(n)
+    fine = np.arange(0.0, t[-1], 1e-4)
+    acting = u[np.maximum(np.searchsorted(t, fine - DELAY, side="right") - 1, 0)]
+    v, keep, speeds = 0.0, np.exp(-B / J * 1e-4), np.empty(len(fine))
+    for k, force in enumerate(acting.tolist()):
+        speeds[k] = v
+        v = keep * v + (1.0 - keep) * force / B
+    return t, u, np.interp(t, fine, speeds)
+
+
+def write(path, t, u, d_hat, v=None):
+    names, columns = ["t", "u", "d_hat"], [t, u, d_hat]
+    if v is not None:
+        names, columns = [*names, "velocity"], [*columns, v]
+    np.savetxt(path, np.stack(columns, axis=1), delimiter=",", header=",".join(names), comments="", fmt="%.17g")
+
+
+def observer(maker):
+    return CONFIG.replace("[model]", f'filter = "{maker.filter}"\nu = "{maker.u}"\n[model]')
+
+
+def detected(folder, config, *more):
+    (folder / "dsd.toml").write_text(config)
+    done = dsd("detect", "log.csv", "-c", "dsd.toml", "--format", "json", *more, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def right_share(result):
+    return next(s["share"] for s in result["states"] if (s["delay"], s["inertia"]) == (DELAY, J))
+
+
+@pytest.mark.parametrize("maker", [m for m in MAKERS if not m.as_here], ids=str)
+def test_detect_predicts_what_that_maker_would_have(maker, tmp_path):
+    """As surely as of d_hat as here; read as if it were made as here, newest u is another inertia or delay."""
+    t, u, v = motion()
+    write(tmp_path / "log.csv", t, u, made(t, u, v, JN, TAU, maker.filter, maker.u), v)
+    assert right_share(detected(tmp_path, observer(maker), "--set", "detector.rho=0.005")) > 0.97
+
+
+def test_labels_of_a_converted_log_are_those_of_d_hat_as_here(tmp_path):
+    t, u, v = motion(jitter=0.3)
+    written = {}
+    for name, d_hat, config in (
+        ("here", observe(t, u, v, JN, TAU), CONFIG),
+        ("theirs", made(t, u, v, JN, TAU, "euler", "newest"), observer(Maker("euler", "newest"))),
+    ):
+        write(tmp_path / "log.csv", t, u, d_hat, v)
+        detected(tmp_path, config, "-o", f"{name}.csv")
+        written[name] = np.genfromtxt(tmp_path / f"{name}.csv", delimiter=",", names=True)["state"]
+    assert np.mean(written["here"] == written["theirs"]) > 0.998
+
+
+def test_a_stream_is_converted_as_the_file_is(tmp_path):
+    t, u, v = motion(n=1520)
+    write(tmp_path / "log.csv", t, u, made(t, u, v, JN, TAU, "bilinear", "newest"), v)
+    detected(tmp_path, observer(Maker("bilinear", "newest")), "-o", "file.csv")
+    done = dsd("detect", "-", "-c", "dsd.toml", cwd=tmp_path, stdin=(tmp_path / "log.csv").read_text())
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[1:] == (tmp_path / "file.csv").read_text().splitlines()[1:]
+
+
+def test_a_log_that_dsd_made_is_left_alone(tmp_path):
+    """`observe` computes d_hat by itself: what its input's d_hat was made by does not matter any more."""
+    t, u, v = motion(n=1520)
+    write(tmp_path / "log.csv", t, u, made(t, u, v, JN, TAU, "euler", "newest"), v)
+    (tmp_path / "dsd.toml").write_text(observer(Maker("euler", "newest")))
+    done = dsd("observe", "log.csv", "-c", "dsd.toml", "-o", "observed.csv", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (tmp_path / "log.csv").unlink()
+    for name in ("observed.csv", "observed.csv.meta.json"):
+        (tmp_path / name).rename(tmp_path / name.replace("observed", "log"))
+    assert detected(tmp_path, observer(Maker("euler", "newest")))["states"] == detected(tmp_path, CONFIG)["states"]
+
+
+@pytest.mark.parametrize(
+    "maker", [Maker("exact", "newest"), Maker("euler", "newest"), Maker("bilinear", "mean")], ids=str
+)
+def test_values_from_u_and_d_hat_alone_are_the_true_ones(maker, tmp_path):
+    t, u, v = motion()
+    write(tmp_path / "log.csv", t, u, made(t, u, v, JN, TAU, maker.filter, maker.u))
+    (tmp_path / "dsd.toml").write_text(observer(maker))
+    done = dsd("diagnose", "log.csv", "-c", "dsd.toml", "--format", "json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result["verdict"] == "viscous_friction"
+    found = {**result["estimates"], **(result.get("found_values") or {})}
+    assert found["viscous_friction.coefficient"]["value"] == pytest.approx(B, rel=0.02)
+    assert found["inertia"]["value"] == pytest.approx(J, rel=0.02)
+
+
+def test_a_word_that_is_no_filter_is_refused(tmp_path):
+    (tmp_path / "dsd.toml").write_text(CONFIG.replace("[model]", 'filter = "tustin"\n[model]'))
+    write(tmp_path / "log.csv", *motion(n=1520))
+    done = dsd("detect", "log.csv", "-c", "dsd.toml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert 'observer.filter = "tustin"' in done.stderr
+    assert "bilinear" in done.stderr
+
+
+# -- found in the log ---------------------------------------------------------------------------------------------------
+
+
+def checked(folder, config):
+    (folder / "dsd.toml").write_text(config)
+    done = dsd("check", "log.csv", "-c", "dsd.toml", "--format", "json", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return [f for f in json.loads(done.stdout)["findings"] if f["channel"] == "d_hat"]
+
+
+def noisy(maker, seed=1):
+    """A log whose speed has noise of a 500th that d_hat does not share, and d_hat white noise of 1 % of u."""
+    t, u, v = motion()
+    rng = np.random.default_rng(seed)
+    d_hat = made(t, u, v, JN, TAU, maker.filter, maker.u) + 0.01 * np.std(u) * rng.standard_normal(len(t))
+    return t, u, d_hat, v + 2e-3 * np.std(v) * rng.standard_normal(len(t))
+
+
+@pytest.mark.parametrize("maker", [m for m in MAKERS if not m.as_here], ids=str)
+def test_check_names_the_maker_and_the_keys(maker, tmp_path):
+    write(tmp_path / "log.csv", *noisy(maker))
+    (finding,) = checked(tmp_path, CONFIG)
+    assert f'observer.filter = "{maker.filter}" and observer.u = "{maker.u}"' in finding["remedy"]
+
+
+def test_check_is_silent_of_a_maker_that_is_as_the_config_says(tmp_path):
+    for maker in (Maker(), Maker("euler", "newest"), Maker("bilinear", "mean")):
+        write(tmp_path / "log.csv", *noisy(maker))
+        assert not checked(tmp_path, observer(maker))
+
+
+def test_check_of_a_maker_that_is_not_the_one_of_the_config(tmp_path):
+    write(tmp_path / "log.csv", *noisy(Maker("euler", "newest")))
+    (finding,) = checked(tmp_path, observer(Maker("exact", "mean")))
+    assert 'observer.filter = "auto"' in finding["remedy"]
+
+
+AUTO = CONFIG.replace("[model]", 'filter = "auto"\nu = "auto"\n[model]')
+
+
+def test_auto_is_the_maker_of_the_log(tmp_path):
+    maker = Maker("euler", "newest")
+    write(tmp_path / "log.csv", *noisy(maker))
+    assert detected(tmp_path, AUTO)["states"] == detected(tmp_path, observer(maker))["states"]
+    assert right_share(detected(tmp_path, AUTO)) > 0.97
+
+
+def test_auto_needs_a_file(tmp_path):
+    write(tmp_path / "log.csv", *noisy(Maker()))
+    (tmp_path / "dsd.toml").write_text(AUTO)
+    done = dsd("detect", "-", "-c", "dsd.toml", cwd=tmp_path, stdin=(tmp_path / "log.csv").read_text())
+    assert done.returncode == 2
+    assert 'filter and u = "auto" needs a log in a file' in done.stderr
