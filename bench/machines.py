@@ -102,19 +102,20 @@ def judged(case: Recorded, said: Row) -> Row:
     effects = [e for e in said["steps"] if e not in ("refit", "inertia", "delay")]
     wanted = [set(must.split("|")) for must in case.must]
     unmet = [m for m, names in zip(case.must, wanted, strict=True) if not names & set(effects)]
-    firsts = [f"{m} first" for m in case.must[: case.first] if not set(m.split("|")) & set(effects[: case.first])]
-    unmet += [f for f in firsts if f.removesuffix(" first") not in unmet]
+    late = [m for m in case.must[: case.first] if not set(m.split("|")) & set(effects[: case.first])]
+    if late:
+        unmet.append("these first" if set(late) <= set(unmet) else f"{', '.join(late)} first")
     if case.unknown and not (said["verdict"] == "unknown" or "inertia" in said["steps"]):
         unmet.append("unknown, or that the inertia differs")
-    if said["verdict"] == "error":
-        unmet = [*case.must, *(["an answer"] if not case.must else [])]
     values = {n: v["value"] for n, v in said["values"].items() if n in case.published}
     off = [n for n, value in values.items() if abs(value / case.published[n] - 1.0) > case.within]
     told = [n for n in case.open_values if said["values"].get(n, {}).get("identified") == "identified"]
     musts = len(case.must) + bool(case.first) + case.unknown
+    if said["verdict"] == "error":
+        unmet = [*case.must, "an answer"][:musts]
     return {
         "musts": musts,
-        "met": max(0, musts - len(unmet)) if said["verdict"] != "error" else 0,
+        "met": 0 if said["verdict"] == "error" else musts - len(unmet),
         "unmet": unmet,
         "violated": [e for e in effects if e in case.must_not] + [f"{n} called identified" for n in told],
         "published": case.published,
@@ -124,7 +125,12 @@ def judged(case: Recorded, said: Row) -> Row:
 
 
 def table(rows: Sequence[Row]) -> list[str]:
-    """Markdown, the worst first: what must not be, then what must be and is not, then values that are off."""
+    """Markdown, the worst first: what must be and is not, then what must not be and is, then values that are off.
+
+    Judged anew, so that rows that were asked before a rule changed follow it.
+    """
+    cases = {case.name: case for case in RECORDED}
+    rows = [row | judged(cases[row["name"]], row) for row in rows if row["name"] in cases]
     lines = [
         "| machine | must be named | must not, and is | what `improve` said | values (published) | left of u | CPU |",
         "|---|---|---|---|---|---|---|",
@@ -133,7 +139,9 @@ def table(rows: Sequence[Row]) -> list[str]:
     for r in order:
         missed = f": not {', '.join(r['unmet'])}" if r["unmet"] else ""
         steps = ", ".join(_words(s) for s in r["steps"] if s != "refit") or "nothing"
-        said = f"{steps}; then {r['verdict']} ({100 * r['probability']:.0f} %)" if not r.get("error") else r["error"]
+        said = f"{steps}; then {r['verdict']} ({100 * r['probability']:.0f} %)"
+        if r.get("error"):
+            said = r["error"].removeprefix("dsd: error: ").partition(":")[0]
         left = f"{r['left_percent']:.1f} %" if r.get("left_percent") is not None else ""
         cells = (r["name"], f"{r['met']} of {r['musts']}{missed}", ", ".join(r["violated"]), said, _values(r), left)
         lines.append("| " + " | ".join(map(_words, cells)) + f" | {r['seconds']:.0f} s |")

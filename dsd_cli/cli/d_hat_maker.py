@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -9,15 +10,22 @@ from dsd_cli.errors import UsageError
 
 if TYPE_CHECKING:
     from dsd_cli.files.config import Config
+    from dsd_cli.files.logs import LoadedLog
     from dsd_cli.plant.maker import Maker
+
+    Reader = Callable[[Config, str, int], LoadedLog]
 
 #: Rows that are looked at.
 MOST_ROWS = 200_000
 _KEYS = ("filter", "u")
 
 
-def known_maker(config: Config, log: str) -> Config:
+def known_maker(config: Config, log: str, read: Reader) -> Config:
     """The config with what its log says in place of "auto"; with the maker of this package where the log has no d_hat.
+
+    Parameters
+    ----------
+    read : the log as the config says, with d_hat as it is in the file, and no more than so many rows.
 
     Raises
     ------
@@ -32,7 +40,7 @@ def known_maker(config: Config, log: str) -> Config:
             f'{config.name}: observer {_open(config)} = "auto" needs a log in a file',
             "dsd check of a file of that drive names them",
         )
-    maker = _asked(_Question(config, log))
+    maker = _asked(_Question(config, log, read))
     if maker is None:
         raise UsageError(
             f'{log}: does not say how d_hat was made, and observer {_open(config)} is "auto"',
@@ -48,8 +56,8 @@ def _open(config: Config) -> str:
 class _Question:
     """A config and a log, alike where both read alike: several parts of one command ask."""
 
-    def __init__(self, config: Config, log: str) -> None:
-        self.config, self.log = config, log
+    def __init__(self, config: Config, log: str, read: Reader) -> None:
+        self.config, self.log, self.read = config, log, read
         self._key = (log, config.name, repr(config.written.get("signals")), repr(config.written.get("observer")))
 
     def __eq__(self, other: object) -> bool:
@@ -61,21 +69,18 @@ class _Question:
 
 @lru_cache(maxsize=8)
 def _asked(question: _Question) -> Maker | None:
-    from dsd_cli.cli.plan import log_columns, naming, observer_settings, reading
-    from dsd_cli.files.logs import load_log
-    from dsd_cli.files.remade import Made
+    from dsd_cli.files.config import Observer
     from dsd_cli.identify.checks.d_hat_maker import MAKERS, maker_by_motion
     from dsd_cli.identify.checks.stretches import cut
     from dsd_cli.plant.maker import Maker
+    from dsd_cli.plant.model import ObserverSettings
 
-    config, log = question.config, question.log
-    columns = log_columns(config.signals)
-    with naming(log):
-        how = {**reading(config), "made": Made(), "most_rows": MOST_ROWS}
-        loaded = load_log(log, columns, {name for name in columns if name not in ("t", "u")}, **how)
+    config, section = question.config, question.config.require(Observer)
+    loaded = question.read(config, question.log, MOST_ROWS)
     if "d_hat" not in loaded.log or loaded.log.d_hat_source != "logged":
         return Maker()
-    given = {key: value for key in _KEYS if (value := getattr(config.observer, key)) != "auto"}
+    given = {key: value for key in _KEYS if (value := getattr(section, key)) != "auto"}
     makers = [m for m in MAKERS if all(getattr(m, key) == value for key, value in given.items())]
-    found = maker_by_motion(cut(loaded.log, loaded.restarts, True), observer_settings(config), makers)
+    observer = ObserverSettings(section.nominal_inertia, section.time_constant, section.sign)
+    found = maker_by_motion(cut(loaded.log, loaded.restarts, True), observer, makers)
     return None if found is None else found.maker

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,6 +26,9 @@ from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.cleaning import MEASURED
 from dsd_cli.signals.log import DHatSource
 from dsd_cli.signals.outliers import Limits
+
+if TYPE_CHECKING:
+    from dsd_cli.files.logs import LoadedLog
 
 #: s per unit of the time column.
 TIME_SCALE = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -48,7 +51,17 @@ def as_logged(config: Config, log: str) -> Config:
 
     if OWN_CHANNELS in metadata_of(log):
         config = config.with_signals(config.signals.applied(config.written.get("signals", {})))
-    return known_maker(config, log)
+    return known_maker(config, log, _with_d_hat_as_it_is)
+
+
+def _with_d_hat_as_it_is(config: Config, log: str, rows: int) -> LoadedLog:
+    """At least so many rows of the log, or all."""
+    from dsd_cli.files.logs import load_log
+
+    columns = log_columns(config.signals)
+    with naming(log):
+        how = {**reading(config), "made": Made(), "most_rows": rows}
+        return load_log(log, columns, {name for name in columns if name not in ("t", "u")}, **how)
 
 
 def log_columns(signals: Signals) -> dict[str, str]:

@@ -132,8 +132,8 @@ CASE = Recorded("m", (), {}, 1.0, must=("gravity", "coulomb_friction|load_fricti
         (["gravity", "load_friction"], 3, []),
         (["refit", "gravity", "coulomb_friction", "dead_zone"], 3, ["dead_zone"]),
         (["coulomb_friction", "gravity"], 2, []),
-        (["coulomb_friction"], 2, []),
-        ([], 1, []),
+        (["coulomb_friction"], 1, []),
+        ([], 0, []),
     ],
 )
 def test_what_must_be_named_is_counted(steps, met, violated):

@@ -63,7 +63,12 @@ def maker_by_motion(
 
 
 def check_maker(stretches: Sequence[Stretch], observer: ObserverSettings, undone: Maker) -> list[Finding]:
-    """At most one finding, of a d_hat that another than `undone`, the config's maker, computed."""
+    """At most one finding, of a d_hat that another than `undone`, the config's maker, computed.
+
+    What was turned into a d_hat over two intervals is not judged: no maker here has such a one with this pole.
+    """
+    if undone.intervals == 2:
+        return []
     found = maker_by_motion(stretches, observer)
     if found is None or not found.clear or found.explained < _EXPLAINED:
         return []
