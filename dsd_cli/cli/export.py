@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from dsd_cli.export.base import Joint, Motion
     from dsd_cli.export.making import Verified
     from dsd_cli.files.config import Config
+    from dsd_cli.report.export import ExportReport
 
 
 def target_ids(incomplete: str) -> list[str]:
@@ -62,25 +63,18 @@ def export(
     What TARGET cannot carry is refused, or with --drop left out and measured. The exported model is run beside that of
     `dsd simulate`, under the u of LOG or a built-in one, and is refused where its speed is more than 1 % (rms) off.
     """
-    import sys
-
-    from dsd_cli.cli.identification import print_json
     from dsd_cli.cli.pictures import check_plot
     from dsd_cli.cli.user_effects import use_effects
-    from dsd_cli.errors import UsageError
     from dsd_cli.export.making import make
     from dsd_cli.export.making import verify as held_against
     from dsd_cli.export.targets import get_target
     from dsd_cli.files.config import load_config
     from dsd_cli.files.whole import check_target
-    from dsd_cli.report.export import ExportReport, export_json, print_export
+    from dsd_cli.report.export import ExportReport
 
     use_effects(effects_from)
     found = get_target(target)
-    if verify is not None and no_verify:
-        raise UsageError("--verify and --no-verify", "give one of them")
-    if output == "-" and form is Format.JSON:
-        raise UsageError("-o - and --format json", "both would go to stdout; give -o a file")
+    _check(verify, no_verify, sample_time, output, form)
     settings = load_config(config, override or ())
     if output != "-":
         check_target(output, [config, *settings.files, *(effects_from or ()), *([verify] if verify else [])])
@@ -90,13 +84,41 @@ def export(
     checked = None if no_verify else held_against(found, made, motion)
     _check_holds(target, checked)
     _put(output, made.content)
-    report = ExportReport(made, checked, found.id, output, (verify,) if verify else (), settings.signals.units)
-    if form is Format.JSON:
-        print_json(export_json(report))
-    elif output != "-" or not quiet:
-        print_export(report, sys.stderr if output == "-" else sys.stdout)
+    logs = (verify,) if verify else ()
+    _show(ExportReport(made, checked, found.id, output, logs, settings.signals.units), form, quiet)
     if plot is not None:
         _draw(plot, checked, found.id, settings, quiet)
+
+
+def _check(verify: str | None, no_verify: bool, sample_time: float | None, output: str, form: Format) -> None:
+    """Options that contradict each other.
+
+    Raises
+    ------
+    UsageError : says which.
+    """
+    from dsd_cli.errors import UsageError
+
+    if verify is not None and (no_verify or sample_time is not None):
+        other = "--no-verify" if no_verify else "--sample-time"
+        raise UsageError(f"--verify and {other}", "give one of them")
+    if sample_time is not None and not 0.0 < sample_time < 1.0:
+        raise UsageError(f"--sample-time {sample_time:g}", "must be above 0 and below 1 s")
+    if output == "-" and form is Format.JSON:
+        raise UsageError("-o - and --format json", "both would go to stdout; give -o a file")
+
+
+def _show(report: ExportReport, form: Format, quiet: bool) -> None:
+    """On stdout, or beside a file that goes there on stderr."""
+    import sys
+
+    from dsd_cli.cli.identification import print_json
+    from dsd_cli.report.export import export_json, print_export
+
+    if form is Format.JSON:
+        print_json(export_json(report))
+    elif report.file != "-" or not quiet:
+        print_export(report, sys.stderr if report.file == "-" else sys.stdout)
 
 
 def _check_holds(target: str, checked: Verified | None) -> None:
@@ -151,8 +173,8 @@ def _motion(settings: Config, log: str | None, sample_time: float | None) -> Mot
 
     model = believed_model(settings)
     if log is None:
-        clock = sample_time or settings.signals.sample_time
-        return built_in(model, clock or (settings.simulate.sample_time if settings.simulate else 1e-3))
+        known = settings.signals.sample_time or (settings.simulate.sample_time if settings.simulate else 1e-3)
+        return built_in(model, known if sample_time is None else sample_time)
     from dsd_cli.cli.plan import as_logged, log_columns, naming, optional_columns, reading
     from dsd_cli.files.logs import load_log
 

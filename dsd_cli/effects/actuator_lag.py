@@ -18,8 +18,8 @@ def _columns(channels: Channels, shape: Shape, state: float | None) -> tuple[tup
     time_constant = shape["time_constant"]
     left, mean_left = decay(channels.interval / time_constant if time_constant > 0.0 else np.inf * (u * 0.0 + 1.0))
     if np.ndim(u) == 0:
-        before = float(u if state is None else state)
-        return (float(u + (before - u) * mean_left),), float(left * before + (1.0 - left) * u)
+        before = u if state is None else state
+        return (u + (before - u) * mean_left,), left * before + (1.0 - left) * u
     left, mean_left = np.broadcast_to(left, u.shape), np.broadcast_to(mean_left, u.shape)
     before = state if state is not None else float(u[0]) if u.size else 0.0
     x = one_pole(left, (1.0 - left) * u, before)

@@ -14,12 +14,11 @@ def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
 
 
 def _covered(channels: Channels, start: float, end: float) -> Any:
-    t, interval = channels.t, np.asarray(channels.interval)
+    t, interval = channels.t, channels.interval
     common = np.minimum(t + 0.5 * interval, end) - np.maximum(t - 0.5 * interval, start)
     share = np.clip(common, 0.0, interval) / np.where(interval > 0.0, interval, 1.0)
-    on = ((start <= t) & (t < end)).astype(float) if isinstance(t, np.ndarray) else float(start <= t < end)
-    covered = np.where(interval > 0.0, share, on)
-    return covered if covered.ndim else float(covered)
+    on = np.where((start <= t) & (t < end), 1.0, 0.0)
+    return np.where(interval > 0.0, share, on)
 
 
 def _starts(_: Ranges) -> list[Shape]:

@@ -151,7 +151,7 @@ def inertia_columns(
     if np.ndim(v) == 0:
         between = 0.5 * (interval + before.interval)
         a = (v - before.velocity) / between if interval > 0.0 and between > 0.0 else before.acceleration
-        last = Moved(float(v), float(interval), float(a)) if interval > 0.0 else before
+        last = Moved(v, interval, a) if interval > 0.0 else before
     else:
         intervals = np.broadcast_to(interval, np.shape(v))
         between = 0.5 * (intervals + np.concatenate([[before.interval], intervals[:-1]]))
@@ -230,7 +230,7 @@ def _slip_columns(
             ends = stretches(moved, radius, z)
             total = total - 0.5 * stiffness * (np.concatenate([[z], ends[:-1]]) + ends)
             last.append(float(ends[-1]) if len(ends) else z)
-    return (total,), tuple(map(float, last))
+    return (total,), tuple(last)
 
 
 def _stops_of(values: Mapping[str, Any], _: float) -> tuple[tuple[float, ...], Shape]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -102,6 +103,50 @@ class Coupling(NamedTuple):
         share = depth * (1.0 / (FULL_DAMPING * self.half_gap))
         return max(self.square * depth + self.drag * closing * (share if share < 1.0 else 1.0), 0.0)
 
+    def steps(self, interval: float) -> int:
+        """Runge-Kutta steps of the load in an interval of s."""
+        longest = STEP_WITH_GAP if self.half_gap > 0.0 else STEP
+        return min(max(math.ceil(self.rate * interval / longest), 1), MOST_STEPS)
+
+    def repeated(self, count: int, body: Callable[..., tuple[float, float]], q: float, v: float) -> tuple[float, float]:
+        """(q, v) after `body(i, q, v)` for i = 0, 1, ...: the one loop, so that an export has it as a loop, too."""
+        for i in range(count):
+            q, v = body(i, q, v)
+        return q, v
+
+    def over(self, motor: Motor, s: float, h: float, q: float, v: float) -> tuple[float, float]:
+        """Position and speed of the load h after s; a step within which the law changes is cut."""
+        q_end, v_end, smooth = self.step(motor, s, h, q, v)
+        if smooth:
+            return q_end, v_end
+        part = h / PARTS
+        return self.repeated(PARTS, lambda j, q, v: self.step(motor, s + j * h / PARTS, part, q, v)[:2], q, v)
+
+    def step(self, motor: Motor, s: float, h: float, q: float, v: float) -> tuple[float, float, bool]:
+        """(position, speed) of the load h later, and whether one law of the coupling holds throughout."""
+        laws = []
+
+        def pull(s: float, position: float, speed: float) -> float:
+            place, rate = motor.at(s)
+            laws.append(self.regime(place - position, rate - speed))
+            return self.pull(place - position, rate - speed)
+
+        a1 = pull(s, q, v)
+        v2 = v + 0.5 * h * a1
+        a2 = pull(s + 0.5 * h, q + 0.5 * h * v, v2)
+        v3 = v + 0.5 * h * a2
+        a3 = pull(s + 0.5 * h, q + 0.5 * h * v2, v3)
+        v4 = v + h * a3
+        a4 = pull(s + h, q + h * v3, v4)
+        q = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
+        v = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+        pull(s + h, q, v)
+        return q, v, self.alike(laws)
+
+    def alike(self, laws: list[int]) -> bool:
+        """Whether all of them are one."""
+        return all(law == laws[0] for law in laws)
+
 
 class Load(NamedTuple):
     """The load at the end of an interval, and the mean motor speed and length of that interval."""
@@ -137,7 +182,7 @@ def load_acceleration(
     relative to the motor, at the end of the first row. An interval of 0 is this instant, and moves nothing.
     """
     if np.ndim(position) == 0:
-        return _load_row(float(position), float(velocity), float(interval), coupling, state)
+        return _load_row(position, velocity, interval, coupling, state)
     q, v, t = (np.ascontiguousarray(np.broadcast_to(x, position.shape), dtype=np.float64) for x in (
         position, velocity, interval))  # fmt: skip
     out = np.zeros(len(q))
@@ -167,40 +212,10 @@ def _load_row(
 
 def _run(coupling: Coupling, motor: Motor, q: float, v: float) -> tuple[float, float]:
     """Position and speed of the load after the interval, by classical Runge-Kutta steps."""
-    longest = STEP_WITH_GAP if coupling.half_gap > 0.0 else STEP
-    steps = min(max(math.ceil(coupling.rate * motor.interval / longest), 1), MOST_STEPS)
+    steps = coupling.steps(motor.interval)
     h = motor.interval / steps
-    for i in range(steps):
-        s = i * h
-        q_end, v_end, smooth = _step(coupling, motor, s, h, q, v)
-        if not smooth:
-            q_end, v_end = q, v
-            for j in range(PARTS):
-                q_end, v_end, _ = _step(coupling, motor, s + j * h / PARTS, h / PARTS, q_end, v_end)
-        q, v = q_end, v_end
+    q, v = coupling.repeated(steps, lambda i, q, v: coupling.over(motor, i * h, h, q, v), q, v)
     return q, v
-
-
-def _step(coupling: Coupling, motor: Motor, s: float, h: float, q: float, v: float) -> tuple[float, float, bool]:
-    """(position, speed) of the load h later, and whether one law of the coupling holds throughout."""
-    laws = set()
-
-    def pull(s: float, position: float, speed: float) -> float:
-        place, rate = motor.at(s)
-        laws.add(coupling.regime(place - position, rate - speed))
-        return coupling.pull(place - position, rate - speed)
-
-    a1 = pull(s, q, v)
-    v2 = v + 0.5 * h * a1
-    a2 = pull(s + 0.5 * h, q + 0.5 * h * v, v2)
-    v3 = v + 0.5 * h * a2
-    a3 = pull(s + 0.5 * h, q + 0.5 * h * v2, v3)
-    v4 = v + h * a3
-    a4 = pull(s + h, q + h * v3, v4)
-    q = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
-    v = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-    pull(s + h, q, v)
-    return q, v, len(laws) == 1
 
 
 def driven_motor(push: Array, interval: float, coupling: Coupling, share: float, step: float) -> Array:

@@ -19,8 +19,7 @@ def _columns(channels: Channels, shape: Shape, state: float | None) -> tuple[tup
     left, mean_left = decay(np.abs(moved))
     before = 0.0 if state is None else state
     if np.ndim(moved) == 0:
-        last = float(left * before + direction * (1.0 - left))
-        return (-float(direction + (before - direction) * mean_left),), last
+        return (-(direction + (before - direction) * mean_left),), left * before + direction * (1.0 - left)
     built = one_pole(left, direction * (1.0 - left), before)
     mean = direction + (before_each(built, before) - direction) * mean_left
     return (-mean,), float(built[-1]) if built.size else before

@@ -76,14 +76,18 @@ class Plant:
         substeps = self._substeps(duration)
         h = duration / substeps
         for i in range(substeps):
-            start, velocity, position = t + i * h, self.velocity, self.position
-            a = self.acceleration(start, u)
-            speed = velocity + 0.5 * h * a
-            place = position + 0.5 * h * (velocity + 0.25 * h * a)
-            self._move(*self._forces(start + 0.5 * h, u, speed, place, h), h)
-            if self._with_memory and h > 0.0:
-                moved = self.position - position
-                self._remember(Channels(start + 0.5 * h, u, moved / h, position + 0.5 * moved, h))
+            self._substep(t + i * h, u, h)
+
+    def _substep(self, start: float, u: float, h: float) -> None:
+        """Over h (s) from `start` (s), at the forces of its midpoint."""
+        velocity, position = self.velocity, self.position
+        a = self.acceleration(start, u)
+        speed = velocity + 0.5 * h * a
+        place = position + 0.5 * h * (velocity + 0.25 * h * a)
+        self._move(*self._forces(start + 0.5 * h, u, speed, place, h), h)
+        if self._with_memory and h > 0.0:
+            moved = self.position - position
+            self._remember(Channels(start + 0.5 * h, u, moved / h, position + 0.5 * moved, h))
 
     def _substeps(self, duration: float) -> int:
         if not self._with_memory:
