@@ -11,12 +11,10 @@ from dsd_cli.export.base import INERTIA, Joint, Verdict
 
 
 def terms_of(joint: Joint, part: str) -> JointTerms:
-    """What that effect is in a joint; inertia and delay are nothing of it."""
+    """What that effect is in a joint; inertia, delay and what does not say are nothing."""
     effect = joint.effect(part)
-    if effect is None:
+    if effect is None or effect.joint is None:
         return JointTerms()
-    if effect.joint is None:
-        return JointTerms(missing="effect that does not say what it is there: Effect(joint=...)")
     return effect.joint(joint.model.effects[part], joint.model.inertia)
 
 
@@ -32,9 +30,12 @@ def judged(joint: Joint, part: str, carried: Mapping[str, str], inertia: str, na
     ----------
     carried : terms that the target has -> by which of its means. inertia : the same of the inertia.
     """
-    if joint.effect(part) is None:
+    effect = joint.effect(part)
+    if effect is None:
         how = inertia if part == INERTIA else carried.get(part, "")
         return Verdict(part, bool(how), how or f"{name} has no delay")
+    if effect.joint is None:
+        return Verdict(part, False, "it does not say what it is in a joint: Effect(joint=...)")
     terms = terms_of(joint, part)
     if terms.missing:
         return Verdict(part, False, f"a joint of {name} has no {terms.missing}")

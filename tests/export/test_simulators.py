@@ -231,3 +231,22 @@ def test_the_picture_has_both_speeds_or_says_why_not(tmp_path: Path) -> None:
     ran = done("export", rig, "--to", "sdf", "-o", "joint.sdf", "--drop", "--plot", "none.svg", cwd=tmp_path)
     assert "none.svg is not drawn: sdf not run" in ran.stderr
     assert not (tmp_path / "none.svg").exists()
+
+
+def test_an_effect_of_a_user_says_what_it_is_in_a_joint_or_is_refused() -> None:
+    from dataclasses import replace
+
+    from dsd_cli.effects import get_effect, register, unregister
+    from dsd_cli.effects.joint_terms import JointTerms
+
+    twice = JointTerms(linear_damping=0.1)
+    known = replace(get_effect("viscous_friction"), id="oil", joint=lambda values, _: twice)
+    unknown = replace(known, id="grease", joint=None)
+    register([known, unknown])
+    try:
+        one = joint({"oil": {"coefficient": 0.05}, "grease": {"coefficient": 0.05}})
+        assert get_target("urdf").judge(one, "oil").carried
+        found = get_target("urdf").judge(one, "grease")
+        assert (found.carried, "does not say what it is in a joint" in found.how) == (False, True)
+    finally:
+        unregister(["oil", "grease"])
