@@ -250,3 +250,10 @@ def test_an_effect_of_a_user_says_what_it_is_in_a_joint_or_is_refused() -> None:
         assert (found.carried, "does not say what it is in a joint" in found.how) == (False, True)
     finally:
         unregister(["oil", "grease"])
+
+
+@pytest.mark.parametrize("delay", [0.0023, 0.0125])
+def test_a_delay_is_no_part_of_a_step_off(delay: float) -> None:
+    """Half a step of it would be 0.4 % of the speed; a command with jumps is read on a line between two of them."""
+    pytest.importorskip("mujoco", minversion="4.0", reason="dsd-cli[sim] is not installed")
+    assert percent("mjcf", joint({"viscous_friction": {"coefficient": 0.05}}, delay=delay)) < 0.05
