@@ -164,11 +164,13 @@ class Job:
         columns.pop("reference", None)
         optional = optional_columns(self.config) & set(columns)
         if not self.follow or is_stream(self.log):
-            return rows_read(open_table(self.log, columns, optional), self.config)
+            return rows_read(open_table(self.log, columns, optional, layout=self.config.signals.layout), self.config)
         from dsd_cli.files.line_stream import LineStream
 
         read_head(self.log, 1)
-        stream = LineStream(Path(self.log), columns, optional, stop=lambda: bool(interrupted))
+        stream = LineStream(
+            Path(self.log), columns, optional, stop=lambda: bool(interrupted), layout=self.config.signals.layout
+        )
         return rows_read(stream, self.config)
 
     def _plan(self, table: TableSource) -> Plan:

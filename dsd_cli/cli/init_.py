@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from dsd_cli.cli.options import QuietOption, template_names
 from dsd_cli.errors import printable
 
+if TYPE_CHECKING:
+    from dsd_cli.cli.init_log import Asked, Proposed
+
+ColumnOption = Annotated[str | None, typer.Option(metavar="NAME", help="Column of LOG, by its name or its number.")]
+
 
 def init(
     log: Annotated[
-        str | None, typer.Argument(metavar="[LOG]", help="A log of your rig: the config is proposed from it.")
+        str | None,
+        typer.Argument(metavar="[LOG]", help="A log of your rig: the config is proposed from it; - is stdin."),
     ] = None,
     template: Annotated[
         str | None,
@@ -24,6 +32,16 @@ def init(
             help="lab (your own recording), paper-step, paper-sine, paper-delay-change, damping or servo.",
         ),
     ] = None,
+    u: ColumnOption = None,
+    position: ColumnOption = None,
+    velocity: ColumnOption = None,
+    time: ColumnOption = None,
+    override: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Value written into the config, e.g. signals.u_sign=-1 or csv.header=4."
+        ),
+    ] = None,
     output: Annotated[
         str, typer.Option("-o", "--output", metavar="FILE", help="File to write; - is stdout.")
     ] = "dsd.toml",
@@ -32,26 +50,88 @@ def init(
 ) -> None:
     """Write a commented dsd.toml: from a log of yours, for a recording to come, or for a simulation that runs as it is.
 
-    With LOG, its columns, units, sample time, and proposals for delay, inertia, rho and window come from its header and
-    its first rows; every guess is said.
+    With LOG, what each column is comes from its name and unit, else from what it does: what rises evenly is the time,
+    what is the slope of another is its velocity, what acceleration and friction explain is the control input. Every
+    guess is said. Where one is missing it is asked for, or the command that names it is printed and the rest written.
     """
-    from dsd_cli.errors import UsageError
+    from dsd_cli.errors import DataError, UsageError
     from dsd_cli.files.template import template_text
 
-    said: list[str] = []
-    if log is None:
-        template = template or "lab"
-        text, origin = template_text(template), f"template {template}"
-    elif template is not None:
+    given = {"u": u, "position": position, "velocity": velocity, "time": time}
+    named = {role: column for role, column in given.items() if column}
+    if log is not None and template is not None:
         raise UsageError("a template is no config for a log", "give a log or --template")
-    else:
-        from dsd_cli.cli.init_log import propose
-        from dsd_cli.cli.progress import Progress
+    if log is None:
+        if named or override:
+            raise UsageError("--u, --position, --velocity, --time and --set say what is in a log", "give the log, too")
+        template = template or "lab"
+        _put(template_text(template), [], f"template {template}", log, template, (output, force, quiet))
+        return
+    proposed = _proposed(log, _asked(named, override or [], quiet), quiet)
+    _put(proposed.text, proposed.said, f"from {log}", log, proposed.question, (output, force, quiet))
+    if proposed.question:
+        where = "" if output == "-" else f"; {output} has the rest, with that line marked"
+        raise DataError(f"{log}: {proposed.question}{where}", f"say it: {proposed.command}")
 
-        with Progress(not quiet) as progress:
-            progress(f"looking at {Path(log).name}")
-            text, said = propose(log)
-        origin = f"from {log}"
+
+def _asked(named: dict[str, str], override: list[str], quiet: bool) -> Asked:
+    """What the command line says; on a terminal the rest can be asked for."""
+    import sys
+
+    from dsd_cli.cli.init_log import Asked
+    from dsd_cli.errors import UsageError
+    from dsd_cli.files.config import parse_config
+    from dsd_cli.files.config.overrides import with_values
+
+    tables = with_values({}, override)
+    values = {(section, key): value for section, keys in tables.items() for key, value in dict(keys).items()}
+    if any(isinstance(value, dict) for value in values.values()):
+        raise UsageError("--set of init takes SECTION.KEY=VALUE", "write deeper keys into the config itself")
+    csv = parse_config("").override([text for text in override if text.startswith("csv.")]).csv
+    person = not quiet and sys.stdin.isatty() and sys.stderr.isatty()
+    return Asked(named, values, csv.layout, _question if person else None)
+
+
+def _question(missing: str, candidates: Sequence[str]) -> str:
+    """Ask for a column: its name, or its place in the list that is shown."""
+    what = "the control input (torque, force, current, voltage)" if missing == "u" else "the position"
+    for at, name in enumerate(candidates, start=1):
+        typer.echo(printable(f"  {at}: {name}"), err=True)
+    answer = str(typer.prompt(f"Which column is {what}? number or name", err=True)).strip()
+    return candidates[int(answer) - 1] if answer.isdigit() and 0 < int(answer) <= len(candidates) else answer
+
+
+def _proposed(log: str, asked: Asked, quiet: bool) -> Proposed:
+    from dsd_cli.cli.init_log import propose
+    from dsd_cli.cli.progress import Progress
+
+    with _as_file(log) as path, Progress(not quiet and asked.ask is None) as progress:
+        progress(f"looking at {Path(log).name}")
+        return propose(path, asked, log)
+
+
+@contextmanager
+def _as_file(log: str) -> Iterator[str]:
+    """A log that can be looked at more than once: what can be read only once is copied first."""
+    from dsd_cli.files.tables_in import is_stream
+
+    if not is_stream(log):
+        yield log
+        return
+    import shutil
+    import sys
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory() as folder:
+        copy = Path(folder) / "stdin"
+        with copy.open("wb") as file, sys.stdin.buffer if log == "-" else open(log, "rb") as stream:
+            shutil.copyfileobj(stream, file)
+        yield str(copy)
+
+
+def _put(text: str, said: list[str], origin: str, log: str | None, left: str, how: tuple[str, bool, bool]) -> None:
+    """Write the config, say what was guessed and what comes next; `left`: the template, or what is still asked."""
+    output, force, quiet = how
     if output == "-":
         typer.echo(text, nl=False)
     else:
@@ -60,12 +140,12 @@ def init(
         return
     for line in said:
         typer.echo(printable(f"  {line}"), err=True)
-    if output != "-":
-        simulated = log is None and template != "lab"
-        named = "" if output == "dsd.toml" else f" -c {output}"
-        after = f"simulate{named} -o log.csv" if simulated else f"check {log or 'LOG'}{named}"
-        typer.echo(printable(f"wrote {output} ({origin}); next: dsd {after}"), err=True)
-        typer.echo("then: dsd compare, diagnose, improve (what is missing?) or dsd detect (which state now?)", err=True)
+    if output == "-" or (log is not None and left):
+        return
+    named = "" if output == "dsd.toml" else f" -c {output}"
+    after = f"simulate{named} -o log.csv" if log is None and left != "lab" else f"check {log or 'LOG'}{named}"
+    typer.echo(printable(f"wrote {output} ({origin}); next: dsd {after}"), err=True)
+    typer.echo("then: dsd compare, diagnose, improve (what is missing?) or dsd detect (which state now?)", err=True)
 
 
 def _write(path: Path, text: str, force: bool, inputs: tuple[str, ...]) -> None:

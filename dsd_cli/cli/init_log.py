@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import json
-import re
+import shlex
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsd_cli.errors import DataError, DsdError
-from dsd_cli.files.first_look import FirstLook, first_look, time_unit_of
+from dsd_cli.cli.init_roles import Chosen, choose
+from dsd_cli.cli.init_units import Units, units_of
+from dsd_cli.errors import DsdError
+from dsd_cli.files.config import Signals
+from dsd_cli.files.csv_layout import CsvLayout
+from dsd_cli.files.first_look import time_unit_of
 from dsd_cli.files.formats.base import CLOCK
-from dsd_cli.files.joints import joint_that_moves
 from dsd_cli.files.logs import LoadedLog, load_log
 from dsd_cli.files.recognise import Recognised
-from dsd_cli.files.template import template_text
+from dsd_cli.files.sample import sample
+from dsd_cli.files.template import headed, template_text, with_value
 from dsd_cli.identify.checks import CheckResult, check_log
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.observer import observe_log
@@ -44,50 +50,91 @@ class Proposal:
 
     def put(self, section: str, key: str, value: object, why: str = "") -> None:
         """Set a key; `why`, where it is worth a line."""
-        self.values[section, key] = json.dumps(value) if isinstance(value, str) else _toml(value)
+        self.values[section, key] = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else _toml(value)
         if why:
             self.said.append(f"{key} = {self.values[section, key]}: {why}")
 
 
-def propose(path: str) -> tuple[str, list[str]]:
-    """The text of a config for that log, and what was guessed.
+class Asked(NamedTuple):
+    """What the user said: role -> column, (section, key) -> value; `ask` him for a column, None: nobody is there."""
+
+    given: Mapping[str, str]
+    values: Mapping[tuple[str, str], object]
+    layout: CsvLayout | None = None
+    ask: Callable[[str, Sequence[str]], str] | None = None
+
+
+class Proposed(NamedTuple):
+    """The text of a config, what was guessed, and the question that is left ("" for none), with its command."""
+
+    text: str
+    said: list[str]
+    question: str = ""
+    command: str = ""
+
+
+def propose(path: str, asked: Asked, name: str = "") -> Proposed:
+    """A config for that log; `name` is what it is called where that is not its path.
 
     Raises
     ------
-    DataError : it cannot be read, or no control input or nothing to have d_hat from is recognised.
+    DataError : it cannot be read. UsageError : a column that was named is not there.
     """
     out = Proposal()
-    look, chosen = joint_that_moves(path, first_look(path))
-    out.said += chosen
-    _name_columns(path, look, out)
-    try:
-        loaded, factors = _read(path, look, out)
-    except DsdError as error:
-        out.said.append(f"its rows could not be looked at ({error}); the numbers are those of the template")
-    else:
-        _propose_numbers(loaded, factors, out)
-    text = _headed(template_text("lab"), path)
-    for (section, key), value in out.values.items():
-        text = _with_value(text, section, key, value)
-    return text, out.said
+    name = name or path
+    looked = sample(path, asked.layout)
+    out.said += looked.notes
+    chosen = choose(name, looked, asked.given)
+    while chosen.missing and asked.ask is not None:
+        answer = asked.ask(chosen.missing, chosen.candidates)
+        asked = asked._replace(given={**asked.given, chosen.missing: answer})
+        chosen = choose(name, looked, asked.given)
+    out.said += chosen.said
+    _name_columns(chosen, out)
+    if not chosen.missing:
+        try:
+            loaded, factors = _read(path, chosen, looked.sample_time, asked.layout, out)
+        except DsdError as error:
+            out.said.append(f"its rows could not be looked at ({error}); the numbers are those of the template")
+        else:
+            _propose_numbers(loaded, factors, out)
+    for (section, key), value in asked.values.items():
+        out.put(section, key, value)
+    text = headed(template_text("lab"), name)
+    for (section, key), written in out.values.items():
+        text = with_value(text, section, key, written)
+    return Proposed(text, out.said) if not chosen.missing else _question(name, chosen, asked.given, text, out.said)
 
 
-def _name_columns(path: str, look: FirstLook, out: Proposal) -> None:
-    found = look.found
-    needed = any(channel in found for channel in ("d_hat", "velocity", "position"))
-    if "u" not in found or not needed:
-        what = "no control input" if "u" not in found else "neither disturbance nor velocity nor position"
-        listed = ", ".join(look.columns[:12]) + (" ..." if len(look.columns) > 12 else "")
-        raise DataError(
-            f"{path}: {what} among its columns ({listed})",
-            "`dsd init` without a log writes a config in which to name them",
-        )
-    if look.clock:
+def _question(path: str, chosen: Chosen, given: Mapping[str, str], text: str, said: list[str]) -> Proposed:
+    """What is left to say, the command that says it, and the line of the config in which it is missing."""
+    what = "the control input (torque, force, current, voltage)" if chosen.missing == "u" else "the motion"
+    listed = ", ".join(chosen.candidates[:8]) + (" ..." if len(chosen.candidates) > 8 else "")
+    text = with_value(
+        text, "signals", chosen.missing, '""', f"# <- MISSING: {what}; one of {listed}".replace("\n", " ")
+    )
+    moves = any(one in chosen.found for one in ("d_hat", "velocity", "position"))
+    named = {role: column for role, column in given.items() if role != "u"}
+    named = {"u": given.get("u", chosen.found["u"].column if "u" in chosen.found else "NAME"), **named}
+    if not moves:
+        named.setdefault("position", "NAME")
+    options = " ".join(f"--{role} {shlex.quote(column)}" for role, column in named.items())
+    command = f"dsd init {shlex.quote(path)} --force {options}"
+    return Proposed(text, said, f"which column is {what}? {listed or 'none of them moves'}", command)
+
+
+def _name_columns(chosen: Chosen, out: Proposal) -> None:
+    if chosen.clock:
         out.put("signals", "time", CLOCK, "the file stamps its rows itself")
-    for channel, one in found.items():
+    for channel, one in chosen.found.items():
+        if chosen.clock and channel == "time":
+            continue
+        guess = chosen.reasons.get(channel)
         others = f"; it could be {', '.join(one.others[:3])} as well" if one.others else ""
         unit = f", in {one.spoken}" if one.unit else ""
-        out.put("signals", channel, one.column, f"by its name{unit}{others}")
+        why = "by its name" if guess is None else guess.reason
+        doubt = f"; {guess.doubt}" if guess is not None and guess.doubt else ""
+        out.put("signals", channel, one.column, f"{why}{unit}{doubt}{others}")
         _name_unit(channel, one, out)
 
 
@@ -112,27 +159,50 @@ def _one_kind(channel: str, unit: str, out: Proposal) -> bool:
     return channel != "position" or velocity is None or POSITION[unit][0] == VELOCITY[json.loads(velocity)][0]
 
 
-def _read(path: str, look: FirstLook, out: Proposal) -> tuple[LoadedLog, dict[str, float]]:
-    names = {c: one.column for c, one in look.found.items() if c in ("u", "d_hat", "velocity", "position")}
-    factors = {c: one.factor for c, one in look.found.items() if c in _SCALE_KEYS and one.factor not in (None, 1.0)}
+def _read(
+    path: str, chosen: Chosen, told: float | None, layout: CsvLayout | None, out: Proposal
+) -> tuple[LoadedLog, dict[str, float]]:
+    found = chosen.found
+    names = {c: one.column for c, one in found.items() if c in ("u", "d_hat", "velocity", "position")}
     unit, sample_time = "s", None
-    if look.clock:
+    if chosen.clock:
         names = {"t": CLOCK, **names}
-    elif (time := look.found.get("time")) is not None:
+    elif (time := found.get("time")) is not None:
         names = {"t": time.column, **names}
         unit = time.time_unit or ""
     else:
-        sample_time = 0.001
-        out.put("signals", "sample_time", sample_time, "no time is recognised; put yours")
+        sample_time = told or 0.001
+        said = "the file says so" if told else "no time is recognised; put yours"
+        out.put("signals", "sample_time", sample_time, said)
     if not unit:
-        step = load_log(path, names, most_rows=1).log.sample_time
+        step = load_log(path, names, most_rows=1, layout=layout).log.sample_time
         unit = time_unit_of(step)
         out.said.append(f"time_unit: not said; steps of {step:g} are taken as {unit}")
     out.put("signals", "time_unit", unit)
+    _settle_units(units_of(chosen.table, found, _TIME_SCALE[unit], sample_time), out)
+    factors = _factors(out)
+    scale = _TIME_SCALE[unit]
     loaded = load_log(
-        path, names, sample_time=sample_time, time_scale=_TIME_SCALE[unit], factors=factors, most_rows=ROWS
+        path, names, sample_time=sample_time, time_scale=scale, factors=factors, most_rows=ROWS, layout=layout
     )
     return loaded, factors
+
+
+def _settle_units(units: Units, out: Proposal) -> None:
+    for at, (key, value) in enumerate(units.keys.items()):
+        out.put("signals", key, value, units.why if at == 0 else "")
+        channel = key.partition("_")[0]
+        out.said = [line for line in out.said if not (line.startswith(f"{channel}: ") and "is not said" in line)]
+
+
+def _factors(out: Proposal) -> dict[str, float]:
+    """Channel -> factor, as the config will have it."""
+    written: dict[str, Any] = {
+        key: json.loads(text) for (section, key), text in out.values.items() if section == "signals"
+    }
+    told = {key: value for key, value in written.items() if key in Signals.keys and key != "sample_time"}
+    factors = Signals(**told).factors()
+    return {channel: value for channel, value in factors.items() if channel in _SCALE_KEYS}
 
 
 def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal) -> None:
@@ -206,34 +276,4 @@ def _short(value: float) -> float:
 
 
 def _toml(value: object) -> str:
-    return repr(value)
-
-
-def _headed(text: str, path: str) -> str:
-    name = json.dumps(path)
-    return text.replace(
-        "# Your own recording. Change what is marked <-, then:",
-        f"# Proposed from {name}. Look over what is marked <-, then:",
-    )
-
-
-def _aligned(setting: str, line: re.Match[str]) -> str:
-    comment = line[2].lstrip()
-    return f"{setting:<{len(line[0]) - len(comment) - 1}} {comment}" if comment else setting
-
-
-def _with_value(text: str, section: str, key: str, value: str) -> str:
-    """The text with that key set, where the section has it (commented out, too), its comment kept."""
-    head = re.search(rf"^\[{section}\].*$", text, flags=re.MULTILINE)
-    assert head is not None, section
-    end = re.search(r"^\[", text[head.end() :], flags=re.MULTILINE)
-    stop = head.end() + end.start() if end else len(text)
-    body = text[head.end() : stop]
-    line = re.compile(rf"^(?:# )?{key} = (\[[^\]]*\]|\"[^\"]*\"|[^#\s]+)(.*)$", flags=re.MULTILINE)
-    if line.search(body):
-        body = line.sub(lambda found: _aligned(f"{key} = {value}", found), body, count=1)
-    else:
-        body = f"{body.rstrip()}\n{key} = {value}\n\n"
-    if key == "sample_time":
-        body = re.sub(r"^time = .*\n", "", body, flags=re.MULTILINE)
-    return text[: head.end()] + body + text[stop:]
+    return str(value).lower() if isinstance(value, bool) else repr(value)

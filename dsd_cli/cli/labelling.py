@@ -31,7 +31,9 @@ def open_log(log: str, config: Config) -> tuple[TableSource, Plan]:
     """The log, and the plan of the config for it (see `as_logged`)."""
     columns = log_columns(config.signals)
     columns.pop("reference", None)
-    table = rows_read(open_table(log, columns, optional_columns(config) & set(columns)), config)
+    table = rows_read(
+        open_table(log, columns, optional_columns(config) & set(columns), layout=config.signals.layout), config
+    )
     return table, detection_plan(config, table.columns, table.metadata, table.name)
 
 

@@ -96,6 +96,7 @@ def reading(config: Config) -> dict[str, Any]:
         "command": command(signals),
         "limits": limits(signals),
         "window": window(signals),
+        "layout": signals.layout,
     }
 
 

@@ -24,7 +24,18 @@ MISSING = frozenset(
 COMMENT = ("#", "%")
 DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
 ISO_TIME = re.compile(r"\s*\d{4}-\d\d-\d\d[ T]\d\d:\d\d")
+SPOKEN_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "min": 60.0, "hr": 3600.0}
+#: `0.004 sec`; [31.12.2024 or 12/31/2024] 23:59:59.999 [PM].
+SPOKEN_TIME = re.compile(
+    r"\s*(?:([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s?(s|sec|ms|msec|us|min|hr)"
+    r"|(?:(\d{1,2}\.\d{1,2}\.\d{4})[ T]|(\d{1,2}/\d{1,2}/\d{4}) )?"
+    r"(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+)?) ?([AaPp][Mm])?)\s*"
+)
 _OTHER_FORMATS = {
+    b"version https://git-lfs.github.com/spec/v1": (
+        "is a pointer of Git LFS, the file itself was not fetched",
+        "git lfs pull",
+    ),
     b"\x1f\x8b": ("is gzip-compressed", "unpack it first"),
     b"PK\x03\x04": ("is a zip archive or a spreadsheet", "export it as CSV"),
     b"\xff\xfe": ("is UTF-16 text", "save it as UTF-8"),
@@ -75,6 +86,11 @@ def split(line: str, delimiter: str) -> list[str]:
         return line.split(delimiter)
 
 
+def fields_of(line: str, delimiter: str) -> list[str]:
+    """The fields of a line; of blanks any number separates."""
+    return line.split() if delimiter == " " else split(line, delimiter)
+
+
 def is_comment(line: str) -> bool:
     return not line.strip() or line.lstrip().startswith(COMMENT)
 
@@ -99,11 +115,29 @@ def number(text: str) -> float:
 
 
 def seconds(text: str) -> float:
-    """A time stamp: a number, or ISO 8601 date and time (taken as UTC without a zone) as seconds since 1970."""
-    if not ISO_TIME.match(text):
+    """A time stamp: a number, or a date and time (taken as UTC without a zone) as seconds since 1970.
+
+    Dates are ISO 8601, 31.12.2024 or 12/31/2024; hours with minutes and seconds alone, and `0.004 sec`, are durations.
+
+    Raises
+    ------
+    ValueError : it is none of these.
+    """
+    if ISO_TIME.match(text):
+        stamp = datetime.fromisoformat(text.strip())
+        return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
+    if (found := SPOKEN_TIME.fullmatch(text)) is None:
         return number(text)
-    stamp = datetime.fromisoformat(text.strip())
-    return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
+    value, unit, dotted, slashed, hours, minutes, rest, half = found.groups()
+    if unit:
+        return number(value) * SPOKEN_UNITS[unit.lower()]
+    day = 0.0
+    if date := dotted or slashed:
+        parts = [int(part) for part in re.split(r"[./]", date)]
+        year, month, of_month = (parts[2], parts[1], parts[0]) if dotted else (parts[2], parts[0], parts[1])
+        day = datetime(year, month, of_month, tzinfo=UTC).timestamp()
+    hour = int(hours) % 12 + 12 * (half.lower() == "pm") if half else int(hours)
+    return day + 3600.0 * hour + 60.0 * int(minutes) + number(rest)
 
 
 def has_zone(text: str) -> bool:
@@ -135,12 +169,25 @@ def read_header(source: str, comment: str, line: str) -> Header:
     names, delimiter = _names(comment.strip().lstrip("#%"))
     if len(names) == len(split(line, delimiter)) and not any(is_number(name) for name in names):
         return Header(names, delimiter, line_is_data=True)
-    raise DataError(f"{source}: has no header, its first line is numbers", "put the column names into the first line")
+    raise DataError(f"{source}: has no header, its first line is numbers", "say so: [csv] header = 0")
 
 
-def _names(line: str) -> tuple[list[str], str]:
-    delimiter = max(DELIMITERS, key=lambda candidate: len(split(line, candidate)))
-    return [name.strip().strip('"').strip() for name in split(line, delimiter)], delimiter
+def live_header(source: str, comment: str, line: str, delimiter: str | None, bare: bool) -> Header:
+    """As `read_header`, of a line of a stream; `bare`: there is no header, its columns have numbers for names.
+
+    Raises
+    ------
+    DataError : there are no names, and nobody said so.
+    """
+    if not bare and delimiter is None:
+        return read_header(source, comment, line)
+    names, delimiter = _names(line, delimiter)
+    return Header([str(k + 1) for k in range(len(names))] if bare else names, delimiter, line_is_data=bare)
+
+
+def _names(line: str, delimiter: str | None = None) -> tuple[list[str], str]:
+    delimiter = delimiter or max(DELIMITERS, key=lambda candidate: len(split(line, candidate)))
+    return [name.strip().strip('"').strip() for name in fields_of(line, delimiter)], delimiter
 
 
 def is_units_row(fields: Sequence[str], needed: Iterable[int]) -> bool:
@@ -166,11 +213,24 @@ def find_header(source: str, lines: Sequence[str]) -> tuple[Header, int]:
     raise DataError(f"{source}: is empty" if not any(lines) else f"{source}: has no header and no rows")
 
 
-def look_at_rows(lines: Sequence[str], header: Header, skip: int, needed: Sequence[int]) -> Dialect:
-    """Units row and decimal sign, from the first lines; `needed`: places of the columns that are read."""
-    rows = [(at, split(line, header.delimiter)) for at, line in enumerate(lines[skip:], start=skip) if line.strip()]
-    units = None
-    if len(rows) > 1 and is_units_row(rows[0][1], needed) and not is_units_row(rows[1][1], needed):
+def numbered(names: Sequence[str], wanted: Iterable[str]) -> list[str]:
+    """The names, but for columns that are wanted by their number, from 1, where no column has that for a name."""
+    found = list(names)
+    for text in wanted:
+        if text not in found and text.isascii() and text.isdigit() and 0 < int(text) <= len(found):
+            found[int(text) - 1] = text
+    return found
+
+
+def look_at_rows(
+    lines: Sequence[str], header: Header, skip: int, needed: Sequence[int], units: list[str] | None = None
+) -> Dialect:
+    """Units row and decimal sign, from the first lines; `needed`: places of the columns that are read.
+
+    `units`: those that are known already.
+    """
+    rows = [(at, fields_of(line, header.delimiter)) for at, line in enumerate(lines[skip:], start=skip) if line.strip()]
+    if units is None and len(rows) > 1 and is_units_row(rows[0][1], needed) and not is_units_row(rows[1][1], needed):
         units = [text.strip() for text in rows[0][1]]
         skip = rows[0][0] + 1
         rows = rows[1:]

@@ -4,22 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from itertools import islice
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files import csv_dialect as dialects
 from dsd_cli.files.arrow_arrays import as_float64
+from dsd_cli.files.csv_layout import CsvLayout, footer, look, sample_time_of
 from dsd_cli.files.parquet_in import arrow_source, threaded
 from dsd_cli.files.table_source import Batch, choose_columns, read_head, read_sidecar
+from dsd_cli.signals.log import Array
 
 HEAD_BYTES = 1 << 16
 BLOCK_BYTES = 1 << 21
+#: Bytes of text from which all columns are looked at.
+PEEK_BYTES = 1 << 23
+#: Bytes at the end of a file in which text behind the rows is looked for.
+FOOTER_BYTES = 1 << 12
 
 
 class CsvTable:
     """A CSV file; see `TableSource`."""
 
-    def __init__(self, name: str, columns: Mapping[str, str], optional: Collection[str] = ()) -> None:
+    def __init__(
+        self,
+        name: str,
+        columns: Mapping[str, str],
+        optional: Collection[str] = (),
+        layout: CsvLayout | None = None,
+    ) -> None:
         self.name = name
         head = read_head(name, HEAD_BYTES)
         dialects.refuse_other_formats(name, head)
@@ -28,24 +43,41 @@ class CsvTable:
             lines = lines[:-1]  # the last one is cut
         if not lines:
             raise DataError(f"{name}: is empty" if not head else f"{name}: line 1 is too long for a header")
-        header, skip = dialects.find_header(name, lines)
+        layout = layout or CsvLayout()
+        found = look(name, lines, layout)
+        header = found.header._replace(names=dialects.numbered(found.header.names, columns.values()))
         self.column_names: list[str] = header.names
         self.columns = choose_columns(name, header.names, columns, optional)
         self._places = {canonical: header.names.index(column) for canonical, column in self.columns.items()}
-        self._dialect = dialects.look_at_rows(lines, header, skip, list(self._places.values()))
+        self._dialect = dialects.look_at_rows(lines, header, found.skip, list(self._places.values()), found.units)
+        if layout.decimal is not None:
+            self._dialect = self._dialect._replace(decimal=layout.decimal)
         if not self._dialect.first:
             raise DataError(f"{name}: has a header but no rows")
         self.metadata = read_sidecar(name)
-        self.warnings: list[str] = []
-        if self._dialect.units is not None:
+        self.warnings: list[str] = list(found.notes)
+        if self._dialect.units is not None and found.units is None:
             self.warnings.append(f"line {self._dialect.skip} is taken as units, not data")
         self.unreadable = 0
+        self.sample_time = sample_time_of(lines, found)
+        self._end = self._without_footer()
 
     @property
     def units(self) -> dict[str, str]:
         """Column -> what the row of units says; empty without such a row."""
         header, units = self._dialect.header, self._dialect.units
         return {} if units is None else dict(zip(header.names, units, strict=False))
+
+    def peek(self) -> dict[str, Any]:
+        """Column -> Arrow array of about the first megabytes, of whatever kind Arrow takes it for."""
+        import pyarrow as pa
+
+        names = self.column_names
+        try:
+            batch = self._reader(everything=True).read_next_batch()
+        except (pa.ArrowException, OSError, StopIteration) as error:
+            raise self._explain(0, error) from None
+        return {name: batch.column(at) for at, name in enumerate(names) if names.index(name) == at and name}
 
     def batches(self) -> Iterator[Batch]:
         import pyarrow as pa
@@ -54,14 +86,13 @@ class CsvTable:
         try:
             for batch in self._reader():
                 if batch.num_rows:
-                    yield Batch(
-                        batch.num_rows, {c: as_float64(batch.column(f"c{at}")) for c, at in self._places.items()}
-                    )
+                    yield Batch(batch.num_rows, {c: _values(batch.column(f"c{at}")) for c, at in self._places.items()})
                     rows += batch.num_rows
-        except (pa.ArrowException, OSError) as error:
+        except (pa.ArrowException, OSError, ValueError) as error:  # the last of a stamp in words
             raise self._explain(rows, error) from None
 
-    def _reader(self) -> Any:
+    def _reader(self, everything: bool = False) -> Any:
+        """Arrow's, of the columns that are needed; of everything in large blocks, where it finds out what they hold."""
         import pyarrow as pa
         import pyarrow.csv as pc
 
@@ -70,22 +101,54 @@ class CsvTable:
         at = self._places.get("t")
         if at is not None and at < len(first) and dialects.ISO_TIME.match(first[at]):
             types[f"c{at}"] = pa.timestamp("ns", "UTC" if dialects.has_zone(first[at]) else None)
+        elif at is not None and at < len(first) and dialects.SPOKEN_TIME.fullmatch(first[at]):
+            types[f"c{at}"] = pa.string()
+        source, skip, delimiter = self._source(header.delimiter, skip)
         return pc.open_csv(
-            arrow_source(self.name),
+            source,
             read_options=pc.ReadOptions(
                 use_threads=threaded(),
-                block_size=BLOCK_BYTES,
+                block_size=PEEK_BYTES if everything else BLOCK_BYTES,
                 skip_rows=skip,
                 column_names=[f"c{i}" for i in range(len(header.names))],
             ),
-            parse_options=pc.ParseOptions(delimiter=header.delimiter),
+            parse_options=pc.ParseOptions(delimiter=delimiter),
             convert_options=pc.ConvertOptions(
-                include_columns=list(types),
-                column_types=types,
+                include_columns=None if everything else list(types),
+                column_types=None if everything else types,
                 null_values=sorted(dialects.MISSING),
                 decimal_point=decimal,
             ),
         )
+
+    def _without_footer(self) -> int | None:
+        """Where the rows end, byte, if there is text behind them; None: at the end of the file."""
+        size = Path(self.name).stat().st_size
+        with open(self.name, "rb") as file:
+            file.seek(max(size - FOOTER_BYTES, 0))
+            tail = file.read(FOOTER_BYTES)
+        lines = tail.splitlines(keepends=True)[1 if size > FOOTER_BYTES else self._dialect.skip :]
+        first = self._dialect.first
+        numeric = [k for k in range(len(first)) if dialects.is_number(first[k])]
+        header = self._dialect.header
+        cut = footer(lines, header.delimiter, len(header.names), numeric)
+        if not cut.strip():
+            return None
+        count = sum(bool(line.strip()) for line in cut.splitlines())
+        self.warnings.append(f"{count} line(s) of text at its end are left out")
+        return size - len(cut)
+
+    def _source(self, delimiter: str, skip: int) -> tuple[Any, int, str]:
+        """What Arrow reads, how many of its lines come before the data, and what separates fields."""
+        import pyarrow as pa
+
+        if delimiter == " ":  # any number of blanks, which Arrow does not know
+            content = Path(self.name).read_bytes()[: self._end]
+            rows = (b"\t".join(line.split()) for line in content.splitlines()[skip:])
+            return pa.BufferReader(b"\n".join(row for row in rows if row)), 0, "\t"
+        if self._end is None:
+            return arrow_source(self.name), skip, delimiter
+        return pa.BufferReader(pa.memory_map(self.name).read_buffer(self._end)), skip, delimiter
 
     def _explain(self, rows: int, error: Exception) -> DataError:
         """The first line at or after `rows` rows that cannot be read, found by reading it again, slowly."""
@@ -100,7 +163,7 @@ class CsvTable:
                     continue
                 if stray := _stray(line):
                     return DataError(f"{where}: {stray}", "mend or delete the line")
-                fields = dialects.split(line, header.delimiter)
+                fields = dialects.fields_of(line, header.delimiter)
                 if len(fields) != len(header.names):
                     return DataError(
                         f"{where}: {len(fields)} fields where the header has {len(header.names)}",
@@ -122,6 +185,15 @@ class CsvTable:
         if "." in text and self._dialect.decimal == "," and dialects.is_number(text):
             return f'"{found}" has a decimal point, the rows before have commas', "write all numbers alike"
         return None
+
+
+def _values(column: Any) -> Array:
+    """A column as float64; texts are stamps."""
+    import pyarrow as pa
+
+    if not pa.types.is_string(column.type):
+        return as_float64(column)
+    return np.array([np.nan if text is None else dialects.seconds(text) for text in column.to_pylist()])
 
 
 def _stray(line: str) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files import csv_dialect as dialects
+from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.table_source import Batch, choose_columns, read_sidecar
 
 CHUNK = 1 << 16
@@ -32,6 +33,7 @@ class LineStream:
         with a header. Following ends when `stop()` is true or nothing came for `idle_timeout` s.
     head : bytes already taken from the stream.
     name : of the stream, for messages.
+    layout : where the rows are, as [csv] says; nothing is looked for in what can be read only once.
 
     Raises
     ------
@@ -48,6 +50,7 @@ class LineStream:
         name: str = "<stdin>",
         stop: Callable[[], bool] | None = None,
         idle_timeout: float | None = None,
+        layout: CsvLayout | None = None,
     ) -> None:
         self._path = source if isinstance(source, Path) else None
         self.name = str(source) if self._path is not None else name
@@ -56,6 +59,7 @@ class LineStream:
         self._optional = optional
         self._stop = stop
         self._idle_timeout = idle_timeout
+        self._layout = layout or CsvLayout()
         self._half = head
         self._tail = b""  # what was read last
         self._fd = os.open(self._path, os.O_RDONLY) if self._path is not None else source.fileno()  # type: ignore[union-attr]
@@ -114,10 +118,14 @@ class LineStream:
         if self._line == 1:
             dialects.refuse_other_formats(self.name, raw)
         line = dialects.decode(raw)
-        if dialects.is_comment(line):
+        told = self._layout
+        if self._line <= max((told.header or 1) - 1, told.skip_rows or 0):
+            return False
+        if dialects.is_comment(line) and told.header != self._line:
             self._comment = line if line.strip() else self._comment
             return False
-        self._header = dialects.read_header(self.name, self._comment, line)
+        header = dialects.live_header(self.name, self._comment, line, told.delimiter, told.header == 0)
+        self._header = header._replace(names=dialects.numbered(header.names, self._wanted.values()))
         self.column_names = self._header.names
         self.columns = choose_columns(self.name, self.column_names, self._wanted, self._optional)
         self._places = [(c, self.column_names.index(column)) for c, column in self.columns.items()]
@@ -132,7 +140,7 @@ class LineStream:
                 continue
             self._line += 1
             line = dialects.decode(raw)
-            if dialects.is_comment(line):
+            if dialects.is_comment(line) or self._line == self._layout.units_row:
                 continue
             row = self._row(line)
             if row is not None:
@@ -146,7 +154,7 @@ class LineStream:
     def _row(self, line: str) -> list[float] | None:
         """The values of a line, NaN throughout if it cannot be read; None for a row of units under the header."""
         assert self._header is not None
-        fields = dialects.split(line, self._header.delimiter)
+        fields = dialects.fields_of(line, self._header.delimiter)
         first, self._in_first_row = self._in_first_row, False
         try:
             if len(fields) != len(self.column_names):

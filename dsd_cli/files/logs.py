@@ -13,6 +13,7 @@ import numpy as np
 from dsd_cli.errors import DataError
 from dsd_cli.files.as_read import as_read
 from dsd_cli.files.command import Command
+from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.remade import Made
 from dsd_cli.files.scaled import FACTORS, factors_text
 from dsd_cli.files.table_source import D_HAT_SOURCE, TableSource
@@ -62,6 +63,7 @@ def load_log(
     window: Window | None = None,
     most_rows: int | None = None,
     watch: Watch | None = None,
+    layout: CsvLayout | None = None,
 ) -> LoadedLog:
     """Read a whole log, cleaned.
 
@@ -78,6 +80,7 @@ def load_log(
     window : the rows that are read; None is all.
     most_rows : about so many rows are enough.
     watch : is told how far the reading is.
+    layout : where the rows of a text file are; None: it is found.
 
     Raises
     ------
@@ -86,7 +89,7 @@ def load_log(
     if "t" not in signals and sample_time is None:
         raise DataError(f"{path}: no time column", "set signals.time, or signals.sample_time")
     command = command or Command()
-    table = watched(open_table(path, signals, optional, u_hold=command.hold), watch)
+    table = watched(open_table(path, signals, optional, u_hold=command.hold, layout=layout), watch)
     clock: dict[str, Any] = {"time_scale": time_scale, "sample_time": sample_time}
     table = as_read(table, command, window or Window(), factors or {}, made=made, **clock, unwrap=unwrap)
     cleaner = Cleaner(sample_time, time_scale, limits=limits)

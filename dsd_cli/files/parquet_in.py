@@ -43,6 +43,22 @@ class ParquetTable:
         if self._file.metadata.num_rows == 0:
             raise DataError(f"{name}: has no rows")
 
+    @property
+    def rows(self) -> int:
+        """In the file."""
+        return int(self._file.metadata.num_rows)
+
+    def peek(self, rows: int) -> dict[str, Any]:
+        """Column -> Arrow array of its first rows; columns of records are left out."""
+        import pyarrow as pa
+
+        flat = [field.name for field in self._file.schema_arrow if not pa.types.is_nested(field.type)]
+        try:
+            batch = next(self._file.iter_batches(rows, columns=flat, use_threads=threaded()))
+        except (pa.ArrowException, OSError) as error:
+            raise DataError(f"{self.name}: is damaged ({_first_line(error)})", "write it again") from None
+        return dict(zip(batch.schema.names, batch.columns, strict=True))
+
     def batches(self) -> Iterator[Batch]:
         import pyarrow as pa
 

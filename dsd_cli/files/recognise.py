@@ -31,7 +31,10 @@ MEASURED = {"act", "actual", "meas", "measured", "ist", "fbk", "feedback", "real
 ELSE = {"error", "err", "limit", "max", "min", "status", "temp", "temperature", "id", "index", "count", "mode", "true"}
 
 #: Unit of a time -> its name in the config.
-TIME_UNITS = {"s": "s", "sec": "s", "ms": "ms", "msec": "ms", "us": "us", "µs": "us", "μs": "us", "ns": "ns"}
+TIME_UNITS = {
+    "s": "s", "sec": "s", "second": "s", "seconds": "s", "milliseconds": "ms",
+    "ms": "ms", "msec": "ms", "us": "us", "µs": "us", "μs": "us", "ns": "ns",
+}  # fmt: skip
 #: Channel -> unit in a log -> what the config calls it; of u with what its column is multiplied by.
 NAMED: Mapping[str, Mapping[str, str]] = {
     "position": {
@@ -46,6 +49,15 @@ NAMED: Mapping[str, Mapping[str, str]] = {
 OF_U: Mapping[str, tuple[str, float]] = {
     "a": ("A", 1.0), "ma": ("A", 1e-3), "nm": ("N m", 1.0), "n m": ("N m", 1.0), "n*m": ("N m", 1.0),
     "mnm": ("N m", 1e-3), "n": ("N", 1.0), "v": ("V", 1.0), "mv": ("V", 1e-3), "kn": ("N", 1e3), "knm": ("N m", 1e3),
+    "volt": ("V", 1.0), "volts": ("V", 1.0), "amp": ("A", 1.0), "amps": ("A", 1.0), "n.m": ("N m", 1.0),
+    "%": ("%", 1.0),
+}  # fmt: skip
+#: What else stands in a row of units.
+OTHER_UNITS = {
+    "%", "-", "1", "c", "°c", "degc", "k", "w", "kw", "bar", "kg", "hz", "khz", "min", "h", "g", "db", "inc", "count",
+    "counts", "cnt", "pulse", "pulses", "bit", "bool", "m/s^2", "m/s²", "m/s2", "mm/s²", "mm/s^2", "rad/s²", "rad/s^2",
+    "deg/s²", "°/s²", "counts/s", "cnt/s", "inc/s", "u/min", "min-1", "mrad", "mdeg", "cm", "in", "ft", "lbf", "arb",
+    "sequence", "second", "seconds", "milliseconds", "[-]",
 }  # fmt: skip
 _FACTORS = {"position": POSITION, "velocity": VELOCITY}
 _IN_BRACKETS = re.compile(r"[\[(<]\s*([^\])>]*?)\s*[\])>]")
@@ -109,13 +121,25 @@ def recognise(columns: Sequence[str], units: Mapping[str, str] | None = None) ->
     return found
 
 
+def is_unit(text: str) -> bool:
+    """Whether a text is the name of a unit, in brackets or not."""
+    unit = text.strip().strip("[]()").strip().lower()
+    known = (TIME_UNITS, OF_U, *NAMED.values(), OTHER_UNITS)
+    return any(unit in table for table in known)
+
+
+def is_force(name: str, unit: str) -> bool:
+    """Whether name or unit say that it is a force, torque or current, and so no motion."""
+    return unit.strip().lower() in OF_U.keys() - {"v", "mv", "volt", "volts", "%"} or _score("u", name) > 0.0
+
+
 def unit_in(name: str, channel: str) -> str:
     """The unit at the end of a name: in brackets, or as its last words; empty without one."""
     inside = _IN_BRACKETS.findall(name)
     if inside:
         return str(inside[-1])
     known: Collection[str] = TIME_UNITS if channel == "time" else OF_U if channel == "u" else NAMED.get(channel, {})
-    words = [word.lower() for word in _WORD.findall(name.rpartition("/")[2])]
+    words = [word.lower() for word in _WORD.findall(name.rpartition("/")[2]) if word.lower() != "per"]
     for many in (2, 1):
         if len(words) > many and "/".join(words[-many:]) in known:
             return "/".join(words[-many:])

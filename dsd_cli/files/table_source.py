@@ -92,9 +92,9 @@ def choose_columns(
                 raise DataError(f'{source}: {column_names.count(name)} columns are called "{name}"', "rename one")
             chosen[canonical] = name
         elif canonical not in optional:
-            raise DataError(
-                f'{source}: no column "{name}"; it has {_listed(column_names)}', _hint(canonical, name, column_names)
-            )
+            bare = column_names == [str(k + 1) for k in range(len(column_names))]
+            listed = f"{'no header; its columns are ' if bare else ''}{_listed(column_names)}"
+            raise DataError(f'{source}: no column "{name}"; it has {listed}', _hint(canonical, name, column_names))
     return chosen
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from dsd_cli.errors import DataError
+from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.table_source import TableSource, read_head, read_sidecar
 from dsd_cli.signals.log import Hold
 
@@ -23,6 +24,7 @@ def open_table(
     optional: Collection[str] = (),
     *,
     u_hold: Hold = "held",
+    layout: CsvLayout | None = None,
 ) -> TableSource:
     """Open a log.
 
@@ -31,6 +33,7 @@ def open_table(
     path : a CSV or Parquet file, or one of another tool (`formats`), told apart by content; "-" for stdin.
     columns : canonical name -> name of the column in the file.
     optional : canonical names that may be missing.
+    layout : where the rows of a text file are; None: it is found.
     u_hold : how u lives between its samples, which matters where it is joined with channels of another rate.
 
     Raises
@@ -38,9 +41,9 @@ def open_table(
     DataError : the file cannot be read, is not a table, or lacks a column.
     """
     if str(path) == STDIN:
-        return _of_stream(sys.stdin.buffer, "<stdin>", columns, optional)
+        return _of_stream(sys.stdin.buffer, "<stdin>", columns, optional, layout)
     if is_stream(path):
-        return _of_stream(_opened(path), str(path), columns, optional)
+        return _of_stream(_opened(path), str(path), columns, optional, layout)
     from dsd_cli.files.formats.known import HEAD_BYTES, format_of, is_bag
 
     head = b"" if is_bag(path) else read_head(path, HEAD_BYTES)
@@ -52,13 +55,15 @@ def open_table(
     if other is None:
         from dsd_cli.files.csv_in import CsvTable
 
-        return CsvTable(str(path), columns, optional)
+        return CsvTable(str(path), columns, optional, layout)
     from dsd_cli.files.formats.table import ContainerTable
 
     return ContainerTable(path, other, columns, optional, u_hold)
 
 
-def _of_stream(stream: BinaryIO, name: str, columns: Mapping[str, str], optional: Collection[str]) -> TableSource:
+def _of_stream(
+    stream: BinaryIO, name: str, columns: Mapping[str, str], optional: Collection[str], layout: CsvLayout | None
+) -> TableSource:
     """What can be read only once."""
     head = _first_bytes(stream)
     if head == PARQUET_MAGIC:
@@ -67,7 +72,7 @@ def _of_stream(stream: BinaryIO, name: str, columns: Mapping[str, str], optional
         return ParquetTable(name, columns, optional, content=head + stream.read())
     from dsd_cli.files.line_stream import LineStream
 
-    return LineStream(stream, columns, optional, head=head, name=name)
+    return LineStream(stream, columns, optional, head=head, name=name, layout=layout)
 
 
 def is_stream(path: str | Path) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,3 +42,36 @@ def load_template(name: str) -> Config:
     from dsd_cli.files.config import parse_config
 
     return parse_config(template_text(name), f"template {name}")
+
+
+def headed(text: str, path: str) -> str:
+    """The template for recordings as proposed from that log."""
+    name = json.dumps(path)
+    return text.replace(
+        "# Your own recording. Change what is marked <-, then:",
+        f"# Proposed from {name}. Look over what is marked <-, then:",
+    )
+
+
+def _aligned(setting: str, line: re.Match[str]) -> str:
+    comment = line[2].lstrip()
+    return f"{setting:<{len(line[0]) - len(comment) - 1}} {comment}" if comment else setting
+
+
+def with_value(text: str, section: str, key: str, value: str, comment: str = "") -> str:
+    """The text with that key set, where the section has it (commented out, too), its comment kept or replaced."""
+    head = re.search(rf"^\[{section}\].*$", text, flags=re.MULTILINE)
+    if head is None:
+        return f"{text.rstrip()}\n\n[{section}]\n{key} = {value}\n"
+    end = re.search(r"^\[", text[head.end() :], flags=re.MULTILINE)
+    stop = head.end() + end.start() if end else len(text)
+    body = text[head.end() : stop]
+    line = re.compile(rf"^(?:# )?{key} = (\[[^\]]*\]|\"[^\"]*\"|[^#\s]+)(.*)$", flags=re.MULTILINE)
+    if line.search(body):
+        put = f"{key} = {value}"
+        body = line.sub(lambda found: f"{put}  {comment}" if comment else _aligned(put, found), body, count=1)
+    else:
+        body = f"{body.rstrip()}\n{f'{key} = {value}  {comment}'.rstrip()}\n\n"
+    if key == "sample_time":
+        body = re.sub(r"^time = .*\n", "", body, flags=re.MULTILINE)
+    return text[: head.end()] + body + text[stop:]

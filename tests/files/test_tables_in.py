@@ -109,7 +109,7 @@ def test_a_units_row_is_said(tmp_path):
         ("\n\n", "is empty"),
         ("# a comment\n", "no header and no rows"),
         ("t,u,d_hat\n", "has a header but no rows"),
-        ("0,1,2\n3,4,5\n", "has no header"),
+        ("0,1,2\n3,4,5\n", 'no column "t"; it has no header; its columns are 1, 2, 3'),
         (PLAIN.replace("-2", "abc"), 'line 3, column "u": "abc" is not a number: mend it'),
         ("# c\n\n" + PLAIN.replace("-2", "0x1F"), 'line 5, column "u": "0x1F" is not a number'),
         (PLAIN.replace("\n0.001,-2", "\n\n0.001,abc"), 'line 4, column "u": "abc"'),

@@ -17,7 +17,7 @@ from dsd_cli.files.config.overrides import with_effects, with_values
 from dsd_cli.files.config.own_effects import OwnEffects, read_own_effects
 from dsd_cli.files.config.planning import Plan
 from dsd_cli.files.config.rules import Place, Section, key, shown, table, tables
-from dsd_cli.files.config.sections import Detector, Model, Observer, States
+from dsd_cli.files.config.sections import Csv, Detector, Model, Observer, States
 from dsd_cli.files.config.signals import Signals
 from dsd_cli.files.config.simulation import Simulate
 from dsd_cli.files.config.text import read_text
@@ -38,6 +38,7 @@ class Config(Section):
     folder: Path
     written: Mapping[str, Any]
     signals: Signals = key(table(Signals), "column names in the log", default=Signals())
+    csv: Csv = key(table(Csv), "where the rows of a text file are", default=Csv())
     observer: Observer | None = key(table(Observer), "the disturbance observer", default=None)
     effects: OwnEffects = key(table(OwnEffects), "effects of your own", default=OwnEffects())
     model: Model = key(table(Model), "what the plant is believed to be", default=Model())
@@ -58,6 +59,7 @@ class Config(Section):
     ) -> None:
         super().__init__(**sections)
         self.__dict__.update(name=name, folder=folder, written=written or {})
+        self.__dict__["signals"] = self.signals.in_layout(self.csv.layout)
 
     def check(self, at: Place) -> None:
         believed = self.model.effects

@@ -23,6 +23,25 @@ from dsd_cli.files.config.rules import (
     table,
     text,
 )
+from dsd_cli.files.csv_layout import CsvLayout
+
+
+class Csv(Section):
+    """[csv]: where the rows of a text file are; what is not given is found. Lines are counted from 1."""
+
+    skip_rows: int | None = key(integer(0), "lines before the header that are not looked at", default=None)
+    header: int | None = key(integer(0), "the line with the names of the columns; 0: there is none", default=None)
+    units_row: int | None = key(integer(0), "the line with their units; 0: there is none", default=None)
+    delimiter: str | None = key(
+        choice(",", ";", "|", "tab", "blanks"), "what separates columns; any number of blanks is one", default=None
+    )
+    decimal: str | None = key(choice(".", ","), "the decimal sign", default=None)
+
+    @property
+    def layout(self) -> CsvLayout:
+        """As the reader takes it."""
+        delimiter = {"tab": "\t", "blanks": " "}.get(self.delimiter or "", self.delimiter)
+        return CsvLayout(self.skip_rows, self.header, self.units_row, delimiter, self.decimal)
 
 
 class Observer(Section):

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, Literal
+from copy import copy
+from typing import Any, ClassVar, Literal
 
 from dsd_cli.files.config.rules import Place, Rule, Section, choice, factor, key, number, shown, span, text
+from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.signals.units import POSITION, SHORTEST, VELOCITY, Units
 
 
@@ -111,6 +113,8 @@ class Signals(Section):
         default=1e5,
     )
 
+    layout: ClassVar[CsvLayout] = CsvLayout()
+
     def __init__(self, **values: Any) -> None:
         if values.get("sample_time") is not None:
             values.setdefault("time", None)
@@ -131,6 +135,14 @@ class Signals(Section):
             twin = next(c for c in columns if columns[c] == column)
             if twin != channel:
                 raise at.child(channel).wrong(column, f"another column: {at.child(twin).path} has it already")
+
+    def in_layout(self, layout: CsvLayout) -> Signals:
+        """The same, for text files that are laid out as [csv] says."""
+        if layout == self.layout:
+            return self
+        other = copy(self)
+        other.__dict__["layout"] = layout
+        return other
 
     def applied(self, written: Mapping[str, Any]) -> dict[str, Any]:
         """[signals] for a log that these have been applied to: its columns are called as ours, in s and SI units."""

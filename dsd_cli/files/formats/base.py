@@ -17,6 +17,8 @@ from dsd_cli.signals.log import Array
 RECORDED = "recorded"
 #: The name of the stamps that a file keeps by itself, beside its channels.
 CLOCK = "t"
+#: A matrix with fewer rows than columns, and so many of these, has its signals in its rows.
+LONG = 64
 #: A matrix with more columns is a picture, or made to fill the memory, and no channels.
 MOST_COLUMNS = 1000
 
@@ -111,10 +113,16 @@ def check_size(path: str, size: float) -> None:
         )
 
 
+def lies_in_rows(shape: tuple[int, ...]) -> bool:
+    """Whether a matrix has its samples along its columns: there are many, and more than rows."""
+    return shape[1] >= LONG and shape[1] > shape[0]
+
+
 def columns_of(name: str, values: Any) -> dict[str, Array]:
     """The channels in one array: itself, the columns of a matrix as `name/1`, `name/2`, ..., the fields of records.
 
-    A row vector counts as a column; what holds no numbers, or has more than two dimensions, gives nothing.
+    A row vector counts as a column, and so do the rows of a wide matrix; what holds no numbers, or has more than two
+    dimensions, gives nothing.
     """
     array = np.asarray(values) if not isinstance(values, np.ma.MaskedArray) else values
     if array.dtype.names:
@@ -124,6 +132,8 @@ def columns_of(name: str, values: Any) -> dict[str, Array]:
         return found
     if array.ndim == 2 and 1 in array.shape:
         array = array.reshape(-1)
+    if array.ndim == 2 and lies_in_rows(array.shape):
+        array = array.T
     if array.ndim not in (1, 2) or (array.ndim == 2 and array.shape[1] > MOST_COLUMNS):
         return {}
     if (column := numbers(array)) is None:
@@ -145,8 +155,13 @@ def grouped(channels: Mapping[str, Array], units: Mapping[str, str] | None = Non
 class InMemory:
     """A format whose library reads whole files; see `Container`."""
 
-    def __init__(self, channels: Mapping[str, Array], metadata: dict[str, str] | None = None) -> None:
-        self.groups: Sequence[Group] = grouped(channels)
+    def __init__(
+        self,
+        channels: Mapping[str, Array],
+        metadata: dict[str, str] | None = None,
+        units: Mapping[str, str] | None = None,
+    ) -> None:
+        self.groups: Sequence[Group] = grouped(channels, units)
         self.metadata = metadata or {}
         self.notes: list[str] = []
         self._channels = channels

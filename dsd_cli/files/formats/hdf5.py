@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.files.formats.base import MOST_COLUMNS, Group, numbers
+from dsd_cli.files.formats.base import MOST_COLUMNS, Group, lies_in_rows, numbers
 from dsd_cli.files.formats.matlab_objects import NO_NUMBERS, not_seen, object_channels
 from dsd_cli.signals.log import Array
 
@@ -110,7 +110,7 @@ def _places(path: str, item: Any, matlab: bool) -> dict[str, _Place]:
     if 1 in item.shape:
         along = 0 if item.shape[1] == 1 else 1
         return {path: _Place(item, along, 0)}
-    along = 1 if matlab else 0
+    along = 1 if matlab != lies_in_rows(item.shape[::-1] if matlab else item.shape) else 0
     if item.shape[1 - along] > MOST_COLUMNS:
         return {}
     return {f"{path}/{k + 1}": _Place(item, along, k) for k in range(item.shape[1 - along])}

@@ -37,7 +37,9 @@ TDMS = Format("TDMS", "tdms", "TdmsFile", ("nptdms",), "tdms")
 MCAP = Format("MCAP", "mcap_file", "McapFile", ("mcap",), "mcap")
 BAG = Format("a ROS bag", "ros_bag", "RosBag", ("rosbags",), "ros")
 
-FORMATS = (NUMPY, ARROW, MAT, MAT73, HDF5, MDF, TDMS, MCAP, BAG)
+JSON = Format("JSON", "json_file", "JsonFile")
+
+FORMATS = (NUMPY, ARROW, MAT, MAT73, HDF5, MDF, TDMS, MCAP, BAG, JSON)
 
 _MAGIC = (
     (b"\x93NUMPY", NUMPY),
@@ -67,10 +69,24 @@ def format_of(path: str | Path, head: bytes) -> Format | None:
             return found
     if head.startswith(b"PK\x03\x04") and _holds_arrays(path):
         return NUMPY
-    # version 4 has no mark but a small type number
-    if Path(path).suffix.lower() == ".mat" and head[1:4] in (b"\0\0\0", b"\x03\0\0"):
+    # version 4 has no mark but a small type number, of a thousand and more where the high bytes come first
+    if Path(path).suffix.lower() == ".mat" and (
+        head[1:4] in (b"\0\0\0", b"\x03\0\0") or (head[:2] == b"\0\0" and head[2:3] in (b"\3", b"\4"))
+    ):
         return MAT
+    if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"["):
+        return None if _is_units_first(head) else JSON
     return None
+
+
+def _is_units_first(head: bytes) -> bool:
+    """Whether a text that begins with a bracket is a table whose first column is called so, `[s],[V]`."""
+    first = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    return (
+        first[:1] == b"["
+        and first[1:].lstrip()[:1] not in (b"{", b"[", b"]", b'"', b"-", b"n", b"")[:-1]
+        and not (first[1:].lstrip()[:1].isdigit())
+    )
 
 
 def is_bag(path: str | Path) -> bool:

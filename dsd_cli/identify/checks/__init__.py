@@ -84,7 +84,7 @@ def check_log(
         None if view.band is None else view.band.cutoff,
         floor_of(view, model),
         did,
-        len(log) * log.sample_time,
+        clock.seconds_of(log, restarts),
         len(log),
     )
 

@@ -19,15 +19,27 @@ from dsd_cli.signals.log import Array, Log
 JITTERY = 0.02
 #: The two clocks are told apart from so many standard errors on, over blocks of the log.
 CLEAR = 5.0
+#: A mean step this near to the sample time of the first rows, as a share of it, is that one.
+ROUNDED = 1e-3
 #: Rows dropped or put in are a warning from this share of the log on, else a note.
 MANY = 0.01
 _ORDER = 2  # samples to either side that foretell one
 
 
-def jitter(log: Log, restarts: Sequence[int]) -> float:
-    """Standard deviation of the steps between stamps, as a share of the sample time."""
+def jitter(log: Log, restarts: Sequence[int]) -> tuple[float, float]:
+    """The usual step between stamps, s: the median; and the standard deviation of the steps as a share of it."""
     steps = np.concatenate([np.diff(t) for t in _pieces(stamps_of(log), restarts)])
-    return float(np.std(steps) / log.sample_time) if steps.size else 0.0
+    usual = float(np.median(steps)) if steps.size else log.sample_time
+    return usual, float(np.std(steps) / usual) if steps.size and usual > 0.0 else 0.0
+
+
+def seconds_of(log: Log, restarts: Sequence[int]) -> float:
+    """How long the log is by its stamps: of each piece from the first to the last, and a mean step for the last.
+
+    The sample time of the first rows says less: where stamps jitter, its multiples drift away from them.
+    """
+    spans = [(float(t[-1] - t[0]), t.size) for t in _pieces(stamps_of(log), restarts) if t.size]
+    return sum(span * n / (n - 1) if n > 1 else log.sample_time for span, n in spans)
 
 
 def stamps_are_true(log: Log, restarts: Sequence[int]) -> float:
@@ -85,18 +97,22 @@ def check_clock(log: Log, restarts: Sequence[int], true: float) -> list[Finding]
     if doubt := suspicious(log.sample_time):
         what, _, remedy = doubt.partition(": ")
         found.append(Finding(what, "t", "warning", 0.8, remedy))
-    share = jitter(log, restarts)
+    usual, share = jitter(log, restarts)
     if share > JITTERY:
-        found.append(_jittery(log, share, true))
+        mean = seconds_of(log, restarts) / max(len(log), 1)
+        plain = abs(mean / log.sample_time - 1.0) < ROUNDED
+        found.append(_jittery(log.sample_time if plain else mean, usual, share, true))
     return found
 
 
-def _jittery(log: Log, share: float, true: float) -> Finding:
-    text = f"stamps are irregular (steps of {log.sample_time * 1e3:.4g} ms, give or take {100.0 * share:.0f} %)"
+def _jittery(mean: float, usual: float, share: float, true: float) -> Finding:
+    apart = f"steps of {usual * 1e3:.4g} ms, give or take {100.0 * share:.0f} %"
+    apart += f", {mean * 1e3:.4g} ms in the mean" if abs(mean - usual) > 0.005 * usual else ""
+    text = f"stamps are irregular ({apart})"
     if true > CLEAR:
         return Finding(f"{text}, and the samples were taken at them", "t", "note", 0.95)
     if true < -CLEAR:
-        even = f'signals.time = "" and signals.sample_time = {log.sample_time:.6g}'
+        even = f'signals.time = "" and signals.sample_time = {mean:.6g}'
         what = f"{text}, but the samples were taken evenly: the stamps are noise"
         return Finding(what, "t", "warning", 0.95, even)
     return Finding(f"{text}; this log cannot say whether the samples are", "t", "note", 0.5)

@@ -1,0 +1,197 @@
+"""Which channel of an unknown log is what: as the user says, by names and units, else by what the channels do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dsd_cli.errors import UsageError
+from dsd_cli.files.first_look import FirstLook, time_unit_of
+from dsd_cli.files.joints import joint_that_moves
+from dsd_cli.files.recognise import TIME_UNITS, Recognised, is_force, recognise, unit_in
+from dsd_cli.files.sample import Sample, Table
+from dsd_cli.identify.roles import Channel, Guess, Roles, facts_of, guess_roles
+from dsd_cli.signals.clock import UNITS
+
+#: Roles that the user can name, and those of which one is needed.
+GIVEN = ("time", "u", "position", "velocity")
+MOTION = ("d_hat", "velocity", "position")
+#: Tables whose channels are looked at one by one.
+TABLES = 4
+#: How evenly a clock rises that has another name.
+EVEN = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """The columns of the channels, with their units, and why; `table` has them all, None: they are in several.
+
+    `missing`: "u", "position" or "" for nothing; `candidates`: columns that it may be, likeliest first.
+    """
+
+    found: Mapping[str, Recognised]
+    reasons: Mapping[str, Guess]
+    clock: bool
+    table: Table | None
+    said: tuple[str, ...]
+    missing: str = ""
+    candidates: tuple[str, ...] = ()
+
+
+def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
+    """What every channel is, as far as it can be said.
+
+    Raises
+    ------
+    UsageError : a column that was given is not there.
+    """
+    usable = [_usable(table) for table in sample.tables]
+    if given:
+        given = {role: _named(path, sample, name) for role, name in given.items()}
+        usable = [one for one in usable if set(given.values()) <= {c.name for c in one.channels}] or usable
+    looks = [(_by_names(table, given), table) for table in usable]
+    best, table = max(looks, key=lambda item: _worth(*item))
+    if not _whole(best.found):
+        union = _by_names(_union(usable), given)
+        if _whole(union.found):
+            union, said = _joint(path, sample, union)
+            return Chosen(union.found, {}, union.clock, None, tuple(said))
+        return _by_deeds(sorted(looks, key=lambda item: -_worth(*item))[:TABLES], given)
+    best, said = _joint(path, sample, best) if not given else (best, [])
+    return _completed(best, table, given, tuple(said))
+
+
+def _usable(table: Table) -> Table:
+    """Without what never changes, is yes or no, or no number."""
+    kept = [one for one in table.channels if facts_of(one).kind not in ("empty", "text", "constant", "boolean")]
+    return replace(table, channels=tuple(kept))
+
+
+def _union(tables: Sequence[Table]) -> Table:
+    return Table("", tuple(c for one in tables for c in one.channels), None, any(one.clock for one in tables))
+
+
+def _joint(path: str, sample: Sample, look: FirstLook) -> tuple[FirstLook, list[str]]:
+    """The look with the channels of the joint that moves most; joints that rest are joints, too."""
+    units = {c.name: c.unit for one in sample.tables for c in one.channels if c.values is not None}
+    everything = FirstLook(tuple(units), units, recognise(list(units), units), look.clock)
+    found, said = joint_that_moves(path, everything)
+    kept = {role: one for role, one in found.found.items() if role in look.found and one.column in look.columns}
+    return (replace(look, found=kept), said) if said and _whole(kept) else (look, [])
+
+
+def _named(path: str, sample: Sample, name: str) -> str:
+    """The whole name of a column that was given by its name, the end of it, or its number."""
+    names = [channel.name for table in sample.tables for channel in table.channels]
+    found = [one for one in names if one == name] or [one for one in names if one.endswith(f"/{name}")]
+    if not found and name.isascii() and name.isdigit() and 0 < int(name) <= len(names):
+        return names[int(name) - 1]
+    if len(found) != 1:
+        listed = ", ".join((found or names)[:12])
+        what = "no column" if not found else f"{len(found)} columns"
+        raise UsageError(f'{path}: {what} "{name}"', f"{'it has' if not found else 'write which:'} {listed}")
+    return found[0]
+
+
+def _by_names(table: Table, given: Mapping[str, str]) -> FirstLook:
+    units = {one.name: one.unit for one in table.channels}
+    names = list(units)
+    names_left = [name for name in names if name not in given.values()]
+    found = recognise(names_left, units)
+    if not table.clock and "time" not in {**found, **given}:  # what rises evenly is the time, also as "X"
+        evenly = {one.name for one in table.channels if _is_clock(one)}
+        found = recognise([name for name in names_left if name not in evenly], units)
+    found = {role: one for role, one in found.items() if role not in given}
+    for role, column in given.items():
+        if column in units:
+            found[role] = Recognised(role, column, units[column] or unit_in(column, role))
+    if table.clock and "time" not in given:
+        found.pop("time", None)
+    return FirstLook(tuple(names), units, found, table.clock)
+
+
+def _is_clock(channel: Channel) -> bool:
+    facts = facts_of(channel)
+    return facts.kind == "counter" or (facts.kind == "clock" and facts.even < EVEN)
+
+
+def _whole(found: Mapping[str, Recognised]) -> bool:
+    return "u" in found and any(one in found for one in MOTION)
+
+
+def _worth(look: FirstLook, table: Table) -> float:
+    """How much of a log a table is."""
+    roles = 2.0 * ("u" in look.found) + 2.0 * any(one in look.found for one in MOTION)
+    moving = min(len(table.channels), 5) / 5.0
+    return roles + (look.clock or "time" in look.found) + moving + 0.1 * np.log10(_rows(table) + 1)
+
+
+def _rows(table: Table) -> int:
+    return max((one.values.size for one in table.channels if one.values is not None), default=0)
+
+
+def _completed(look: FirstLook, table: Table, given: Mapping[str, str], said: tuple[str, ...]) -> Chosen:
+    """With the time, the position or the velocity that the names do not say."""
+    roles = _roles(look, table, given)
+    return replace(_chosen(look, table, roles), said=said)
+
+
+def _roles(look: FirstLook, table: Table, given: Mapping[str, str]) -> Roles:
+    named = {role: one.column for role, one in look.found.items()}
+    forces = {one.name for one in table.channels if is_force(one.name, one.unit)} - set(given.values())
+    u = look.found.get("u")
+    if u is not None and u.equals and "u" not in given and not any(one in named for one in MOTION):
+        del named["u"]  # Voltage_0, Voltage_1: whose name says nothing
+        forces -= {u.column, *u.equals}
+    return guess_roles(table.channels, named, frozenset(forces), _seconds(look, table))
+
+
+def _seconds(look: FirstLook, table: Table) -> float:
+    """s per unit of the time column, where one is named; 1 else."""
+    time = look.found.get("time")
+    if time is None:
+        return 1.0
+    unit = time.time_unit or time_unit_of(next(_step(one) for one in table.channels if one.name == time.column))
+    return {"s": 1.0, **UNITS}[unit]
+
+
+def _step(channel: Channel) -> float:
+    steps = np.diff(channel.values) if channel.values is not None else np.zeros(0)
+    steps = steps[steps > 0.0]
+    return float(np.median(steps)) if steps.size else 1.0
+
+
+def _by_deeds(looks: Sequence[tuple[FirstLook, Table]], given: Mapping[str, str]) -> Chosen:
+    """The table in which most is found."""
+    best = max((_chosen(look, table, _roles(look, table, given)) for look, table in looks), key=_found)
+    return best
+
+
+def _found(chosen: Chosen) -> float:
+    roles = set(chosen.found)
+    return 2.0 * ("u" in roles) + 2.0 * bool(roles & set(MOTION)) + (chosen.clock or "time" in roles)
+
+
+def _chosen(look: FirstLook, table: Table, roles: Roles) -> Chosen:
+    found = {}
+    for role, guess in roles.found.items():
+        mine = look.found.get(role)
+        unit = look.units.get(guess.column) or unit_in(guess.column, role)
+        found[role] = mine if mine is not None and mine.column == guess.column else Recognised(role, guess.column, unit)
+    if look.clock:
+        found.pop("time", None)
+    elif "time" in found and "time" not in look.found and roles.facts[found["time"].column].kind == "counter":
+        del found["time"]
+    missing = "u" if "u" not in found else "" if any(one in found for one in MOTION) else "position"
+    taken = {one.column for one in found.values()}
+    likely = [name for name in roles.causes if name not in taken]
+    rest = [one.name for one in table.channels if one.name not in taken and one.name not in likely]
+    rest = [name for name in rest if roles.facts[name].moves and roles.facts[name].kind != "clock"] or rest
+    return Chosen(found, roles.found, look.clock, table, (), missing, (*likely, *rest) if missing else ())
+
+
+def time_scale(unit: str) -> float:
+    """s per unit of time."""
+    return {"s": 1.0, **UNITS}[TIME_UNITS.get(unit, unit)]

@@ -1,0 +1,98 @@
+"""The units of a motion that its log does not say, from how much its velocity is of its position's slope."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from dsd_cli.files.recognise import Recognised
+from dsd_cli.files.sample import Table
+from dsd_cli.identify.roles import slope_of
+from dsd_cli.signals.units import POSITION, VELOCITY
+
+#: The velocity is the slope of the position from this share of its square on; two scales nearer than that are the same.
+FITS, NEAR = 0.9, 0.03
+#: Rows that are looked at.
+ROWS = 60_000
+
+
+class Units(NamedTuple):
+    """Keys of [signals] for units or scales, and why."""
+
+    keys: dict[str, str | float]
+    why: str = ""
+
+
+def units_of(table: Table | None, found: Mapping[str, Recognised], seconds: float, step: float | None) -> Units:
+    """What makes the velocity the slope of the position; nothing where both units are said, or nothing can be.
+
+    Parameters
+    ----------
+    seconds : s per unit of the time column. step : s between rows without one.
+    """
+    p, w = found.get("position"), found.get("velocity")
+    if table is None or p is None or w is None or (p.named and w.named):
+        return Units({})
+    scale = _scale(table, found, seconds, step)
+    if scale is None:
+        return Units({})
+    if p.named or w.named:
+        return _from_one(p, w, scale)
+    if _near(scale, 1.0):
+        return Units({})
+    for of_p, of_w in _PAIRS:
+        if _near(scale, POSITION[of_p][1] / VELOCITY[of_w][1]):
+            why = f'"{w.column}" is {scale:.4g} times the slope of "{p.column}": {of_p} and {of_w}, if nobody says more'
+            return Units({"position_unit": of_p, "velocity_unit": of_w}, why)
+    why = f'"{w.column}" is {scale:.4g} times the slope of "{p.column}" per s; taken as rad or m, the velocity follows'
+    return Units({"velocity_scale": float(f"{1.0 / scale:.6g}")}, why)
+
+
+#: Units that are tried where none is said; SI first, of which rad and m cannot be told from each other.
+_PAIRS = (
+    ("rad", "deg/s"),
+    ("deg", "rad/s"),
+    ("rad", "rpm"),
+    ("turn", "rpm"),
+    ("deg", "rpm"),
+    ("mm", "m/s"),
+    ("m", "mm/s"),
+)
+
+
+def _from_one(p: Recognised, w: Recognised, scale: float) -> Units:
+    """The unit of one from that of the other."""
+    kinds = POSITION if p.named else VELOCITY
+    kind, known = kinds[p.named or w.named]
+    what = f'"{w.column}" is {scale:.4g} times the slope of "{p.column}"'
+    if p.named:
+        fits = [name for name, (of, f) in VELOCITY.items() if of == kind and _near(scale, known / f)]
+        if fits:
+            return Units({"velocity_unit": fits[0]}, f"{what}: it is in {fits[0]}")
+        return Units({"velocity_scale": float(f"{known / scale:.6g}")}, f"{what}, which makes this its factor")
+    fits = [name for name, (of, f) in POSITION.items() if of == kind and _near(scale, f / known)]
+    if fits:
+        return Units({"position_unit": fits[0]}, f"{what}: that is in {fits[0]}")
+    return Units({"position_scale": float(f"{known * scale:.6g}")}, f"{what}, which makes this its factor")
+
+
+def _near(scale: float, other: float) -> bool:
+    return abs(scale / other - 1.0) < NEAR
+
+
+def _scale(table: Table, found: Mapping[str, Recognised], seconds: float, step: float | None) -> float | None:
+    """The velocity over the slope of the position, per s; None: it is not its slope."""
+    values = {one.name: one.values for one in table.channels if one.values is not None}
+    p, w = (values.get(found[role].column) for role in ("position", "velocity"))
+    if p is None or w is None:
+        return None
+    stamps = values.get(found["time"].column) if "time" in found else None
+    t = np.asarray(np.arange(p.size) * (step or 1.0) if stamps is None else stamps * seconds, dtype=np.float64)
+    rows = np.flatnonzero(np.isfinite(p) & np.isfinite(w) & np.isfinite(t))[:ROWS]
+    rows = rows[np.diff(t[rows], prepend=t[rows[:1]] - 1.0) > 0.0]
+    if rows.size < 50:
+        return None
+    slope = slope_of(t[rows], p[rows], w[rows])
+    return slope.scale if slope.share > FITS else None

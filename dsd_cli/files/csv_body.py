@@ -1,0 +1,95 @@
+"""The rows of numbers in a text file: lines of one number of fields, most of them numbers."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from dsd_cli.files.csv_dialect import MISSING, fields_of, is_comment, is_number
+
+#: What separates fields, tried in this order; the last is any run of blanks.
+DELIMITERS = (",", ";", "\t", "|", " ")
+#: Lines at the end of the looked-at part that say what a row of the body is, and the share of them that must agree.
+BODY, AGREED = 200, 0.6
+#: Of fewer lines all are looked at, of more the later half.
+FEW = 40
+#: By so much blanks are less likely to separate columns than anything that is meant to.
+BLANKS = 0.3
+
+
+@dataclass(frozen=True)
+class CsvLayout:
+    """[csv]: what is not None is so, whatever the file looks like. Lines are counted from 1; 0: there is none.
+
+    `skip_rows` lines come before the header; `header` and `units_row` are lines of the file.
+    """
+
+    skip_rows: int | None = None
+    header: int | None = None
+    units_row: int | None = None
+    delimiter: str | None = None
+    decimal: str | None = None
+
+
+class Body(NamedTuple):
+    """Rows of numbers: what separates them, fields in each, which of these are numbers, line of the first (from 0)."""
+
+    delimiter: str
+    fields: int
+    numeric: tuple[int, ...]
+    start: int
+
+
+def body_of(lines: Sequence[str], delimiters: Sequence[str], layout: CsvLayout) -> Body | None:
+    """The rows of numbers; None: there are none that are alike."""
+    last = [line for line in lines if not is_comment(line)][-BODY:]
+    last = last[len(last) // 2 :] if len(last) > FEW else last
+    best: tuple[float, Body] | None = None
+    for delimiter in delimiters if layout.delimiter is None else (layout.delimiter,):
+        rows = [fields_of(line, delimiter) for line in last]
+        counted = Counter(map(len, rows)).most_common(1)
+        if not counted or counted[0][0] < (2 if layout.delimiter is None else 1):
+            continue
+        width, agreeing = counted[0]
+        alike = [row for row in rows if len(row) == width]
+        numeric = tuple(k for k in range(width) if _share(alike, k) > 0.5 and _filled(alike, k) > 0.5)
+        cells = sum(_share(alike, k) for k in numeric)
+        if not numeric or agreeing < AGREED * len(rows):
+            continue
+        score = cells / width * agreeing / len(rows) + 1e-3 * cells - BLANKS * (delimiter == " ")
+        if best is None or score > best[0]:
+            start = _start(lines, delimiter, width, numeric)
+            if start is not None:
+                best = score, Body(delimiter, width, numeric, start)
+    return best[1] if best else None
+
+
+def _share(rows: Sequence[Sequence[str]], place: int) -> float:
+    """Share of rows with a number there, of those with anything there."""
+    there = [row[place] for row in rows if row[place].strip() not in MISSING]
+    return sum(map(is_number, there)) / len(there) if there else 0.0
+
+
+def _filled(rows: Sequence[Sequence[str]], place: int) -> float:
+    """Share of rows with anything there."""
+    return sum(row[place].strip() not in MISSING for row in rows) / len(rows)
+
+
+def _start(lines: Sequence[str], delimiter: str, width: int, numeric: Sequence[int]) -> int | None:
+    """The first line with numbers where the body has them, and another such line behind it."""
+    rows = [at for at, line in enumerate(lines) if not is_comment(line)]
+    good = {at for at in rows if is_data(fields_of(lines[at], delimiter), width, numeric)}
+    for at, after in zip(rows, [*rows[1:], rows[-1]], strict=True):
+        if at in good and after in good:
+            return at
+    return None
+
+
+def is_data(fields: Sequence[str], width: int, numeric: Sequence[int]) -> bool:
+    """Whether these are numbers where the rows have them, by and large."""
+    if len(fields) != width or not is_number(fields[numeric[0]]):  # `Samples; 1000; 1000` is none
+        return False
+    numbers = sum(is_number(fields[k]) and fields[k].strip() not in MISSING for k in numeric)
+    return numbers >= max(1, (len(numeric) + 1) // 2)

@@ -1,0 +1,230 @@
+"""Where in a text file the numbers are: drives and instruments write lines about themselves before and after them.
+
+The body is found first: lines of one number of fields, most of them numbers. What stands above it is its header, a row
+of units, and a preamble; [csv] says where these are when that is not so.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from dsd_cli.errors import DataError
+from dsd_cli.files.csv_body import DELIMITERS, Body, CsvLayout, body_of, is_data
+from dsd_cli.files.csv_dialect import (
+    COMMENT,
+    MISSING,
+    Header,
+    decode,
+    fields_of,
+    find_header,
+    is_number,
+    number,
+)
+from dsd_cli.files.recognise import is_unit
+
+#: First cells of the rows of a preamble that has one column for each channel.
+NAME_KEYS = ("name", "channel name", "channel", "signal", "signal name", "symbol", "kanal", "signalname")
+UNIT_KEYS = ("unit", "units", "einheit", "y_unit_label")
+
+
+class Found(NamedTuple):
+    """A layout that was found: as `Dialect`, and `notes` for the user."""
+
+    header: Header
+    skip: int
+    units: list[str] | None
+    notes: list[str]
+    sample_time: float | None = None
+
+
+def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
+    """Header, units and first row of data of a file that begins with these lines.
+
+    Raises
+    ------
+    DataError : nothing but comments, no names and no numbers, or [csv] points to lines that are none.
+    """
+    if layout != CsvLayout():
+        return find_layout(source, lines, layout)
+    body = body_of(lines, DELIMITERS, layout)
+    if body is None:  # too odd, or too short, to say more than that the first line is the header
+        return Found(*find_header(source, lines), None, [])
+    try:
+        header, skip = find_header(source, lines)
+    except DataError:
+        return find_layout(source, lines, layout)
+    rows = [(at, fields_of(line, header.delimiter)) for at, line in enumerate(lines) if at >= skip and line.strip()]
+    plain = body.delimiter == header.delimiter and body.fields == len(header.names)
+    if not plain or not any(is_data(fields, body.fields, body.numeric) for _, fields in rows[:2]):
+        return find_layout(source, lines, layout)
+    at, first = rows[0]
+    data = is_data(first, body.fields, body.numeric)
+    if len(first) == body.fields and len(rows) > 1 and not data and (_is_text(first) or _names_of_units(first)):
+        shown = [text.strip().strip("[]()") for text in first]
+        return Found(header, at + 1, shown, [f"line {at + 1} is taken as units, not data"])
+    return Found(header, skip, None, [])
+
+
+def _is_text(fields: Sequence[str]) -> bool:
+    """Whether something stands there, and nothing of it is a number."""
+    there = [cell for cell in fields if cell.strip() not in MISSING]
+    return bool(there) and not any(map(is_number, there))
+
+
+#: What a preamble calls the time from row to row, and the number that follows; its unit before or after that.
+_INTERVAL = re.compile(
+    r"(?:sampl\w*[ _]?(?:time|interval|period)|abtastzeit|trace period|delta_?x|\binterval)[ _a-z]*"
+    r"[\[(]?(s|ms|us|µs)?[\])]?[\"\s:;,=]+([\d.,]+(?:e[-+]?\d+)?)\s*(s|ms|us|µs)?\b",
+    re.IGNORECASE,
+)
+
+
+def sample_time_of(lines: Sequence[str], found: Found) -> float | None:
+    """s from row to row, as what stands above the numbers says it; None: it does not."""
+    units = dict(zip(map(str.casefold, found.header.names), found.units or (), strict=False))
+    if is_number(text := units.get("increment", "-")) and text.strip() not in MISSING:
+        return float(text)
+    for line in lines[: found.skip]:
+        if (said := _INTERVAL.search(line)) and is_number(said[2]):
+            unit = (said[1] or said[3] or "s").lower()
+            step = number(said[2]) * {"s": 1.0, "ms": 1e-3}.get(unit, 1e-6)
+            return step if step > 0.0 else None
+    return None
+
+
+def find_layout(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
+    """Header, units and the first line of data of a file that begins with these lines.
+
+    Raises
+    ------
+    DataError : there are no rows of numbers, or [csv] points to lines that are none.
+    """
+    skipped = layout.skip_rows or 0
+    if max(skipped, layout.header or 0, layout.units_row or 0) >= max(len(lines), 1):
+        raise DataError(f"{source}: [csv] names a line that the file does not have", f"it has {len(lines)}")
+    above = max(skipped, layout.header or 0, layout.units_row or 0)
+    body = body_of(lines[above:], DELIMITERS, layout)
+    if body is None:
+        raise DataError(
+            f"{source}: no rows of numbers are found in its first {len(lines)} lines",
+            "say where they are: [csv] header (the line with the names), delimiter, decimal",
+        )
+    body = body._replace(start=body.start + above)
+    rows = [(at, fields_of(lines[at], body.delimiter)) for at in range(skipped, body.start) if lines[at].strip()]
+    if layout.header is not None or layout.units_row is not None:
+        return _as_told(lines, layout, body)
+    keyed = _keyed(rows, body)
+    if keyed is not None:
+        return keyed
+    return _above(rows, body)
+
+
+def _as_told(lines: Sequence[str], layout: CsvLayout, body: Body) -> Found:
+    units = None
+    if layout.units_row:
+        units = [text.strip().strip("[]()") for text in fields_of(lines[layout.units_row - 1], body.delimiter)]
+    names = _numbered(body.fields)
+    if layout.header:
+        names = _fitted([text.strip() for text in fields_of(lines[layout.header - 1], body.delimiter)], body)
+    elif layout.header is None:
+        above = [(at, fields_of(lines[at], body.delimiter)) for at in range((layout.units_row or 1) - 1)]
+        names = _above(above, body).header.names
+    return Found(Header(names, body.delimiter), body.start, units, [])
+
+
+def _keyed(rows: Sequence[tuple[int, list[str]]], body: Body) -> Found | None:
+    """A preamble whose rows begin with what they say: `Name; a; Name; b`, `Unit; mm; Unit; V`."""
+    named = next((row for _, row in rows if _key(row) in NAME_KEYS and len(row) == body.fields), None)
+    if named is None:
+        return None
+    units = next((row for _, row in rows if _key(row) in UNIT_KEYS and len(row) == body.fields), None)
+    label, times, names = _key(named), 0, []
+    for cell in named:
+        is_time = cell.strip().casefold() == label
+        times += is_time
+        names.append(("time" if times == 1 else f"time {times}") if is_time else cell.strip())
+    shown = None if units is None else ["" if _key([u]) in UNIT_KEYS else u.strip() for u in units]
+    return Found(
+        Header(names, body.delimiter), body.start, shown, [f"{body.start} lines before the numbers name the channels"]
+    )
+
+
+def _key(row: Sequence[str]) -> str:
+    return row[0].strip().casefold() if row else ""
+
+
+def _above(rows: Sequence[tuple[int, list[str]]], body: Body) -> Found:
+    """Names and units from the rows right above the body that are as wide as it."""
+    wide: list[tuple[int, list[str]]] = []
+    for at, row in reversed(rows):
+        filled = sum(bool(cell.strip()) for cell in row)
+        if abs(len(row) - body.fields) > 1 or filled < max(1, (body.fields + 1) // 2) or all(map(is_number, row)):
+            break
+        wide.insert(0, (at, [cell.strip() for cell in row]))
+        if len(wide) == 2:
+            break
+    notes: list[str] = []
+    units = None
+    if len(wide) == 2 and not _names_of_units(wide[1][1]):
+        wide = wide[1:] if not _describes(wide[0][1], wide[1][1], body) else wide
+    if not wide:
+        notes.append("it has no header: its columns are called by their number, 1, 2, ...")
+        return Found(Header(_numbered(body.fields), body.delimiter), body.start, None, notes)
+    at, names = wide[0]
+    if len(wide) == 2:
+        below = _fitted(wide[1][1], body)
+        if _names_of_units(below):
+            units = [text.strip("[]()") for text in below]
+            notes.append(f"line {wide[1][0] + 1} is taken as units, not data")
+        else:
+            units = [cell.strip("[]()") if is_unit(cell) else "" for cell in below]
+            names = [
+                name if is_unit(cell) or not cell else f"{name} {cell}"
+                for name, cell in zip(_fitted(names, body), below, strict=True)
+            ]
+    if at > 0:
+        notes.append(f"line {at + 1} is taken as the header, what is above it is left out")
+    return Found(Header(_fitted(names, body), body.delimiter), body.start, units, notes)
+
+
+def _names_of_units(row: Sequence[str]) -> bool:
+    """Whether most of what stands there are units."""
+    there = [cell for cell in row if cell]
+    return bool(there) and sum(map(is_unit, there)) >= 0.5 * len(there)
+
+
+def _describes(names: Sequence[str], below: Sequence[str], body: Body) -> bool:
+    """Whether the lower of two rows of text adds to the names of the upper one, and the upper is none of a preamble."""
+    return len(names) == len(below) == body.fields and len(set(names)) == len(names) and all(names)
+
+
+def _fitted(names: Sequence[str], body: Body) -> list[str]:
+    """As many names as there are fields: a delimiter at the end of rows or of the header alone is none."""
+    return [*names[: body.fields], *_numbered(body.fields)[len(names) :]]
+
+
+def _numbered(fields: int) -> list[str]:
+    return [str(k + 1) for k in range(fields)]
+
+
+def footer(lines: Sequence[bytes], delimiter: str, width: int, numeric: Sequence[int]) -> bytes:
+    """What at the end of a file is no row: lines of text behind the numbers, set off by a blank one or by their form.
+
+    A row that was cut, or that has a bad cell, is none of them: it is for the reader to complain about.
+    """
+    cut: list[bytes] = []
+    rest = 0
+    for raw in reversed(lines):
+        fields = fields_of(decode(raw).strip(), delimiter)
+        first = fields[0].strip(' "') if fields else ""
+        if first or len(fields) > 1:
+            if any(k < len(fields) and is_number(fields[k]) for k in numeric[:1]):
+                break
+            if not (first[:1].isalpha() or first.startswith(COMMENT)):
+                break
+        cut.append(raw)
+        if len(fields) != width or not any(is_number(cell) for cell in fields):  # else it may be a row with a bad cell
+            rest = len(cut)
+    return b"".join(reversed(cut[:rest]))

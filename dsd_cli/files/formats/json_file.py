@@ -1,0 +1,149 @@
+"""JSON, one document or one record a line: arrays by their names, arrays of records, arrays of rows.
+
+Tests beside each other that have the same columns (WPILib SysId keeps four of them) are one table, one after the other
+as their stamps have it, and each its own one, too.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsd_cli.errors import DataError
+from dsd_cli.files.formats.base import InMemory, check_size
+from dsd_cli.signals.log import Array
+
+#: Bytes of memory to a byte of text, once it is read.
+UNPACKED = 12
+#: Columns of the rows that WPILib's SysId writes, by how many there are (its data format, version 1).
+SYSID = {
+    4: ("timestamp", "voltage", "position", "velocity"),
+    9: (
+        *("timestamp", "left voltage", "right voltage", "left position", "right position"),
+        *("left velocity", "right velocity", "angle", "angular rate"),
+    ),
+}
+#: What it calls the units of its positions.
+SYSID_UNITS = {"meters": "m", "rotations": "turn", "radians": "rad", "degrees": "deg", "inches": "in", "feet": "ft"}
+#: Rows have no more numbers.
+MOST_FIELDS = 1000
+Table = dict[str, Array]
+
+
+class JsonFile(InMemory):
+    """A JSON document or JSON lines; see `Container`."""
+
+    def __init__(self, path: str) -> None:
+        file = Path(path)
+        check_size(path, float(UNPACKED * file.stat().st_size))
+        document = _parsed(path, file.read_text(encoding="utf-8-sig"))
+        found: dict[str, Table] = {}
+        of_sysid = isinstance(document, Mapping) and document.get("sysid") is True
+        _collect(document, "", found, SYSID if of_sysid else {})
+        joined = _joined([table for table in found.values() if len(table) > 1])
+        channels = dict(joined)
+        for name, table in found.items():
+            channels |= {f"{name}/{column}" if name else column: values for column, values in table.items()}
+        super().__init__(channels, units=_units(document, list(channels)) if isinstance(document, Mapping) else {})
+        if joined:
+            parts = sum(table.keys() == joined.keys() for table in found.values())
+            self.notes.append(f"{parts} tests with the same columns are read one after the other")
+
+
+def _parsed(path: str, text: str) -> Any:
+    """The document; of JSON lines a list of records, the last line left out where it is cut."""
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        lines = [(at, line) for at, line in enumerate(text.splitlines(), start=1) if line.strip()]
+        if not lines or (error.lineno == 1 and error.msg != "Extra data"):
+            raise DataError(f"{path}, line {error.lineno}: is not JSON ({error.msg})", "is it whole?") from None
+    except RecursionError:
+        raise DataError(f"{path}: is nested too deeply for a log") from None
+    records = []
+    for count, (at, line) in enumerate(lines, start=1):
+        try:
+            records.append(json.loads(line))
+        except (json.JSONDecodeError, RecursionError):
+            if count == len(lines) and records:
+                break
+            raise DataError(f"{path}, line {at}: is not JSON", "mend or delete the line") from None
+    return records
+
+
+def _collect(value: Any, name: str, found: dict[str, Table], rows_of: Mapping[int, Sequence[str]]) -> None:
+    """Every table in the document, by the path to it."""
+    if isinstance(value, Mapping):
+        arrays = {str(key): column for key, part in value.items() if (column := _numbers(part)) is not None}
+        if arrays:
+            found.setdefault(name, {}).update(arrays)
+        for key, part in value.items():
+            if str(key) not in arrays and isinstance(part, Mapping | list):
+                _collect(part, f"{name}/{key}" if name else str(key), found, rows_of)
+    elif isinstance(value, list) and value:
+        table = _records(value) if isinstance(value[0], Mapping) else _rows(value, rows_of)
+        if table:
+            found.setdefault(name, {}).update(table)
+
+
+def _numbers(value: Any) -> Array | None:
+    """A list of numbers, null where one is missing; None for anything else."""
+    if not isinstance(value, list) or not value or not any(isinstance(one, int | float) for one in value[:10]):
+        return None
+    if any(not isinstance(one, int | float) and one is not None for one in value):
+        return None
+    return np.array([np.nan if one is None else one for one in value], dtype=np.float64)
+
+
+def _rows(rows: list[Any], rows_of: Mapping[int, Sequence[str]]) -> Table:
+    """Rows of numbers; signals that lie in few long rows are turned."""
+    width = len(rows[0]) if isinstance(rows[0], list) else 0
+    if not width or any(not isinstance(row, list) or len(row) != width for row in rows):
+        return {}
+    columns = [_numbers(list(column)) for column in zip(*rows, strict=True)]
+    if len(rows) < width and width > MOST_FIELDS:
+        columns = [_numbers(row) for row in rows]
+    names = rows_of.get(len(columns)) or [str(k + 1) for k in range(len(columns))]
+    return {name: column for name, column in zip(names, columns, strict=True) if column is not None}
+
+
+def _records(records: list[Any]) -> Table:
+    """Records of named numbers, to any depth."""
+    flat = [_flat("", record) for record in records if isinstance(record, Mapping)]
+    names = list(dict.fromkeys(name for record in flat for name in record))[:MOST_FIELDS]
+    return {name: np.array([record.get(name, np.nan) for record in flat], dtype=np.float64) for name in names}
+
+
+def _flat(prefix: str, value: Any) -> dict[str, float]:
+    if isinstance(value, Mapping):
+        return {k: v for key, part in value.items() for k, v in _flat(f"{prefix}/{key}".lstrip("/"), part).items()}
+    if isinstance(value, list):
+        return {k: v for at, part in enumerate(value) for k, v in _flat(f"{prefix}/{at + 1}", part).items()}
+    return {prefix: float(value)} if isinstance(value, int | float) and abs(value) < 1e300 else {}
+
+
+def _joined(tables: list[Table]) -> Table:
+    """Tables of the same columns, one after the other in the order of their first numbers; {}: there are not two."""
+    for first in tables:
+        alike = [table for table in tables if table.keys() == first.keys()]
+        if len(alike) > 1:
+            clock = next(iter(first))
+            alike.sort(key=lambda table: float(table[clock][0]))
+            return {name: np.concatenate([table[name] for table in alike]) for name in first}
+    return {}
+
+
+def _units(document: Mapping[str, Any], channels: Sequence[str]) -> dict[str, str]:
+    """Channel -> unit: `units` of the document, by channel, or of SysId's positions."""
+    told = document.get("units")
+    if isinstance(told, Mapping):
+        return {name: str(told[last]) for name in channels if (last := name.rpartition("/")[2]) in told}
+    if document.get("sysid") is not True or not isinstance(told, str):
+        return {}
+    of_position = SYSID_UNITS.get(told.lower(), told)
+    units = {"timestamp": "s", "voltage": "V", "position": of_position, "velocity": f"{of_position}/s"}
+    return {name: unit for name in channels for word, unit in units.items() if name.endswith(word)}

@@ -1,0 +1,117 @@
+"""The first rows of every channel of an unknown log, table by table: what `dsd init` and `dsd columns` look at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsd_cli.errors import DataError
+from dsd_cli.files.csv_dialect import MISSING, is_number, seconds
+from dsd_cli.files.csv_layout import CsvLayout
+from dsd_cli.files.formats.base import Group
+from dsd_cli.files.formats.known import HEAD_BYTES, format_of, is_bag, open_container
+from dsd_cli.files.parquet_in import ParquetTable
+from dsd_cli.files.table_source import read_head
+from dsd_cli.files.tables_in import is_stream, open_table
+from dsd_cli.identify.roles import Channel
+from dsd_cli.signals.log import Array
+
+#: Rows of each channel that are looked at, and channels of a table.
+ROWS, CHANNELS = 100_000, 400
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Channels with the same rows; `clock`: the file stamps them by itself. `rows`: None where it does not say."""
+
+    name: str
+    channels: tuple[Channel, ...]
+    rows: int | None
+    clock: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """The tables of a log, those with most first, and what was said while it was read."""
+
+    tables: tuple[Table, ...]
+    notes: tuple[str, ...] = ()
+    sample_time: float | None = None
+
+
+def sample(path: str, layout: CsvLayout | None = None) -> Sample:
+    """The first rows of every channel.
+
+    Raises
+    ------
+    DataError : it cannot be read, or can be read only once.
+    """
+    if is_stream(path):
+        raise DataError(f"{'<stdin>' if path == '-' else path}: can be read only once", "write it to a file first")
+    kind = format_of(path, b"" if is_bag(path) else read_head(path, HEAD_BYTES))
+    if kind is not None:
+        file = open_container(path, kind)
+        tables = [
+            Table(group.name, tuple(_of_group(file, group)), group.rows, group.clock)
+            for group in file.groups
+            if group.rows > 1
+        ]
+        return Sample(tuple(_merged(tables)), tuple(file.notes))
+    table = open_table(path, {}, (), layout=layout)
+    if isinstance(table, ParquetTable):
+        return Sample((Table("", tuple(_of_arrow(table.peek(ROWS), {})), table.rows),))
+    from dsd_cli.files.csv_in import CsvTable
+
+    assert isinstance(table, CsvTable)
+    channels = tuple(_of_arrow(table.peek(), table.units))
+    return Sample((Table("", channels, None),), tuple(table.warnings), table.sample_time)
+
+
+def _of_group(file: object, group: Group) -> Iterator[Channel]:
+    names = list(group.units)[:CHANNELS]
+    found = file.read(group, names, 0, ROWS)  # type: ignore[attr-defined]
+    for name in names:
+        values: Array = found[name]
+        yield Channel(group.full(name), values, group.units[name])
+
+
+def _merged(tables: list[Table]) -> Iterator[Table]:
+    """Groups inside of the same group that have as many rows are one table; those of the file's own clocks stay."""
+    parts: dict[tuple[str, int | None], list[Table]] = {}
+    above = {table.rows for table in tables if not table.name and not table.clock}
+    for table in tables:
+        top = "" if table.rows in above else table.name.partition("/")[0]
+        key = (table.name if table.clock else top, table.rows)
+        parts.setdefault(key, []).append(table)
+    for (name, rows), mine in parts.items():
+        channels = tuple(channel for table in mine for channel in table.channels)
+        yield Table(name, channels, rows, mine[0].clock)
+
+
+def _of_arrow(columns: dict[str, object], units: dict[str, str]) -> Iterator[Channel]:
+    import pyarrow as pa
+
+    from dsd_cli.files.arrow_arrays import as_float64, is_number_type
+
+    for name, column in list(columns.items())[:CHANNELS]:
+        kind = column.type  # type: ignore[attr-defined]
+        unit = units.get(name, "")
+        if is_number_type(kind):
+            yield Channel(name, as_float64(column), unit, pa.types.is_boolean(kind))
+        elif pa.types.is_string(kind):
+            yield Channel(name, _stamps(column.to_pylist()), unit)  # type: ignore[attr-defined]
+        else:
+            yield Channel(name, None, unit)
+
+
+def _stamps(texts: list[str | None]) -> Array | None:
+    """Stamps in words as s; None: they are something else."""
+    there = [text for text in texts[:20] if text is not None and text.strip() not in MISSING]
+    if not there or not all(map(is_number, there)):
+        return None
+    try:
+        return np.array([np.nan if text is None else seconds(text) for text in texts])
+    except ValueError:
+        return None

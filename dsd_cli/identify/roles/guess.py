@@ -1,0 +1,264 @@
+"""From what channels do, alone and to each other, to what they are; names that say it already come first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from dsd_cli.identify.roles.causes import SAME, Cause, cause_of
+from dsd_cli.identify.roles.facts import Channel, Facts, facts_of
+from dsd_cli.identify.roles.slopes import lag_of, slope_of
+from dsd_cli.signals.log import Array
+
+#: A channel is the slope of another from this share of its square on.
+IS_SLOPE = 0.98
+#: A channel makes an axis move from this share of it on that the motion explains; below the second it is a guess to ask
+#: about; nearer than the third to the next best it could be that one as well.
+IS_CAUSE, CLEARLY, AS_WELL = 0.3, 0.7, 0.05
+#: Two channels are one quantity, asked for and measured, where one leaves less than this share of the other.
+TWINS = 0.05
+#: Rows and channels that are looked at.
+ROWS, CHANNELS = 60_000, 14
+#: Longest time by which a measured position comes after the one that was asked for, samples.
+LONGEST = 200
+#: A position that has a name is believed where the velocity is its slope to this share.
+DOUBTED = 0.9
+ONLY_CAUSE = "only what makes it move says so"
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A channel's column, why it is taken for that, and what speaks against it ("" for nothing)."""
+
+    column: str
+    reason: str
+    doubt: str = ""
+
+
+@dataclass(frozen=True)
+class Roles:
+    """Role -> guess, for those of time, u, velocity, position and reference that were found.
+
+    `causes`: share of each channel that the motion explains, best first: who could be u.
+    """
+
+    found: Mapping[str, Guess]
+    facts: Mapping[str, Facts]
+    causes: Mapping[str, float]
+
+
+class _Motion(NamedTuple):
+    column: str
+    kind: str
+
+
+@dataclass
+class _Look:
+    """What is known so far: values without holes, on steps of `dt` (1 where there is no clock)."""
+
+    values: dict[str, Array]
+    t: Array
+    dt: float
+    found: dict[str, Guess]
+    never_motion: frozenset[str] = frozenset()
+    causes: dict[str, Cause] = field(default_factory=dict)
+
+    def free(self) -> list[str]:
+        taken = {guess.column for guess in self.found.values()}
+        return [name for name in self.values if name not in taken]
+
+
+def guess_roles(
+    channels: Sequence[Channel], named: Mapping[str, str], forces: frozenset[str] = frozenset(), scale: float = 1.0
+) -> Roles:
+    """What the channels of one table are.
+
+    Parameters
+    ----------
+    channels : in the order of the file, shape (n,) each.
+    named : role -> column, what names and units say; kept as it is.
+    forces : columns whose name or unit says that they are no motion.
+    scale : s per unit of the time column.
+    """
+    facts = {one.name: facts_of(one) for one in channels}
+    found = {role: Guess(column, "by its name") for role, column in named.items()}
+    by_name = {one.name: one.values for one in channels if one.values is not None}
+    if "time" not in found and (clock := _clock(facts)) is not None:
+        found["time"] = clock
+    look = _looked(by_name, facts, found, scale)
+    look = _Look(look.values, look.t, look.dt, found, forces)
+    if look.t.size >= 50:
+        _find_motion(look)
+        _find_reference(look)
+        _find_cause(look)
+    causes = {name: one.share for name, one in sorted(look.causes.items(), key=lambda item: -item[1].share)}
+    return Roles(found, facts, causes)
+
+
+def _clock(facts: Mapping[str, Facts]) -> Guess | None:
+    """What rises most evenly; a count of the samples is a clock only where there is no other."""
+    clocks = [
+        (round(one.even, 2), one.kind, at, name)
+        for at, (name, one) in enumerate(facts.items())
+        if one.kind in ("clock", "counter")
+    ]
+    if not clocks:
+        return None
+    _, kind, _, name = min(clocks)
+    more = [other for *_, other in clocks if other != name]
+    doubt = f"{', '.join(more[:3])} rises evenly, too" if more else ""
+    how = "it counts the samples" if kind == "counter" else f"it rises evenly, in steps of {facts[name].step:.4g}"
+    return Guess(name, how, doubt)
+
+
+def _looked(
+    by_name: Mapping[str, Array], facts: Mapping[str, Facts], found: Mapping[str, Guess], scale: float
+) -> _Look:
+    """The rows where all that moves has values, the first of them; what rises exactly as the clock is another clock."""
+    clock = found["time"].column if "time" in found else ""
+    moving = [name for name in by_name if name != clock and facts[name].moves]
+    wanted = [guess.column for role, guess in found.items() if role != "time" and guess.column in by_name]
+    moving = [*dict.fromkeys([*wanted, *moving])][:CHANNELS]
+    most = ROWS if by_name else 0
+    table = {name: by_name[name][:most] for name in moving}
+    rows = min((x.size for x in table.values()), default=0)
+    t = by_name[clock][:rows] * scale if clock in by_name else np.arange(rows, dtype=np.float64)
+    good = np.isfinite(t)
+    for x in table.values():
+        good &= np.isfinite(x[:rows])
+    good[1:] &= np.diff(t, prepend=t[:1])[1:] > 0.0 if rows else True
+    values = {name: x[:rows][good] for name, x in table.items()}
+    t = t[good]
+    if t.size > 2:
+        values = {n: x for n, x in values.items() if facts[n].kind != "clock" or not _straight(t, x) or n in wanted}
+    steps = np.diff(t)
+    return _Look(values, t, float(np.median(steps)) if steps.size else 1.0, dict(found))
+
+
+def _straight(t: Array, x: Array) -> bool:
+    return bool(1.0 - abs(np.corrcoef(t, x)[0, 1]) < 1e-9)
+
+
+def _find_motion(look: _Look) -> None:
+    """Velocity and position: what is the slope of what."""
+    found = look.found
+    free = [name for name in look.free() if name not in look.never_motion]
+    p, w = (found[role].column if role in found else "" for role in ("position", "velocity"))
+    if any(c and c not in look.values for c in (p, w)):
+        return
+    if p and w:
+        _doubt_position(look, p, w, free)
+        return
+    best: tuple[float, str, str, int, int] | None = None
+    for one in [p] if p else free:
+        for other in [w] if w else free:
+            if one == other:
+                continue
+            slope = slope_of(look.t, look.values[one], look.values[other])
+            if slope.share > IS_SLOPE and (best is None or slope.share > best[0] + 1e-3):
+                best = slope.share, one, other, slope.lag, slope.span
+    if best is None:
+        return
+    share, one, other, _, span = best
+    averaged = f", averaged over {span} samples" if span > 1 else ""
+    doubt = "" if share > 0.995 else f"{100 * (1 - share):.1f} % of it is something else"
+    if not p:
+        found["position"] = Guess(one, f"{other} is its slope{averaged}")
+    if not w:
+        found["velocity"] = Guess(other, f"it is the slope of {one}{averaged}", doubt)
+
+
+def _doubt_position(look: _Look, p: str, w: str, free: Sequence[str]) -> None:
+    """A position whose name says so, but of which the velocity is not the slope, gives way to one of which it is."""
+    if slope_of(look.t, look.values[p], look.values[w]).share > DOUBTED:
+        return
+    share, best = max(
+        ((slope_of(look.t, look.values[other], look.values[w]).share, other) for other in free), default=(0.0, p)
+    )
+    if share > IS_SLOPE:
+        look.found["position"] = Guess(best, f"{w} is its slope, and not that of {p}")
+
+
+def _find_reference(look: _Look) -> None:
+    """The position that was asked for: the same as the measured one, but earlier, or without its noise."""
+    found = look.found
+    if "position" not in found or "reference" in found or found["position"].column not in look.values:
+        return
+    mine = found["position"].column
+    for other in look.free():
+        lead = None if other in look.never_motion else _lead(look.values[other], look.values[mine])
+        if lead is None:
+            continue
+        if lead > 0 or (lead == 0 and _rough(look.values[other]) < _rough(look.values[mine])):
+            found["reference"] = Guess(other, f"as {mine}, {lead} samples earlier")
+            return
+        if found["position"].doubt == ONLY_CAUSE:
+            found["reference"] = Guess(mine, f"as {other}, {-lead} samples earlier")
+            found["position"] = Guess(other, f"as {mine}, {-lead} samples later: measured")
+            return
+
+
+def _lead(x: Array, y: Array) -> int | None:
+    """By how many samples x is ahead of y; None: they are not one quantity, asked for and measured."""
+    power = float(np.var(x))
+    if power <= 0.0 or not 0.5 < float(np.var(y)) / power < 2.0:
+        return None
+    lag = lag_of(x - x.mean(), y - y.mean(), LONGEST)
+    a, b = (x[: x.size - lag], y[lag:]) if lag >= 0 else (x[-lag:], y[:lag])
+    return lag if float(np.mean((b - a) ** 2)) < TWINS * power else None
+
+
+def _rough(x: Array) -> float:
+    return float(np.mean(np.diff(x, 3) ** 2))
+
+
+def _find_cause(look: _Look) -> None:
+    """u: what the motion explains best; where no motion is known, the pair that does so best."""
+    found = look.found
+    motions = [_Motion(found[role].column, role) for role in ("velocity", "position") if role in found]
+    motions = [one for one in motions if one.column in look.values][:1]
+    if "u" in found and motions:
+        return
+    candidates = [found["u"].column] if "u" in found and found["u"].column in look.values else look.free()
+    if not motions:
+        kinds = ("velocity", "position")
+        motions = [_Motion(name, kind) for name in look.free() for kind in kinds if name not in look.never_motion]
+    best: tuple[float, _Motion, str] | None = None
+    for motion in motions:
+        for name in candidates:
+            if name == motion.column or _lead(look.values[motion.column], look.values[name]) is not None:
+                continue
+            cause = cause_of(look.dt, look.values[motion.column], motion.kind, look.values[name])
+            if cause.alone > 1.0 - SAME:  # the motion itself in another unit
+                continue
+            if cause.share > look.causes.get(name, Cause(0.0, 0.0, 0)).share:
+                look.causes[name] = cause
+            if best is None or cause.share > best[0] + 0.005:
+                best = cause.share, motion, name
+    if best is not None and best[0] >= (IS_CAUSE if len(motions) == 1 else CLEARLY):
+        _take(look, *best)
+
+
+def _take(look: _Look, share: float, motion: _Motion, name: str) -> None:
+    found = look.found
+    if not any(role in found for role in ("velocity", "position")):
+        found[motion.kind] = Guess(motion.column, f"its {_parts(motion.kind)} explain {name}", ONLY_CAUSE)
+    if "u" in found:
+        return
+    why = f"{_parts(motion.kind)} of {motion.column} explain {100 * share:.0f} % of it"
+    others = [
+        other
+        for other, cause in look.causes.items()
+        if other != name and cause.share > share - AS_WELL and other != found[motion.kind].column
+    ]
+    doubt = f"{others[0]} is explained as well" if others else "" if share > CLEARLY else "that is not much"
+    found["u"] = Guess(name, why, doubt)
+    if motion.kind == "position":
+        _find_reference(look)
+
+
+def _parts(kind: str) -> str:
+    return "acceleration, speed and direction" + (" and place" if kind == "position" else "")

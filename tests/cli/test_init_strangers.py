@@ -1,0 +1,118 @@
+"""`dsd init` and `dsd check` on files as other tools write them: roles, units and clock that nobody named."""
+
+import json
+import os
+import pty
+import shlex
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dsd_cli.files.config import load_config
+from tests.cli.rig import DSD, done, dsd, refused
+from tests.files import strangers
+from tests.recordings import recording
+
+AXIS = strangers.axis()
+
+
+@pytest.mark.parametrize("name", strangers.MADE)
+def test_a_strangers_file_ends_in_a_config_that_check_takes(name: str, tmp_path: Path) -> None:
+    make, u, motion = strangers.MADE[name]
+    path = make(tmp_path, AXIS)
+    done("init", path.name, cwd=tmp_path)
+    config = load_config(tmp_path / "dsd.toml")
+    assert (config.signals.u, motion in (config.signals.position, config.signals.velocity)) == (u, True)
+    answer = json.loads(done("check", path.name, "--format", "json", cwd=tmp_path).stdout)
+    assert [one["what"] for one in answer["findings"] if one["severity"] == "error"] == []
+    assert answer["by_log"][0]["seconds"] == pytest.approx(strangers.ROWS * strangers.STEP, rel=0.03)
+    factors = {"trace": 1e-3, "spreadsheet": 1e-3, "twincat": 1e-3, "recorder": np.pi / 180, "degrees": np.pi / 180}
+    if motion == config.signals.position:
+        assert config.signals.factors().get("position", 1.0) == pytest.approx(factors.get(name, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "findings"), [("a3MR.csv", 0), ("kuka_A.mat", 0), ("frc_sysid.json", 0), ("hsm_idf_pos_0.06_1.mat", None)]
+)
+def test_files_of_real_machines(name: str, findings: int | None, tmp_path: Path) -> None:
+    path = recording(f"foreign_files/{name}")
+    result = dsd("init", str(path), cwd=tmp_path)
+    if findings is None:
+        refused_with_a_question(result, tmp_path)
+        return
+    assert result.returncode == 0, result.stderr
+    answer = json.loads(done("check", str(path), "--format", "json", cwd=tmp_path).stdout)
+    assert len([one for one in answer["findings"] if one["severity"] == "error"]) == findings
+
+
+def refused_with_a_question(result: subprocess.CompletedProcess, folder: Path) -> str:
+    """The command that the last line says, and the rest of the config is there with one line marked."""
+    assert result.returncode == 1
+    last = result.stderr.splitlines()[-1]
+    assert "which column is" in last
+    assert "<- MISSING" in (folder / "dsd.toml").read_text()
+    return last.partition("say it: ")[2]
+
+
+def ambiguous(folder: Path) -> Path:
+    """Noise that nothing explains, beside a position."""
+    rng = np.random.default_rng(3)
+    a, b = rng.standard_normal((2, strangers.ROWS))
+    lines = ["stamp,alpha,beta,q", *strangers.rows(AXIS, AXIS["t"], a, b, AXIS["q"])]
+    return strangers.text(folder, "what.csv", lines)
+
+
+def test_what_is_missing_is_asked_with_the_command_that_says_it(tmp_path: Path) -> None:
+    path = ambiguous(tmp_path)
+    command = refused_with_a_question(dsd("init", path.name, cwd=tmp_path), tmp_path)
+    assert command == "dsd init what.csv --force --u NAME"
+    done(*shlex.split(command.replace("NAME", "beta"))[1:], cwd=tmp_path)
+    assert load_config(tmp_path / "dsd.toml").signals.u == "beta"
+    refused(dsd("init", path.name, "--force", "--u", "gamma", cwd=tmp_path), 2, 'no column "gamma"', "alpha, beta")
+
+
+def test_on_a_terminal_it_is_asked(tmp_path: Path) -> None:
+    ambiguous(tmp_path)
+    master, slave = pty.openpty()
+    process = subprocess.Popen(
+        [*map(str, DSD), "init", "what.csv"], cwd=tmp_path, stdin=slave, stderr=slave, stdout=subprocess.PIPE
+    )
+    os.close(slave)
+    os.write(master, b"beta\n")
+    assert process.wait(timeout=120) == 0
+    os.close(master)
+    assert load_config(tmp_path / "dsd.toml").signals.u == "beta"
+
+
+def test_columns_by_hand_by_number_and_values_that_are_set(tmp_path: Path) -> None:
+    path = strangers.liveplotter(tmp_path, AXIS)
+    done("init", path.name, "--u", "4", "--velocity", "2", "--set", "signals.u_sign=-1", "-o", "a.toml", cwd=tmp_path)
+    signals = load_config(tmp_path / "a.toml").signals
+    assert (signals.u, signals.velocity, signals.u_sign, signals.time) == ("4", "2", -1, "1")
+
+
+def test_a_log_from_a_pipe(tmp_path: Path) -> None:
+    content = strangers.short_names(tmp_path, AXIS).read_bytes()
+    done("init", "-", stdin=content, cwd=tmp_path)
+    assert load_config(tmp_path / "dsd.toml").signals.u == "vir"
+    done("detect", "-", stdin=content, cwd=tmp_path)
+
+
+def test_where_the_rows_are_can_be_said(tmp_path: Path) -> None:
+    """Two rows above the numbers could be the header: [csv] says which, in files and in pipes."""
+    head = ["a title, of two", "first,second,third", "moment,place,force"]
+    path = strangers.text(tmp_path, "odd.csv", head + strangers.rows(AXIS, AXIS["t"], AXIS["q"], AXIS["u"]))
+    where = ["--set", "csv.header=2", "--set", "csv.units_row=3"]
+    done("init", path.name, *where, "--u", "third", "--position", "second", "--time", "first", cwd=tmp_path)
+    assert load_config(tmp_path / "dsd.toml").csv.header == 2
+    whole = done("detect", path.name, "--format", "json", cwd=tmp_path).stdout
+    piped = done("detect", "-", "--format", "json", stdin=path.read_bytes(), cwd=tmp_path).stdout
+    assert json.loads(whole)["segments"] == json.loads(piped)["segments"]
+    refused(dsd("check", path.name, "--set", "csv.header=900000", cwd=tmp_path), 1, "[csv] names a line")
+
+
+def test_a_pointer_of_git_lfs_is_named(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 3\n")
+    refused(dsd("init", "log.csv", cwd=tmp_path), 1, "log.csv: is a pointer of Git LFS", "git lfs pull")

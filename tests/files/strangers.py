@@ -1,0 +1,196 @@
+"""One motion as the recorders, drives and instruments of others write it; names, preambles and units are theirs."""
+
+import datetime
+import json
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from scipy.io import savemat
+
+ROWS, STEP = 3000, 0.002
+
+
+def axis() -> dict[str, np.ndarray]:
+    """A mass of 2 with viscous friction 3 and dry friction 1, led along a path by a controller: by plain sums."""
+    t = np.arange(ROWS) * STEP
+    path = 0.4 * np.sin(2.1 * t) + 0.15 * np.sin(5.3 * t + 0.4) - 0.15 * np.sin(0.4)
+    u, q, v = np.zeros(ROWS), np.zeros(ROWS), np.zeros(ROWS)
+    for k in range(ROWS - 1):
+        u[k] = np.clip(900.0 * (path[k] - q[k]) - 45.0 * v[k], -60.0, 60.0)
+        v[k + 1] = v[k] + STEP / 2.0 * (u[k] - 3.0 * v[k] - np.tanh(v[k] / 0.01))
+        q[k + 1] = q[k] + STEP * 0.5 * (v[k] + v[k + 1])
+    u[-1] = u[-2]
+    return {"t": t, "u": u, "q": q, "v": v, "r": path}
+
+
+def german(x: float, places: int = 6) -> str:
+    return f"{x:.{places}f}".replace(".", ",")
+
+
+def text(folder: Path, name: str, lines: list[str], end: str = "\n", encoding: str = "utf-8") -> Path:
+    path = folder / name
+    path.write_bytes((end.join(lines) + end).encode(encoding))
+    return path
+
+
+def rows(a: dict, *columns: np.ndarray, by: str = ",", form: str = "{:.7g}") -> list[str]:
+    return [by.join(form.format(x) for x in row) for row in zip(*columns, strict=True)]
+
+
+def twincat(folder: Path, a: dict) -> Path:
+    """Pairs of time and value, whose names and units stand in rows that begin with what they are."""
+    head = ["Name\tScope Project\t\t", "File\tC:\\axis.svdx\t\t", "", "Name\tActPos\tName\tActVelo\tName\tActTorque"]
+    head += [f"SampleTime[ms]\t{1e3 * STEP:g}" + f"\tSampleTime[ms]\t{1e3 * STEP:g}" * 2]
+    head += ["Data-Type\tREAL64\tData-Type\tREAL64\tData-Type\tREAL64", "Unit\tmm\tUnit\tmm/s\tUnit\tNm", ""]
+    t = 1e3 * a["t"]
+    body = ["\t".join(german(x) for x in row) for row in zip(t, 1e3 * a["q"], t, 1e3 * a["v"], t, a["u"], strict=True)]
+    return text(folder, "scope.csv", head + body, "\r\n")
+
+
+def trace(folder: Path, a: dict) -> Path:
+    head = ['"Trace";"Achse_1";"";"";""', '"Datum";"13.02.2024 10:11:12";"";"";""', '"Abtastzeit";"2 ms";"";"";""', ""]
+    head += ['"Zeit";"Istposition";"Sollposition";"Drehmoment-Istwert";"Regler aktiv"', '"ms";"mm";"mm";"Nm";""']
+    columns = (1e3 * a["t"], 1e3 * a["q"], 1e3 * a["r"], a["u"])
+    return text(folder, "trace.csv", head + [";".join(map(german, row)) + ";1" for row in zip(*columns, strict=True)])
+
+
+def recorder(folder: Path, a: dict) -> Path:
+    head = ["Recording", "Drive: Gold 7", "Date: 2023-05-11", "Sampling Time: 2 ms", ""]
+    head += ["Time (sec),Position (deg),Velocity (deg/s),Active Current (A)"]
+    return text(folder, "drive.csv", head + rows(a, a["t"], np.degrees(a["q"]), np.degrees(a["v"]), a["u"]))
+
+
+def liveplotter(folder: Path, a: dict) -> Path:
+    """No header, and blanks between the columns."""
+    return text(folder, "live.txt", rows(a, a["t"], a["v"], a["q"], a["u"], by="  "))
+
+
+def labview(folder: Path, a: dict) -> Path:
+    head = ["LabVIEW Measurement\t", "Separator\tTab", "***End_of_Header***\t", "", "Channels\t3\t\t\t"]
+    head += ["Samples\t3000\t3000\t3000\t", "Y_Unit_Label\tVolts\tVolts\tVolts\t", "X0\t0.0\t0.0\t0.0\t"]
+    head += ["Delta_X\t0.002\t0.002\t0.002\t", "***End_of_Header***\t\t\t\t"]
+    head += ["X_Value\tVoltage_0\tVoltage_1\tVoltage_2\tComment"]
+    return text(folder, "lab.lvm", head + [f"{row}\t" for row in rows(a, a["t"], a["u"], a["q"], a["r"], by="\t")])
+
+
+def scope(folder: Path, a: dict) -> Path:
+    head = ["Model,MSO44", "Firmware Version,1.28", "", "Sample Interval,0.002,,", "Record Length,3000,,", "Labels,,,"]
+    head += ["TIME,CH1,CH2,"]
+    return text(folder, "tek.csv", head + [f"{row}," for row in rows(a, a["t"] - 3.0, a["u"], a["v"])])
+
+
+def sequence(folder: Path, a: dict) -> Path:
+    head = ["X,CH1,CH2,Start,Increment,", "Sequence,Volt,Volt,0.0,0.002000,"]
+    return text(folder, "rigol.csv", head + [f"{row},,," for row in rows(a, np.arange(ROWS), a["u"], a["q"])])
+
+
+def timetable(folder: Path, a: dict) -> Path:
+    body = [f"{row[0]:.3f} sec,{row[1]:.7g},{row[2]:.7g}" for row in zip(a["t"], a["u"], a["v"], strict=True)]
+    return text(folder, "timetable.csv", ["Time,Current,Speed", *body])
+
+
+def spreadsheet(folder: Path, a: dict) -> Path:
+    """A title above and a mean below the numbers."""
+    head = ["Messung Achse 1;;;", "Bediener: Huber;;;", ";;;", "Zeit [s];Strom [A];Position [mm];Bemerkung"]
+    body = [";".join(map(german, row)) + ";" for row in zip(a["t"], a["u"], 1e3 * a["q"], strict=True)]
+    foot = ["", "Mittelwert;0,12;3,4;", "Ende der Messung;;;"]
+    return text(folder, "messung.csv", head + body + foot, "\r\n", "utf-8-sig")
+
+
+def clock_time(folder: Path, a: dict) -> Path:
+    """Stamps as the time of day."""
+    day = datetime.datetime(2024, 2, 13, 10, 59, 59)
+    stamps = [(day + datetime.timedelta(seconds=float(t))).strftime("%d.%m.%Y %H:%M:%S.%f") for t in a["t"]]
+    body = [f"{s};{row}" for s, row in zip(stamps, rows(a, a["u"], a["v"], by=";"), strict=True)]
+    return text(folder, "day.csv", ["Zeitstempel;Strom;Drehzahl", *body])
+
+
+def short_names(folder: Path, a: dict) -> Path:
+    return text(folder, "short.csv", ["qg,qm,t,vir", *rows(a, a["r"], a["q"], a["t"], a["u"])])
+
+
+def degrees(folder: Path, a: dict) -> Path:
+    body = [f"{row},True" for row in rows(a, a["t"], np.degrees(a["q"]), np.degrees(a["v"]), a["u"])]
+    return text(folder, "deg.csv", ["time_s,pos_deg,vel_deg_per_s,torque_nm,enabled", *body])
+
+
+def dspace(folder: Path, a: dict) -> Path:
+    """X and Y of a recorder, structs with names, data and units."""
+    fields = [("Name", object), ("Data", object), ("Unit", object)]
+    y = np.zeros(3, dtype=fields)
+    y[:] = [("Model Root/i_q[A]", a["u"], "A"), ("x_mess[m]", a["q"], "m"), ("x_soll[m]", a["r"], "m")]
+    x = np.zeros(1, dtype=fields[:2])
+    x[0] = ("", a["t"])
+    savemat(folder / "exp.mat", {"exp_001": {"X": x, "Y": y, "Description": "lab"}})
+    return folder / "exp.mat"
+
+
+def simulink(folder: Path, a: dict) -> Path:
+    signals = np.zeros(3, dtype=[("values", object), ("dimensions", object), ("label", object)])
+    signals[:] = [(a[k].reshape(-1, 1), 1.0, n) for k, n in (("u", "Motor torque"), ("q", "theta"), ("v", "omega"))]
+    savemat(folder / "out.mat", {"out": {"time": a["t"].reshape(-1, 1), "signals": signals}, "Kp": 3.0})
+    return folder / "out.mat"
+
+
+def big_endian(folder: Path, a: dict) -> Path:
+    """MAT version 4 of a machine whose high bytes come first."""
+    table = np.column_stack([a["t"], a["u"], a["q"]])
+    with open(folder / "old.mat", "wb") as file:
+        file.write(struct.pack(">5i", 1000, *table.shape, 0, 5) + b"data\0" + table.astype(">f8").tobytes(order="F"))
+    return folder / "old.mat"
+
+
+def wide(folder: Path, a: dict) -> Path:
+    """Signals in rows, six axes of which one moves, and constants beside them."""
+    rest = np.zeros((5, ROWS))
+    axes = {name: np.vstack([a[k], rest]) for name, k in (("act_torque_nm", "u"), ("act_pos", "q"), ("act_vel", "v"))}
+    savemat(folder / "wide.mat", {"rec": {"time": a["t"], **axes}, "para": {"u": np.arange(6.0), "K_pos": np.ones(6)}})
+    return folder / "wide.mat"
+
+
+def nameless(folder: Path, a: dict) -> Path:
+    np.save(folder / "log.npy", np.vstack([a["t"], a["q"], a["u"]]))
+    return folder / "log.npy"
+
+
+def sysid(folder: Path, a: dict) -> Path:
+    """WPILib SysId: tests as rows of numbers, which belong together."""
+    table = np.column_stack([a["t"], a["u"], a["q"], a["v"]]).round(9)
+    half = ROWS // 2
+    tests = {"slow-backward": table[half + 50 :].tolist(), "slow-forward": table[:half].tolist()}
+    (folder / "sysid.json").write_text(json.dumps({"sysid": True, "test": "Elevator", "units": "Meters", **tests}))
+    return folder / "sysid.json"
+
+
+def records(folder: Path, a: dict) -> Path:
+    one = [
+        {"timestamp": t, "state": {"pos": q, "vel": v}, "pwm": u, "on": True, "note": "x"}
+        for t, q, v, u in zip(*(a[k].tolist() for k in "tqvu"), strict=True)
+    ]
+    return text(folder, "robot.jsonl", [json.dumps(record) for record in one])
+
+
+#: Every one of them, and the columns of u and of position or velocity in it.
+MADE: dict[str, tuple[Callable[[Path, dict], Path], str, str]] = {
+    "twincat": (twincat, "ActTorque", "ActPos"),
+    "trace": (trace, "Drehmoment-Istwert", "Istposition"),
+    "recorder": (recorder, "Active Current (A)", "Position (deg)"),
+    "liveplotter": (liveplotter, "4", "3"),
+    "labview": (labview, "Voltage_0", "Voltage_1"),
+    "scope": (scope, "CH1", "CH2"),
+    "sequence": (sequence, "CH1", "CH2"),
+    "timetable": (timetable, "Current", "Speed"),
+    "spreadsheet": (spreadsheet, "Strom [A]", "Position [mm]"),
+    "clock_time": (clock_time, "Strom", "Drehzahl"),
+    "short_names": (short_names, "vir", "qm"),
+    "degrees": (degrees, "torque_nm", "pos_deg"),
+    "dspace": (dspace, "exp_001/Model Root/i_q[A]", "exp_001/x_mess[m]"),
+    "simulink": (simulink, "out/Motor torque", "out/theta"),
+    "big_endian": (big_endian, "data/2", "data/3"),
+    "wide": (wide, "rec/act_torque_nm/1", "rec/act_pos/1"),
+    "nameless": (nameless, "data/3", "data/2"),
+    "sysid": (sysid, "voltage", "position"),
+    "records": (records, "pwm", "state/pos"),
+}
