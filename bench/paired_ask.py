@@ -62,7 +62,7 @@ def config(question: Question) -> str:
     names = {"time": "t", "u": "u", "d_hat": "", "velocity": "", "position": ""}
     names |= {name: name for name in names if name in question.channels}
     lines = ["[signals]", *(f'{name} = "{column}"' for name, column in names.items()), "[observer]"]
-    lines += [f"{name} = {float(value)!r}" for name, value in question.observer.items()]
+    lines += [f"{name} = {json.dumps(value)}" for name, value in question.observer.items()]
     lines += ["[model]", *(f"{name} = {float(question.believed[name])!r}" for name in OWN)]
     for effect, values in question.believed["effects"].items():
         lines += [f"[model.effects.{effect}]", *(f"{name} = {float(value)!r}" for name, value in values.items())]

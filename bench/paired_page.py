@@ -91,7 +91,9 @@ def write(rows: Sequence[Row], names: Sequence[str]) -> None:
     commits = {n: sorted({r["commit"] for r in rows if r["engine"] == n}) for n in names}
     seeds = sorted({r["seed"] for r in rows})
     said = ", ".join(f"{n} is {' and '.join(c)}" for n, c in commits.items())
-    lines = [*HEAD.splitlines(), f"Seeds {seeds[0]} to {seeds[-1]}; {said}.", "", *text(rows, names), ""]
+    few = len(rows) / max(len({r["tier"] for r in rows}) * len(names), 1)
+    lines = [*HEAD.splitlines(), f"Seeds {seeds[0]} to {seeds[-1]}, {few:.1f} logs a tier; {said}.", ""]
+    lines += [*text(rows, names), ""]
     lines += ["![stated probability against share that holds](paired-reliability.png)"]
     PAGE.write_text("\n".join(lines) + "\n", encoding="utf-8")
     _draw(rows, names)

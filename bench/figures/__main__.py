@@ -19,7 +19,11 @@ from dsd_cli.files.whole import write_whole
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 #: Pictures of studies that take long, in docs/: name -> what makes them.
-STUDIES = {"beyond-*.png": "make beyond", "hidden-calibration.png": "python -m bench hidden --page"}
+STUDIES = {
+    "beyond-*.png": "make beyond",
+    "hidden-calibration.png": "python -m bench hidden --page",
+    "paired-reliability.png": "python -m bench paired --page",
+}
 #: Pixels; colours, most first; bytes for which fewer are taken.
 WIDEST, COLOURS, MOST_BYTES = 1100, (255, 128, 64), 140_000
 

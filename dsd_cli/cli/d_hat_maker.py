@@ -44,7 +44,7 @@ def known_maker(config: Config, log: str, read: Reader) -> Config:
     if maker is None:
         raise UsageError(
             f'{log}: does not say how d_hat was made, and observer {_open(config)} is "auto"',
-            "give observer.filter and observer.u, or log a velocity or position beside d_hat",
+            "give observer.filter and observer.u: the log is too short to tell",
         )
     return config.override([f'observer.filter="{maker.filter}"', f'observer.u="{maker.u}"'])
 
@@ -73,7 +73,7 @@ def _asked(question: _Question) -> Maker | None:
     from dsd_cli.identify.checks.d_hat_maker import MAKERS, maker_by_motion
     from dsd_cli.identify.checks.stretches import cut
     from dsd_cli.plant.maker import Maker
-    from dsd_cli.plant.model import ObserverSettings
+    from dsd_cli.plant.model import ObserverSettings, PlantModel
 
     config, section = question.config, question.config.require(Observer)
     loaded = question.read(config, question.log, MOST_ROWS)
@@ -82,5 +82,12 @@ def _asked(question: _Question) -> Maker | None:
     given = {key: value for key in _KEYS if (value := getattr(section, key)) != "auto"}
     makers = [m for m in MAKERS if all(getattr(m, key) == value for key, value in given.items())]
     observer = ObserverSettings(section.nominal_inertia, section.time_constant, section.sign)
-    found = maker_by_motion(cut(loaded.log, loaded.restarts, True), observer, makers)
-    return None if found is None else found.maker
+    if "velocity" in loaded.log or "position" in loaded.log:
+        found = maker_by_motion(cut(loaded.log, loaded.restarts, True), observer, makers)
+        return None if found is None else found.maker
+    from dsd_cli.identify.d_hat_by_fit import maker_by_fit
+
+    given_model = config.model
+    inertia = given_model.inertia or section.nominal_inertia
+    model = PlantModel(inertia, given_model.delay, given_model.effects, given_model.rest_speed)
+    return maker_by_fit(loaded.log, model, observer, makers, loaded.restarts)

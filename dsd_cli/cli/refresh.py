@@ -82,7 +82,7 @@ def refreshed(config: Config, given: Given, model: PlantModel) -> Refreshed:
         return Refreshed({}, "")
     observer = config.require(Observer)
     values: dict[Path, Any] = {}
-    own = given.recordings[0].provenance.get("d_hat") != "logged"
+    own = not given.recordings[0].provenance.get("d_hat", "").startswith("logged")
     jn = _rounded(model.inertia) if own else observer.nominal_inertia
     delays = with_delay(config.states.delays, model.delay)
     inertias = with_inertia(config.states.inertias, model.inertia)

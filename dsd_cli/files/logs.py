@@ -22,7 +22,7 @@ from dsd_cli.files.tables_out import open_writer
 from dsd_cli.files.watched import Watch, watched
 from dsd_cli.files.windowed import Window
 from dsd_cli.signals.cleaning import Cleaner, Piece
-from dsd_cli.signals.log import CHANNELS, Array, DHatSource, Log
+from dsd_cli.signals.log import CHANNELS, D_HAT_MAKER, Array, DHatSource, Log
 from dsd_cli.signals.outliers import Limits
 
 _D_HAT_SOURCES = ("logged", "velocity", "position")
@@ -154,7 +154,8 @@ def _one(parts: Sequence[Array]) -> Array:
 def write_log(path: str | Path, log: Log, inputs: Collection[str | Path] = ()) -> None:
     """Write a log with its metadata; `.csv`, `.parquet`, or "-" for CSV on stdout. See `open_writer` for errors."""
     names = sorted(log.channels, key=_order)
-    metadata = {**log.metadata, SAMPLE_TIME: repr(float(log.sample_time)), D_HAT_SOURCE: log.d_hat_source}
+    kept = {key: text for key, text in log.metadata.items() if key != D_HAT_MAKER}
+    metadata = {**kept, SAMPLE_TIME: repr(float(log.sample_time)), D_HAT_SOURCE: log.d_hat_source}
     with open_writer(path, dict.fromkeys(names, "float64"), metadata, tuple(inputs)) as writer:
         step = 1 << 17
         for start in range(0, len(log), step):

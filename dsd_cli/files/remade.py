@@ -10,6 +10,7 @@ import numpy as np
 from dsd_cli.files.table_source import D_HAT_SOURCE, Batch, TableSource
 from dsd_cli.files.wrapped import ClockedTable
 from dsd_cli.plant.maker import Maker, Remade, remade
+from dsd_cli.signals.log import D_HAT_MAKER
 
 
 class Made(NamedTuple):
@@ -31,7 +32,7 @@ def as_observed(table: TableSource, made: Made, time_scale: float, sample_time: 
     time_scale : s per unit of the stamps. sample_time : s from row to row, where there are no stamps.
     """
     own = table.metadata.get(D_HAT_SOURCE) in ("velocity", "position")
-    if made.maker.as_here or own:
+    if made.maker.as_here or own or "d_hat" not in table.columns:
         return table
     return _Remade(table, made, time_scale, sample_time)
 
@@ -42,8 +43,9 @@ class _Remade(ClockedTable):
     def __init__(self, table: TableSource, made: Made, time_scale: float, sample_time: float | None) -> None:
         super().__init__(table, time_scale, sample_time)
         self._made = made
+        self.metadata = {**table.metadata, D_HAT_MAKER: str(made.maker)}
         if made.maker.intervals == 2:
-            self.metadata = {**table.metadata, D_HAT_SOURCE: "position"}
+            self.metadata[D_HAT_SOURCE] = "position"
 
     def batches(self) -> Iterator[Batch]:
         """The same rows. One with a value that is no number, or with the stamp of the one before, is passed over; a
@@ -52,9 +54,6 @@ class _Remade(ClockedTable):
         for batch, t in self.timed():
             if batch.restart:
                 state = Remade()
-            if "d_hat" not in batch.columns:
-                yield batch
-                continue
             u, d_hat = batch.columns["u"], batch.columns["d_hat"]
             kept = np.flatnonzero(np.isfinite(t) & np.isfinite(u) & np.isfinite(d_hat))
             new = np.diff(t[kept], prepend=state.t) != 0.0

@@ -14,6 +14,9 @@ Array = NDArray[np.float64]
 DHatSource = Literal["logged", "velocity", "position"]
 Hold = Literal["held", "sampled"]
 
+#: Metadata of a log whose d_hat another maker computed: in which way; it has been turned into that of this package.
+D_HAT_MAKER = "d_hat_maker"
+
 #: Canonical channel names, in the order in which files are written.
 CHANNELS = (
     "t",

@@ -137,7 +137,7 @@ def test_a_word_that_is_no_filter_is_refused(tmp_path):
     assert "bilinear" in done.stderr
 
 
-# -- found in the log ---------------------------------------------------------------------------------------------------
+# -- found in the log ------------------------------------------------------------------------------------------------
 
 
 def checked(folder, config):
@@ -190,3 +190,15 @@ def test_auto_needs_a_file(tmp_path):
     done = dsd("detect", "-", "-c", "dsd.toml", cwd=tmp_path, stdin=(tmp_path / "log.csv").read_text())
     assert done.returncode == 2
     assert 'filter and u = "auto" needs a log in a file' in done.stderr
+
+
+def test_auto_of_u_and_d_hat_alone_is_the_maker_that_explains_the_log(tmp_path):
+    """The log as of the newest u and Euler is explained by viscous friction; as of any other it is not quite."""
+    t, u, d_hat, _ = noisy(Maker("euler", "newest"))
+    write(tmp_path / "log.csv", t, u, d_hat)
+    (tmp_path / "dsd.toml").write_text(AUTO)
+    done = dsd("diagnose", "log.csv", "-c", "dsd.toml", "--format", "json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result["provenance"]["d_hat"] == "logged, made with filter euler, newest u"
+    assert result["verdict"] == "viscous_friction"

@@ -17,7 +17,7 @@ class Question:
     """One log. Channels of shape (n,), SI, rotary.
 
     hidden : ids of what the belief lacks, "inertia" and "delay" among them. believed : inertia, delay, effects.
-    observer : nominal_inertia, time_constant, of a logged d_hat (or for one to be made).
+    observer : nominal_inertia, time_constant, of a logged d_hat (or for one to be made); filter and u if they are told.
     truth : inertia, delay, effects {id: values} of all that is there.
     judged : one of JUDGED. also : verdicts that are right as well, because the log cannot tell them apart.
     tied : whether it is enough that the verdict states what is hidden as indistinguishable.
@@ -27,7 +27,7 @@ class Question:
     hidden: tuple[str, ...]
     channels: dict[str, Array]
     believed: dict[str, Any]
-    observer: dict[str, float]
+    observer: dict[str, Any]
     truth: dict[str, Any]
     judged: str = "one"
     also: tuple[str, ...] = ()

@@ -1,7 +1,7 @@
 """The rigs' logs as tiers: what the studies of docs/outside.md and docs/hidden.md ask, and d_hat by other makers."""
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -58,9 +58,9 @@ def _rig(
 # -- d_hat by other makers ------------------------------------------------------------------------------------------
 
 
-def _by_maker(seed: int, how: str, pairing: str) -> Question:
+def _by_maker(seed: int, how: str, pairing: str, told: Mapping[str, str] | None = None) -> Question:
     """The same machine, motion and noise for every maker. In every other log the maker has the loop's own sensor of
-    speed, else an exact one and white noise on d_hat, as in the rig."""
+    speed, else an exact one and white noise on d_hat, as in the rig. told : what the owner says of the maker."""
     case = RigCase(what=(BY_D_HAT[seed % len(BY_D_HAT)],), seed=seed, sensing="udhat")
     trial = find_trial(case)
     log, motion = make_exact(case)[0], trial.motion
@@ -73,8 +73,12 @@ def _by_maker(seed: int, how: str, pairing: str) -> Question:
     d_hat = d_hat + (0.0 if own_sensor else 1.0) * noise
     made = _asked(log, "one")
     made.channels["d_hat"] = d_hat[motion.t >= 0.0]
-    observer = {"nominal_inertia": nominal, "time_constant": case.tau}
+    observer = {"nominal_inertia": nominal, "time_constant": case.tau, **(told or {})}
     return replace(made, observer=observer, notes=made.notes | {"filter": how, "u": pairing, "own_sensor": own_sensor})
+
+
+def _told(how: str, pairing: str, told: Mapping[str, str], word: str) -> Tier:
+    return Tier(f"d_hat: {how}, {pairing} u, {word}", partial(_by_maker, how=how, pairing=pairing, told=told), 0.5)
 
 
 # -- the other generator --------------------------------------------------------------------------------------------
@@ -127,4 +131,7 @@ def tiers() -> list[Tier]:
             Tier(f"d_hat: {how}, {pairing} u", partial(_by_maker, how=how, pairing=pairing), 0.75)
             for how, pairing in makers
         ),
+        _told("euler", "newest", {"filter": "euler", "u": "newest"}, "told"),
+        _told("bilinear", "mean", {"filter": "bilinear", "u": "mean"}, "told"),
+        _told("euler", "newest", {"filter": "auto", "u": "auto"}, "found"),
     ]

@@ -26,7 +26,7 @@ from dsd_cli.identify.recordings.smoothing import Smoothed, channel_noise, noise
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import Frame
-from dsd_cli.signals.log import Array, Log, with_channels
+from dsd_cli.signals.log import D_HAT_MAKER, Array, Log, with_channels
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,8 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
     provenance = {"u": "logged"}
     if "d_hat" in log:
         provenance["d_hat"] = "logged" if log.d_hat_source == "logged" else f"computed from {log.d_hat_source}"
+        if D_HAT_MAKER in log.metadata:
+            provenance["d_hat"] = f"logged, made with {log.metadata[D_HAT_MAKER]}"
         if observer.sign < 0:
             pieces = [with_channels(piece, d_hat=-piece["d_hat"]) for piece in pieces]
     else:

@@ -1,0 +1,65 @@
+"""Who made d_hat, of a log that has no motion beside it: the maker under whom the found effects explain the log best.
+
+Read by the wrong maker, u + Q^-1 d_hat is Jn a and a part of what u changes in a sample; a delay and smooth functions
+of the motion imitate some of that, but the laws that are there do not. So what is missing is searched for once, and
+the set that is found is fitted again to the log as each maker would have it. Where none of them leaves surely less, u
+is smooth and it does not matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.diagnose import Settings, diagnose
+from dsd_cli.plant.maker import Maker, remade
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Log, with_channels
+
+#: Of the held-out error that the maker of this package leaves, the share that another one may leave at most.
+BETTER = 0.93
+
+
+def as_made_by(log: Log, maker: Maker, observer: ObserverSettings) -> Log:
+    """The log with d_hat as this package makes it, where that maker has made it. Needs t, u and d_hat."""
+    if maker.as_here:
+        return log
+    here, _ = remade(log["t"], log["u"], observer.sign * log["d_hat"], maker, observer.time_constant)
+    found = with_channels(log, d_hat=observer.sign * here)
+    return replace(found, d_hat_source="position" if maker.intervals == 2 else "logged")
+
+
+def maker_by_fit(
+    log: Log,
+    model: PlantModel,
+    observer: ObserverSettings,
+    makers: Sequence[Maker],
+    restarts: Sequence[int] = (),
+) -> Maker:
+    """The one of `makers` that leaves least of the held-out data; that of this package where it is among them and no
+    other leaves less than `BETTER` of what it does.
+
+    Raises
+    ------
+    DataError : the log is too short, or lacks u or d_hat.
+    """
+    first = makers[0] if Maker() not in makers else Maker()
+    present = _found(as_made_by(log, first, observer), model, observer, restarts)
+    left = {m: _left(as_made_by(log, m, observer), present, observer, restarts) for m in makers}
+    best = min(makers, key=left.__getitem__)
+    return best if left[best] < BETTER * left[first] else first
+
+
+def _found(log: Log, model: PlantModel, observer: ObserverSettings, restarts: Sequence[int]) -> PlantModel:
+    """The model with every effect that a search finds in the log."""
+    answer = diagnose([prepare(log, observer, restarts)], model, observer, Settings())
+    return answer.whole_model or answer.refitted_model
+
+
+def _left(log: Log, model: PlantModel, observer: ObserverSettings, restarts: Sequence[int]) -> float:
+    """Held-out force error with all values of the model fitted to this log, unit of u."""
+    problem = pose([prepare(log, observer, restarts)], model, Settings())
+    return float(problem.score(Search(problem).refit).heldout_rmse)
