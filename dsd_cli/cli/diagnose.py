@@ -69,5 +69,22 @@ def _found(given: Given, progress: Progress, quiet: bool) -> Diagnosis:
         stability=True,
         on_told=early(quiet, progress),
     )
-    result: Diagnosis = in_units(found, given.settings.signals.units)
+    result: Diagnosis = in_units(_with_maker(found, given), given.settings.signals.units)
     return result
+
+
+def _with_maker(found: Diagnosis, given: Given) -> Diagnosis:
+    """With what u and d_hat alone say of a d_hat that was made another way, as the first advice."""
+    from dataclasses import replace
+
+    from dsd_cli.identify.d_hat_by_fit import other_maker
+
+    other = other_maker(given.recordings, found, given.observer)
+    if other is None:
+        return found
+    maker, before, after = other
+    line = (
+        f"d_hat looks as if it was made with {maker}: read so, what was found leaves {after:.3g}, not {before:.3g} "
+        '(held-out force error): observer.filter = "auto" and observer.u = "auto" find out'
+    )
+    return replace(found, advice=(line, *found.advice))

@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from dsd_cli.identify.fit.problem import pose
-from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.recordings.recording import Recording, prepare
+from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.maker import Maker, remade
@@ -21,6 +22,12 @@ from dsd_cli.signals.log import Log, with_channels
 
 #: Of the held-out error that the maker of this package leaves, the share that another one may leave at most.
 BETTER = 0.93
+#: What other makers do most, for a first look.
+_USUAL = (Maker("exact", "newest"), Maker("euler", "newest"))
+#: A recording whose longest stretch is less than this share of it is not asked.
+_LEAST_PIECE = 0.5
+#: The share that one of them may leave at most to be worth a word.
+_MUCH = 0.85
 
 
 def as_made_by(log: Log, maker: Maker, observer: ObserverSettings) -> Log:
@@ -63,3 +70,22 @@ def _left(log: Log, model: PlantModel, observer: ObserverSettings, restarts: Seq
     """Held-out force error with all values of the model fitted to this log, unit of u."""
     problem = pose([prepare(log, observer, restarts)], model, Settings())
     return float(problem.score(Search(problem).refit).heldout_rmse)
+
+
+def other_maker(
+    recordings: Sequence[Recording], answer: Diagnosis, observer: ObserverSettings
+) -> tuple[Maker, float, float] | None:
+    """(a usual maker under whom the found effects explain the log much better, held-out force error as read, and as
+    made so); None where there is none, where a motion is logged, or where d_hat is not as it was logged."""
+    (recording, *others) = recordings
+    how = recording.provenance
+    if others or how.get("d_hat") != "logged" or not how.get("velocity", "").startswith("reconstructed"):
+        return None
+    piece = max(recording.pieces, key=len)
+    if len(piece) < _LEAST_PIECE * recording.samples:
+        return None
+    log = replace(piece, channels={name: piece[name] for name in ("t", "u", "d_hat")})
+    as_eq_13, present = replace(observer, sign=1), answer.whole_model or answer.refitted_model
+    left = {m: _left(as_made_by(log, m, as_eq_13), present, as_eq_13, ()) for m in (Maker(), *_USUAL)}
+    best = min(left, key=left.__getitem__)
+    return (best, left[Maker()], left[best]) if left[best] < _MUCH * left[Maker()] else None

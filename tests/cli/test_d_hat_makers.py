@@ -202,3 +202,14 @@ def test_auto_of_u_and_d_hat_alone_is_the_maker_that_explains_the_log(tmp_path):
     result = json.loads(done.stdout)
     assert result["provenance"]["d_hat"] == "logged, made with filter euler, newest u"
     assert result["verdict"] == "viscous_friction"
+
+
+def test_diagnose_says_that_d_hat_was_made_another_way(tmp_path):
+    for maker, said in ((Maker("exact", "newest"), True), (Maker(), False)):
+        t, u, d_hat, _ = noisy(maker)
+        write(tmp_path / "log.csv", t, u, d_hat)
+        (tmp_path / "dsd.toml").write_text(CONFIG)
+        done = dsd("diagnose", "log.csv", "-c", "dsd.toml", "--format", "json", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        first = (json.loads(done.stdout)["advice"] or [""])[0]
+        assert ("made with filter exact, newest u" in first) is said
