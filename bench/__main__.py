@@ -33,6 +33,7 @@ RESULTS = Path(__file__).parent / "results" / "latest.json"
 STUDIES = {
     "hidden": "hidden",
     "outside": "outside",
+    "plan": "plan",
     "paired": "paired",
     "machines": "machines",
     "random": "properties",

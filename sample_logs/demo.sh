@@ -61,6 +61,15 @@ if can report html; then
     run dsd report out/hidden.csv -c sample_logs/servo-bare.toml -o out/report.html
 fi
 
+if can plan run-with; then
+    say "6. An arm that made only short moves: gravity, or a constant load? Plan the motion that tells, run it, ask again."
+    run dsd simulate -c sample_logs/servo-arm.toml -o out/short.csv --quiet
+    begin 1 out/tie.txt dsd diagnose out/short.csv -c sample_logs/servo-arm-bare.toml
+    rm -f out/next-*
+    begin 3 out/plan.txt dsd plan out/short.csv -c sample_logs/servo-arm-bare.toml -o out/next.csv --plot out/plan.png \
+        --run-with "dsd simulate --quiet -c sample_logs/servo-arm.toml --reference {reference} -o {log}"
+fi
+
 say "B. WHICH STATE NOW? The paper's delayed plant follows a sine; at 1.5 s its delay jumps from 0.3 s to 0.4 s."
 run dsd simulate -c sample_logs/demo.toml -o out/log.csv
 

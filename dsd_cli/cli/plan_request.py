@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 from dsd_cli.errors import UsageError
 
 if TYPE_CHECKING:
+    from dsd_cli.cli.identification import Given
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import Config
     from dsd_cli.identify.design.plan import Wanted
     from dsd_cli.identify.design.results import Experiment, Plan
@@ -165,25 +167,37 @@ def planned(settings: Config, logs: Sequence[str], asked: Request, quiet: bool) 
     from dsd_cli.cli.identification import early, load_given
     from dsd_cli.cli.plan import widening
     from dsd_cli.cli.progress import Progress
+
+    with Progress(not quiet) as progress, widening(settings.signals):
+        given = load_given(settings, list(logs), [], progress)
+        plan, found = plan_for(given, asked.wanted, progress, early(quiet, progress))
+    plan = replace(plan, logs=tuple("<stdin>" if path == "-" else path for path in logs))
+    return Answer(plan, found, (*given.warnings, *plan.warnings))
+
+
+def plan_for(
+    given: Given, wanted: Wanted, progress: Progress, on_told: Callable[..., None] = lambda _: None
+) -> tuple[Plan, Diagnosis]:
+    """The plan in the user's units, and the diagnosis that it begins with.
+
+    Raises
+    ------
+    DataError, UsageError : as `planned`.
+    """
     from dsd_cli.identify.design.plan import plan_next
     from dsd_cli.identify.verdict.diagnose import diagnose
 
     kept: list[tuple[Search, Fit]] = []
-    with Progress(not quiet) as progress, widening(settings.signals):
-        given = load_given(settings, list(logs), [], progress)
-        found = diagnose(
-            given.recordings,
-            given.model,
-            given.observer,
-            given.engine_settings,
-            progress=progress,
-            on_told=early(quiet, progress),
-            on_found=lambda search, whole: kept.append((search, whole)),
-        )
-        search, whole = kept[-1]
-        if not asked.wanted.names and found.blocked:
-            raise UsageError(f"{', '.join(logs)}: no motion mends this", found.blocked)
-        plan = plan_next(search, whole, found, given.observer, asked.wanted, progress)
-    names = tuple("<stdin>" if path == "-" else path for path in logs)
-    plan = replace(plan, units=settings.signals.units, logs=names)
-    return Answer(plan, found, (*given.warnings, *plan.warnings))
+    found = diagnose(
+        given.recordings,
+        given.model,
+        given.observer,
+        given.engine_settings,
+        progress=progress,
+        on_told=on_told,
+        on_found=lambda search, whole: kept.append((search, whole)),
+    )
+    if not wanted.names and found.blocked:
+        raise UsageError("no motion mends this", found.blocked)
+    plan = plan_next(*kept[-1], found, given.observer, wanted, progress)
+    return replace(plan, units=given.settings.signals.units), found

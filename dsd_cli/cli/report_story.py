@@ -24,6 +24,8 @@ from dsd_cli.cli.identification import Given, load_given, warn
 from dsd_cli.cli.improve import validated
 from dsd_cli.cli.improve_loop import follow, with_steps
 from dsd_cli.cli.labels_out import ESTIMATES
+from dsd_cli.cli.plan_loop import left_open
+from dsd_cli.cli.plan_request import plan_for, request
 from dsd_cli.cli.progress import Progress
 from dsd_cli.cli.recordings import beyond_known, known_values
 from dsd_cli.cli.refresh import Refreshed, refreshed
@@ -35,6 +37,7 @@ from dsd_cli.files.config.config import parse_tables, read_config
 from dsd_cli.files.config.edit import Origin, now
 from dsd_cli.files.config.values_edit import merged, with_keys
 from dsd_cli.identify.compare.comparison import compare
+from dsd_cli.identify.design.results import Plan
 from dsd_cli.identify.improve import improve
 from dsd_cli.identify.results import Diagnosis, Ladder, Step, in_units
 from dsd_cli.identify.verdict.stability import with_stability
@@ -71,6 +74,7 @@ def tell(
     teller = _Teller(config, tuple(logs), tuple(holdout), quiet)
     given = teller.attempt("the model", lambda: load_given(config, logs, holdout))
     comparison, ladder, diagnosis, curves = teller.identified(given, 2 * _axes(config))
+    plan = teller.planned(given, diagnosis)
     text, detector, with_what = teller.at_the_end(origin.text, given, ladder)
     detections = teller.detections(detector)
     if curves.value is None:
@@ -84,6 +88,7 @@ def tell(
         diagnosis=diagnosis,
         ladder=ladder,
         views=curves,
+        plan=plan,
         config_name=str(origin.path),
         config_text=text,
         detected_with=with_what,
@@ -177,6 +182,14 @@ class _Teller:
         models = [step.model for step in ladder.value.result.steps] if ladder.value else [known.model]
         curves = self.attempt("curves", lambda: views(known.recordings, models, known.observer, more))
         return comparison, ladder, diagnosis, curves
+
+    def planned(self, given: Part[Given], diagnosis: Part[DiagnosisReport]) -> Part[Plan]:
+        """The motion that would settle what the first diagnosis leaves open; none where it leaves nothing."""
+        if given.value is None or diagnosis.value is None or not left_open(diagnosis.value.result):
+            return Part(None, "")
+        known, wanted = given.value, request(self.config, (), (None, (), None, None)).wanted
+        with Progress(not self.quiet) as progress:
+            return self.attempt("plan", lambda: plan_for(known, wanted, progress)[0])
 
     def _climbed(self, given: Given, first: list[Diagnosis]) -> LadderReport:
         """`improve --auto`; the first diagnosis goes into `first`."""

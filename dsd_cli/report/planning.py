@@ -30,7 +30,15 @@ def to_json(plan: Plan, experiments: Sequence[Experiment] = (), output: str = ""
         "seconds": None if motion is None else motion.seconds,
         "sample_time": None if motion is None else motion.step,
         "pairs": [
-            {"a": p.a, "b": p.b, "nats_before": p.nats_before, "nats_expected": p.nats_expected} for p in plan.pairs
+            {
+                "a": p.a,
+                "b": p.b,
+                "nats_before": p.nats_before,
+                "nats_expected": p.nats_expected,
+                "nats_if_a": number_or_none(p.nats_if_a),
+                "nats_if_b": number_or_none(p.nats_if_b),
+            }
+            for p in plan.pairs
         ],
         "values": [_value_json(v, plan) for v in plan.values],
         "limits": {"position": [limits.low, limits.high], **limits.sizes, "start": limits.start},

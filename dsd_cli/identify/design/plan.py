@@ -225,7 +225,13 @@ class _Answer:
         before = Measure(self.search, targets, 1)
         now = before.expected(before.nothing).nats
         pairs = tuple(
-            PlannedPair(*apart(none[a], none[b]), _lead(now, a, b), measure.told_apart(expected, a, b))
+            PlannedPair(
+                *apart(none[a], none[b]),
+                _lead(now, a, b),
+                measure.told_apart(expected, a, b),
+                expected.nats.get((a, b), math.nan),
+                expected.nats.get((b, a), math.nan),
+            )
             for a, b in targets.pairs
         )
         units = {} if not targets.values else self.search.problem.values(targets.explanations[0].fit).estimates

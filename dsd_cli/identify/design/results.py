@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -12,12 +13,15 @@ from dsd_cli.signals.units import Units
 
 @dataclass(frozen=True)
 class PlannedPair:
-    """Two explanations; nats by which the logs prefer a to b, and by which logs and plan will prefer the true one."""
+    """Two explanations; nats by which the logs prefer a to b, and by which logs and plan will prefer the true one: the
+    smaller of both ways, and if a, or b, is true; NaN where the other may be as good, having all of its effects."""
 
     a: str
     b: str
     nats_before: float
     nats_expected: float
+    nats_if_a: float = math.nan
+    nats_if_b: float = math.nan
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from dsd_cli.report.ladder import LadderReport
 from dsd_cli.report.names import estimate_text, listed
 from dsd_cli.report.page.html import Html, left, lines, listing, name, table, tag, typeset
 from dsd_cli.report.page.parts import GRADES, badge, missing, section
+from dsd_cli.report.page.plan_part import plan_part
 from dsd_cli.report.page.story import Story
 from dsd_cli.report.values_table import correlation_lines
 
@@ -25,6 +26,7 @@ def untold_section(story: Story) -> Html:
         listing(open_, "facts") if open_ else tag("p", "Nothing that was asked is left open."),
         tag("h3", "What to do next") if advice else None,
         listing(advice, "advice"),
+        plan_part(story),
         _checked_values(story),
     )
 

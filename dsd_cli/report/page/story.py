@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 from dsd_cli.identify.checks import CheckResult
+from dsd_cli.identify.design.results import Plan
 from dsd_cli.report.comparison import Report
 from dsd_cli.report.detection import Detection
 from dsd_cli.report.diagnosis import DiagnosisReport
@@ -59,6 +60,7 @@ class Story:
     command : as it was typed, quoted for a shell. files : what was read. versions : what it was made with.
     config_name, config_text : the config that results; "" without a ladder.
     detected_with : what the labels are of that the config as given does not have; "" if nothing.
+    plan : the motion that settles what is left open; missing where nothing is.
     warnings : of reading the logs, and values of [model] beyond what is known of them.
     """
 
@@ -79,6 +81,7 @@ class Story:
     files: tuple[SourceFile, ...] = ()
     versions: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    plan: Part[Plan] = Part()
 
     def why_not(self, part: Part[Any]) -> str:
         """Why a later part is missing; not twice the same line."""
