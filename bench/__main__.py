@@ -5,6 +5,7 @@ logs of another laboratory, see bench/outside.py; `python -m bench paired` asks 
 bench/paired.py; `python -m bench random` runs the property
 tests on new examples, see bench/properties.py; `python -m bench fuzz` looks for input that breaks the commands, see
 bench/fuzz.py; `python -m bench kills` ends them by signals, see bench/fuzz_kills.py;
+`python -m bench learn` asks what is learnt of laws that no catalogue has, see bench/learn.py;
 `python -m bench coverage` counts how often standard errors hold the truth, see bench/coverage.py;
 `python -m bench longlog` labels a day at 10 kHz, see bench/longlog.py; `python -m bench fleet`
 runs over many logs, see bench/fleet.py; `python -m bench.beyond` makes the tables of docs/beyond.md, its item `cost`
@@ -32,6 +33,7 @@ RESULTS = Path(__file__).parent / "results" / "latest.json"
 #: First argument -> module of the study, each with a `main(arguments)`.
 STUDIES = {
     "hidden": "hidden",
+    "learn": "learn",
     "outside": "outside",
     "plan": "plan",
     "paired": "paired",

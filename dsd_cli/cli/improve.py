@@ -47,6 +47,9 @@ def improve(
     spread_by: SpreadOption = SPREAD,
     states: StatesOption = False,
     auto: Annotated[bool, typer.Option("--auto", help="Do not ask: add what the diagnosis finds.")] = False,
+    learn: Annotated[
+        bool, typer.Option("--learn", help="Where it ends in `unknown`, learn the law that no effect has: dsd learn.")
+    ] = False,
     history: Annotated[bool, typer.Option("--history", help="Show the steps that the config remembers.")] = False,
     undo: Annotated[
         bool, typer.Option("--undo", help="Take the last step back, in the config or into the file of -o.")
@@ -63,7 +66,7 @@ def improve(
     from dsd_cli.files.config.edit import read_origin
 
     config, plot, form = options.config, options.plot, options.form
-    kind = from_prior, states
+    kind = from_prior, states, learn
     wanted = Request(config, tuple(log or ()), options.apart, auto, plot, output, form, options.quiet, *kind)
     if history or undo:
         wanted.check_config_alone(
@@ -102,6 +105,7 @@ class Request:
     quiet: bool
     transfer: bool = False
     states: bool = False
+    learn: bool = False
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -120,7 +124,7 @@ class Request:
         if both:
             raise UsageError("--history and --undo", "give one of them")
         written = option == "--history" and self.output is not None
-        if self.inputs or self.auto or self.plot or override or written:
+        if self.inputs or self.auto or self.learn or self.plot or override or written:
             raise UsageError(f"{option} looks at the config alone", "leave out the log and the other options")
 
     def check_logs(self) -> None:
@@ -156,6 +160,7 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
 
     from dsd_cli.cli.identification import load_given, print_json, say, warn
     from dsd_cli.cli.improve_loop import put_config, with_steps
+    from dsd_cli.cli.learn import with_learnt
     from dsd_cli.cli.pictures import put_picture
     from dsd_cli.cli.plan import widening
     from dsd_cli.cli.progress import Progress
@@ -168,6 +173,7 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
     with Progress(not quiet) as progress, widening(settings.signals):
         given = load_given(settings, wanted.logs, wanted.holdout, progress)
         ladder = in_units(_run(given, wanted.auto, quiet, progress), settings.signals.units)
+        ladder = with_learnt(ladder, given, progress) if wanted.learn else ladder
         held_out = validated(given, ladder) if given.holdout else ()
     moved = transferred(settings, ladder) if wanted.transfer else ()
     report = LadderReport(ladder, wanted.logs, output, given.dropped, given.warnings, held_out, moved)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
     from dsd_cli.files.config.edit import Origin
     from dsd_cli.identify.learn.results import Learnt
+    from dsd_cli.identify.results import Ladder
     from dsd_cli.report.learning import LearnReport
 
 OutputOption = Annotated[
@@ -149,6 +150,27 @@ def learnt_from(given: Given, progress: object) -> Learnt:
     if formula is not None:
         formula = replace(formula, parameters=in_units(formula.parameters, units))
     return replace(found, units=units, estimates=in_units(found.estimates, units), formula=formula)
+
+
+def with_learnt(ladder: Ladder, given: Given, progress: object) -> Ladder:
+    """The ladder with one rung more, where it ends in `unknown` and a law lowers the held-out error further."""
+    from dataclasses import replace
+
+    from dsd_cli.identify.results import UNKNOWN
+
+    top = ladder.steps[-1]
+    if ladder.verdict != UNKNOWN:
+        return ladder
+    found = learnt_from(replace(given, model=top.model), progress)
+    steps = found.steps()
+    if not steps or not steps[0].score.heldout_rmse < top.score.heldout_rmse:
+        return replace(
+            ladder, stopped=f"{ladder.stopped}; no law was learnt ({found.why or 'the error does not fall'})"
+        )
+    rung = replace(steps[0], step=top.step + 1)
+    said = found.family if found.formula is None else f"{found.family}, {found.formula.text}"
+    stopped = f"learnt: {said}, which no effect of the catalogue is"
+    return replace(ladder, steps=(*ladder.steps, rung), values=found.estimates, correlations=(), stopped=stopped)
 
 
 def put_files(found: Learnt, given: Given, files: Files, origin: Origin, logs: tuple[str, ...]) -> LearnReport:

@@ -198,7 +198,7 @@ def print_legend(console: Any, units: Units) -> None:
 
 
 def _done(step: Step) -> str:
-    return f"{step.effect} taken back" if step.kind == "taken back" else step.effect
+    return f"{step.effect} {step.kind}" if step.kind in ("taken back", "learnt") else step.effect
 
 
 def fit_text(percent: float) -> str:

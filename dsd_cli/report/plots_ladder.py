@@ -154,7 +154,10 @@ def draw_values(axis: Any, steps: Sequence[Step], units: Units) -> None:
     axis.tick_params(axis="both", length=0)
     for side in ("left", "bottom"):
         axis.spines[side].set_visible(False)
-    names = [f"{step.step} {step.effect}" + ("\ntaken back" if step.kind == "taken back" else "") for step in steps]
+    names = [
+        f"{step.step} {step.effect}" + (f"\n{step.kind}" if step.kind in ("taken back", "learnt") else "")
+        for step in steps
+    ]
     axis.set_xticks(range(len(steps)), [in_picture(text) for text in names], fontsize=9)
     axis.tick_params(axis="x", labeltop=True, labelbottom=False)
     more = len(table) - len(shown)

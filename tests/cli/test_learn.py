@@ -109,6 +109,16 @@ def test_the_law_file_is_an_effect_that_the_other_commands_take(spot):
     assert json.loads(shown.stdout)["force"]["rmse"] < 0.1 * rmse(folder, "model.toml")
 
 
+def test_improve_takes_it_as_the_last_rung(spot):
+    folder, _ = spot
+    more = ("--auto", "--learn", "-o", "rung.toml", "--to", "8", "--format", "json")
+    result = json.loads(done("improve", "log.csv", "-c", "model.toml", *more, cwd=folder).stdout)
+    last = result["ladder"][-1]
+    assert (result["verdict"], last["kind"], last["effect"]) == ("unknown", "learnt", "friction_curve")
+    assert last["heldout_rmse"] < 0.3 * result["ladder"][-2]["heldout_rmse"]
+    assert "learnt: friction over the position" in result["stopped"]
+
+
 def test_a_law_of_the_catalogue_is_named_as_that(tmp_path):
     write(tmp_path, "nothing")
     bare = (tmp_path / "model.toml").read_text().partition("[model.effects")[0]

@@ -17,6 +17,7 @@ from dsd_cli.identify.learn.judge import Judge, LawFit
 from dsd_cli.identify.learn.law_file import law_source
 from dsd_cli.identify.learn.results import Formula
 from dsd_cli.identify.learn.rows import Balance
+from dsd_cli.identify.learn.sampled import strengths_of, tables_of
 from dsd_cli.identify.results import Estimate
 from dsd_cli.signals.log import Array
 
@@ -30,11 +31,13 @@ _MUCH_WORSE = 1.5
 
 @dataclass(frozen=True)
 class Found:
-    """A formula, its fit, and where all terms are of the catalogue their values: effect -> values."""
+    """A formula, its fit, and where it explains as much as the curve the effects that a model then has: those of the
+    catalogue, or tables of it. known : whether they are of the catalogue."""
 
     formula: Formula
     fit: LawFit
-    known: Mapping[str, Values]
+    effects: Mapping[str, Values]
+    known: bool
 
 
 def formula_of(chosen: Choice) -> Found | None:
@@ -74,7 +77,8 @@ def formula_of(chosen: Choice) -> Found | None:
         replaces=replaces,
     )
     merged = {name: v for one in known if one for name, v in one.items()}
-    return Found(formula, found, merged if all_known and replaces else {})
+    tables = tables_of(terms, strengths_of(values), judge.balance.problem.model, judge.balance)
+    return Found(formula, found, (merged if all_known else tables) if replaces else {}, all_known)
 
 
 def _name(term: Term) -> str:

@@ -92,28 +92,29 @@ def _learnt(chosen: Choice, scores: Scores, recordings: Sequence[Recording], hol
     fit, judge = chosen.fit, chosen.judge
     formula = formula_of(chosen)
     curves = effects_of(fit, scores.problem.model)
-    known_as = {} if formula is None else formula.known
-    laws = dict(known_as) or curves
-    fit = formula.fit if formula is not None and known_as else fit
+    by_formula = {} if formula is None else dict(formula.effects)
+    laws = by_formula or curves
+    fit = formula.fit if formula is not None and by_formula else fit
+    tabled = formula is None or not (by_formula and formula.known)
     balance: Balance = judge.balance
     begun = scores.problem.model.changed(inertia=_inertia(fit, balance), effects=laws)
     problem = scores.with_law(begun, _held(fit, balance, laws))
     known = problem.values(Search(problem).refit)
     model = known.model
-    if not known_as:
+    if tabled:
         model = model.changed(effects={name: with_scale_in(model.effects[name]) for name in laws})
     after = problem.errors_for(model, recordings).of_model(model)
     heldout = chosen.rmse(fit)
     if holdout:
         heldout = problem.errors_for(model, holdout).of_model(model).rmse
-    estimates = {name: one for name, one in known.estimates.items() if name.partition(".")[0] not in curves}
+    estimates = {name: one for name, one in known.estimates.items() if not (tabled and name.partition(".")[0] in laws)}
     families = [law.family for law in chosen.fit.laws]
     return Learnt(
         logs=tuple(r.name for r in recordings),
         verdict=LEARNT,
         family=of_several(families),
         channels=tuple(dict.fromkeys(name for family in families for name in family.on)),
-        curves=curves_of(chosen.fit, judge, list(curves)),
+        curves=curves_of(chosen.fit, judge, list(laws if len(laws) == len(curves) else curves)),
         formula=None if formula is None else formula.formula,
         score=scores.given,
         refitted=_held_out(scores.refitted, chosen, chosen.base, holdout),

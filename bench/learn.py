@@ -1,0 +1,228 @@
+"""`python -m bench learn`: laws of no catalogue from an outside rig, what `dsd learn` makes of them.
+
+Every law of `tests/oracle/rig_strange_laws.py`, or of `--laws-from FILE.py` (a file with a dictionary `LAWS` of the
+same kind), behind four sensors, from several seeds; then logs with nothing missing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import runpy
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsd_cli.effects import get_effect
+from dsd_cli.identify.fit.asked import Settings
+from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.learn.learning import learn
+from dsd_cli.identify.learn.results import LEARNT, Learnt
+from dsd_cli.identify.recordings.recording import Recording, prepare
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Log
+from tests.oracle.rig_strange import LAWS, SENSORS, StrangeLog, make
+
+#: Form of a law in the rig -> effects of the formula that are that form.
+FORMS = {
+    "1/lorentz q": {"learnt_dry_lorentz_q"},
+    "1/sine q": {"learnt_dry_sine_q"},
+    "1/linear t": {"learnt_dry_linear_t"},
+    "1/decay t": {"learnt_dry_decay_t"},
+    "1/linear q": {"learnt_dry_linear_q"},
+    "root/": {"learnt_root"},
+    "v/lorentz v": {"learnt_viscous_peak_v"},
+    "v/decay v": {"learnt_viscous_decay_v"},
+    "0/tanh v": {"learnt_force_level_v"},
+    "a/sine q": {"learnt_inertia_sine_q"},
+    "0/hinge q": {"learnt_force_beyond_q"},
+    "0/tanh q": {"learnt_force_tanh_q"},
+    "0/inverse square q": {"learnt_force_inverse_q"},
+    "v/gauss q": {"learnt_viscous_gauss_q"},
+    "v/linear q": {"learnt_viscous_linear_q"},
+    "v/decay t": {"learnt_viscous_decay_t"},
+    "u/sine q": {"learnt_gain_sine_q"},
+    "u/linear t": {"learnt_gain_linear_t"},
+    "|u|/": {"learnt_size"},
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One log: errors are held-out ones, unit of u; `true` with the true force taken off."""
+
+    law: str
+    sensor: str
+    seed: int
+    verdict: str
+    channels: str
+    right: bool
+    exact: bool | None
+    before: float
+    after: float
+    true: float
+    second: float
+    second_true: float
+    covered: float | None
+    cpu: float
+    formula: str
+
+
+def recording_of(log: StrangeLog, without_law: bool = False) -> tuple[Recording, PlantModel]:
+    """The log as it is, or as it would be with the true force of its law known: u at the plant takes it up."""
+    channels = dict(log.channels)
+    if without_law:  # force k acts in the interval that ends at k, u k - 1 - L before it
+        ahead = log.delay / 1e-3 + 1.0
+        n, part = int(ahead), ahead - int(ahead)
+        later = np.concatenate([log.truth, np.full(n + 2, log.truth[-1])])
+        size = len(log.truth)
+        channels["u"] = channels["u"] + (1.0 - part) * later[n : n + size] + part * later[n + 1 : n + 1 + size]
+    observer = ObserverSettings(log.inertia, 0.01)
+    believed = PlantModel(log.inertia, log.delay, log.believed)
+    return prepare(Log(channels, 1e-3, log.law), observer), believed
+
+
+def true_error(log: StrangeLog) -> float:
+    """Held-out error of the model's own values beside the true law."""
+    recording, model = recording_of(log, without_law=True)
+    problem = pose([recording], model, Settings(effects=()))
+    return problem.score(Search(problem).refit).heldout_rmse
+
+
+def asked(law: str, sensor: str, seed: int, laws: dict[str, Any]) -> Row:
+    """What is made of one law, and of a second motion of the same machine."""
+    motions = ("moves", "sines") if seed % 2 else ("sines", "moves")
+    log = make(law, seed, sensor, motions[0], laws=laws)
+    other = make(law, seed, sensor, motions[1], laws=laws, second=1)
+    recording, model = recording_of(log)
+    begin = time.process_time()
+    found = learn([recording], model)
+    cpu = time.process_time() - begin
+    second, _ = recording_of(other)
+    problem = pose([second], found.model, Settings(effects=()))
+    on = {**LAWS, **laws}[law].on if law != "nothing" else ()
+    form = {**LAWS, **laws}[law].form if law != "nothing" else ""
+    names = set() if found.formula is None else set(found.formula.effects)
+    return Row(
+        law,
+        sensor,
+        seed,
+        found.verdict,
+        " ".join(found.channels),
+        set(found.channels) == set(on),
+        names == FORMS[form] if form in FORMS else None,
+        found.refitted.heldout_rmse,
+        found.after.heldout_rmse,
+        true_error(log) if law != "nothing" else float("nan"),
+        problem.errors.of_model(found.model).rmse,
+        true_error(other) if law != "nothing" else float("nan"),
+        covered(found, log),
+        cpu,
+        "" if found.formula is None else found.formula.text,
+    )
+
+
+def covered(found: Learnt, log: StrangeLog) -> float | None:
+    """Share of the visited knots of a curve over one channel whose band holds the true law; None for other curves."""
+    if found.verdict != LEARNT or len(found.curves) != 1 or len(found.curves[0].channels) != 1:
+        return None
+    curve = found.curves[0]
+    effect, channel = get_effect(curve.effect), curve.channels[0]
+    if curve.factor != "one" or effect.memory or channel == "u":
+        return None
+    q, v = log.motion
+    sign = -np.sign(v) if effect.role.value == "friction" else np.ones(len(v))
+    x = {"velocity": v, "position": q, "time": log.channels["t"]}[channel]
+    moving = np.abs(v) > 0.05 * np.sqrt(np.mean(v**2))
+    inside = []
+    knots = np.array(curve.knots[0])
+    for knot, low, high in zip(knots, curve.low, curve.high, strict=True):
+        near = moving & (np.abs(x - knot) < 0.004 * (knots[-1] - knots[0]))
+        if np.isfinite(low) and near.sum() > 3:
+            true = float(np.median((sign * log.truth)[near]))
+            inside.append(low <= true <= high)
+    return float(np.mean(inside)) if inside else None
+
+
+def run(laws: Iterable[str], seeds: Iterable[int], more: dict[str, Any], out: Path) -> list[Row]:
+    """All of them, one line of JSON each as it comes; those that are there are not asked again."""
+    rows = [Row(**json.loads(line)) for line in out.read_text().splitlines()] if out.exists() else []
+    done = {(row.law, row.sensor, row.seed) for row in rows}
+    seeds = list(seeds)
+    with out.open("a") as file:
+        for law in laws:
+            for sensor in SENSORS:
+                for seed in seeds:
+                    if (law, sensor, seed) not in done:
+                        rows.append(asked(law, sensor, seed, more))
+                        file.write(json.dumps(vars(rows[-1])) + "\n")
+                        file.flush()
+    return rows
+
+
+def summary(rows: list[Row]) -> list[str]:
+    """The figures, one line each."""
+    strange = [row for row in rows if row.law != "nothing"]
+    clean = [row for row in rows if row.law == "nothing"]
+    lines = []
+    if strange:
+        speed = [row for row in strange if row.exact is not None and row.sensor.startswith("speed")]
+        band = [row.covered for row in strange if row.covered is not None]
+        lines += [
+            f"{len(strange)} logs of {len({row.law for row in strange})} laws",
+            _share("right channels", [row.right for row in strange]),
+            _share("held-out error within 10 % of the true law's", [row.after <= 1.1 * row.true for row in strange]),
+            _share("second motion within 20 %", [row.second <= 1.2 * row.second_true for row in strange]),
+            _share("error falls by 80 % at least", [row.after < 0.2 * row.before for row in strange]),
+            _share("exact form, speed sensors, law in the dictionary", [bool(row.exact) for row in speed]),
+            f"knots whose 95 % band holds the law: {100.0 * np.mean(band):.0f} %" if band else "",
+            f"CPU of 20 s at 1 kHz: {np.mean([r.cpu for r in rows]):.1f} s, at most {max(r.cpu for r in rows):.1f} s",
+        ]
+    if clean:
+        lines.append(f"laws in logs with nothing missing: {sum(r.verdict == LEARNT for r in clean)} of {len(clean)}")
+    return [line for line in lines if line]
+
+
+def _share(what: str, held: list[bool]) -> str:
+    return f"{what}: {sum(held)} of {len(held)} ({100.0 * np.mean(held):.0f} %)"
+
+
+def table(rows: list[Row]) -> list[str]:
+    """A line for each law: over its logs."""
+    lines = ["| law | right channels | exact form | held-out: without, with, true law | second: with, true law |",
+             "|---|---|---|---|---|"]  # fmt: skip
+    for law in dict.fromkeys(row.law for row in rows if row.law != "nothing"):
+        own = [row for row in rows if row.law == law]
+        exact = [row for row in own if row.exact is not None]
+        form = f"{sum(bool(r.exact) for r in exact)} of {len(exact)}" if exact else "-"
+        errors = " ".join(f"{np.median([getattr(r, name) for r in own]):.2g}" for name in ("before", "after", "true"))
+        seconds = " ".join(f"{np.median([getattr(r, name) for r in own]):.2g}" for name in ("second", "second_true"))
+        lines.append(
+            f"| {law.replace('_', ' ')} | {sum(r.right for r in own)} of {len(own)} | {form} | {errors} | {seconds} |"
+        )
+    return lines
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """`python -m bench learn [--laws a,b] [--seeds 3] [--first 101] [--nothing 50] [--laws-from FILE.py] [-o FILE]`."""
+    parser = argparse.ArgumentParser(prog="python -m bench learn", description=__doc__)
+    parser.add_argument("--laws", help="some of them, with commas between")
+    parser.add_argument("--laws-from", help="a Python file with a dictionary LAWS of tests.oracle.rig_strange_laws.Law")
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--first", type=int, default=101)
+    parser.add_argument("--nothing", type=int, default=50, help="seeds with nothing missing, behind each sensor")
+    parser.add_argument("-o", "--output", default="out/learn.jsonl")
+    given = parser.parse_args(arguments)
+    more = runpy.run_path(given.laws_from)["LAWS"] if given.laws_from else {}
+    out = Path(given.output)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    laws = given.laws.split(",") if given.laws else list(more) or list(LAWS)
+    rows = run(laws, range(given.first, given.first + given.seeds), more, out)
+    if given.nothing:
+        rows = run(["nothing"], range(given.first, given.first + given.nothing), more, out)
+    print("\n".join([*summary(rows), "", *table(rows)]))

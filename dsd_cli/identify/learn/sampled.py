@@ -1,0 +1,88 @@
+"""A formula as tables of general effects, so that a config has it without a file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from dsd_cli.effects import Channels, Effect, Values, free_name
+from dsd_cli.effects.general import CURVE, FRICTION_CURVE, INERTIA_CURVE, Moved
+from dsd_cli.effects.tables import Table
+from dsd_cli.identify.learn.dictionary import effect_of
+from dsd_cli.identify.learn.families import samples_of
+from dsd_cli.identify.learn.formula import Term
+from dsd_cli.identify.learn.rows import Balance
+from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.log import Array
+
+#: Knots of a table, evenly over what the log visited.
+_KNOTS = 201
+#: Letter of a channel -> that of a table.
+_OVER = {"v": "velocity", "q": "position", "u": "u", "t": "time"}
+#: Base -> effect and factor of its table, and the channel that it stands over by itself.
+_TABLES: dict[str, tuple[Effect, str, str]] = {
+    "dry": (FRICTION_CURVE, "one", "velocity"),
+    "load": (FRICTION_CURVE, "one", "u"),
+    "viscous": (CURVE, "velocity", "velocity"),
+    "force": (CURVE, "one", "position"),
+    "drag": (CURVE, "one", "velocity"),
+    "root": (CURVE, "one", "velocity"),
+    "asymmetry": (CURVE, "one", "velocity"),
+    "spring": (CURVE, "one", "position"),
+    "square": (CURVE, "one", "position"),
+    "cubic": (CURVE, "one", "position"),
+    "gain": (CURVE, "u", "u"),
+    "size": (CURVE, "one", "u"),
+    "inertia": (INERTIA_CURVE, "one", "position"),
+}
+
+
+def tables_of(
+    terms: Sequence[Term], strengths: Sequence[Array], model: PlantModel, balance: Balance
+) -> dict[str, Values]:
+    """Name in the model -> values of a table, for every term with these coefficients."""
+    found: dict[str, Values] = {}
+    for term, strength in zip(terms, strengths, strict=True):
+        effect, factor, own = _TABLES[term.kind.base]
+        over = _OVER.get(term.kind.over, own)
+        name = free_name(effect.id, {*model.effects, *found})
+        found[name] = effect.from_columns((1.0,), {"table": _table(term, strength, (over, factor), balance)})
+    return found
+
+
+def _table(term: Term, strength: Array, kind: tuple[str, str], balance: Balance) -> Table:
+    """The law at even knots over what was visited, and at 0 of the velocity, where it may bend."""
+    over, factor = kind
+    x = samples_of(over, balance)
+    knots = np.linspace(x.min(), x.max(), _KNOTS)
+    if over == "velocity" and knots[0] < 0.0 < knots[-1]:
+        knots[int(np.argmin(np.abs(knots)))] = 0.0
+    at = {"velocity": np.ones(_KNOTS), "position": np.zeros(_KNOTS), "u": np.ones(_KNOTS), "time": np.zeros(_KNOTS)}
+    at[over] = knots
+    channels = Channels(at["time"], at["u"], at["velocity"], at["position"], np.zeros(_KNOTS))
+    values = strength @ np.stack(_columns(term, channels))
+    if factor != "one":  # the table is what stands before the factor
+        values = values / np.where(at[factor] != 0.0, at[factor], np.nan)
+        values = np.interp(knots, knots[np.isfinite(values)], values[np.isfinite(values)])
+    return Table((over,), (tuple(map(float, knots)),), tuple(map(float, values)), factor)
+
+
+def _columns(term: Term, channels: Channels) -> list[Array]:
+    """Of a force, or what is added to an inertia: its column where the axis accelerates by 1 at rest."""
+    effect = effect_of(term.kind)
+    if term.kind.base != "inertia":
+        return [np.broadcast_to(c, len(channels.t)) for c in effect.columns(channels, term.values)]
+    still = channels._replace(velocity=np.zeros(len(channels.t)))
+    return [-c for c in effect.columns(still, term.values, Moved(0.0, 0.0, 1.0))[0]]
+
+
+def strengths_of(estimates: Sequence[Mapping[str, float]]) -> list[Array]:
+    """Coefficients of the columns of each term."""
+    return [
+        np.array([one["coefficient"]])
+        if "coefficient" in one
+        else one["amplitude"] * np.array([math.cos(one["phase"]), math.sin(one["phase"])])
+        for one in estimates
+    ]
