@@ -149,14 +149,14 @@ def covered(found: Learnt, log: StrangeLog) -> float | None:
     return float(np.mean(inside)) if inside else None
 
 
-def run(laws: Iterable[str], seeds: Iterable[int], more: dict[str, Any], out: Path) -> list[Row]:
+def run(laws: Iterable[str], seeds: Iterable[int], sensors: list[str], more: dict[str, Any], out: Path) -> list[Row]:
     """All of them, one line of JSON each as it comes; those that are there are not asked again."""
     rows = [Row(**json.loads(line)) for line in out.read_text().splitlines()] if out.exists() else []
     done = {(row.law, row.sensor, row.seed) for row in rows}
     seeds = list(seeds)
     with out.open("a") as file:
         for law in laws:
-            for sensor in SENSORS:
+            for sensor in sensors:
                 for seed in seeds:
                     if (law, sensor, seed) not in done:
                         rows.append(asked(law, sensor, seed, more))
@@ -213,6 +213,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m bench learn", description=__doc__)
     parser.add_argument("--laws", help="some of them, with commas between")
     parser.add_argument("--laws-from", help="a Python file with a dictionary LAWS of tests.oracle.rig_strange_laws.Law")
+    parser.add_argument("--sensors", default=",".join(SENSORS), help="some of them, with commas between")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--first", type=int, default=101)
     parser.add_argument("--nothing", type=int, default=50, help="seeds with nothing missing, behind each sensor")
@@ -222,7 +223,8 @@ def main(arguments: list[str] | None = None) -> None:
     out = Path(given.output)
     out.parent.mkdir(parents=True, exist_ok=True)
     laws = given.laws.split(",") if given.laws else list(more) or list(LAWS)
-    rows = run(laws, range(given.first, given.first + given.seeds), more, out)
+    sensors = given.sensors.split(",")
+    rows = run(laws, range(given.first, given.first + given.seeds), sensors, more, out)
     if given.nothing:
-        rows = run(["nothing"], range(given.first, given.first + given.nothing), more, out)
+        rows = run(["nothing"], range(given.first, given.first + given.nothing), sensors, more, out)
     print("\n".join([*summary(rows), "", *table(rows)]))
