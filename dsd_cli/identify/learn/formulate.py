@@ -164,7 +164,7 @@ def _signed(term: Term, values: Mapping[str, float], first: bool) -> str:
 def _words(term: Term, values: Mapping[str, float]) -> str:
     base, modulation = BASES[term.kind.base], MODULATIONS[term.kind.modulation]
     said = {name: f"{value:.3g}" for name, value in values.items()}
-    channel = {"v": "the velocity", "q": "q", "u": "u", "t": "time"}.get(term.kind.over, "")
+    channel = {"v": "|v|", "q": "q", "u": "u", "t": "time"}.get(term.kind.over, "")
     return f"{base.words} {modulation.words.format(x=channel, **said)}".strip()
 
 

@@ -21,8 +21,7 @@ import math
 import numpy as np
 
 from dsd_cli.effects import Effect, Parameter, Role
-{imports}
-'''
+{imports}'''
 
 
 def law_source(terms: Sequence[Term], names: Sequence[str], values: Sequence[Mapping[str, float]]) -> str:
@@ -38,7 +37,7 @@ def law_source(terms: Sequence[Term], names: Sequence[str], values: Sequence[Map
 
 def _columns(kind: Kind, name: str) -> list[str]:
     state = ", state=None" if kind.base == "inertia" else ""
-    return ["", f"def {name}(channels, shape{state}):", *body_of(kind), ""]
+    return ["", f"def {name}(channels, shape{state}):", *body_of(kind), "", ""]
 
 
 def _effect(term: Term, name: str, found: Mapping[str, float]) -> list[str]:
@@ -74,7 +73,7 @@ def _effect(term: Term, name: str, found: Mapping[str, float]) -> list[str]:
 
 
 #: Letter of a channel -> how it is said.
-CHANNEL = {"v": "the velocity", "q": "q", "u": "u", "t": "time", "": ""}
+CHANNEL = {"v": "|v|", "q": "q", "u": "u", "t": "time", "": ""}
 
 
 def _starts(term: Term) -> list[dict[str, float]]:
