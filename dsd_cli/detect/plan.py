@@ -49,6 +49,7 @@ class Plan:
                 effect, parameter = name.split(".", 1)
                 values.setdefault(effect, {})[parameter] = value
             models.append(self.model.changed(effects=values))
+        _check_commands(models)
         object.__setattr__(self, "effects", models)
 
     @property
@@ -83,6 +84,16 @@ class Plan:
         return self.logged_aperture if self.d_hat_source == "logged" else APERTURE[self.d_hat_source]
 
 
+def _check_commands(models: list[PlantModel]) -> None:
+    """No table over u."""
+    for model in models:
+        for name, values in model.effects.items():
+            effect = get_effect(name)
+            if effect.needs_of is not None and "u" in effect.needed(values):
+                why = "its table is over the command after the delay"
+                raise UsageError(f"dsd detect cannot take {name} yet: {why}", "leave it out of [model] and [states]")
+
+
 def _check_effects(names: set[str]) -> None:
     """Forces must be the same for every delay and inertia, and those of a row must not rest on other rows."""
     for name in sorted(names):
@@ -93,7 +104,7 @@ def _check_effects(names: set[str]) -> None:
             why = "it hangs a load on the motor"
         elif effect.memory:
             why = "it has memory"
-        elif "u" in effect.needs:
+        elif "u" in effect.needs and effect.needs_of is None:
             why = "it looks at the command after the delay"
         else:
             continue

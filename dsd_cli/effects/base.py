@@ -153,7 +153,7 @@ class Effect:
         model then has sections `<id>`, `<id>_2`, `<id>_3`, ... of one law. None: there is one in a model.
     told_apart : another effect, "inertia" or "delay", that logs often cannot tell from this one -> the experiment that
         can. It is enough if one of the two says so.
-    needs_of : values -> channels of the motion that it needs with these; None: `needs`.
+    needs_of : values -> channels that it needs with these; None: `needs`, which is all that it may need.
     joint : (values, inertia J of the whole plant) -> what it is in the joint of a robot simulator; None: nobody said.
     of_joint : (terms of a joint, inertia) -> values for each of this effect that is among them; None: it is none.
     """
@@ -196,6 +196,10 @@ class Effect:
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name, which must exist."""
         return next(p for p in self.parameters if p.name == name)
+
+    def needed(self, values: Values) -> tuple[str, ...]:
+        """Channels that it looks at with these values."""
+        return self.needs if self.needs_of is None else self.needs_of(values)
 
     def run(self, channels: Channels, shape: Shape, state: Any = None) -> tuple[tuple[Any, ...], Any]:
         """(columns, state to carry on from); the state of an effect without memory is None."""

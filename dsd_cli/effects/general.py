@@ -40,7 +40,13 @@ def _join(coefficients: tuple[float, ...], shape: Shape, _: float) -> Values:
 
 def _needs(values: Values) -> tuple[str, ...]:
     over = (*values["channels"], values.get("factor", "one"))
-    return tuple(name for name in ("velocity", "position") if name in over or (name == "velocity" and "speed" in over))
+    speed = ("velocity",) if {"velocity", "speed"} & set(over) else ()
+    return (*speed, *(name for name in ("position", "u") if name in over))
+
+
+def _needs_of_friction(values: Values) -> tuple[str, ...]:
+    """Its direction is that of the speed."""
+    return tuple(dict.fromkeys(("velocity", *_needs(values))))
 
 
 def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
@@ -126,6 +132,7 @@ FRICTION_CURVE = _tabled(
     "-f(channels) sgn v, a table; sticking at rest",
     "Dry friction whose level a table gives over velocity, position, u or time, as `dsd learn` finds it.",
     ("velocity", "u"),
+    needs_of=_needs_of_friction,
     joint=_friction_in_a_joint,
 )
 

@@ -80,8 +80,7 @@ class PlantModel:
         """Channel that must be in the log -> the first effect that asks for it."""
         found: dict[str, str] = {}
         for name, values in self.effects.items():
-            effect = get_effect(name)
-            for channel in effect.needs if effect.needs_of is None else effect.needs_of(values):
+            for channel in get_effect(name).needed(values):
                 found.setdefault(channel, name)
         return found
 

@@ -24,10 +24,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 #: Pages whose blocks are run; each in a folder of its own, as by a reader who begins there.
 PAGES = [
     "README.md",
-    *(
-        f"docs/{name}.md"
-        for name in ("missing", "learn", "detect", "pipeline", "json", "check", "fleet", "learn", "logs")
-    ),
+    *(f"docs/{name}.md" for name in ("missing", "detect", "pipeline", "json", "check", "fleet", "learn", "logs")),
 ]
 #: Lines of a page that one printed line may take.
 MOST_FOLDS = 6

@@ -1,5 +1,6 @@
 """Laws of any form: tables over channels and springs that slip, against laws written down a second time."""
 
+import json
 import math
 
 import numpy as np
@@ -158,6 +159,27 @@ frequencies = [0.4, 1.3]
 amplitude = 0.8
 seed = 2
 """
+
+
+def test_the_detector_takes_a_table_but_over_u(tmp_path):
+    states = """
+[states]
+delays = [0.0, 0.004]
+inertias = [0.005, 0.01]
+
+[detector]
+window = 50
+rho = 0.05
+initial = { delay = 0.0, inertia = 0.005 }
+"""
+    (tmp_path / "axis.toml").write_text(AXIS + CONFIG.replace("duration = 5.0", "duration = 2.0") + states)
+    done("simulate", "-c", "axis.toml", "-o", "log.csv", cwd=tmp_path)
+    found = json.loads(done("detect", "log.csv", "-c", "axis.toml", "--format", "json", cwd=tmp_path).stdout)
+    assert (found["final"]["delay"], found["final"]["inertia"]) == (0.004, 0.01)
+    (tmp_path / "u.toml").write_text(AXIS + CONFIG.replace('channels = ["position"]', 'channels = ["u"]') + states)
+    refused = dsd("detect", "log.csv", "-c", "u.toml", cwd=tmp_path)
+    assert (refused.returncode, len(refused.stderr.splitlines())) == (2, 1)
+    assert "its table is over the command after the delay" in refused.stderr
 
 
 def test_the_commands_take_it_like_any_effect(tmp_path):
