@@ -105,13 +105,13 @@ def _proposed(log: str, asked: Asked, quiet: bool) -> Proposed:
     from dsd_cli.cli.init_log import propose
     from dsd_cli.cli.progress import Progress
 
-    with _as_file(log) as path, Progress(not quiet and asked.ask is None) as progress:
+    with as_file(log) as path, Progress(not quiet and asked.ask is None) as progress:
         progress(f"looking at {Path(log).name}")
         return propose(path, asked, log)
 
 
 @contextmanager
-def _as_file(log: str) -> Iterator[str]:
+def as_file(log: str) -> Iterator[str]:
     """A log that can be looked at more than once: what can be read only once is copied first."""
     from dsd_cli.files.tables_in import is_stream
 

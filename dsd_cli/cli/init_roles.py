@@ -47,14 +47,14 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
     ------
     UsageError : a column that was given is not there.
     """
-    usable = [_usable(table) for table in sample.tables]
+    tables = [usable(table) for table in sample.tables]
     if given:
         given = {role: _named(path, sample, name) for role, name in given.items()}
-        usable = [one for one in usable if set(given.values()) <= {c.name for c in one.channels}] or usable
-    looks = [(_by_names(table, given), table) for table in usable]
+        tables = [one for one in tables if set(given.values()) <= {c.name for c in one.channels}] or tables
+    looks = [(by_names(table, given), table) for table in tables]
     best, table = max(looks, key=lambda item: _worth(*item))
     if not _whole(best.found):
-        union = _by_names(_union(usable), given)
+        union = by_names(_union(tables), given)
         if _whole(union.found):
             union, said = _joint(path, sample, union)
             return Chosen(union.found, {}, union.clock, None, tuple(said))
@@ -63,7 +63,7 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
     return _completed(best, table, given, tuple(said))
 
 
-def _usable(table: Table) -> Table:
+def usable(table: Table) -> Table:
     """Without what never changes, is yes or no, or no number."""
     kept = [one for one in table.channels if facts_of(one).kind not in ("empty", "text", "constant", "boolean")]
     return replace(table, channels=tuple(kept))
@@ -95,7 +95,8 @@ def _named(path: str, sample: Sample, name: str) -> str:
     return found[0]
 
 
-def _by_names(table: Table, given: Mapping[str, str]) -> FirstLook:
+def by_names(table: Table, given: Mapping[str, str]) -> FirstLook:
+    """What names and units say, and the user."""
     units = {one.name: one.unit for one in table.channels}
     names = list(units)
     names_left = [name for name in names if name not in given.values()]
@@ -134,11 +135,12 @@ def _rows(table: Table) -> int:
 
 def _completed(look: FirstLook, table: Table, given: Mapping[str, str], said: tuple[str, ...]) -> Chosen:
     """With the time, the position or the velocity that the names do not say."""
-    roles = _roles(look, table, given)
+    roles = roles_of(look, table, given)
     return replace(_chosen(look, table, roles), said=said)
 
 
-def _roles(look: FirstLook, table: Table, given: Mapping[str, str]) -> Roles:
+def roles_of(look: FirstLook, table: Table, given: Mapping[str, str]) -> Roles:
+    """What its channels are by what they do, as far as the look does not say it."""
     named = {role: one.column for role, one in look.found.items()}
     forces = {one.name for one in table.channels if is_force(one.name, one.unit)} - set(given.values())
     u = look.found.get("u")
@@ -165,7 +167,7 @@ def _step(channel: Channel) -> float:
 
 def _by_deeds(looks: Sequence[tuple[FirstLook, Table]], given: Mapping[str, str]) -> Chosen:
     """The table in which most is found."""
-    best = max((_chosen(look, table, _roles(look, table, given)) for look, table in looks), key=_found)
+    best = max((_chosen(look, table, roles_of(look, table, given)) for look, table in looks), key=_found)
     return best
 
 

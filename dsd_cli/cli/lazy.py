@@ -17,6 +17,7 @@ from dsd_cli.cli.user_effects import TrustOption
 #: Command -> (module in `dsd_cli.cli`, function, one line for `dsd --help`). A new command is a file and a line here.
 COMMANDS = {
     "init": ("init_", "init", "Write a commented dsd.toml to start from."),
+    "columns": ("columns", "columns", "Show every channel of a log and what it may be."),
     "simulate": ("simulate", "simulate", "Simulate a plant with delay and effects; write its log."),
     "observe": ("observe", "observe", "Add the observed disturbance d_hat to a log."),
     "detect": ("detect", "detect", "Label every sample with the most likely delay and inertia."),

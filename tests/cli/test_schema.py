@@ -14,6 +14,7 @@ SAMPLES = Path(__file__).parents[2] / "sample_logs"
 NAMES = [
     "add",
     "check",
+    "columns",
     "compare",
     "detect",
     "diagnose",
@@ -97,6 +98,7 @@ def test_it_is_a_schema_whose_keys_say_what_they_are(name):
         ("detect", f"detect {SINE}.csv -c {SINE}.toml --method dsd,viterbi"),
         ("tune", f"tune {SINE}.csv -c {SINE}.toml"),
         ("check", f"check {FRICTION} {SINE}.csv -c {BARE}"),
+        ("columns", f"columns {FRICTION}"),
         ("compare", f"compare {FRICTION} -c {BARE} --max-rmse 10"),
         ("compare", f"compare {FRICTION} -c {BARE} --to 2 --holdout {FRICTION}"),
         ("compare", f"compare {SINE}.csv -c {SINE}.toml"),

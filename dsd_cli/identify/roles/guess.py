@@ -193,7 +193,9 @@ def _find_reference(look: _Look) -> None:
         if lead is None:
             continue
         if lead > 0 or (lead == 0 and _rough(look.values[other]) < _rough(look.values[mine])):
-            found["reference"] = Guess(other, f"as {mine}, {lead} samples earlier")
+            found["reference"] = Guess(
+                other, f"as {mine}, {f'{lead} samples earlier' if lead else 'without its noise'}"
+            )
             return
         if found["position"].doubt == ONLY_CAUSE:
             found["reference"] = Guess(mine, f"as {other}, {-lead} samples earlier")
