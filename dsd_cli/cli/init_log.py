@@ -230,7 +230,7 @@ def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal
     at = max(delay or 0.0, 0.0)
     _put_delays(at, step, delay is not None, out)
     left = _left(loaded, PlantModel(inertia, at), ObserverSettings(inertia, 5 * step, 1))
-    if left > 0.0:
+    if 0.0 < left < float(np.std(log["u"])):  # more is no fit at all, as of trials joined in one file
         rho = float(f"{max(RHO_OF_LEFT * left, RHO_LEAST * float(np.std(log['u']))):.3g}")
         out.put("detector", "rho", rho, f"{RHO_OF_LEFT:g} times what inertia and delay leave")
 
