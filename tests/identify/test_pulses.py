@@ -169,3 +169,10 @@ def test_a_few_pushes_of_a_short_log_are_no_set_of_laws(seed, sensing):
 def test_a_law_that_no_catalogue_has_is_no_set_of_pushes(what, seed, sensing):
     """Six pushes explain more of it than any effects do, and leave far more than the sensor."""
     assert diagnosed((what,), seed, sensing, 3.0).verdict != "external_force"
+
+
+def test_a_trial_at_rest_has_no_pulses():
+    """Nothing is left of it; nor is there a window to look for in a few rows."""
+    assert _strongest(np.zeros(400)) == []
+    assert _strongest(np.r_[np.zeros(5), np.ones(4), np.zeros(4)]) == []
+    assert _strongest(np.zeros(400), np.arange(400) < 30) == []

@@ -146,12 +146,14 @@ def _best_window(x: Array, clear: NDArray[np.bool_], lengths: Array) -> tuple[in
     sums = np.concatenate([[0.0], np.cumsum(np.where(clear, x, 0.0))])
     counts = np.concatenate([[0.0], np.cumsum(clear)])
     best = (0, 0, 0.0)
-    for n in lengths:
+    for n in lengths[lengths <= x.size]:
         score = np.abs(sums[n:] - sums[:-n]) / np.sqrt(np.maximum(counts[n:] - counts[:-n], 1.0))
         k = int(np.argmax(score))
         if score[k] > best[2]:
             best = (k, k + int(n), float(score[k]))
-    a, b, _ = best
+    a, b, stands_out = best
+    if not stands_out > 0.0:  # a trial at rest, of which nothing is left
+        return best
     reach = min(max((b - a) // 4, 1), MOST_REACH)
     starts = np.arange(max(a - reach, 0), min(a + reach, b - 1) + 1)
     ends = np.arange(max(b - reach, a + reach + 1), min(b + reach, len(x)) + 1)
