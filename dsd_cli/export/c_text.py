@@ -19,7 +19,7 @@ C = Syntax(
     for_="for (int {i} = 0; {i} < {count}; {i}++) {{",
     end_for="}",
     call={n: n + "({0})" for n in ("exp", "expm1", "log", "log1p", "sin", "cos", "tan", "sinh", "cosh", "tanh", "sqrt")}
-    | {"atan": "atan({0})", "abs": "fabs({0})", "floor": "floor({0})"},
+    | {"atan": "atan({0})", "abs": "fabs({0})"},
     carried="double {name} = {value};",
     ternary="({0} ? {1} : {2})",
 )

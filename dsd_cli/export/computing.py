@@ -11,7 +11,9 @@ import numpy as np
 
 from dsd_cli.effects import Role
 from dsd_cli.export.base import DELAY, INERTIA, Joint, Motion, NotRun, Verdict
-from dsd_cli.export.program import refusal
+from dsd_cli.export.expression import Refused, number, symbols
+from dsd_cli.export.program import T, U, program, symbolic_plant
+from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
 _HOW = {
@@ -35,6 +37,27 @@ def judge(joint: Joint, part: str) -> Verdict:
     effect = joint.effect(part)
     assert effect is not None
     return Verdict(part, True, _HOW[effect.role])
+
+
+def refusal(joint: Joint, part: str) -> str:
+    """Why the law of that effect cannot be an expression; "" if it can."""
+    alone = Joint(PlantModel(joint.model.inertia, 0.0, {part: joint.model.effects[part]}), joint.sample_time)
+    try:
+        program(alone)
+    except Refused as why:
+        return str(why)
+    return ""
+
+
+def symbols_of_force(joint: Joint, part: str) -> set[str]:
+    """What the force of that effect depends on at an instant: of t, u, q, v and what effects remember.
+
+    Raises
+    ------
+    Refused : its law cannot be an expression.
+    """
+    alone = PlantModel(joint.model.inertia, 0.0, {part: joint.model.effects[part]})
+    return symbols(number(x) for x in symbolic_plant(alone).applied(T, U, 0.0))
 
 
 def compiled(sources: dict[str, str], folder: Path) -> Path:

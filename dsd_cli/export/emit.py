@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from dsd_cli.export.base import number as digits
-from dsd_cli.export.expression import CONDITIONS, Expression, known_on, node
+from dsd_cli.export.expression import CONDITIONS, Expression, known_on, node, symbols
 from dsd_cli.export.ways import rebuilt
 
 #: A text longer than this gets a name of its own.
@@ -68,27 +68,14 @@ def statements(outputs: dict[str, Expression], syntax: Syntax, names: dict[str, 
     writer.count(spelt.values())
     scope = _Scope(indent, {}, {})
     values = [(target, writer.text(e, scope)) for target, e in spelt.items()]
-    symbols = {s for e in outputs.values() for s in _symbols(e)}
+    asked = symbols(outputs.values())
     for i, (target, value) in enumerate(values):  # an output that is an input still asked for is kept apart first
-        if any(names.get(s, s) == t for t, _ in values[:i] for s in symbols):
+        if any(names.get(s, s) == t for t, _ in values[:i] for s in asked):
             values[i] = (target, writer.named(value, scope))
     for target, value in values:
         if target != value:
             writer.line(syntax.assign.format(name=target, value=value), scope)
     return Text(scope.lines, writer.reals, writer.counters)
-
-
-def _symbols(expression: Expression) -> set[str]:
-    found, stack, seen = set(), [expression], set()
-    while stack:
-        one = stack.pop()
-        if one in seen:
-            continue
-        seen.add(one)
-        if one.op == "symbol":
-            found.add(one.args[0])
-        stack += [a for a in one.args if isinstance(a, Expression)]
-    return found
 
 
 @dataclass

@@ -7,7 +7,7 @@ makes a node, equal nodes are one. What a law does at an `if` is found by follow
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +28,6 @@ FUNCTIONS: dict[str, Callable[[float], Any]] = {
     "atan": math.atan,
     "sqrt": math.sqrt,
     "abs": abs,
-    "floor": math.floor,
 }
 _ARITHMETIC: dict[str, Callable[[float, float], Any]] = {
     "+": lambda a, b: a + b,
@@ -178,6 +177,18 @@ def _value(x: Any) -> Expression:
 def symbol(name: str, positive: bool = False) -> Expression:
     """What has a value only when the exported model runs; `positive`: it is known to be above 0."""
     return node("symbol", (name, positive))
+
+
+def symbols(roots: Iterable[Expression]) -> set[str]:
+    """Names of all symbols that are asked for."""
+    found, stack, seen = set(), list(roots), set()
+    while stack:
+        one = stack.pop()
+        if one not in seen:
+            seen.add(one)
+            found |= {one.args[0]} if one.op == "symbol" else set()
+            stack += [a for a in one.args if isinstance(a, Expression)]
+    return found
 
 
 def _positive(x: Expression) -> bool:

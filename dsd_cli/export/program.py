@@ -233,16 +233,6 @@ def symbolic_plant(model: PlantModel) -> _SymbolicPlant:
     return _SymbolicPlant(model, _symbols(_SymbolicPlant(model, {}).start()))
 
 
-def refusal(joint: Joint, part: str) -> str:
-    """Why the law of that effect cannot be an expression; "" if it can."""
-    alone = Joint(PlantModel(joint.model.inertia, 0.0, {part: joint.model.effects[part]}), joint.sample_time)
-    try:
-        program(alone)
-    except Refused as why:
-        return str(why)
-    return ""
-
-
 def _stretches(plant: Plant, fraction: float, step: float) -> Iterator[Stretch]:
     """As the loop of `dsd simulate` cuts a sample: first the older of two commands, then the newer."""
     split = fraction * step

@@ -1,0 +1,65 @@
+"""What no tool here runs: tables are read back, texts are checked for their structure."""
+
+import csv
+import io
+import re
+
+import numpy as np
+import pytest
+
+from dsd_cli.export.targets import get_target
+from tests.export.cases import TOGETHER, joint
+
+
+def test_the_table_is_the_force_that_keeps_a_speed() -> None:
+    one = joint("coulomb_friction", "viscous_friction", "stribeck_friction", "constant_load", delay=0.0)
+    rows = list(csv.DictReader(io.StringIO(get_target("table").write(one).decode())))
+    v = np.array([float(row["speed"]) for row in rows])
+    force = np.array([float(row["force"]) for row in rows])
+    by_hand = np.sign(v) * (0.5 + 0.3 * np.exp(-((v / 0.2) ** 2))) + 0.3 * v - 0.2
+    assert np.abs(force - by_hand).max() < 1e-12
+    between = np.linspace(0.002, 50.0, 20_000)
+    true = 0.5 + 0.3 * np.exp(-((between / 0.2) ** 2)) + 0.3 * between - 0.2
+    assert np.abs(np.interp(between, v, force) / true - 1.0).max() < 0.01  # a drive draws lines in between
+
+
+@pytest.mark.parametrize(
+    ("effect", "why"),
+    [
+        ("gravity", "it depends on position"),
+        ("load_friction", "it depends on command"),
+        ("external_force", "it depends on time"),
+        ("presliding_friction", "it is more than a force over the speed"),
+    ],
+)
+def test_the_table_has_nothing_that_is_no_function_of_the_speed(effect: str, why: str) -> None:
+    verdict = get_target("table").judge(joint(effect), effect)
+    assert (verdict.carried, verdict.how) == (False, why)
+
+
+@pytest.mark.parametrize("effects", TOGETHER, ids=lambda names: names[0])
+def test_structured_text_is_balanced_and_declares_what_it_uses(effects: tuple[str, ...]) -> None:
+    text = get_target("st").write(joint(*effects)).decode()
+    code = re.sub(r"\(\*.*?\*\)", " ", text, flags=re.S)
+    for begin, end in (("IF", "END_IF"), ("FOR", "END_FOR"), ("VAR_INPUT|VAR_OUTPUT|VAR", "END_VAR")):
+        assert len(re.findall(rf"\b(?:{begin})\b", code)) == len(re.findall(rf"\b{end}\b", code))
+    blocks = code.split("END_FUNCTION_BLOCK")[:-1]
+    assert len(blocks) == 4
+    for block in blocks:
+        declared = {
+            name
+            for line in re.findall(r"^\s*([a-z][\w,\s]*?) :(?!=)", block, re.M)
+            for name in re.findall(r"\w+", line)
+        }
+        assigned = set(re.findall(r"^\s*(?:FOR )?([a-z]\w*)(?:\[[^]]*\])? :=", block, re.M))
+        used = set(re.findall(r"(?<![\w.])([a-z]\w*)", re.sub(r"\d\.?\d*E-?\d+", "0.0", block.split("END_VAR")[-1])))
+        assert assigned <= declared
+        assert used <= declared | {"joint"}
+
+
+@pytest.mark.parametrize("effects", TOGETHER, ids=lambda names: names[0])
+def test_matlab_ends_what_it_begins(effects: tuple[str, ...]) -> None:
+    lines = get_target("matlab").write(joint(*effects)).decode().splitlines()
+    begins = sum(line.split()[0] in ("if", "for", "function") for line in lines if line.strip())
+    assert begins == sum(line.strip() == "end" for line in lines)
+    assert lines[0] == "function [dx, y] = joint(~, x, u, varargin)"
