@@ -11,8 +11,8 @@ from dsd_cli.cli.options import EffectsFromOption, Format, FormatOption, QuietOp
 from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
-    from dsd_cli.export.base import Joint, Motion
-    from dsd_cli.export.making import Verified
+    from dsd_cli.export.base import Joint, Motion, Target
+    from dsd_cli.export.making import Made, Verified
     from dsd_cli.files.config import Config
     from dsd_cli.report.export import ExportReport
 
@@ -38,6 +38,14 @@ DropOption = Annotated[
     bool, typer.Option("--drop", help="Leave out what TARGET does not carry, and say what it costs.")
 ]
 NameOption = Annotated[str, typer.Option("--name", help="Name of the joint, block or functions in the file.")]
+BudgetOption = Annotated[
+    bool, typer.Option("--budget", help="Say of each effect what leaving it out costs under that u.")
+]
+SamplesOption = Annotated[
+    int | None,
+    typer.Option("--samples", metavar="N", min=1, max=10_000, help="Write N more files beside it, with drawn values."),
+]
+SeedOption = Annotated[int, typer.Option("--seed", help="Of the drawn values.")]
 ClockOption = Annotated[
     float | None, typer.Option("--sample-time", metavar="S", help="Clock of the controller, s.", show_default=False)
 ]
@@ -50,6 +58,9 @@ def export(
     verify: VerifyOption = None,
     no_verify: NoVerifyOption = False,
     drop: DropOption = False,
+    budget: BudgetOption = False,
+    samples: SamplesOption = None,
+    seed: SeedOption = 0,
     name: NameOption = "joint",
     sample_time: ClockOption = None,
     override: SetOption = None,
@@ -65,7 +76,9 @@ def export(
     """
     from dsd_cli.cli.pictures import check_plot
     from dsd_cli.cli.user_effects import use_effects
-    from dsd_cli.export.making import make
+    from dsd_cli.errors import UsageError
+    from dsd_cli.export.base import INERTIA
+    from dsd_cli.export.making import cost, make
     from dsd_cli.export.making import verify as held_against
     from dsd_cli.export.targets import get_target
     from dsd_cli.files.config import load_config
@@ -75,17 +88,23 @@ def export(
     use_effects(effects_from)
     found = get_target(target)
     _check(verify, no_verify, sample_time, output, form)
+    if samples and output == "-":
+        raise UsageError("-o - and --samples", "several files cannot go to stdout; give -o a file")
     settings = load_config(config, override or ())
     if output != "-":
         check_target(output, [config, *settings.files, *(effects_from or ()), *([verify] if verify else [])])
     check_plot(plot, [config, output, *([verify] if verify else [])])
     motion = _motion(settings, verify, sample_time)
-    made = make(found, _joint(settings, motion.sample_time, name), motion, drop)
+    joint = _joint(settings, motion.sample_time, name)
+    made = make(found, joint, motion, drop)
+    drawn = {} if samples is None else _draw_samples(settings, found, made, output, samples, seed)
     checked = None if no_verify else held_against(found, made, motion)
     _check_holds(target, checked)
-    _put(output, made.content)
+    for file, content in {output: made.content, **drawn}.items():
+        _put(file, content)
+    costs = {part: cost(joint, part, motion) for part in joint.parts if part != INERTIA} if budget else None
     logs = (verify,) if verify else ()
-    _show(ExportReport(made, checked, found.id, output, logs, settings.signals.units), form, quiet)
+    _show(ExportReport(made, checked, found.id, output, logs, settings.signals.units, costs, tuple(drawn)), form, quiet)
     if plot is not None:
         _draw(plot, checked, found.id, settings, quiet)
 
@@ -106,6 +125,24 @@ def _check(verify: str | None, no_verify: bool, sample_time: float | None, outpu
         raise UsageError(f"--sample-time {sample_time:g}", "must be above 0 and below 1 s")
     if output == "-" and form is Format.JSON:
         raise UsageError("-o - and --format json", "both would go to stdout; give -o a file")
+
+
+def _draw_samples(settings: Config, target: Target, made: Made, output: str, count: int, seed: int) -> dict[str, bytes]:
+    """`joint-001.xml`, ... beside `joint.xml`: models with values drawn from the errors in [[history]]."""
+    from dataclasses import replace
+
+    from dsd_cli.cli.versus import fitted_errors
+    from dsd_cli.export.drawing import draw
+
+    model = made.joint.model
+    errors = {
+        name: error
+        for name, error in fitted_errors(settings).items()
+        if name == "inertia" or (name == "delay" and model.delay > 0.0) or name.partition(".")[0] in model.effects
+    }
+    path, drawn = Path(output), draw(model, errors, count, seed)
+    names = [str(path.with_name(f"{path.stem}-{i:0{len(str(count))}d}{path.suffix}")) for i in range(1, count + 1)]
+    return {name: target.write(replace(made.joint, model=one)) for name, one in zip(names, drawn, strict=True)}
 
 
 def _show(report: ExportReport, form: Format, quiet: bool) -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from dsd_cli.export.making import Cost, Left, Made, Verified
+from dsd_cli.export.making import Cost, Made, Verified
 from dsd_cli.report import terminal
 from dsd_cli.report.head import head
 from dsd_cli.report.names import number_or_none
@@ -14,7 +15,10 @@ from dsd_cli.signals.units import Units
 
 @dataclass(frozen=True)
 class ExportReport:
-    """made : what was written, to `file` ("-" is stdout). verified : None where the user did not ask."""
+    """made : what was written, to `file` ("-" is stdout). verified, budget : None where the user did not ask.
+
+    budget : part -> what leaving it out costs. samples : files with drawn values.
+    """
 
     made: Made
     verified: Verified | None
@@ -22,6 +26,8 @@ class ExportReport:
     file: str
     logs: tuple[str, ...]
     units: Units
+    budget: Mapping[str, Cost] | None = None
+    samples: tuple[str, ...] = ()
 
 
 def export_json(report: ExportReport) -> dict[str, Any]:
@@ -43,6 +49,10 @@ def export_json(report: ExportReport) -> dict[str, Any]:
             if verified is None or verified.rms_percent is None
             else number_or_none(verified.rms_percent),
         },
+        "budget": None
+        if report.budget is None
+        else [{"effect": part, "cost": cost_json(cost)} for part, cost in report.budget.items()],
+        "samples": list(report.samples),
     }
 
 
@@ -65,11 +75,11 @@ def verified_line(report: ExportReport) -> str:
     return f"run under {one.how}: the speed is {_percent(one.rms_percent)} (rms) off that of `dsd simulate`"
 
 
-def cost_line(left: Left, units: Units) -> str:
-    """`friction: why; without it ...`."""
-    force = f"{left.cost.force:.3g} {units.force} ({_percent(left.cost.force_percent)} of u)"
-    free = f"a free simulation over 0.5 s is {_percent(left.cost.velocity_percent)} off in speed"
-    return f"{left.part}: {left.why}; without it {force} of force is missing (rms), and {free}"
+def cost_line(cost: Cost, units: Units) -> str:
+    """`without it ...`."""
+    force = f"{cost.force:.3g} {units.force} ({_percent(cost.force_percent)} of u)"
+    free = f"a free simulation over 0.5 s is {_percent(cost.velocity_percent)} off in speed"
+    return f"without it {force} of force is missing (rms), and {free}"
 
 
 def _percent(value: float) -> str:
@@ -82,6 +92,8 @@ def print_export(report: ExportReport, file: Any) -> None:
     width = max(len(one.part) for one in made.carried)
     lines = [f"{report.file}: {report.target}, {made.joint.name}; {verified_line(report)}"]
     lines += [f"  carried  {one.part:<{width}}  {one.how}" for one in made.carried]
-    lines += [f"  left out {cost_line(one, report.units)}" for one in made.dropped]
+    lines += [f"  left out {one.part}: {one.why}; {cost_line(one.cost, report.units)}" for one in made.dropped]
+    lines += [f"  budget   {part}: {cost_line(cost, report.units)}" for part, cost in (report.budget or {}).items()]
+    lines += [f"  samples  {report.samples[0]} to {report.samples[-1]}"] if report.samples else []
     for line in lines:
         console.print(terminal.escaped(line))
