@@ -1,0 +1,32 @@
+"""The table of docs/export.md is what the targets say of each effect alone. `python -m tests.export.test_page` prints it."""
+
+from pathlib import Path
+
+from dsd_cli.export.targets import targets
+from tests.export.cases import EFFECTS, joint
+
+PAGE = Path(__file__).parents[2] / "docs/export.md"
+#: Targets that carry the same, by one heading.
+PROGRAMS = ("c", "fmu", "matlab", "modelica", "python", "st")
+
+
+def table() -> list[str]:
+    columns = [name for name in targets() if name not in PROGRAMS]
+    heads = ["", "programs", *(f"`{name}`" for name in columns)]
+    lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
+    for part in ("delay", *EFFECTS):
+        one = joint("viscous_friction") if part == "delay" else joint(part, delay=0.0)
+        carried = {name: target.judge(one, part).carried for name, target in targets().items()}
+        assert len({carried[name] for name in PROGRAMS}) == 1
+        cells = ["yes" if carried[name] else "-" for name in ("c", *columns)]
+        lines.append("| " + " | ".join([f"`{part}`", *cells]) + " |")
+    return lines
+
+
+def test_the_page_has_the_table() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    assert "\n".join(table()) in text, "docs/export.md: python -m tests.export.test_page prints the table as it is"
+
+
+if __name__ == "__main__":
+    print("\n".join(table()))
