@@ -1,4 +1,4 @@
-"""The table of docs/export.md is what the targets say of each effect alone. `python -m tests.export.test_page` prints it."""
+"""docs/export.md has the table of what targets say of each effect. `python -m tests.export.test_page` prints it."""
 
 from pathlib import Path
 

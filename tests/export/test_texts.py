@@ -2,6 +2,7 @@
 
 import csv
 import io
+import json
 import re
 
 import numpy as np
@@ -63,3 +64,13 @@ def test_matlab_ends_what_it_begins(effects: tuple[str, ...]) -> None:
     begins = sum(line.split()[0] in ("if", "for", "function") for line in lines if line.strip())
     assert begins == sum(line.strip() == "end" for line in lines)
     assert lines[0] == "function [dx, y] = joint(~, x, u, varargin)"
+
+
+def test_values_are_read_back_as_they_were() -> None:
+    one = joint("gravity", "curve", "external_force")
+    rows = list(csv.DictReader(io.StringIO(get_target("parameters").write(one).decode())))
+    found = {(row["part"], row["parameter"]): json.loads(row["value"]) for row in rows}
+    assert found[("inertia", "")] == one.model.inertia
+    assert found[("delay", "")] == one.model.delay
+    for name, values in one.model.effects.items():
+        assert {p: found[(name, p)] for p in values} == dict(values)
