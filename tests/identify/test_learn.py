@@ -89,6 +89,21 @@ def test_nothing_is_learnt_from_a_complete_model(sensor, motion):
     assert learn([recording], model).verdict == "none"
 
 
+def test_no_law_of_u_where_u_hardly_moves_the_axis():
+    """A crawl with ripple: J a is a hundredth of u, so that u = u (1 + anything) would fit."""
+    rng = np.random.default_rng(3)
+    t = 1e-3 * np.arange(12_000)
+    speed = 0.8 * np.sign(np.sin(2.0 * np.pi * t / 6.0)) * np.minimum(np.abs(np.sin(2.0 * np.pi * t / 6.0)) * 20.0, 1.0)
+    q = np.cumsum(speed) * 1e-3
+    a = np.gradient(speed, 1e-3)
+    u = 1e-3 * a + 0.3 * np.sign(speed) + 0.5 * np.sin(7.0 * q) + 0.2 * np.sin(3.0 * q + 1.0) * np.sign(speed)
+    q = q + 1e-5 * rng.standard_normal(len(q))
+    recording = prepare(Log({"t": t, "u": u, "position": q}, 1e-3, "log"), ObserverSettings(1e-3, 0.01))
+    found = learn([recording], PlantModel(1e-3, 0.0, {"coulomb_friction": {"level": 0.3}}))
+    assert "u" not in found.channels
+    assert found.formula is None or not any("gain" in name or "size" in name for name in found.formula.effects)
+
+
 def test_a_force_over_time_is_no_law_of_the_motion():
     def wander(t, log):
         walk = np.cumsum(np.random.default_rng(5).standard_normal(13))

@@ -51,7 +51,8 @@ def left_of(judge: Judge, fit: LawFit, rows: Array | None = None) -> float:
 
 def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -> Choice:
     """The laws that stand beside the model's own effects."""
-    all_of_them = [c for c in (columns_of(f, balance) for f in FAMILIES) if c is not None]
+    asked = [f for f in FAMILIES if balance.answered or not f.of_u]
+    all_of_them = [c for c in (columns_of(f, balance) for f in asked) if c is not None]
     for turn in range(_ROUNDS):
         report(turn / _ROUNDS)
         judge = Judge(balance)

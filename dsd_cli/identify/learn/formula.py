@@ -148,7 +148,9 @@ class Formulas:
             ready[forward] = q, target - q @ (q.T @ target)
         of_u = any(t.kind.of_u for t in current)
         for kind in kinds(self.channels):
-            if current and kind.of_u and not of_u:  # beside a law of the motion u would explain its own noise
+            if kind.of_u and not (
+                of_u or (not current and self.balance.answered)
+            ):  # beside a law of the motion u would explain its own noise
                 continue
             q, rest = ready[kind.of_u or of_u]
             size = float(rest @ rest)

@@ -32,6 +32,8 @@ _SURE, _HARDLY, _LITTLE = 0.02, 0.7, 0.15
 _ENOUGH = 0.1
 #: Share of J by which that of a fit may differ from the given one, to be held there.
 _NEAR = 0.5
+#: Of the rms of u, that J a has at least for a law of u to be asked.
+_ANSWERED = 0.3
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,14 @@ class Balance:
     def all_own(self) -> tuple[Array, ...]:
         """The acceleration, and the columns of the model's own effects."""
         return (self.acceleration, *self.own)
+
+    @property
+    def answered(self) -> bool:
+        """Whether u makes the axis accelerate enough for its motion to tell a law of u: where u is nearly all friction,
+        weight or cogging, the acceleration is noise, and any law of u would explain u by itself."""
+        kept = self.equations.kept
+        moved, driven = (float(np.sum(x[kept] ** 2)) for x in (self.inertia * self.acceleration, self.u))
+        return moved > _ANSWERED**2 * driven
 
     def taken(self, held: Sequence[int]) -> Array:
         """What these of `all_own` take of u with the values of the model, shape (N,)."""
