@@ -28,8 +28,8 @@ from dsd_cli.signals.log import Array
 
 #: Plants of each explanation while the motion is looked for, and under the loop.
 _DRAWS_IN_SEARCH, _DRAWS_IN_LOOP = 2, 2
-#: By how much a motion shrinks that broke a limit under the loop, and how often.
-_SHRINK, _SHRINKS = 0.85, 12
+#: By how much a motion shrinks at least and at most that broke a limit under the loop, and how often.
+_SHRINK, _SHRINK_MOST, _SHRINKS = 0.95, 0.5, 12
 #: Share of the room in which any explanation must be able to move the axis.
 _GENTLE = 0.05
 
@@ -152,18 +152,23 @@ def _verified(
     room, loop, wanted = how
     first = Measure(measure.search, measure.targets, _DRAWS_IN_LOOP, measure.open)
     plants = _plants(measure.targets, joined(parts, room), room)
+    order, broken = list(plants), dict[str, float]()
     for _ in range(_SHRINKS):
         position = joined(parts, room)
         path = Path.of(position, room.step)
-        planned = (path, command_for(measure.targets.explanations[0].fitted, path))
-        runs = {key: run_loop(plant, loop, planned, room.limits) for key, plant in plants.items()}
-        broken = {n: by for run in runs.values() for n, by in run.exceeded(room.limits).items()}
+        planned, runs = (path, command_for(measure.targets.explanations[0].fitted, path)), dict[tuple[int, int], Run]()
+        for key in order:
+            runs[key] = run_loop(plants[key], loop, planned, room.limits)
+            if broken := runs[key].exceeded(room.limits):
+                order = [key, *(k for k in order if k != key)]  # who broke one is asked first
+                break
         if not broken:
             expected = first.expected(first.of_runs({key: (run.path, run.u) for key, run in runs.items()}))
             motion = _motion(measure, position, room, wanted)
             found = answer.plan(motion, first, expected, said[0])
             return replace(found, stages=_stages(parts, room), cost=said[1], reached=_reached(list(runs.values())))
-        parts = tuple(replace(p, scale=_SHRINK * p.scale) for p in parts)
+        scale = max(_SHRINK_MOST, min(_SHRINK, 0.97 / (1.0 + max(broken.values()))))
+        parts = tuple(replace(p, scale=scale * p.scale) for p in parts)
     names = ", ".join(f"{name} ({100.0 * by:.0f} % beyond)" for name, by in broken.items())
     raise DataError(f"no motion keeps the limits with every likely plant: {names}", "widen that limit, or move --start")
 
