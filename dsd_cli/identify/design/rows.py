@@ -17,7 +17,7 @@ from dsd_cli.effects import Role
 from dsd_cli.identify.fit.band import Band, band_of
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, Term, Terms, columns_of, commands, holds, inputs_of
 from dsd_cli.identify.fit.equations import Equations, equations_of
-from dsd_cli.identify.fit.sure import uncertain
+from dsd_cli.identify.fit.sure import many_sure
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.prediction import Frame
@@ -134,7 +134,8 @@ class MotionRows:
 def equations_like(known: Equations, recording: Recording, delay: float, held: bool) -> Equations:
     """Rows of a planned motion in the band, the spacing and the whitening of a log's.
 
-    held : there may be friction: rows in which the direction is not sure tell nothing.
+    held : there may be friction: rows in which the direction is not sure tell nothing. Where few are sure, as of a
+        short part in a narrow band, those count in which it is known for a large enough share: as in the search.
     """
     band, step = known.band, recording.sample_time
     if not math.isclose(step, band.sample_time):
@@ -143,7 +144,8 @@ def equations_like(known: Equations, recording: Recording, delay: float, held: b
     found = equations_of([recording], math.ceil(delay / step) + 3, band).with_whitening(known.whitening)
     if not held or not found.stretches:
         return found
-    return replace(found, trust=(uncertain(found) <= POLICY.unsure_share).astype(np.float64))
+    sure = many_sure(found)
+    return replace(found, trust=(found.kept if sure is None else sure).astype(np.float64))
 
 
 def left(grams: Array, target: int = 1 + INERTIA) -> Array:
