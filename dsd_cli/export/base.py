@@ -18,6 +18,15 @@ from dsd_cli.signals.log import Array
 INERTIA, DELAY = "inertia", "delay"
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}")
+#: Words that open or end something in Modelica or MATLAB, where the name stands by itself.
+_WORDS = re.compile(
+    r"algorithm|and|annotation|block|break|case|catch|class|connect|constant|constrainedby|continue|der|"
+    r"discrete|each|else|elseif|elsewhen|encapsulated|end|enumeration|equation|expandable|extends|external|"
+    r"false|final|flow|for|function|global|if|import|impure|in|initial|inner|input|loop|model|not|operator|or|"
+    r"otherwise|outer|output|package|parameter|parfor|partial|persistent|protected|public|pure|record|redeclare|"
+    r"replaceable|return|spmd|stream|switch|then|true|try|type|when|while|within",
+    re.IGNORECASE,
+)
 #: What a comment of any target may hold: nothing that ends a comment, a string or a line.
 _UNSAFE = re.compile(r"[^A-Za-z0-9 .,:;_+\-=^/()\[\]]|(?<=/)/|\(\*|\*\)")
 
@@ -40,6 +49,8 @@ class Joint:
     linear: bool = False
 
     def __post_init__(self) -> None:
+        if _WORDS.fullmatch(self.name):
+            raise UsageError(f"--name {self.name}", "that word means something in a target; take another")
         if not _IDENTIFIER.fullmatch(self.name):
             raise UsageError(f"--name {self.name!r}", "letters, digits and _, beginning with a letter, at most 63")
         if not (math.isfinite(self.sample_time) and self.sample_time > 0.0):

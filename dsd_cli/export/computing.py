@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dsd_cli.effects import Role
+from dsd_cli.errors import DataError
 from dsd_cli.export.base import DELAY, INERTIA, Joint, Motion, NotRun, Verdict
 from dsd_cli.export.expression import Refused, number, symbols
 from dsd_cli.export.program import T, U, program, symbolic_plant
@@ -65,7 +66,7 @@ def compiled(sources: dict[str, str], folder: Path) -> Path:
 
     Raises
     ------
-    NotRun : there is no gcc, or it does not take the sources.
+    NotRun : there is no gcc. DataError : it does not take the sources.
     """
     for name, text in sources.items():
         (folder / name).write_text(text, encoding="utf-8")
@@ -84,7 +85,10 @@ def _compile(given: list[str], made: Path) -> None:
         raise NotRun("gcc is not installed")
     done = _ran([compiler, "-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", *given, "-o", str(made), "-lm"])
     if done.returncode != 0:
-        raise NotRun(f"gcc does not take it: {done.stderr.decode(errors='replace').strip()[:200]}")
+        raise DataError(
+            f"gcc does not take the exported C: {done.stderr.decode(errors='replace').strip()[:200]}",
+            "please report this",
+        )
 
 
 def velocities(command: list[str], motion: Motion) -> Array:

@@ -117,6 +117,12 @@ def test_a_hostile_name_is_refused(name: str) -> None:
 ENDS = ("*/", "*)", "(*", "//", '"', "'", "\\", "\n", "%", "*")
 
 
+@pytest.mark.parametrize("name", ["end", "model", "Function"])
+def test_a_word_of_a_language_is_no_name(name: str) -> None:
+    with pytest.raises(UsageError, match="take another"):
+        Joint(PlantModel(1.0), 1e-3, name)
+
+
 @pytest.mark.parametrize("text", ["*/ int x;", "*) x := 1", '"""\nimport os', "a // b", "%n\\", "']); end"])
 def test_a_comment_holds_nothing_that_ends_it(text: str) -> None:
     assert not [end for end in ENDS if end in comment(text)]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dsd_cli.errors import DataError
 from dsd_cli.export.base import Joint, Motion, NotRun, Target, comment, finite, number
 from dsd_cli.export.c_text import header
 from dsd_cli.export.computing import judge, scratch, shared_library
@@ -252,7 +253,7 @@ def _run(content: bytes, joint: Joint, motion: Motion) -> Array:
         (folder / "axis.fmu").write_bytes(content)
         problems = fmpy.validation.validate_fmu(str(folder / "axis.fmu"))
         if problems:
-            raise NotRun(f"fmpy finds a problem: {problems[0][:200]}")
+            raise DataError(f"fmpy finds a problem in the FMU: {problems[0][:200]}", "please report this")
         unzipped = Path(fmpy.extract(str(folder / "axis.fmu"), str(folder / "axis")))
         place = unzipped / "binaries" / fmpy.platform
         place.mkdir(parents=True)
