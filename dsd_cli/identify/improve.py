@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from dsd_cli.effects import catalogue, kind_of
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.addition import add_effect
 from dsd_cli.identify.ending import Ended, ended
+from dsd_cli.identify.missing import Missing
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.levels import with_levels
 from dsd_cli.identify.recordings.recording import Recording
@@ -68,7 +68,7 @@ def improve(
     climb = _Climb(recordings, observer, looked, holdout, on_step)
     refused: list[str] = []
     while True:
-        asked = _without(climb.settings, refused)
+        asked = climb.settings.without(refused)
         last = diagnose(recordings, model, observer, asked, holdout, progress)
         if not climb.steps:
             climb.up(AS_GIVEN, last.score, last.refitted_values, last.given)
@@ -110,6 +110,7 @@ class _Climb:
         self.recordings, self.settings, self.holdout, self._on_step = recordings, settings, holdout, on_step
         self.observer = observer
         self.steps: list[Step] = []
+        self.added: dict[str, Missing] = {}
         self.levels: tuple[LogLevels, ...] = ()
 
     def up(
@@ -147,6 +148,7 @@ class _Climb:
     def _take(self, taken: Candidate) -> None:
         """An effect was taken; what the response told of it stays so."""
         self.settings = replace(self.settings, taken=(*self.settings.taken, taken.effect))
+        self.added[taken.effect] = Missing(taken.effect, taken.probability)
         if taken.seen:
             known = self.settings.known.seeing(taken.effect, taken.seen)
             self.settings = replace(self.settings, known=known)
@@ -179,7 +181,7 @@ class _Climb:
             last = with_stability(last, self.recordings, model, self.settings)
         if len(self.steps) == 1:
             found = (last.refitted_values, last.refitted_correlations, last.warnings, last.levels)
-            return Ladder(tuple(self.steps), last.verdict, stopped, last, names, *found)
+            return Ladder(tuple(self.steps), last.verdict, stopped, last, names, *found, last.missing)
         given, reached = self.steps[0].model, self.steps[-1].model
         end: Ended | None = None
         recordings = with_levels(self.recordings, [one.deviations for one in self.levels])
@@ -195,16 +197,9 @@ class _Climb:
         stay = tuple(one for one in last.warnings if one not in before)
         last = replace(last, levels=levels, warnings=(*stay, *said_of(levels)))
         warnings, last = tuple(dict.fromkeys((*last.warnings, *end.warnings))), beside_told(last, end.warnings)
+        stayed = tuple(one for name, one in self.added.items() if name in end.model.effects)
         found = (end.values, end.correlations, warnings, levels)
-        return Ladder(tuple(self.steps), last.verdict, stopped, last, names, *found)
-
-
-def _without(settings: Settings | None, refused: Sequence[str]) -> Settings:
-    """The settings without effects that did not lower the held-out error, and others of their kind."""
-    settings = settings or Settings()
-    wanted = settings.effects if settings.effects is not None else tuple(catalogue())
-    kinds = {kind_of(name) for name in refused}
-    return replace(settings, effects=tuple(name for name in wanted if kind_of(name) not in kinds))
+        return Ladder(tuple(self.steps), last.verdict, stopped, last, names, *found, (*stayed, *last.missing))
 
 
 def _stop(steps: Sequence[Step], last: Diagnosis) -> str:

@@ -19,6 +19,10 @@ class Policy:
     least_band_periods: float = 15.0  # periods of the band's end in the longest stretch
     flattest: float = 1e-3  # least noise density over its mean: no row is trusted more than 30 times another
 
+    # -- which way round --
+    much_better_inverse: float = 10.0  # times the share left of u that is left of the acceleration: u is friction then
+    unanswered: float = 0.02  # share of u beside functions of the motion that the acceleration tells; less: no inertia
+
     # -- rows --
     least_free: float = 0.3  # share of a row in which friction's direction is known
     unsure_share: float = 0.005  # of a row in which the axis may rest or turn, from which on it is weighed down

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
+from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.recordings.levels import Deviations
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.units import Units
@@ -149,6 +150,7 @@ class Diagnosis:
     correlations : of the estimates. stability : the verdict with half of the data, and with half and twice the band.
     band_hz, floor : end of the band in which forces were balanced, Hz; rms of r that the sensor alone leaves in it.
     levels : values that differ between the logs: every error but `score` is beside them.
+    missing, unexplained : the two questions, each with its number: what is missing, and is that all?
     """
 
     logs: tuple[str, ...]
@@ -185,6 +187,8 @@ class Diagnosis:
     stand_ins: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     levels: tuple[LogLevels, ...] = ()
     held_out: tuple[str, ...] = ()
+    missing: tuple[Missing, ...] = ()
+    unexplained: Unexplained = field(default_factory=Unexplained)
 
     def joint_values(self, effect: str) -> Estimates:
         """Those of one effect by parameter name (of inertia and delay by their own); empty for one not in the set."""
@@ -237,7 +241,8 @@ class Ladder:
     """The answer of `dsd improve`; `stopped` says why no further step was taken, `last` is the last diagnosis.
 
     `values` : of the model at the end, fitted once more with the noise as it is beside it; `correlations` of these;
-    `levels` : those that differ between the logs.
+    `levels` : those that differ between the logs. missing : what the model as given lacked, as it was added, then what
+    the last diagnosis still names.
     """
 
     steps: tuple[Step, ...]
@@ -249,6 +254,7 @@ class Ladder:
     correlations: Correlations = ()
     warnings: tuple[str, ...] = ()
     levels: tuple[LogLevels, ...] = ()
+    missing: tuple[Missing, ...] = ()
 
 
 def own_values(estimates: Estimates, effect: str) -> Estimates:

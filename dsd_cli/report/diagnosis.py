@@ -26,6 +26,7 @@ from dsd_cli.report.names import (
 )
 from dsd_cli.report.terminal import Hanging, escaped
 from dsd_cli.report.told import against_json, no_confirmation
+from dsd_cli.report.two_numbers import missing_json, two_answers, unexplained_json
 from dsd_cli.report.values_table import correlation_lines, correlations_json
 from dsd_cli.report.verdict import verdict_line
 
@@ -61,6 +62,8 @@ def to_json(report: DiagnosisReport) -> dict[str, Any]:
         **score_json(result.score),
         **balance_json(result.band_hz, result.floor, result.units),
         "refitted": score_json(result.refitted),
+        "missing": missing_json(result.missing),
+        "unexplained": unexplained_json(result.unexplained),
         "ranking": [_candidate_json(c, result) for c in result.ranking],
         "ceiling": {"heldout_rmse": number_or_none(result.ceiling.heldout_rmse), "on": list(result.ceiling.on)},
         "noise": number_or_none(result.noise),
@@ -180,6 +183,8 @@ def _closing_lines(report: DiagnosisReport) -> list[str]:
     lines = []
     if len(result.found) > 1:
         lines.append(f"found together: {found_text(result)}")
+    if not result.blocked:
+        lines += two_answers(result.missing, result.unexplained)
     lines += [line for line in [stability_line(result)] if line]
     shown_above = tuple(f"{effect}." for effect in result.found) if result.whole_values else ()
     along = {k: e for k, e in result.estimates.items() if not k.startswith(shown_above)} if result.estimates else {}

@@ -36,6 +36,7 @@ from dsd_cli.report.names import (
 )
 from dsd_cli.report.terminal import escaped
 from dsd_cli.report.told import against_json, once
+from dsd_cli.report.two_numbers import missing_json, two_answers, unexplained_json
 from dsd_cli.report.validation import validation_json, validation_lines
 from dsd_cli.report.values_table import correlations_json, print_values
 from dsd_cli.report.verdict import verdict_line
@@ -79,6 +80,8 @@ def improve_json(report: LadderReport) -> dict[str, Any]:
         "values": estimates_json(result.values),
         "correlations": correlations_json(result.correlations),
         **levels_json(result.levels),
+        "missing": missing_json(result.missing),
+        "unexplained": unexplained_json(result.last.unexplained),
         "verdict": result.verdict,
         "probability": number_or_none(result.last.probability),
         "against_told": against_json(result.last),
@@ -177,6 +180,8 @@ def print_ladder(report: LadderReport, file: Any) -> None:
         for line in validation_lines(one, result.last.units):
             console.print(escaped(line))
     if line := stability_line(result.last):
+        console.print(escaped(line))
+    for line in [] if result.last.blocked else two_answers(result.missing, result.last.unexplained):
         console.print(escaped(line))
     print_legend(console, result.last.units)
     console.print(f"[bold]{escaped(final_line(result))}[/bold]")

@@ -8,6 +8,7 @@ import pytest
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.measured import Noise
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.search.preference import preferred
 from dsd_cli.identify.search.sets import Search
 from tests.identify.search_rig import BELIEVED, posed
 
@@ -124,10 +125,10 @@ def test_the_cheaper_of_two_that_differ_by_nothing_of_use_is_preferred(pair):
     search = Search(pair.problem)
     search.price = lambda terms: searched.get(terms[-1].id, 20.0)
     search.practical = lambda before, after: False
-    assert search.preferred(options[:2]) is cheap
+    assert preferred(search, options[:2]) is cheap
     search.practical = lambda before, after: True
-    assert search.preferred(options[:2]) is dear
-    assert search.preferred([]) is None
+    assert preferred(search, options[:2]) is dear
+    assert preferred(search, []) is None
 
 
 def test_the_delay_is_walked_to_from_afar(pair):

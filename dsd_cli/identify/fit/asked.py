@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dsd_cli.effects import catalogue, get_effect
+from dsd_cli.effects import catalogue, get_effect, kind_of
 from dsd_cli.errors import DataError, TooShort, UsageError
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.known import Known
@@ -38,6 +38,12 @@ class Settings:
     taken: tuple[str, ...] = ()
     against: tuple[str, ...] | None = None
     levels: tuple[Deviations, ...] | None = None
+
+    def without(self, refused: Sequence[str]) -> Settings:
+        """The same without effects that raise the held-out error, and others of their kind."""
+        kinds = {kind_of(name) for name in refused}
+        wanted = self.effects if self.effects is not None else tuple(catalogue())
+        return replace(self, effects=tuple(name for name in wanted if kind_of(name) not in kinds))
 
 
 def candidates_of(

@@ -28,7 +28,8 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
     step = max(1, (len(allowed) - 1) // _COARSE)
     tried = allowed[::step]
     if near is not None:
-        low, high = min(max(near - _AROUND * step, first), last), min(near + _AROUND * step, last)
+        near = min(max(near, first), last)
+        low, high = max(near - _AROUND * step, first), min(near + _AROUND * step, last)
         around = range(low, high + 1, step)
         tried = around if around[0] < min(around, key=squares) < around[-1] else tried
     while True:

@@ -2,7 +2,8 @@
 
 Hats over each channel, and over pairs of them, are fitted together with the model's effects, in the same equations.
 They name no physics; they give an upper bound on what can be explained, and by which channel. The acceleration is
-the regressand: beside a function of u, u would explain itself.
+the regressand: beside a function of u, u would explain itself. Where the inverse form is evidence, u is the regressand,
+and functions of u are not tried.
 """
 
 from __future__ import annotations
@@ -94,6 +95,7 @@ class FreeformFits:
     def groups(self) -> list[tuple[str, ...]]:
         """Groups whose channels all stretches have, and that vary."""
         have = {n for n in self.pieces[0].values if all(_varies(p, n) for p in self.pieces)}
+        have = have - {"u"} if self.fit.inverse else have
         have |= {GAIN} if "u" in have else set()
         return [g for g in (*SINGLES, *PAIRS) if set(g) <= have]
 
@@ -122,7 +124,8 @@ class FreeformFits:
         """Of the squares of u, what the acceleration, the fit's effects and functions of these groups explain of blocks
         that no fit saw; below 0 where they explain nothing. Each log may have an offset of its own, which counts as no
         part of u."""
-        acceleration, u, _later, *others = self.base
+        first, second, _later, *others = self.base
+        u, acceleration = (first, second) if self.fit.inverse else (second, first)
         made = [self.columns(group) for group in groups]
         rows = [u, acceleration, *others, *(x for columns, _ in made for x in columns)]
         kept, logs = self.equations.kept, self.equations.logs_of_rows
@@ -184,7 +187,8 @@ def freeform_fits(bank: Bank, equations: Equations, blocks: Blocks, fit: Fit, in
     """
     rows = bank.design(fit.terms, fit.tap, keep=False).rows
     drive, acceleration, later, *columns = rows
-    target, base, at = inertia * acceleration, [drive, later], FIXED
+    target, other = (-drive, acceleration) if fit.inverse else (inertia * acceleration, drive)
+    base, at = [other, later], FIXED
     for term, width in zip(fit.terms, fit.widths, strict=True):
         own = columns[at - FIXED : at - FIXED + width]
         if term.effect.listed:  # an event that a fold did not see has no coefficient of its own there

@@ -61,4 +61,4 @@ def _beside(bank: Bank, residual: Array, before: Solver) -> tuple[Solver, Noise]
     white = equations.whitened(residual)[equations.kept]
     counted = float(len(white)) if equations.trust is None else float(equations.trust @ equations.trust)
     noise = Noise(float(white @ white) / counted, inflation(white), residual)
-    return Solver(bank, before.blocks, before.inertia, before.known, noise.variance * noise.inflation), noise
+    return before.on(bank, noise.variance * noise.inflation), noise

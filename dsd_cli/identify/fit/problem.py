@@ -12,9 +12,10 @@ import numpy as np
 from dsd_cli.effects import Ranges, Role, get_effect
 from dsd_cli.errors import DataError
 from dsd_cli.identify.fit.asked import Settings, candidates_of, check_recordings, check_used
-from dsd_cli.identify.fit.bank import INERTIA, Bank, Term, Terms, holds
+from dsd_cli.identify.fit.bank import Bank, Term, Terms, holds
 from dsd_cli.identify.fit.blocks import Blocks, lay_blocks
 from dsd_cli.identify.fit.delay import best_delay
+from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION, inverse_is_evidence, needs_acceleration
 from dsd_cli.identify.fit.driven import with_driven_load
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.errors import Errors
@@ -23,7 +24,7 @@ from dsd_cli.identify.fit.noise import passed_variance
 from dsd_cli.identify.fit.ranges import ranges
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.sure import Weighed, weighed
-from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values, terms_of
+from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values, terms_of, whole_inertia
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.recordings.spectrum import SensorNoise
@@ -68,7 +69,7 @@ class Problem:
     @property
     def scale(self) -> Scale:
         """From coefficients to values."""
-        return Scale(self.solver.bank.tap_time, self.model.rest_speed, self.solver.known)
+        return Scale(self.solver.bank.tap_time, self.model.rest_speed, self.solver.known, self.model.inertia)
 
     @cached_property
     def ranges(self) -> Ranges:
@@ -88,7 +89,7 @@ class Problem:
 
     def reconstructed(self, channel: str) -> bool:
         """Whether that channel of any recording is put together from u and d_hat, so that it drifts."""
-        return any("reconstructed" in r.provenance.get(channel, "") for r in self.recordings)
+        return _drifts(self.recordings, channel)
 
     def practical(self, before: Fit, after: Fit) -> bool:
         """Whether the held-out error falls by an amount that is of use."""
@@ -168,9 +169,17 @@ def pose(
     bank, most_tap = _bank(recordings, longest, settings.band)
     solver = Solver(bank, lay_blocks(bank.equations.lengths, 1, recordings[0].name), known=known)
     about = None if near is None else round(near / bank.tap_time)
+    inverse = not _drifts(recordings) and inverse_is_evidence(solver, beside, most_tap)
+    if inverse:
+        solver = Solver(bank, solver.blocks, known=known, inverse=True)
+        untestable |= {name: NEEDS_ACCELERATION for name in candidates if needs_acceleration(name)}
+        candidates = tuple(name for name in candidates if name not in untestable)
     found = best_delay(solver, beside, most_tap, about) * bank.tap_time
+    found = 0.0 if inverse else found  # a friction that hardly changes is as well explained by a u of seconds ago
     wanted = min(max(POLICY.least_delay_range, 2.0 * found, 2.0 * model.delay), longest)
-    solver, most_tap, fit = _laid_out(recordings, wanted, base, beside, settings, found)
+    solver, most_tap, fit = _laid_out(
+        recordings, wanted, base, beside, settings, found, given=model.inertia if inverse else 0.0
+    )
     errors = Errors(solver.bank, solver.blocks, _aside(holdout, solver.bank.equations))
     problem = Problem(
         tuple(recordings),
@@ -199,14 +208,18 @@ def asked_of_all(problem: Problem, recordings: Sequence[Recording], holdout: Seq
     plain = Bank(equations, variance=passed_variance(np.ones(1), few.band, noisiest(recordings, sure=True)))
     blocks = lay_blocks(equations.lengths, POLICY.gap_rows, recordings[0].name)
     white = Bank(equations.with_whitening(few.whitening), plain, problem.solver.bank.variance)
-    known = problem.solver.known
-    solver = Solver(white, blocks, problem.solver.inertia, known)
+    solver = problem.solver.on(white, blocks=blocks)
     left = solver.squares(fit.terms, fit.tap) / blocks.rows
     ratio = max(left / max(fit.squares / problem.blocks.rows, 1e-300), 1.0)
     noise = replace(problem.noise, variance=ratio * problem.noise.variance)
-    solver = Solver(white, blocks, problem.solver.inertia, known, noise.variance * noise.inflation)
+    solver = solver.on(white, noise.variance * noise.inflation)
     errors = Errors(plain, blocks, _aside(holdout, equations))
     return replace(problem, recordings=tuple(recordings), solver=solver, errors=errors, noise=noise)
+
+
+def _drifts(recordings: Sequence[Recording], channel: str = "velocity") -> bool:
+    """Whether that channel of any recording is put together from u and d_hat."""
+    return any("reconstructed" in r.provenance.get(channel, "") for r in recordings)
 
 
 def _aside(holdout: Sequence[Recording], equations: Equations) -> Equations | None:
@@ -239,24 +252,27 @@ def _bank(recordings: Sequence[Recording], longest: float, widened: float) -> tu
 
 
 def _laid_out(
-    recordings: Sequence[Recording], longest: float, base: Terms, beside: Terms, settings: Settings, found: float
+    recordings: Sequence[Recording],
+    longest: float,
+    base: Terms,
+    beside: Terms,
+    settings: Settings,
+    found: float,
+    *,
+    given: float,
 ) -> tuple[Solver, int, Fit]:
     """(solver on rows that are not whitened, most steps of delay, first fit) for delays of up to `longest` s.
 
-    found : the best delay on fewer rows, s.
+    found : the best delay on fewer rows, s. given : the inertia that the user believes, where the inverse form is
+    evidence: beside functions of the motion it is told as well as it can be; else 0.
     """
     bank, most_tap = _bank(recordings, longest, settings.band)
     blocks = lay_blocks(bank.equations.lengths, POLICY.gap_rows, recordings[0].name)
-    solver = Solver(bank, blocks, known=settings.known)
-    fit = solver.fit(base, best_delay(solver, beside, most_tap, round(found / bank.tap_time)))
-    solver = Solver(bank, blocks, _whole_inertia(fit) or _inertia_by_size(bank), settings.known)
-    return solver, most_tap, solver.fit(base, fit.tap)
-
-
-def _whole_inertia(fit: Fit) -> float:
-    """J of motor and loads; 0 where a missing force swamps it (u holds a weight)."""
-    loads = sum(float(fit.coefficients(t)[0]) for t in fit.terms if t.effect.role is Role.STRUCTURE)
-    return max(float(fit.total[INERTIA]) + loads, 0.0)
+    solver = Solver(bank, blocks, known=settings.known, inverse=given > 0.0)
+    tap = best_delay(solver, beside, most_tap, round(found / bank.tap_time))
+    inertia = whole_inertia(solver.fit(beside if solver.inverse else base, tap))
+    solver = Solver(bank, blocks, inertia or given or _inertia_by_size(bank), settings.known, inverse=solver.inverse)
+    return solver, most_tap, solver.fit(base, tap)
 
 
 def _inertia_by_size(bank: Bank) -> float:

@@ -84,7 +84,7 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
         size = float(trust @ trust)
         bank = Bank(replace(equations, trust=trust), plain, solver.bank.variance * size / len(trust))
         nats = min(quiet, solver.variance)
-        trusting = Solver(bank, solver.blocks, solver.inertia, solver.known, nats)
+        trusting = solver.on(bank, nats)
         fit, trusting = _exact(trusting.fit(fit.terms, fit.tap, fit.whole_steps), trusting)
         bank = trusting.bank
     return Weighed(trusting, fit, _residual(fit, bank), size)
@@ -109,7 +109,7 @@ def _exact(fit: Fit, solver: Solver) -> tuple[Fit, Solver]:
         tap = max(math.floor(delay - _CLEAR), 0)
         tap = tap if tap in solver.taps(tap) else fit.tap
         around = min(max(delay - tap, 0.0), MOST_SHARE)
-        solver = Solver(bank.between(around), solver.blocks, solver.inertia, solver.known, solver.variance)
+        solver = solver.on(bank.between(around), solver.variance)
         fit = solver.fit(fit.terms, tap)
         if abs(float(fit.total[SHARE]) - around) < _SETTLED and around > 0.0:
             break

@@ -32,11 +32,15 @@ LEAST_INERTIA = 1e-99
 
 @dataclass(frozen=True)
 class Scale:
-    """What turns coefficients into values: s of one step of delay, and what the fit does not change."""
+    """What turns coefficients into values: s of one step of delay, and what the fit does not change.
+
+    inertia : that of the model as given, which stays where a fit finds none.
+    """
 
     tap_time: float
     rest_speed: float
     known: Known = field(default_factory=Known)
+    inertia: float = LEAST_INERTIA
 
     def model(self, fit: Fit, fold: int | None = None) -> PlantModel:
         """The plant model of a fit (of the fit that holds `fold` out); values are kept within their bounds."""
@@ -46,8 +50,8 @@ class Scale:
 
 def _model(scale: Scale, terms: Terms, widths: tuple[int, ...], tap: int, theta: Array) -> PlantModel:
     parts = np.split(theta[FIXED:], np.cumsum(widths)[:-1]) if widths else []
-    loads = sum(float(c[0]) for t, c in zip(terms, parts, strict=True) if t.effect.role is Role.STRUCTURE)
-    inertia = max(float(theta[0]) + loads, LEAST_INERTIA)
+    found_inertia = _inertia(terms, parts, theta)
+    inertia = found_inertia if found_inertia > 0.0 else scale.inertia
     effects: dict[str, Mapping[str, Any]] = {}
     for term, coefficients in zip(terms, parts, strict=True):
         unit = inertia if term.effect.role is Role.STRUCTURE else 1.0
@@ -57,6 +61,16 @@ def _model(scale: Scale, terms: Terms, widths: tuple[int, ...], tap: int, theta:
         effects[term.id] = _bounded(term.effect, term.effect.from_columns(found, term.shape, inertia))
     delay = (tap + min(float(theta[1]), MOST_SHARE)) * scale.tap_time
     return PlantModel(inertia, max(delay, 0.0), effects, scale.rest_speed)
+
+
+def _inertia(terms: Terms, parts: Sequence[Array], theta: Array) -> float:
+    loads = sum(float(c[0]) for t, c in zip(terms, parts, strict=True) if t.effect.role is Role.STRUCTURE)
+    return float(theta[0]) + loads
+
+
+def whole_inertia(fit: Fit) -> float:
+    """J of motor and loads; 0 where a missing force swamps it (u holds a weight, or is friction all through)."""
+    return max(_inertia(fit.terms, [fit.coefficients(t) for t in fit.terms], fit.total), 0.0)
 
 
 def coefficients_of(model: PlantModel, terms: Terms, tap_time: float) -> tuple[int, Array]:
@@ -169,7 +183,14 @@ def fitted_values(
     doubtful = errors > POLICY.tied_error * np.abs(list(values.values()))
     told = zip(values, np.abs(together[0]), doubtful, strict=True)
     tied = tuple(name for name, r, d in told if r > POLICY.tied_correlation and d and name not in (INERTIA, DELAY))
-    return Fitted(scale.model(fit), estimates, tied, _correlated(list(values), together, estimates))
+    return Fitted(scale.model(fit), _found_only(estimates, fit, known), tied, _correlated(together, estimates))
+
+
+def _found_only(estimates: dict[str, Estimate], fit: Fit, known: Known) -> dict[str, Estimate]:
+    """Where a fit finds no inertia what is given stays, and nothing is told of it."""
+    if whole_inertia(fit) > 0.0 or INERTIA in known.fixed:
+        return estimates
+    return {**estimates, INERTIA: replace(estimates[INERTIA], std_error=math.nan, told="not")}
 
 
 def _estimate(
@@ -197,7 +218,8 @@ def _pull(value: float, prior: tuple[float, float], alone: float, share: float) 
     return (without - prior[0]) / math.hypot(prior[1], alone)
 
 
-def _correlated(names: Sequence[str], together: Array, estimates: Mapping[str, Estimate]) -> Correlations:
+def _correlated(together: Array, estimates: Mapping[str, Estimate]) -> Correlations:
+    names = list(estimates)
     pairs = (
         (names[i], names[j], float(together[i, j]))
         for i in range(len(names))

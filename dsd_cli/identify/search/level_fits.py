@@ -25,7 +25,7 @@ from dsd_cli.signals.log import Array
 
 #: Channels of the motion whose functions stand beside the levels.
 _MOTION = (("velocity",), ("position",))
-#: Of the rows of a regression: what drives.
+#: Of the rows of a regression in the forward form: what drives.
 _DRIVE = 1
 #: Of the size of columns, added to make them invertible: functions of two channels have the constant in common.
 _RIDGE = 1e-7
@@ -45,7 +45,7 @@ class Asked:
         fits = freeform_fits(plain, white, problem.blocks, fit, search.solver.inertia)
         fits = replace(fits, apart=POLICY.level_knots_apart)
         groups = [g for g in fits.groups() if g in (*_MOTION, pair)]
-        rows, of_u = list(fits.base), [_DRIVE]
+        rows, of_u = list(fits.base), [] if fit.inverse else [_DRIVE]
         for group in groups:
             made = fits.columns(group)[0]
             of_u += range(len(rows), len(rows) + len(made)) if "u" in group else ()
@@ -66,8 +66,9 @@ class Asked:
 
     def told(self, key: Key) -> bool:
         """Whether the motion leaves enough of its columns: logs at other places tell no levels. u itself has them."""
+        motion = self._motion if self.fit.inverse else [0, *self._motion]
         return all(
-            self._squares(self._white, [0, *self._motion], i) > POLICY.level_own_share * self._white.total[i, i]
+            self._squares(self._white, motion, i) > POLICY.level_own_share * self._white.total[i, i]
             for i in self.columns[key]
         )
 
@@ -130,8 +131,11 @@ class Asked:
     def _inertia(self) -> float:
         """J over that of the forward form, by the inverse form beside functions of the motion and all levels.
 
-        0 where it is none. The noise of the acceleration is taken off. Functions of u would explain u.
+        0 where it is none. The noise of the acceleration is taken off. Functions of u would explain u. 1 where the
+        inverse form is solved itself.
         """
+        if self.fit.inverse:
+            return 1.0
         gram = self._white.of([_DRIVE, 0, *self._motion, *(i for at in self.columns.values() for i in at)]).total.copy()
         noise = self.search.solver.bank.variance * self.search.solver.inertia**2 * self._counted
         gram[1, 1] -= min(noise, 0.5 * gram[1, 1])

@@ -18,7 +18,7 @@ _LEAST_OWN = 1e-6
 
 
 class Scan:
-    """The forward form of some effects at a delay, with their columns taken out; others are tried beside them.
+    """The form that is evidence with the columns of some effects at a delay taken out; others are tried beside them.
 
     An effect on the command changes the drive itself; it is tried at several delays.
     """
@@ -31,13 +31,14 @@ class Scan:
             self._left, self._all = _under_rules(solver, terms, tap)
             return
         drive, acceleration, *others = solver.bank.design(terms, tap).rows
+        target, other = (-drive, acceleration) if solver.inverse else (solver.inertia * acceleration, drive)
         fixed = _basis(others)
         self._effects = _basis(others[1:]) if others[1:] else np.zeros((0, len(drive)))
-        self._unexplained = solver.inertia * _without(acceleration, self._effects)
-        own = _without(drive, fixed)
+        self._unexplained = _without(target, self._effects)
+        own = _without(other, fixed)
         size = float(np.linalg.norm(own))
         self._all = np.vstack([fixed, own / size]) if size > 0.0 else fixed
-        self._left = solver.inertia * _without(acceleration, self._all)
+        self._left = _without(target, self._all)
         self._squares = float(self._left @ self._left)
 
     def gain(self, term: Term, keep: bool = False) -> tuple[float, int]:
@@ -87,18 +88,21 @@ class Scan:
 
 
 def _under_rules(solver: Solver, terms: Terms, tap: int) -> tuple[Array, Array]:
-    """(what the forward form leaves, basis of what may change it), rows and further equations; shapes (n,), (k, n).
+    """(what the form that is evidence leaves, basis of what may change it), shapes (n,), (k, n): rows, then priors.
 
     Priors weigh as beside a set that leaves noise: what the effect that is looked for would take is in the residual,
     and priors of that weight bend its shape.
     """
     design = solver.bank.design(terms, tap)
-    rules = solver.reductions(terms, tap, design, total_gram(design.rows)).forward
+    found = solver.reductions(terms, tap, design, total_gram(design.rows))
+    rules = found.inverse if solver.inverse else found.forward
     assert rules is not None
     weight = math.sqrt(solver.variance / rules.variance) if rules.variance > 0.0 else 1.0
     rows = rules.expand.T @ np.concatenate([np.stack(design.rows), weight * rules.priors.T], axis=1)
     acceleration = 1 + INERTIA
-    if acceleration in rules.left:
+    if solver.inverse:
+        at, target = 0, -rows[0]
+    elif acceleration in rules.left:
         at = rules.left.index(acceleration)
         target = solver.inertia * rows[at]
     else:  # J is held: J0 (a - u/J), with what else is held in u

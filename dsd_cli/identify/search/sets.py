@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 
@@ -23,6 +22,7 @@ from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import MOST_SHARE
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.search.preference import Option, in_common_terms, preferred
 from dsd_cli.identify.search.scan import Scan
 from dsd_cli.identify.search.several import apart, names_to_try
 from dsd_cli.identify.search.shapes import refined, times_off
@@ -45,13 +45,7 @@ MOST_CHALLENGERS, WORTH_CHALLENGING = 3, 0.5
 MOST_PAIRS = 4
 
 
-@dataclass(frozen=True)
-class Option:
-    """A set of effects with one more (or another) in it, fitted; `effect` is that one."""
-
-    effect: str
-    fit: Fit
-    evidence: float
+__all__ = ["Option", "Search"]
 
 
 class Search:
@@ -202,7 +196,7 @@ class Search:
                 terms, tap = refined(self, terms, len(terms) - 1, tap, ROUNDS_IN_SCAN)
             fit = self.fit(terms, tap)
             options.append(Option(term.id, fit, self.evidence(fit)))
-        return self.preferred(options)
+        return preferred(self, options)
 
     def scan(self, terms: Terms, tap: int) -> Scan:
         """What another effect would gain beside these."""
@@ -214,7 +208,7 @@ class Search:
         for step in range(POLICY.most_effects):
             report(step / POLICY.most_effects)
             options = self.options(current)
-            forward = self.preferred([o for o in options if self.matters(current, o.fit)])
+            forward = preferred(self, [o for o in options if self.matters(current, o.fit)])
             reached = [self.settled(forward.fit)] if forward is not None else []
             pair = self._best_pair(current, options)
             if pair is not None and (
@@ -242,15 +236,6 @@ class Search:
         ranked = sorted(pairs, key=lambda p: self.solver.squares(*p) / nats + self.price(p[0]))
         return max((self.fit(terms, tap) for terms, tap in ranked[:MOST_PAIRS]), key=self.evidence)
 
-    def preferred(self, options: Sequence[Option]) -> Option | None:
-        """The one with most evidence; a cheaper one if the difference does not matter in practice."""
-        if not options:
-            return None
-        best = max(options, key=lambda o: o.evidence)
-        cheaper = [o for o in options if self.price(o.fit.terms) < self.price(best.fit.terms)]
-        as_good = [o for o in cheaper if not self.practical(o.fit, best.fit)]
-        return max(as_good, key=lambda o: o.evidence) if as_good else best
-
     def settled(self, fit: Fit) -> Fit:
         """Shapes refined together, needless members dropped, members swapped for better ones."""
         for _ in range(3):
@@ -260,7 +245,7 @@ class Search:
                 fit = self._swapped(fit)
             if fit.terms == before.terms:
                 break
-        return fit
+        return in_common_terms(self, fit)
 
     def added(self, terms: Terms) -> Terms:
         """Those that the model does not have."""

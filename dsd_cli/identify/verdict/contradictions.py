@@ -257,4 +257,4 @@ def _told_otherwise(
 def freed(problem: Problem) -> Problem:
     """The same problem without any prior, bound or held value."""
     solver = problem.solver
-    return replace(problem, solver=Solver(solver.bank, solver.blocks, solver.inertia))
+    return replace(problem, solver=Solver(solver.bank, solver.blocks, solver.inertia, inverse=solver.inverse))

@@ -59,8 +59,7 @@ def diagnose(
 
     Raises
     ------
-    DataError : the recordings are too short, the axis does not move, or a needed channel is missing.
-    UsageError : recordings of different rates.
+    DataError, UsageError : too short, no motion, or a needed channel is missing; recordings of different rates.
     """
     report = progress or (lambda _what, _share: None)
     report("preparing", 0.0)
@@ -73,11 +72,9 @@ def diagnose(
     doubtful = beyond.unknown or above_floor(search, whole)
     shown = with_response(search, whole, recordings, model, asked, holdout, doubtful, report)
     if shown.search is not search:
-        search, whole = shown.search, shown.whole
-        beyond = beyond_of(search, whole)
-    if shown.seen is None and event_effect(search) is not None:
-        whole, beyond = pushed(search, whole, beyond)
+        search, whole, beyond = shown.search, shown.whole, beyond_of(shown.search, shown.whole)
     if shown.seen is None:
+        whole, beyond = pushed(search, whole, beyond) if event_effect(search) is not None else (whole, beyond)
         whole, beyond = borne_out(search, *without_imitations(search, whole, beyond))
     report("how sure", 0.8)
     whole, first = strongest_first(search, whole)
@@ -86,8 +83,11 @@ def diagnose(
     if asked.against:  # with nothing told u was neither late nor smoothed
         limits = replace(limits, time=CommandTime())
     members = {} if limits.blocked else memberships(search, whole, found, beyond.unknown)
-    options, own = [*search.options(search.refit), *first], own_values(search)
-    verdict = Verdict(search, options, whole, members, own, beyond, shown, limits)
+    options = [*search.options(search.refit), *first]
+    verdict = Verdict(search, options, whole, members, own_values(search), beyond, shown, limits)
+    if verdict.rising:  # what raises the error stands in for something else: the search begins again without it
+        asked = asked.without([verdict.rising])
+        return diagnose(apart.plain, model, observer, asked, holdout, progress, stability, on_told, on_found)
     on_found(search, whole)
     diagnosis = with_levels_said(against_told(verdict.diagnosis(), search, whole, asked), search, whole, apart)
     if stability:

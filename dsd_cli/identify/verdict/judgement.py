@@ -7,6 +7,8 @@ from dataclasses import replace
 
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.values import whole_inertia
+from dsd_cli.identify.missing import Missing
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
 from dsd_cli.identify.search.sets import Option, Search
@@ -22,8 +24,8 @@ from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, probabilities
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.own_values import Own
-from dsd_cli.identify.verdict.pushes import pushes_leave_more
 from dsd_cli.identify.verdict.shown import Shown, note_on
+from dsd_cli.identify.verdict.two_numbers import missing_of, surest_of, unexplained_of
 
 
 class Verdict:
@@ -43,17 +45,18 @@ class Verdict:
         self.search, self.problem, self.seen, self.shown = search, search.problem, shown.seen, shown
         self.options, self.whole, self.members, self.own, self.beyond = options, whole, members, own, beyond
         self.limits, self._named_for = limits, dict[str, str]()
+        self.surest = surest_of(search, whole, limits)
         self.alone = {o.effect: o for o in options}
         self.alone |= {o.effect: o for o in self._members_alone() if not self._better_known(o)}
+        self.rising = ""  # the effect that would be named, if the held-out error did not rise with it
         self.named, self.sure = self.verdict()
         if self.named in self.alone:  # what is to be added takes the shapes of the model's own effects along
             fit = search.converged(self.alone[self.named].fit)
             self.alone[self.named] = Option(self.named, fit, search.evidence(fit))
 
     def _members_alone(self) -> list[Option]:
-        """Effects of the set alone, in the shape and at the delay that they have there, as the model's own effects:
-        candidates of the search began elsewhere, and pulses are none. A second line of one kind is nothing without the
-        first."""
+        """Effects of the set alone, in the shape and at the delay that they have there: candidates of the search began
+        elsewhere, and pulses are none. A second line of one kind is nothing without the first."""
         search, added = self.search, self.search.added(self.whole.terms)
         asked = [t for t in added if t.id in self.alone or t.effect.listed]
         base = tuple(t for t in self.whole.terms if t not in added)
@@ -66,36 +69,41 @@ class Verdict:
 
     def verdict(self) -> tuple[str, float]:
         """(verdict, probability)."""
-        search, beyond, rmse = self.search, self.beyond, self.problem.errors.rmse
+        search, beyond = self.search, self.beyond
         if self.limits.blocked:
             return UNKNOWN, 0.9
         if self.seen is not None:
             return self.seen.effect, POLICY.surest / (1.0 + len(self.seen.rivals))
         if self.members:
-            best = self._first()
-            if not (self._lowers(best) or self._only_together()) or self._weightless(self.whole):
-                return UNKNOWN, 0.5
-            known = self._share_of_possible(rmse(search.refit), rmse(self.whole))
-            if known < POLICY.share_of_possible:
-                return UNKNOWN, min(1.0 - max(known, 0.0), self.limits.surest)
-            group = (best, *self.members[best].alike)
-            belief = self.members[best].probabilities
-            named = min(group, key=lambda name: get_effect(name).rarity)
-            self._named_for[named] = best
-            tied = (best, *self.members[best].rivals)
-            shared = sum(belief.get(name, 0.0) for name in tied) / len(tied)
-            surest = min(self._surest(), self.members[best].surest)
-            return named, min(known * max(belief.get(named, 0.0), shared), surest)
+            return self._of_members()
         known = self._share_of_possible(self.own.score.heldout_rmse, self.own.refitted.heldout_rmse)
         left_over = above_floor(search, search.refit)
-        varies = beyond.unknown and beyond.of_gain  # then no one inertia is right
+        likely, varies = known * self.own.probability, beyond.unknown and beyond.of_gain  # then no one inertia is right
         if self.own.wrong and known >= POLICY.share_of_possible and not left_over and not varies:
-            return self.own.wrong, min(known * self.own.probability, self._surest())
+            return self.own.wrong, min(likely, self.surest)
         if beyond.unknown:
             return UNKNOWN, min(0.9, self.limits.surest)
         if left_over or self.shown.said:
             return UNKNOWN, min(0.6, self.limits.surest)
         return NONE, self._nothing()
+
+    def _of_members(self) -> tuple[str, float]:
+        """(verdict, probability) where effects were found: the one that is worth most."""
+        best, rmse = self._first(), self.problem.errors.rmse
+        member = self.members[best]
+        group = [name for name in (best, *member.alike) if self._lowers(name)]
+        if not (group or self._only_together()) or self._weightless(self.whole):
+            self.rising = best if self._explains(best) else ""
+            return UNKNOWN, 0.5
+        known = self._share_of_possible(rmse(self.search.refit), rmse(self.whole))
+        named = min(group or [best], key=lambda name: get_effect(name).rarity)
+        self._named_for[named] = best
+        tied = (best, *member.rivals)
+        shared = sum(member.probabilities.get(name, 0.0) for name in tied) / len(tied)
+        likely = known * max(member.probabilities.get(named, 0.0), shared)
+        if known < POLICY.share_of_possible:
+            return UNKNOWN, min(1.0 - max(known, 0.0), self.limits.surest)
+        return named, min(likely, self.surest, member.surest)
 
     def _first(self) -> str:
         """The member with most evidence by itself; a commoner one with nearly the same error is preferred."""
@@ -107,24 +115,9 @@ class Verdict:
         return min((best, *near), key=lambda name: get_effect(name).rarity)
 
     def _weightless(self, fit: Fit) -> bool:
-        """Whether a fit leaves hardly any inertia: its effects explain u without any motion."""
-        return self.problem.scale.model(fit).inertia < POLICY.least_inertia * self.search.solver.inertia
-
-    def _surest(self) -> float:
-        """Upper bound on the probability of a verdict."""
-        rows, size = self.problem.blocks.rows, self._size()  # independent equations
-        few = rows < max(POLICY.few_rows, POLICY.rows_per_effect * size)
-        most = POLICY.surest_in_part if few else POLICY.surest
-        very_few = size > 1 and rows < POLICY.least_rows_per_effect * size
-        doubtful = very_few or pushes_leave_more(self.search, self.whole)
-        return min(POLICY.surest_untold if doubtful else most, self.limits.surest)
-
-    def _size(self) -> int:
-        """Number of effects that were found; beside laws each push is one of its own."""
-        found = self.search.added(self.whole.terms)
-        laws = [t for t in found if not t.effect.listed]
-        pushes = sum(len(t.shape["edges"]) for t in found if t.effect.listed)
-        return len(laws) + pushes if laws else min(pushes, 1)
+        """Whether a fit leaves hardly any inertia: its effects explain u, which is not all friction, by itself."""
+        s = self.search.solver
+        return not s.inverse and whole_inertia(fit) < POLICY.least_inertia * s.inertia
 
     def _share_of_possible(self, before: float, after: float) -> float:
         """Explained share of the power that could be explained; 1 where nothing unknown remains."""
@@ -137,9 +130,14 @@ class Verdict:
         return (before**2 - after**2) / max(before**2 - least**2, 1e-300)
 
     def _lowers(self, name: str) -> bool:
-        """Whether the effect alone lowers the held-out error that is shown."""
-        option, rmse = self.alone.get(name), self.problem.errors.rmse
-        return option is not None and rmse(option.fit) < (1.0 - POLICY.least_alone) * rmse(self.search.refit)
+        """Whether an effect lowers the held-out error of the values that would be written, too: none that raises it."""
+        score, before = self.problem.score, self.own.refitted.heldout_rmse
+        return self._explains(name) and score(self.alone[name].fit).heldout_rmse < before
+
+    def _explains(self, name: str) -> bool:
+        """Whether the effect alone lowers the held-out error of the form that is evidence."""
+        one, rmse = self.alone.get(name), self.problem.errors.rmse
+        return one is not None and rmse(one.fit) < (1.0 - POLICY.least_alone) * rmse(self.search.refit)
 
     def _only_together(self) -> bool:
         """Whether several effects leave no more than the sensor: none need lower the error without the others, for
@@ -163,7 +161,7 @@ class Verdict:
         useful = [o for o in self.options if search.practical(search.refit, o.fit)]
         narrow = self.search.equations.band.hz < POLICY.narrow_band_hz
         in_part = self.problem.untestable or narrow or beside_stops(search, search.refit)
-        surest = min(POLICY.surest_in_part, self._surest()) if in_part else self._surest()
+        surest = min(POLICY.surest_in_part, self.surest) if in_part else self.surest
         if self._in_creeping() is not None:
             surest = min(surest, POLICY.surest_untold)
         return min(0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING], surest)
@@ -180,7 +178,7 @@ class Verdict:
     def diagnosis(self) -> Diagnosis:
         """The whole answer."""
         problem, verdict, score, refitted = self.problem, self.named, self.own.score, self.own.refitted
-        stops = said_of_stops(self.search, self.whole)
+        stops, said = said_of_stops(self.search, self.whole), (*self.shown.said, *self.own.said)
         ranking = self._ranking(score, refitted)
         named = next((c for c in ranking if c.effect == verdict), None)
         fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
@@ -189,6 +187,7 @@ class Verdict:
         joint = problem.values(self.whole) if several else known
         unknown, source = self.beyond.unknown, problem.recordings[0].provenance
         own = verdict in problem.model.effects
+        one = self.seen is not None or verdict == self.own.wrong != ""
         return Diagnosis(
             logs=tuple(r.name for r in problem.recordings),
             samples=sum(r.samples for r in problem.recordings),
@@ -214,17 +213,19 @@ class Verdict:
             band_hz=self.search.equations.band.hz,
             floor=problem.floor,
             provenance=source,
-            warnings=(*self.limits.said, *contradictions(self.search, fit, known.estimates), *stops, *self._said),
+            warnings=self.limits.said + contradictions(self.search, fit, known.estimates) + stops + said,
             at_stops=bool(stops),
             blocked=self.limits.blocked,
             depends_on=self.beyond.on if unknown else (),
             held_out=tuple(r.name for r in problem.holdout),
             nearest=nearest,
+            missing=(Missing(verdict, self.sure),)
+            if one
+            else missing_of(self.search, self.whole, self.members, self.surest),
+            unexplained=unexplained_of(
+                self.search, self.whole, self.beyond, self.sure if verdict == NONE else POLICY.surest
+            ),
         )
-
-    @property
-    def _said(self) -> tuple[str, ...]:
-        return *self.shown.said, *self.own.said
 
     def _nearest(self) -> str:
         """The effect that would explain much of what is unknown, but is not confirmed block by block."""
@@ -292,7 +293,7 @@ class Verdict:
         if self.limits.blocked:  # none is in an answer
             return 0.0
         if effect in self.members:
-            most = self._surest() if self.named != UNKNOWN else POLICY.surest_unnamed
+            most = self.surest if self.named != UNKNOWN else POLICY.surest_unnamed
             return min(self.members[effect].probabilities[effect], most)
         if not self.members:
             return probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)

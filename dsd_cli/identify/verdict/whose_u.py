@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from dsd_cli.identify.fit.freeform import freeform_fits
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
@@ -50,4 +52,10 @@ def common_ground(search: Search, whole: Fit) -> CommonGround:
     problem, fit = part.problem, part.fit(whole.terms, whole.tap)
     fits = freeform_fits(problem.errors.bank, part.equations, problem.blocks, fit, part.solver.inertia)
     groups = [group for group in (("velocity",), ("position",)) if group in fits.groups()]
-    return CommonGround(fits.share_of_u(groups), problem.blocks.rows)
+    shares = (fits.share_of_u(groups[:count]) for count in range(len(groups), -1, -1))  # a run up is at each place once
+    told = max(shares)
+    if search.solver.inverse:  # the held-out error of the set is that of u by the motion, of all rows
+        errors = search.problem.errors
+        u = errors.bank.command((), whole.tap)[search.equations.kept]
+        told = max(told, 1.0 - (errors.rmse(whole) / max(float(np.std(u)), 1e-300)) ** 2)
+    return CommonGround(told, problem.blocks.rows)

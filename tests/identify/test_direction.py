@@ -1,0 +1,107 @@
+"""Axes whose u is friction or cogging nearly all through, made here: u on the motion is evidence, not a on u."""
+
+import math
+
+import numpy as np
+import pytest
+
+from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION
+from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.improve import improve
+from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.verdict.diagnose import Settings, diagnose
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Log
+
+STEP = 0.005
+OBSERVER = ObserverSettings(1.0, 0.02)
+#: V s2/m, V s/m, V: a wheel drive.
+INERTIA, VISCOUS, COULOMB = 0.05, 1.2, 0.8
+
+
+def recorded(u: np.ndarray, velocity: np.ndarray, position: np.ndarray) -> list:
+    return [prepare(Log({"u": u, "velocity": velocity, "position": position}, STEP, "log.csv"), OBSERVER)]
+
+
+def slow_drive(inertia: float = INERTIA, viscous: float = VISCOUS, coulomb: float = COULOMB) -> list:
+    """40 s to and fro, speeds by sums of sines; 1 % of u is a force that no effect has."""
+    random, t = np.random.default_rng(5), np.arange(0.0, 40.0, STEP)
+    lines = [(0.05, 1.5, 0.3), (0.13, 0.8, 1.1), (0.31, 0.3, 2.0)]
+    velocity = sum(a * np.sin(2 * math.pi * f * t + p) for f, a, p in lines)
+    acceleration = sum(2 * math.pi * f * a * np.cos(2 * math.pi * f * t + p) for f, a, p in lines)
+    position = sum(-a / (2 * math.pi * f) * np.cos(2 * math.pi * f * t + p) for f, a, p in lines)
+    unknown = 0.02 * np.interp(t, np.arange(0.0, 41.0, 0.4), random.normal(size=103))
+    u = inertia * acceleration + viscous * velocity + coulomb * np.sign(velocity) + unknown
+    return recorded(u, velocity + 2e-3 * random.normal(size=t.size), position + 1e-5 * random.normal(size=t.size))
+
+
+def crawl() -> list:
+    """Constant slow speed there and back over two and a half turns, through cogging of seven periods a turn."""
+    random, t = np.random.default_rng(6), np.arange(0.0, 60.0, STEP)
+    speed = 0.5 * np.where(t < 30.0, 1.0, -1.0) * np.minimum(1.0, np.abs(t - 30.0) / 0.5)
+    position = np.cumsum(speed) * STEP
+    u = 0.8 * np.sin(7 * position + 0.4) + 0.3 * np.sign(speed) + 0.05 * random.normal(size=t.size)
+    return recorded(u, speed + 2e-3 * random.normal(size=t.size), position + 1e-4 * random.normal(size=t.size))
+
+
+def climbed(recordings: list, inertia: float):
+    model = PlantModel(inertia, 0.0, {})
+    return improve(recordings, model, OBSERVER, Settings(), choose=lambda found: found.verdict)
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return climbed(slow_drive(), INERTIA)
+
+
+def test_the_frictions_of_an_axis_that_is_all_friction_are_named_first(drive):
+    assert {step.effect for step in drive.steps[1:]} - {"refit"} == {"viscous_friction", "coulomb_friction"}
+    found = {name: one.value for name, one in drive.values.items()}
+    assert found["viscous_friction.coefficient"] == pytest.approx(VISCOUS, rel=0.02)
+    assert found["coulomb_friction.level"] == pytest.approx(COULOMB, rel=0.02)
+    assert abs(found["inertia"] - INERTIA) < 3.0 * drive.values["inertia"].std_error
+
+
+def test_what_was_missing_and_what_is_left_are_two_numbers(drive):
+    assert [one.effect for one in drive.missing] == ["viscous_friction", "coulomb_friction"]
+    assert all(one.probability > 0.9 for one in drive.missing)
+    assert 0.0 <= drive.last.unexplained.share_of_u < 0.03
+
+
+def test_what_would_explain_u_by_u_is_not_asked():
+    problem = pose(slow_drive(), PlantModel(INERTIA, 0.0, {}), Settings())
+    assert problem.solver.inverse
+    for name in ("dead_zone", "saturation", "actuator_lag", "load_friction", "backlash", "external_force"):
+        assert problem.untestable[name] == NEEDS_ACCELERATION
+
+
+def test_an_axis_whose_inertia_is_a_fair_part_of_u_is_asked_the_other_way_round():
+    problem = pose(slow_drive(inertia=2.0, viscous=0.5, coulomb=0.2), PlantModel(2.0, 0.0, {}), Settings())
+    assert not problem.solver.inverse
+    assert "dead_zone" in problem.candidates
+
+
+def test_a_crawl_tells_its_cogging_and_no_inertia():
+    model = PlantModel(3.5e-3, 0.0, {})
+    found = diagnose(crawl(), model, OBSERVER, Settings())
+    assert found.verdict == "cogging"
+    values = next(c for c in found.ranking if c.effect == "cogging").parameters
+    assert values["periods"].value == pytest.approx(7.0, abs=0.1)
+    assert values["amplitude"].value == pytest.approx(0.8, rel=0.05)
+    assert "does not seem to drive" not in " ".join(found.warnings)
+    assert found.estimates["inertia"].told == "not"
+    assert found.estimates["inertia"].value < 1e3 * model.inertia
+    assert found.refitted_model.inertia > 1e-9  # no inertia of 1e-99
+
+
+def test_friction_in_one_direction_is_named_by_its_commonest_name():
+    """A run up in two steps of u, in open loop: a load, and an asymmetry of viscous friction, are the same columns."""
+    inertia, random, t = 2.4, np.random.default_rng(7), np.arange(0.0, 20.0, STEP)
+    level = np.where(t < 10.0, 1.4, 2.0)
+    speed = np.zeros(t.size)
+    for k in range(1, t.size):
+        speed[k] = speed[k - 1] + STEP / inertia * (level[k - 1] - VISCOUS * speed[k - 1] - COULOMB)
+    place = np.cumsum(speed) * STEP
+    log = recorded(level, speed + 1e-3 * random.normal(size=t.size), place)
+    found = climbed(log, inertia)
+    assert {"viscous_friction", "coulomb_friction"} == {step.effect for step in found.steps[1:]} - {"refit"}
