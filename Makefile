@@ -40,7 +40,7 @@ bench: setup
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench hidden --seeds 1
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench random
 
-# the study of docs/hidden.md in full: an hour or more
+# the study of docs/measured/hidden.md in full: an hour or more
 bench-hidden: setup
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[bench]"
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench hidden --seeds 4
@@ -50,7 +50,7 @@ bench-hidden: setup
 figures: setup
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.figures $(NAMES)
 
-# the tables and pictures of docs/beyond.md; ITEMS="profile coverage" makes only these
+# the tables and pictures of docs/how/beyond.md; ITEMS="profile coverage" makes only these
 beyond: setup
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.beyond $(ITEMS)
 

@@ -8,8 +8,8 @@ bench/fuzz.py; `python -m bench kills` ends them by signals, see bench/fuzz_kill
 `python -m bench learn` asks what is learnt of laws that no catalogue has, see bench/learn.py;
 `python -m bench coverage` counts how often standard errors hold the truth, see bench/coverage.py;
 `python -m bench longlog` labels a day at 10 kHz, see bench/longlog.py; `python -m bench fleet`
-runs over many logs, see bench/fleet.py; `python -m bench.beyond` makes the tables of docs/beyond.md, its item `cost`
-what method "profile" takes.
+runs over many logs, see bench/fleet.py; `python -m bench.beyond` makes the tables of docs/how/beyond.md, its item
+`cost` what method "profile" takes.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """`python -m bench hidden`: is the missing effect found? A table on stdout, and bench/results/hidden.json.
 
 Every log is made by the generator in tests/oracle, which shares no code with the package. `--page` writes
-docs/hidden.md from the numbers that are there, without running anything.
+docs/measured/hidden.md from the numbers that are there, without running anything.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--workers", type=int, default=WORKERS)
     parser.add_argument("--only", nargs="+", default=[*PARTS, "peers"], choices=[*PARTS, "peers"])
     parser.add_argument("--verbose", action="store_true", help="every log as it is done, on stderr")
-    parser.add_argument("--page", action="store_true", help="write docs/hidden.md from bench/results/hidden.json")
+    parser.add_argument("--page", action="store_true", help="write its page from bench/results/hidden.json")
     parser.add_argument("--failures", action="store_true", help="the calls that make the logs that went wrong")
     return parser.parse_args(arguments)
 

@@ -1,4 +1,4 @@
-"""docs/hidden.md and its picture, from the numbers of bench/results/hidden.json alone."""
+"""docs/measured/hidden.md and its picture, from the numbers of bench/results/hidden.json alone."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bench.hidden_peers import METHODS, summary
 from bench.hidden_text import CLOSING, HARD, METHOD, OPENING, PEERS
 
 DOCS = Path(__file__).parents[1] / "docs"
-PAGE, PICTURE = DOCS / "hidden.md", DOCS / "hidden-calibration.png"
+PAGE, PICTURE = DOCS / "measured" / "hidden.md", DOCS / "hidden-calibration.png"
 Row = dict[str, Any]
 #: Columns of the confusion table that are no effects, shown last.
 LAST = ("inertia", "delay", "none", "unknown", "error")
@@ -160,7 +160,7 @@ def _calibration(bins: Sequence[dict[str, Any]]) -> Iterator[str]:
             for b in bins
         ),
     )
-    yield f"\n![Share of right verdicts against the stated probability]({PICTURE.name})"
+    yield f"\n![Share of right verdicts against the stated probability](../{PICTURE.name})"
 
 
 def _peers(data: dict[str, Any]) -> Iterator[str]:

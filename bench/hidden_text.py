@@ -1,4 +1,4 @@
-"""The sentences of docs/hidden.md; every number on that page comes from the results."""
+"""The sentences of docs/measured/hidden.md; every number on that page comes from the results."""
 
 OPENING = """# Is the missing effect found?
 

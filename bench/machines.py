@@ -1,7 +1,8 @@
 """`python -m bench machines`: real recordings, what must be named and what must not, of one or more checkouts.
 
 The recordings are found by DSD_RECORDINGS, else in ../shared/recordings. Each is asked `dsd improve --auto` from a bare
-mass; rows go to bench/results/machines.json, and with `--page` the table into docs/machines.md, the worst first.
+mass; rows go to bench/results/machines.json, and with `--page` the table into
+docs/measured/machines.md, the worst first.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from bench.engines import ROOT, Asked, Engine
 from bench.machines_cases import RECORDED, Recorded
 
 RESULTS = Path(__file__).parent / "results" / "machines.json"
-PAGE = ROOT / "docs" / "machines.md"
+PAGE = ROOT / "docs" / "measured" / "machines.md"
 #: Between these lines of the page stands what `--page` writes.
 BEGIN, END = "<!-- python -m bench machines --page -->", "<!-- end of it -->"
 Row = dict[str, Any]
@@ -33,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--only", nargs="*", default=[], help="recordings whose name contains one of these")
     parser.add_argument("--output", type=Path, default=RESULTS)
     parser.add_argument("--table", action="store_true", help="print what is there and ask nothing")
-    parser.add_argument("--page", action="store_true", help="write the table of the first engine into docs/machines.md")
+    parser.add_argument("--page", action="store_true", help="write the table of the first engine into its page")
     options = parser.parse_args(arguments)
     rows = json.loads(options.output.read_text()) if options.output.exists() else []
     cases = [c for c in RECORDED if not options.only or any(name in c.name for name in options.only)]

@@ -1,7 +1,7 @@
 """`python -m bench outside`: is the missing effect found on logs as another laboratory would write them?
 
 The rig of tests/oracle/rig*.py has controllers, references, sensors and habits of its own. A table on stdout,
-bench/results/outside.json, and with `--page` docs/outside.md.
+bench/results/outside.json, and with `--page` docs/measured/outside.md.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from tests.oracle.rig_cases import RIPPLES, STRANGERS_UNSEEN
 RESULTS = Path(__file__).parent / "results" / "outside.json"
 #: Values of every model.
 OWN = {INERTIA, DELAY}
-PAGE = Path(__file__).parents[1] / "docs" / "outside.md"
+PAGE = Path(__file__).parents[1] / "docs" / "measured" / "outside.md"
 #: A verdict as sure as this is a confident one.
 SURE = 0.9
 #: Of a period over the travel, by which the periods of a line may be off.
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, help="per cell, in place of its own number")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--only", nargs="*", default=[], help="cells whose name contains one of these")
-    parser.add_argument("--page", action="store_true", help="write docs/outside.md from the numbers that are there")
+    parser.add_argument("--page", action="store_true", help="write its page from the numbers that are there")
     parser.add_argument("--failures", action="store_true", help="print the logs that went wrong")
     options = parser.parse_args(arguments)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -245,7 +245,7 @@ hidden; for effects of no catalogue, "unknown" at the end. "Wrong and sure": ano
 
 
 def page(cells: Sequence[Cell]) -> list[str]:
-    """docs/outside.md."""
+    """docs/measured/outside.md."""
     lines = HEAD.splitlines()
     lines += [f"| {c.name} | " + " | ".join(_figures(c)) + " |" for c in cells if _known(c)]
     lines += [

@@ -1,1 +1,1 @@
-"""What docs/beyond.md shows: one file per item, each with `section(pictures) -> str`; `make beyond` runs them all."""
+"""What docs/how/beyond.md shows: a file per item, each with `section(pictures) -> str`; `make beyond` runs all."""

@@ -1,4 +1,4 @@
-"""`python -m bench.beyond [ITEM ...]`: measures, draws, and writes the tables of docs/beyond.md anew.
+"""`python -m bench.beyond [ITEM ...]`: measures, draws, and writes the tables of docs/how/beyond.md anew.
 
 An item is a file of this folder. Its `section(pictures: Path) -> str` gives Markdown, and saves its pictures in the
 folder `pictures` as `beyond-*.png`. The text goes between the lines `<!-- made by ITEM -->` and `<!-- end of ITEM -->`
@@ -17,7 +17,7 @@ from pathlib import Path
 import bench.beyond
 
 DOCS = Path(__file__).parents[2] / "docs"
-PAGE = DOCS / "beyond.md"
+PAGE = DOCS / "how" / "beyond.md"
 
 
 def items() -> list[str]:

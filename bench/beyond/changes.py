@@ -102,7 +102,7 @@ def section(pictures: Path) -> str:
     alarms = table(
         ("window", "u", "threshold", "false alarms per hour", "stated", "seen / stated"), alarm_rows(600_000)
     )
-    return f"{lags}\n\n{alarms}\n\n![A change of the inertia](beyond-changes.png)"
+    return f"{lags}\n\n{alarms}\n\n![A change of the inertia](../beyond-changes.png)"
 
 
 def _picture(path: Path) -> None:

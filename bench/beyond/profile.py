@@ -32,7 +32,7 @@ def section(pictures: Path) -> str:
     head = ("run", "noise", "rho", "dsd alone: confident", "wrong", "dsd: confident", "wrong")
     head += ("profile: confident", "wrong", "label at the end right")
     _picture(pictures / "beyond-profile.png")
-    return table(head, rows) + "\n\n![Fig. 6 with J = 0.7](beyond-profile.png)"
+    return table(head, rows) + "\n\n![Fig. 6 with J = 0.7](../beyond-profile.png)"
 
 
 #: The engine of method dsd by itself; what `dsd detect` asks beside its lead; method profile.

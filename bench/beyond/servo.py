@@ -86,7 +86,7 @@ def cells(found: Score) -> tuple[str, str]:
 def section(pictures: Path) -> str:
     logs = [read(path) for path in sorted(FOLDER.glob("*.csv"))]
     if not logs:  # without the recordings the table stays as it is
-        page = (pictures / "beyond.md").read_text(encoding="utf-8")
+        page = (pictures / "how" / "beyond.md").read_text(encoding="utf-8")
         return re.findall(r"<!-- made by servo -->\n(.*?)<!-- end of servo -->", page, re.DOTALL)[0]
     rows = []
     for name, (inertia, effects) in MODELS.items():

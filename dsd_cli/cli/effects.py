@@ -171,8 +171,14 @@ def _as_json(effect: Effect) -> dict[str, Any]:
     }
 
 
+#: Characters of a line of the page.
+_PAGE = 118
+
+
 def markdown(chosen: list[Effect]) -> str:
     """The catalogue as the page `docs/effects.md`."""
+    from textwrap import wrap
+
     lines = [
         "# Effects",
         "",
@@ -187,9 +193,9 @@ def markdown(chosen: list[Effect]) -> str:
         "of Python file as ours, is taken with `--effects-from my_effect.py`.",
     ]
     for effect in chosen:
-        lines += ["", f"## {effect.id}", "", effect.summary, ""]
+        lines += ["", f"## {effect.id}", "", *wrap(effect.summary, _PAGE), ""]
         lines += [f"- Law: `{effect.law}` ({effect.role.value})", f"- Needs: {_channels(effect)}"]
-        lines += [f"- Pattern: {effect.pattern}"]
+        lines += wrap(f"- Pattern: {effect.pattern}", _PAGE, subsequent_indent="  ")
         lines += [f"- Several: `{effect.id}`, `{effect.id}_2`, `{effect.id}_3`, ..."] if effect.repeats else []
         lines += ["", "| parameter | unit | range | meaning |", "|---|---|---|---|"]
         lines += [

@@ -113,13 +113,13 @@ def warn(quiet: bool, warnings: Iterable[str]) -> None:
 
 
 def early(quiet: bool, progress: Progress) -> Callable[[Sequence[Contradiction]], None]:
-    """That the log is against what was told, before the search; with which figures is said at the end."""
+    """That the log is against the values given, before the search; with which figures is said at the end."""
 
     def told(against: Sequence[Contradiction]) -> None:
         progress.clear()
         names = ", ".join(dict.fromkeys(one.value for one in against))
-        only = "only effects that it shows with nothing told are tried"
-        say(quiet, f"dsd: this log is against what it was told of {names}: {only}")
+        only = "only effects that it shows without those values are tried"
+        say(quiet, f"dsd: this log contradicts the given values of {names}: {only}")
 
     return told
 

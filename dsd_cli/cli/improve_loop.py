@@ -105,8 +105,9 @@ def _units(estimates: Estimates, units: Units) -> dict[str, str]:
 
 
 def follow(diagnosis: Diagnosis) -> str | None:
-    """--auto: take what the diagnosis finds, until it finds nothing that it can name, or nothing but what may stand in
-    for a value that was told wrongly."""
+    """--auto: take what the diagnosis finds, until it finds nothing that it can name, or nothing but
+    what may compensate for a value that was given wrongly.
+    """
     if diagnosis.verdict in (NONE, UNKNOWN):
         return None
     if diagnosis.verdict not in diagnosis.stand_ins:

@@ -95,7 +95,7 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
         try:
             loaded, factors = _read(path, chosen, looked.sample_time, asked.layout, out)
         except DsdError as error:
-            out.said.append(f"its rows could not be looked at ({error}); the numbers are those of the template")
+            out.said.append(f"its rows could not be read ({error}); the numbers are those of the template")
         else:
             _propose_numbers(loaded, factors, out)
     for (section, key), value in asked.values.items():
@@ -220,11 +220,11 @@ def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal
     if inertia is None or inertia <= 0.0:
         rho = RHO_OF_U * float(np.std(log["u"]))
         if rho > 0.0:
-            out.put("detector", "rho", float(f"{rho:.3g}"), "a tenth of what u does, for the log tells no inertia")
+            out.put("detector", "rho", float(f"{rho:.3g}"), "a tenth of what u does: inertia is not identifiable here")
         _put_delays(0.0 if delay is None else max(delay, 0.0), step, delay is not None, out)
         return
     inertia = float(f"{inertia:.3g}")
-    out.put("observer", "nominal_inertia", inertia, "what this log tells, per unit of u")
+    out.put("observer", "nominal_inertia", inertia, "identified from this log, per unit of u")
     out.put("model", "inertia", inertia)
     out.put("states", "inertias", [_short(0.67 * inertia), inertia, _short(1.5 * inertia)])
     at = max(delay or 0.0, 0.0)
@@ -251,14 +251,14 @@ def _put_delays(at: float, step: float, told: bool, out: Proposal) -> None:
     if told and at > 0.5 * step:
         wide = max(step, 0.5 * at)
         delays = [_short(at - wide), _short(at), _short(at + wide)]
-        out.put("states", "delays", delays, f"around {at:.3g} s, what this log tells")
+        out.put("states", "delays", delays, f"around {at:.3g} s, identified from this log")
         out.put("model", "delay", _short(at))
     else:
         out.put("states", "delays", [0.0, *(_short(k * step) for k in (1, 2, 4))], "0, 1, 2 and 4 samples")
 
 
 def _told(checked: CheckResult, name: str) -> float | None:
-    """A value that the log tells to within half of it."""
+    """A value that is identifiable to within half of it."""
     return next((one.value for one in checked.parameters if one.name == name and one.identified != "not"), None)
 
 

@@ -29,7 +29,7 @@ COMMANDS = {
     "improve": ("improve", "improve", "Diagnose and add, step by step, until nothing is left to add."),
     "learn": ("learn", "learn", "Learn the law that no effect of the catalogue has."),
     "plan": ("plan_motion", "plan", "Plan the motion whose log settles what is left open."),
-    "report": ("report", "report", "Write one HTML page that tells what a log says."),
+    "report": ("report", "report", "Write one HTML page with all results for a log."),
     "fleet": ("fleet", "app", "Run detect, compare or diagnose over many logs; one table."),
     "import": ("import_", "import_", "Read a joint of a simulator (MJCF, URDF) or values as a config."),
     "passport": ("passport", "passport", "Sign the values of an axis: within limits, or what changed since when."),

@@ -32,7 +32,7 @@ def check_plot(plot: Path | None, inputs: Iterable[str | Path]) -> None:
     from dsd_cli.report.figure import FORMATS
 
     if plot.suffix.lower() not in FORMATS:
-        raise UsageError(f"--plot {plot}: cannot tell what to draw", f"end the name in {', '.join(FORMATS)}")
+        raise UsageError(f"--plot {plot}: not known what to draw", f"end the name in {', '.join(FORMATS)}")
     check_target(plot, inputs)
     if importlib.util.find_spec("matplotlib") is None:
         raise UsageError("--plot needs matplotlib", "pip install matplotlib")

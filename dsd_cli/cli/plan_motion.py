@@ -108,7 +108,7 @@ def plan(
     effects_from: EffectsFromOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Plan the motion whose log tells apart what LOG leaves open, within the limits of the axis.
+    """Plan the motion whose log distinguishes what LOG leaves open, within the limits of the axis.
 
     Says how many nats it will tell explanations apart by, and to which standard errors values will be known, and what
     no motion tells. Every likely plant has followed the motion in simulation, under [simulate.controller] if there is

@@ -113,7 +113,7 @@ class UnknownForces:
 
     def response(self, inputs: Inputs) -> Array:
         """Of the next samples, shape (n, FORCES)."""
-        assert inputs.motion is not None, "rows that tell the motion come with it"
+        assert inputs.motion is not None, "rows with the motion come with it"
         n = len(inputs.u)
         poles = self._poles(inputs.t)
         columns = np.column_stack([np.ones(n), inputs.motion])

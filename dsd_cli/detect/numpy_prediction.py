@@ -1,6 +1,6 @@
 """Stage 1 of the NumPy kernel: z per group and y, sample by sample or block by block, on either clock.
 
-docs/architecture.md derives the recursions. Prediction here is `plant.prediction` for many delays at once, carried
+docs/how/architecture.md derives the recursions. Prediction here is `plant.prediction` for many delays at once, carried
 from block to block; a test holds the two equal.
 """
 

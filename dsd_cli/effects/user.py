@@ -59,7 +59,7 @@ def _check_names(effect: Effect, path: Path) -> None:
         raise UsageError(f"{path}: an effect cannot be called '{effect.id}'", "that word means something else already")
     if effect.repeats is not None and effect.periods is None:
         raise UsageError(
-            f"{path}: effect '{effect.id}': repeats without periods", "several are told apart by their periods"
+            f"{path}: effect '{effect.id}': repeats without periods", "several are distinguished by their periods"
         )
     for parameter in effect.parameters:
         if not isinstance(parameter.name, str) or not _NAME.fullmatch(parameter.name):

@@ -34,7 +34,7 @@ def check_table(path: str | Path, inputs: Collection[str | Path]) -> Path:
     """
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
-        raise UsageError(f"{path}: cannot tell what to write", "end the name in .parquet or .csv")
+        raise UsageError(f"{path}: not known what to write", "end the name in .parquet or .csv")
     check_target(target, inputs)
     if target.exists() and not target.is_file():
         raise UsageError(f"{path}: results go into a file of their own")

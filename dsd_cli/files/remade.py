@@ -24,8 +24,8 @@ class Made(NamedTuple):
 def as_observed(table: TableSource, made: Made, time_scale: float, sample_time: float | None) -> TableSource:
     """The table with d_hat as the observer of this package makes it; the table itself, bit by bit, where it does.
 
-    So it is where d_hat is not read, and where `dsd` itself has made it. What averages two intervals says so in the
-    metadata, as a d_hat from position does.
+    The same holds where d_hat is not read, and where `dsd` itself has made it. What averages two intervals says so in
+    the metadata, as a d_hat from position does.
 
     Parameters
     ----------

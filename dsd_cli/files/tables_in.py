@@ -30,7 +30,7 @@ def open_table(
 
     Parameters
     ----------
-    path : a CSV or Parquet file, or one of another tool (`formats`), told apart by content; "-" for stdin.
+    path : a CSV or Parquet file, or one of another tool (`formats`), known by its content; "-" for stdin.
     columns : canonical name -> name of the column in the file.
     optional : canonical names that may be missing.
     layout : where the rows of a text file are; None: it is found.

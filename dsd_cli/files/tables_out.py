@@ -71,7 +71,7 @@ def check_output(path: str | Path, inputs: Sequence[str | Path] = ()) -> Path:
     """The path, if it can be an output; see `open_writer`."""
     target = Path(path)
     if target.suffix.lower() not in (".csv", ".parquet", ".pq"):
-        raise UsageError(f"{path}: cannot tell what to write", "end the name in .csv or .parquet")
+        raise UsageError(f"{path}: not known what to write", "end the name in .csv or .parquet")
     check_target(target, inputs)
     if target.suffix.lower() != ".csv" and target.exists() and not target.is_file():
         raise UsageError(f"{path}: a Parquet file cannot go into a FIFO or a device", "end the name in .csv")

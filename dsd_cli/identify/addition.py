@@ -88,7 +88,7 @@ def _untold(effect_id: str, estimates: Estimates) -> tuple[str, ...]:
     own = [e for name in linear if (e := estimates.get(f"{effect_id}.{name}")) is not None]
     if not own or any(e.held or abs(e.value) > POLICY.told_deviations * e.std_error for e in own):
         return ()
-    return (f"this log does not tell {effect_id}: no force of it is away from 0 by more than its error",)
+    return (f"not identifiable from this log: {effect_id}: no force of it is away from 0 by more than its error",)
 
 
 def _with_effect(search: Search, effect_id: str) -> Fit:

@@ -223,7 +223,7 @@ def _why(last: Diagnosis, refused: Sequence[str]) -> str:
     if last.verdict == NONE:
         return "nothing significant is left"
     if kept := kept_values(last.warnings):
-        return f"what is left may come from what was told of {', '.join(kept)}"
+        return f"what is left may come from the given values of {', '.join(kept)}"
     if last.nearest:
         return f"something is left; {last.nearest} comes nearest, but the log does not confirm it"
     on = " and ".join(last.depends_on)

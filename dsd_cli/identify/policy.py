@@ -1,4 +1,4 @@
-"""Every threshold that changes an answer, in one place; docs/policy.md has the same table, and a test compares the two.
+"""Every threshold that changes an answer, in one place; docs/how/policy.md has the same table (a test).
 
 Nats are natural logarithms of likelihood ratios on data that a fit did not see. Budgets of computing stand in `Budget`.
 """
@@ -63,7 +63,7 @@ class Policy:
     cycle_alike: float = 0.98  # and that it has again a cycle later
     stands_alone: float = 10.0  # power of a line in time over those beside it, all harmonics of such a cycle
     least_periods: float = 2.5  # of a line in the log or the travel; fewer are a trend
-    periods_apart: float = 1.0  # of two lines of one kind in the log or the travel; nearer ones are not told apart
+    periods_apart: float = 1.0  # of two lines of one kind in the log or the travel; nearer ones are not distinguished
 
     # -- pulses in time --
     most_pulses: int = 6  # of a stretch and of a log; more are a law
@@ -84,7 +84,7 @@ class Policy:
     much_force: float = 0.015  # or the share of u that it explains, however loud the noise
 
     # -- several logs --
-    level_own_share: float = 0.05  # of a level's columns, that functions of the motion leave; else it is not told
+    level_own_share: float = 0.05  # of a level's columns that functions of the motion leave; else not identifiable
     level_knots_apart: float = 0.02  # of a channel's range, in which a function beside levels bends; no finer
 
     # -- long recordings --

@@ -2,7 +2,7 @@
 
     d_model_k = (Jn/Jm) z_k - w_k,   z = Q { delayed u_eff + forces },  w = Q { u }
 
-with every quantity the mean over an interval (docs/architecture.md), and Jm the inertia of the motor: all of J, but
+with every quantity the mean over an interval (docs/how/architecture.md), and Jm the inertia of the motor: all of J, but
 for loads that hang on it.
 """
 

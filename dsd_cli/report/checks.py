@@ -13,6 +13,7 @@ from dsd_cli.report.head import head
 from dsd_cli.report.names import estimate_text, in_words, listed, number_or_none
 from dsd_cli.report.terminal import console as terminal
 from dsd_cli.report.terminal import escaped
+from dsd_cli.report.values_table import GRADES
 from dsd_cli.signals.units import Units
 
 #: rad
@@ -158,14 +159,14 @@ def _print_parameters(console: Any, parameters: Sequence[Parameter], units: Unit
         table.add_column(name, no_wrap=True)
     for one in parameters:
         fitted = estimate_text(Estimate(one.value, one.std_error, one.unit)) if one.identified != "not" else "-"
-        table.add_row(escaped(one.name), "below 0" if _impossible(one) else one.identified, escaped(fitted))
+        table.add_row(escaped(one.name), "below 0" if _impossible(one) else GRADES[one.identified], escaped(fitted))
         for other in one.tied_to:
-            table.add_row(escaped(f"  not to be told from {other}"))
+            table.add_row(escaped(f"  indistinguishable from {other}"))
     console.print(table)
     if below := [one.name for one in parameters if _impossible(one)]:
         late = ", or for a u that is late" if "delay" in below else ""
         console.print(
-            f"{listed(below)} below 0 makes up for forces that the model lacks{late}: `dsd diagnose` says which"
+            f"{listed(below)} below 0 compensates for forces that the model lacks{late}: `dsd diagnose` says which"
         )
     if units.legend:
         console.print(units.legend)

@@ -123,7 +123,9 @@ def _print_logs(console: Any, logs: Sequence[LogAccuracy], forces: Mapping[str, 
 
 
 def _print_residual(console: Any, tests: ResidualTests) -> None:
-    table = _table("is the residual noise?", "correlation", "largest", "lag ms", "by chance", "at stake", "so it is")
+    table = _table(
+        "is the residual noise?", "correlation", "largest", "lag ms", "by chance", "share of variance", "verdict"
+    )
     table.add_row(
         "own past",
         f"{tests.largest:.2f}",
@@ -142,9 +144,7 @@ def _print_residual(console: Any, tests: ResidualTests) -> None:
     )
     table.columns[-1].justify = "left"
     console.print(table)
-    console.print(
-        "  by chance: in 99 of 100 logs the largest correlation of noise is within; at stake: of the variance"
-    )
+    console.print("  by chance: in 99 of 100 logs the largest correlation of noise is within")
     console.print(f"  beside u, {tests.effective_samples:,.0f} of {tests.samples:,} samples count as independent\n")
 
 

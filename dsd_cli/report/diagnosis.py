@@ -161,7 +161,7 @@ def _print_ranking(console: Any, result: Diagnosis, most: int) -> None:
             how = "alone" if one.score is None else "all values fitted again"
             there = " with each log's level" if result.levels else ""
             notes.append(f"{how}, from {error(one.heldout_rmse_before)} as given{there}")
-        notes += [f"not to be told from {other}" for other in one.indistinguishable_from]
+        notes += [f"indistinguishable from {other}" for other in one.indistinguishable_from]
         table.add_row(
             named(one.effect, result.alone(one), notes),
             error(one.heldout_rmse_after),

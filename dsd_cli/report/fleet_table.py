@@ -74,7 +74,7 @@ def _no_drift(found: FleetSummary) -> str:
     if not found.tested:
         why = f"; {found.undated:,} logs have no date" if found.undated else ""
         return f"no machine has logs of {DRIFT_LOGS} dates or more, which it takes to look for drift{why}"
-    return f"no value drifts over the dates ({found.tested:,} looked at)"
+    return f"no value drifts over the dates ({found.tested:,} tested)"
 
 
 def _more(console: Any, total: int, what: str) -> None:

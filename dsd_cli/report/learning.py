@@ -133,7 +133,7 @@ def print_learnt(report: LearnReport, file: Any) -> None:
     if result.formula is not None:
         _print_formula(console, result.formula)
     for one in result.ties:
-        line = f"as good: {one.family} ({error(one.heldout_rmse)}); to tell them apart: {one.separate}"
+        line = f"as good: {one.family} ({error(one.heldout_rmse)}); to distinguish them: {one.separate}"
         console.print(escaped(line))
     for note in result.notes:
         console.print(escaped(note))

@@ -47,7 +47,7 @@ def estimate_text(estimate: Estimate, unit: bool = True) -> str:
         text += f" {in_words(estimate.unit)}"
     if estimate.held or estimate.at_bound:
         return f"{text} ({'held' if estimate.held else 'at its bound'})"
-    return f"{text} (not told)" if estimate.told == "not" and math.isnan(error) else text
+    return f"{text} (not identifiable)" if estimate.told == "not" and math.isnan(error) else text
 
 
 def values_text(estimates: Estimates, separator: str = ", ") -> str:

@@ -88,11 +88,13 @@ def verdict_line(passport: Passport, units: Units) -> str:
         return _outside_line(one, newest, sum(j.verdict is Verdict.OUTSIDE for j in passport.limits) - 1, units)
     if passport.verdict is Verdict.NOT_IDENTIFIED:
         names = listed(j.name for j in passport.limits if j.verdict is Verdict.NOT_IDENTIFIED)
-        return f"{newest.log} does not tell whether {names} is within its limits: {_value(one, units)}, {_limits(one)}"
+        return (
+            f"{newest.log} does not identify {names} well enough for its limits: {_value(one, units)}, {_limits(one)}"
+        )
     count = f"{len(passport.limits)} limits" if len(passport.limits) > 1 else "the limit"
     near = [j.name for j in passport.limits if j.verdict is Verdict.UNDECIDED]
     if near:
-        return f"{newest.log}: outside of no limit, but too near to one to tell: {listed(near)}"
+        return f"{newest.log}: outside of no limit, but too near to one to decide: {listed(near)}"
     return f"{newest.log}: within {count}"
 
 

@@ -111,14 +111,14 @@ def _stamps(log: Log) -> Array:
 
 def _draw_values(axis: Any, names: Sequence[str], checked: Sequence[Checked]) -> None:
     if not names:
-        nothing(axis, "no values to tell")
+        nothing(axis, "no values to identify")
         return
     axis.axvspan(IDENTIFIED, WEAK, color="0.93", lw=0, zorder=0)
     drawn = set()
     for one in checked:
         for name, (share, grade) in relative_errors(one.result).items():
             mark = ">" if share >= BEYOND else "o"
-            label = None if grade in drawn else "not told" if grade == "not" else grade
+            label = None if grade in drawn else "not identifiable" if grade == "not" else grade
             axis.plot([max(share, LEAST)], [names.index(name)], mark, color=_COLORS[grade], ms=7, label=label)
             drawn.add(grade)
     axis.set_xscale("log")
@@ -127,6 +127,6 @@ def _draw_values(axis: Any, names: Sequence[str], checked: Sequence[Checked]) ->
     axis.set_ylim(len(names) - 0.5, -0.5)
     axis.grid(axis="y", color="0.9", lw=0.6)
     axis.set_xlabel(
-        f"standard error (% of the value): identified below {IDENTIFIED:g} %, weak to {WEAK:g} %, then not told"
+        f"standard error (% of the value): identified below {IDENTIFIED:g} %, weak to {WEAK:g} %, then not identifiable"
     )
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.0, labelcolor=RESIDUAL)

@@ -17,8 +17,9 @@ def once(warnings: Iterable[str]) -> tuple[str, ...]:
 
 
 def first_of_all(result: Diagnosis) -> str:
-    """An end for a verdict: what seems to be missing, or not to be, may be so only as long as a value is believed that
-    was told wrongly; "" without a contradiction."""
+    """An end for a verdict: what seems to be missing, or not to be, may be so only because of a value that
+    was given wrongly; "" without a contradiction.
+    """
     said = [one for one in result.warnings if isinstance(one, Contradiction)]
     if not said:
         return ""
@@ -26,7 +27,7 @@ def first_of_all(result: Diagnosis) -> str:
     if not any(one.hard or one.kind == "bound" for one in said) and not result.stand_ins:
         return f"; this log is against the prior of {names}, which gave way"
     alone = f" ({listed(result.stand_ins)} may only stand in for that)" if result.stand_ins else ""
-    return f"; this log is against what it was told of {names}: look at that first{alone}"
+    return f"; this log contradicts the given values of {names}: look at that first{alone}"
 
 
 def against_json(result: Diagnosis) -> list[dict[str, Any]]:
@@ -48,4 +49,4 @@ def against_json(result: Diagnosis) -> list[dict[str, Any]]:
 def no_confirmation(result: Diagnosis) -> str:
     """An end for a line on parts of the data, asked with the same values told; "" where that is no matter."""
     names = kept_values(result.warnings)
-    return f", all with {listed(names)} as told: no confirmation of that" if names else ""
+    return f", all with {listed(names)} as given: no confirmation of that" if names else ""

@@ -1,4 +1,4 @@
-"""The one honest table at the end: every value with its unit, its error, and whether the log tells it."""
+"""The table at the end: every value with its unit, its standard error, and whether it is identifiable."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from dsd_cli.report.terminal import escaped
 #: Correlations on the screen; the JSON has all.
 MOST_CORRELATIONS = 6
 #: What is said of a value that is kept from where the log would have it.
-AGAINST = "as told, against this log"
+AGAINST = "as given, against this log"
 
 
 def print_values(
     console: Any, title: str, values: Estimates, correlations: Correlations, against: Collection[str] = ()
 ) -> None:
-    """For a person; nothing where there are none. against : values that are as told, and not as the log has them."""
+    """For a person; nothing where there are none. against : values that are as given, and not as the log has them."""
     from rich import box
     from rich.table import Table
 
@@ -33,8 +33,14 @@ def print_values(
         pad_edge=False,
         padding=(0, 1, 0, 0),
     )
-    for name, justify in (("", "left"), ("value", "right"), ("+-", "right"), ("unit", "left"), ("told", "left")):
-        table.add_column(name, justify=justify, no_wrap=name != "told", overflow="fold")  # type: ignore[arg-type]
+    for name, justify in (
+        ("", "left"),
+        ("value", "right"),
+        ("+-", "right"),
+        ("unit", "left"),
+        ("identifiability", "left"),
+    ):
+        table.add_column(name, justify=justify, no_wrap=name != "identifiability", overflow="fold")  # type: ignore[arg-type]
     for name, one in values.items():
         number, spread = _number_and_spread(one)
         table.add_row(
@@ -42,7 +48,7 @@ def print_values(
             number,
             spread,
             escaped("" if one.unit == "1" else in_words(one.unit)),
-            AGAINST if name in against else told(one),
+            AGAINST if name in against else grade(one),
         )
     console.print(table)
     for line in correlation_lines(correlations):
@@ -56,17 +62,21 @@ def _number_and_spread(one: Estimate) -> tuple[str, str]:
     return number, spread or ("-" if not one.held else "")
 
 
-def told(one: Estimate) -> str:
-    """`identified`, `weak`, `not`, `held`, and what else to know."""
-    words = [one.told] if one.told else []
+#: Grades of a value, by how large its standard error is beside it, in the words of the field.
+GRADES = {"identified": "identifiable", "weak": "weakly identifiable", "not": "not identifiable", "held": "held"}
+
+
+def grade(one: Estimate) -> str:
+    """`identifiable`, `weakly identifiable`, `not identifiable`, `held`, and what else to know."""
+    words = [GRADES[one.told]] if one.told else []
     words += ["at its bound"] if one.at_bound else []
     words += [f"{abs(one.pull):.1f} sigma from its prior"] if math.isfinite(one.pull) else []
     return ", ".join(words)
 
 
 def correlation_lines(correlations: Correlations) -> list[str]:
-    """What the log hardly tells apart."""
-    lines = [f"hardly told apart: {a} and {b} (correlation {r:.2f})" for a, b, r in correlations[:MOST_CORRELATIONS]]
+    """Pairs of values whose estimates are strongly correlated."""
+    lines = [f"strongly correlated: {a} and {b} (correlation {r:.2f})" for a, b, r in correlations[:MOST_CORRELATIONS]]
     more = len(correlations) - MOST_CORRELATIONS
     return [*lines, f"  and {more} more pairs (--format json lists them)"] if more > 0 else lines
 

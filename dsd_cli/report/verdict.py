@@ -23,14 +23,14 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
         return _nothing(result, sure, held)
     if result.blocked:
         return (
-            f"{result.blocked} ({sure}): what is missing cannot be told before that is mended;"
+            f"{result.blocked} ({sure}): what is missing is not identifiable before that is mended;"
             f" {held} is {error(result.refitted.heldout_rmse)} ({unit})"
         )
     if result.verdict == UNKNOWN:
         on = f"; it depends on {listed(result.depends_on)}" if result.depends_on else ""
         left = f"{held} is {error(result.refitted.heldout_rmse)} ({unit})"
         if kept := kept_values(result.warnings):
-            return f"with {listed(kept)} as told, something is left that no effect explains{on} ({sure}): {left}"
+            return f"with {listed(kept)} as given, something is left that no effect explains{on} ({sure}): {left}"
         near = candidate(result, result.nearest)
         if near is not None:
             falls = percent(1.0 - near.heldout_rmse_after / near.heldout_rmse_before)
@@ -50,7 +50,7 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
     else:
         line = f"{winner.effect} is missing: {values}{sure}{beside}; {held} {falls}"
     if winner.indistinguishable_from:
-        line += f"; this log cannot tell it from {listed(winner.indistinguishable_from, 'or')}"
+        line += f"; from this log it is indistinguishable from {listed(winner.indistinguishable_from, 'or')}"
     return line
 
 

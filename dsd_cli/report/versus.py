@@ -64,14 +64,14 @@ def verdict_line(found: Versus) -> str:
         if found.blocks < FEWEST:
             better, worse = (one, first) if one.better_by > 0.0 else (first, one)
             lines.append(
-                f"{found.blocks} blocks are too few to tell {first.name} from {one.name} (it takes {FEWEST}), a longer "
-                f"log, or several, would do: {better.name} leaves {error(better.force.rmse)}, {worse.name} "
+                f"{found.blocks} blocks are too few to distinguish {first.name} from {one.name} (it takes {FEWEST}), a "
+                f"longer log, or several, would do: {better.name} leaves {error(better.force.rmse)}, {worse.name} "
                 f"{error(worse.force.rmse)}"
             )
             continue
         if not one.differs:
             chance = f"chance makes as much in {100 * one.chance:.0f} of 100"
-            lines.append(f"{first.name} and {one.name} cannot be told apart on this log ({chance})")
+            lines.append(f"{first.name} and {one.name} are indistinguishable on this log ({chance})")
             continue
         better, worse = (one, first) if one.better_by > 0.0 else (first, one)
         lines.append(

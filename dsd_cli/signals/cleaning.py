@@ -103,7 +103,7 @@ class Cleaner:
             )
         if self._samples > 1 and self._first_u is not None and not self._u_varies:
             found.append(
-                f"u is constant ({self._first_u:g}): nothing excites the plant, so states cannot be told apart"
+                f"u is constant ({self._first_u:g}): nothing excites the plant, so states are indistinguishable"
             )
         return found
 

@@ -63,7 +63,7 @@ def test_a_fit_below_zero_is_explained():
 
     below, at = Parameter("delay", "weak", -0.004, 0.0008), Parameter("delay", "weak", -0.001, 0.0008)
     assert (
-        "delay below 0 makes up for forces that the model lacks, or for a u that is late: `dsd diagnose` says which"
+        "delay below 0 compensates for forces that the model lacks, or for a u that is late: `dsd diagnose` says which"
         in shown(below)
     )
     assert "below 0" not in shown(at)

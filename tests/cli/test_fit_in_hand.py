@@ -47,7 +47,7 @@ def test_two_models_on_one_log(tmp_path):
     twin = tmp_path / "twin.toml"
     twin.write_text((SAMPLES / KNOWN).read_text())
     same = done("compare", LOG, "-c", KNOWN, "-c", twin, cwd=SAMPLES).stdout
-    assert "cannot be told apart" in same
+    assert "indistinguishable on this log" in same
 
 
 def test_a_horizon_in_seconds_begins_anew(tmp_path):
@@ -62,7 +62,7 @@ def test_what_stops_on_a_bound_or_pulls_against_its_prior_is_said(tmp_path):
     told = ["--bounds", "viscous_friction.coefficient=0:0.005", "--prior", "inertia=0.012+-0.833333%"]
     made = done("diagnose", LOG, "-c", KNOWN, *told, cwd=SAMPLES)
     words, verdict = made.stderr, made.stdout.splitlines()[0]
-    assert "against what it was told of inertia and viscous_friction.coefficient: look at that first" in verdict
+    assert "contradicts the given values of inertia and viscous_friction.coefficient: look at that first" in verdict
     # drag stands in for the friction that the bound keeps out: it is named, and not sure
     assert 0 < int(re.search(r"probability (\d+) %", verdict)[1]) <= 50
     assert "viscous_friction.coefficient stands on its upper bound, 0.005" in words
@@ -73,7 +73,7 @@ def test_what_stands_in_for_an_effect_that_was_told_wrongly_is_not_sure():
     """Coulomb friction is missing, 0.15; with a wrong size told of it something else takes its place."""
     made = done("diagnose", LOG, "-c", BARE, "--to", "2", "--fix", "coulomb_friction.level=0.4", cwd=SAMPLES)
     verdict = made.stdout.splitlines()[0]
-    assert "this log is against what it was told of coulomb_friction.level: look at that first" in verdict
+    assert "this log contradicts the given values of coulomb_friction.level: look at that first" in verdict
     assert int(re.search(r"probability (\d+) %", verdict)[1]) <= 50
     (line,) = [row for row in made.stderr.splitlines() if "is held at 0.4; this log alone says" in row]
     assert float(line.split("says ")[1].split()[0]) == pytest.approx(0.15, abs=0.01)
@@ -84,7 +84,7 @@ def test_an_inertia_in_another_unit_is_said():
     said = done("diagnose", LOG, "-c", KNOWN, "--to", "2", "--fix", "inertia=100", cwd=SAMPLES)
     (line,) = [row for row in said.stderr.splitlines() if "inertia is held at 100; this log alone says" in row]
     assert float(line.split("says ")[1].split()[0]) == pytest.approx(TRUTH["inertia"], rel=0.05)
-    assert "this log is against what it was told of inertia" in said.stdout.splitlines()[0]
+    assert "this log contradicts the given values of inertia" in said.stdout.splitlines()[0]
 
 
 def test_a_creep_at_the_end_of_a_log_is_no_push(tmp_path):
@@ -147,4 +147,4 @@ def test_too_few_blocks_are_no_verdict_on_two_models():
     (line,) = [row for row in out.splitlines() if "too few" in row]
     assert int(line.split()[0]) < 8
     assert f"{KNOWN} leaves" in line
-    assert "cannot be told apart" not in out
+    assert "indistinguishable on this log" not in out

@@ -215,7 +215,11 @@ def test_check_says_to_widen_too(monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("command", "option", "words"),
     [
-        ("check", "--prior", "check asks what the log alone tells; diagnose, add and improve take --prior"),
+        (
+            "check",
+            "--prior",
+            "check asks what is identifiable from the log alone; diagnose, add and improve take --prior",
+        ),
         ("check", "--fix", "diagnose, add and improve take --fix"),
         ("compare", "--hold", "compare fits nothing"),
     ],

@@ -84,7 +84,7 @@ def test_a_log_with_other_names_and_units_becomes_a_config_that_is_right(tmp_pat
         "sample time 0.001 s",
         "rho = ",
         "window = 100",
-        "what this log tells",
+        "identified from this log",
     ):
         assert text in result.stderr
     label = dsd("detect", "rig.csv", cwd=tmp_path)

@@ -62,7 +62,7 @@ def test_a_fleet_is_drawn(folder: Path) -> None:
     assert "out.svg: drawn" in drawn.stderr
     assert (folder / "out.svg").read_bytes().startswith(MAGIC["svg"])
     assert drawn.stdout == done(*summary, cwd=folder).stdout
-    refused(dsd(*summary, "--plot", "results.parquet", cwd=folder), 2, "cannot tell")
+    refused(dsd(*summary, "--plot", "results.parquet", cwd=folder), 2, "not known what to")
     refused(dsd(*summary, "--plot", "out.jpg", cwd=folder), 2, ".svg")
 
 
@@ -81,7 +81,7 @@ def test_what_cannot_be_drawn_is_said_before_anything_is_done(folder: Path, comm
     for plot, code, text in (
         ("out.jpg", 2, ".svg"),
         ("nowhere/out.png", 1, "no such folder"),
-        ("servo-friction.toml", 2, "cannot tell"),
+        ("servo-friction.toml", 2, "not known what to"),
     ):
         refused(dsd(*COMMANDS[command], "--plot", plot, cwd=folder), code, text)
     assert not [*folder.glob("new.*")]

@@ -31,13 +31,13 @@ def improved(*told, config=KNOWN):
 def test_nothing_is_added_in_place_of_a_value_that_was_told_wrongly(config, told, value, kind):
     found, words = improved(*told, "--to", "1.5", config=config)
     assert found["probability"] <= 0.5
-    assert found["verdict_text"].count(f"against what it was told of {value}: look at that first") == 1
+    assert found["verdict_text"].count(f"contradicts the given values of {value}: look at that first") == 1
     (against,) = found["against_told"]
     assert (against["value"], against["told_by"], against["gave_way"]) == (value, kind, False)
     taken = {step["effect"] for step in found["ladder"]} - {"as given", "refit"}
     assert taken <= {"coulomb_friction", "viscous_friction"}  # what the log was made with
     assert "this log alone says" in words or "alone it says" in words
-    assert words.splitlines()[0].startswith(f"dsd: this log is against what it was told of {value}")
+    assert words.splitlines()[0].startswith(f"dsd: this log contradicts the given values of {value}")
 
 
 def test_a_prior_that_gives_way_leaves_the_verdict_alone():
@@ -65,7 +65,7 @@ def test_what_is_told_rightly_changes_no_verdict():
 def test_parts_of_the_data_confirm_nothing_that_was_told_for_all_of_them():
     made = done("diagnose", LOG, "-c", BARE, "--bounds", "viscous_friction.coefficient=0.02:0.05", cwd=SAMPLES)
     (line,) = [row for row in made.stdout.splitlines() if row.startswith("the same with")]
-    assert line.endswith("all with viscous_friction.coefficient as told: no confirmation of that")
+    assert line.endswith("all with viscous_friction.coefficient as given: no confirmation of that")
     verdict = made.stdout.splitlines()[0]
     assert int(re.search(r"probability (\d+) %", verdict)[1]) <= 50
 
@@ -82,5 +82,5 @@ def test_a_bound_that_the_truth_is_beyond_is_no_prior_that_gave_way(told, value,
     made = done("diagnose", LOG, "-c", BARE, "--bounds", told, "--format", "json", cwd=SAMPLES)
     found = json.loads(made.stdout)
     assert found["probability"] <= 0.5
-    assert f"against what it was told of {value}: look at that first" in found["verdict_text"]
+    assert f"contradicts the given values of {value}: look at that first" in found["verdict_text"]
     assert bound in made.stderr

@@ -48,7 +48,7 @@ def plain_nearest(y, z, group: int) -> bool:
 
 
 def plain_verdict(model, x, k: int, state: int) -> tuple[bool, tuple[bool, ...], bool]:
-    """(stands; lead, gain and delay beside x; more than the noise) of the label at sample k (docs/beyond.md)."""
+    """(stands; lead, gain and delay beside x; more than the noise) of the label at sample k (docs/how/beyond.md)."""
     end = (k + 1) // SIZE * SIZE
     begin = end - 16 * SIZE
     y, z = model[begin:end, 0], model[begin:end, 1:]

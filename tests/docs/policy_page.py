@@ -1,4 +1,4 @@
-"""docs/policy.md, made from the policy itself: `python tests/docs/policy_page.py > docs/policy.md`."""
+"""docs/how/policy.md, made from the policy itself: `python tests/docs/policy_page.py > docs/how/policy.md`."""
 
 import inspect
 import re

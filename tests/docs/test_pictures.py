@@ -9,7 +9,7 @@ import pytest
 from bench.figures.__main__ import FIGURES, STUDIES, WIDEST, main, pictures, small
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SHOWN = [
     (page, (page.parent / link).resolve())
     for page in PAGES

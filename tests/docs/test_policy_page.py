@@ -1,4 +1,4 @@
-"""docs/policy.md says what the policy has: every threshold, its value, its unit and reason."""
+"""docs/how/policy.md says what the policy has: every threshold, its value, its unit and reason."""
 
 import importlib.util
 import re
@@ -10,7 +10,7 @@ import pytest
 from dsd_cli.identify.policy import POLICY, Policy
 
 HERE = Path(__file__)
-PAGE = HERE.parents[2] / "docs/policy.md"
+PAGE = HERE.parents[2] / "docs/how/policy.md"
 ROW = re.compile(r"\| `(?P<name>\w+)` \| (?P<value>[^|]+) \| (?P<why>.+) \|")
 
 
@@ -29,7 +29,7 @@ def rows():
 
 def test_the_page_is_current(made):
     page = PAGE.read_text(encoding="utf-8").splitlines()
-    assert page == list(made.page()), "run: python tests/docs/policy_page.py > docs/policy.md"
+    assert page == list(made.page()), "run: python tests/docs/policy_page.py > docs/how/policy.md"
 
 
 def test_every_threshold_is_on_the_page_once_with_its_value(rows):

@@ -150,7 +150,7 @@ def test_readme_is_short() -> None:
     assert len(README.splitlines()) <= 180
 
 
-@pytest.mark.parametrize("page", [*PAGES, "sample_logs/README.md", "docs/paper.md"])
+@pytest.mark.parametrize("page", [*PAGES, "sample_logs/README.md", "docs/measured/paper.md"])
 def test_links_lead_somewhere(page: str) -> None:
     targets = LINK.findall((ROOT / page).read_text(encoding="utf-8"))
     local = [target for target in targets if not target.startswith("http")]

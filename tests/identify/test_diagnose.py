@@ -196,7 +196,7 @@ def test_the_error_is_that_of_the_balance_of_forces(answers, logs):
 
 @pytest.mark.parametrize("name", ["viscous_friction", "coulomb_friction", "gravity", "none"])
 def test_an_encoder_of_4096_counts_is_enough(name):
-    """The sensor of most axes, and nothing else: seen through an observer this was not to be told from noise."""
+    """The sensor of most axes, and nothing else: seen through an observer this was indistinguishable from noise."""
     made = [replace(case, encoder_step=2 * np.pi / 4096) for case in cases(name, [1, 2], sensing="position")]
     assert [diagnosed(recording, settings=FEW).verdict for recording in run(made)] == [name, name]
 

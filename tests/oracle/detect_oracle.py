@@ -1,8 +1,8 @@
 """The detector by plain loops, straight from the equations of the paper. Imports nothing of the project.
 
-Conventions (docs/architecture.md): sample k is measured at t_k, u_k acts on [t_k, t_k+1). The prediction at t_k uses
-the means of u(t - L) over the intervals that have ended by t_k, passed through Q. Labels start when the longest delay
-line holds only measured u and at least 16 samples have been seen.
+Conventions (docs/how/architecture.md): sample k is measured at t_k, u_k acts on [t_k, t_k+1). The prediction at t_k
+uses the means of u(t - L) over the intervals that have ended by t_k, passed through Q. Labels start when the longest
+delay line holds only measured u and at least 16 samples have been seen.
 """
 
 import itertools

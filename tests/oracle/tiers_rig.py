@@ -1,4 +1,4 @@
-"""The rigs' logs as tiers: what the studies of docs/outside.md and docs/hidden.md ask, and d_hat by other makers."""
+"""The rigs' logs as tiers: what the studies of docs/measured (outside, hidden) ask, and d_hat by other makers."""
 
 import zlib
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""The table of docs/paper.md: what the paper does not say, and what each choice does to its figures.
+"""The table of docs/measured/paper.md: what the paper does not say, and what each choice does to its figures.
 
 python -m tests.paper.choices
 """

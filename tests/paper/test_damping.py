@@ -60,7 +60,7 @@ def test_claim_3_robust_to_an_external_force_that_is_no_state(damping, seed):
     """Claim 3, "by the Markov property specified by the matrix A, ... robust to external forces": 4 % of the peak of u.
 
     They come when the step has gone quiet. An edge of force f is f/T in the derivative: while the axis accelerates
-    hard it can outweigh the window, with any A (docs/beyond.md).
+    hard it can outweigh the window, with any A (docs/how/beyond.md).
     """
     t, found, _ = labels(damping, seed, PULSES)
     assert set(found[t > MOVING]) == {damping}

@@ -15,7 +15,7 @@ def test_fig8_the_change_of_the_delay_is_followed_within_150_ms(inertia: float) 
 
 
 def test_fig8_rests_on_little_evidence_so_it_is_not_confident_and_hold_does_not_follow() -> None:
-    """At 1.5 s the step has nearly settled: the right state has a probability of 0.44, see docs/paper.md."""
+    """At 1.5 s the step has nearly settled: the right state has a probability of 0.44, see docs/measured/paper.md."""
     followed = run("paper-delay-change")
     assert not followed.confident(1.5).any()
     assert set(run("paper-delay-change", "detector.hold=3").delay(1.5)) == {0.3}

@@ -1,10 +1,10 @@
-"""docs/paper.md: the row of the choice that was made is as measured now."""
+"""docs/measured/paper.md: the row of the choice that was made is as measured now."""
 
 from pathlib import Path
 
 from tests.paper.choices import CHOICES, row
 
-PAGE = (Path(__file__).parents[2] / "docs/paper.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs/measured/paper.md").read_text(encoding="utf-8")
 
 
 def test_the_chosen_row_is_current_and_holds_every_claim() -> None:

@@ -76,7 +76,7 @@ def test_the_true_model_leaves_nothing(delay, effects, floor, controller, refere
     [(0.02, 300.0, 99.95), (0.02, 2000.0, 99.9), (0.005, 2000.0, 99.9), (0.005, 2e4, 99.4)],
 )
 def test_backlash_in_moves_leaves_next_to_nothing(delay, gap, stiffness, floor):
-    """A load that rattles between the flanks (multisine) is chaotic: its bounces cannot be told from samples."""
+    """A load that rattles between the flanks (multisine) is chaotic: its bounces is indistinguishable from samples."""
     model = PlantModel(0.7, delay, {"backlash": {"gap": gap, "load_share": 0.4, "stiffness": stiffness}})
     assert fit_of_the_true_model(model, PD, MOVES) > floor
 

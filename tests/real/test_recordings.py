@@ -182,7 +182,7 @@ def forces(**values: float) -> str:
     return "".join(lines).replace("amplitude", "phase = 0.0\namplitude")
 
 
-#: Least squares on the balance of forces of these runs, below 3 Hz, without and with dry friction (docs/machines.md).
+#: Least squares on the balance of forces of these runs, below 3 Hz, without and with dry friction (machines.md).
 HONEST = forces(gravity=5.98, viscous_friction=0.43, coulomb_friction=0.5)
 PUBLISHED = forces(gravity=4.99, viscous_friction=0.425, coulomb_friction=0.133)
 

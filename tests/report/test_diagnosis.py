@@ -29,7 +29,7 @@ def shown(report: DiagnosisReport, brief: bool = False) -> str:
 def test_the_verdict_is_one_sentence() -> None:
     assert verdict_line(DIAGNOSIS) == (
         "coulomb_friction is missing: level 0.52 +- 0.03 u, probability 97 %; the held-out force error below 31.4 Hz"
-        " falls from 0.402 to 0.113 (unit of u); this log cannot tell it from load_friction"
+        " falls from 0.402 to 0.113 (unit of u); from this log it is indistinguishable from load_friction"
     )
     assert verdict_line(NOTHING) == (
         "nothing is missing (probability 93 %): the held-out force error below 31.4 Hz, 0.113 (unit of u), is noise"
@@ -157,7 +157,7 @@ def test_the_table_says_all_there_is_to_say() -> None:
         "level 0.52 +- 0.03 u",
         "(at its bound)",
         "rises 2.0 %",
-        "not to be told from load_friction",
+        "indistinguishable from load_friction",
         "inertia 1.020 +- 0.002 kg m2",
         "velocity and position reaches 0.108",
         "velocity reconstructed from u and d_hat",

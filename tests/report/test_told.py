@@ -34,7 +34,7 @@ def end(*warnings, **more):
 def test_the_end_of_a_verdict_names_each_value_once():
     assert end() == end("the log has a gap") == ""
     said = end(held(1, 2), prior(0.0101), BOUND, "the log has a gap")
-    assert said == "; this log is against what it was told of inertia and coulomb_friction.level: look at that first"
+    assert said == "; this log contradicts the given values of inertia and coulomb_friction.level: look at that first"
     beside = {"stribeck_friction": ("coulomb_friction.level",)}
     assert end(BOUND, stand_ins=beside).endswith(" look at that first (stribeck_friction may only stand in for that)")
 
@@ -52,12 +52,12 @@ def test_a_verdict_that_changes_on_half_of_the_data_says_which_way():
     assert stability_line(replace(DIAGNOSIS, stability=(same,))) == "the same with the first half of the data"
     assert stability_line(replace(DIAGNOSIS, stability=(same, other))) == "not sure: with the second half it is none"
     told = replace(DIAGNOSIS, stability=(same,), warnings=(held(1, 2), BOUND))
-    line = "the same with the first half of the data, all with inertia and coulomb_friction.level as told: "
+    line = "the same with the first half of the data, all with inertia and coulomb_friction.level as given: "
     assert stability_line(told) == line + "no confirmation of that"
 
 
 def test_values_that_a_log_hardly_tells_apart_are_named():
     pair = ("coulomb_friction.level", "constant_load.force", -0.97)
-    said = "hardly told apart: coulomb_friction.level and constant_load.force (correlation -0.97)"
+    said = "strongly correlated: coulomb_friction.level and constant_load.force (correlation -0.97)"
     assert correlation_lines((pair,)) == [said]
     assert correlation_lines(()) == []

@@ -108,6 +108,6 @@ def check(grid: Grid) -> None:
     """
     if set(grid.effects) != {AXIS} or len(grid.delays) != 1 or len(grid.inertias) != 1:
         raise UsageError(
-            'detector.output = "derivative" tells dampings apart, nothing else (eq. 6)',
+            'detector.output = "derivative" distinguishes dampings, nothing else (eq. 6)',
             "give one delay, one inertia, and [states.effects.viscous_friction] coefficient = [...]",
         )

@@ -1,4 +1,4 @@
-"""How often the test for changes alarms where nothing changes (docs/beyond.md, "When did it change?")."""
+"""How often the test for changes alarms where nothing changes (docs/how/beyond.md, "When did it change?")."""
 
 from __future__ import annotations
 

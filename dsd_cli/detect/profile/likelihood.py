@@ -1,8 +1,8 @@
 """The likelihood of the delay with the best inertia at every delay, and what it says about both.
 
-Model of a window (docs/beyond.md): y = alpha z(L) + noise, with alpha = Jn / J. u is held between samples, so that z is
-exactly linear between two delays a sample apart: z(L + f T) = z + f D with D = z(L + T) - z(L). Delay and inertia are
-thus a linear regression of y on (z, D), solved in closed form.
+Model of a window (docs/how/beyond.md): y = alpha z(L) + noise, with alpha = Jn / J. u is held between samples, so
+that z is exactly linear between two delays a sample apart: z(L + f T) = z + f D with D = z(L + T) - z(L). Delay and
+inertia are thus a linear regression of y on (z, D), solved in closed form.
 """
 
 from __future__ import annotations

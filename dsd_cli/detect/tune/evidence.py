@@ -132,6 +132,6 @@ def refuse(plan: Plan) -> None:
     UsageError : a grid of one state, or damping states.
     """
     if len(plan.grid) < 2:
-        raise UsageError("[states] has one state", "tuning needs at least two candidates to tell apart")
+        raise UsageError("[states] has one state", "tuning needs at least two candidates to distinguish")
     if plan.settings.output != "d_hat":
         raise UsageError('dsd tune cannot tune detector.output = "derivative"', 'use output = "d_hat"')

@@ -108,7 +108,7 @@ def _delay_error(delays: Array, squares: Array, best: int, independent: float) -
 
 
 def _without_repeats(found: list[Addition], grid: Grid) -> list[Addition]:
-    """Of those of one axis that the log cannot tell apart the surest; at most as many as the axis has."""
+    """Of those of one axis that are indistinguishable on this log the surest; at most as many as the axis has."""
     kept: list[Addition] = []
     for one in sorted(found, key=lambda a: a.std_error):
         same = [k for k in kept if k.axis == one.axis]

@@ -75,7 +75,7 @@ class History(Section):
     std_errors: Values = _values("their standard errors")
     taken_back: bool = key(flag(), "the effect was taken out again: it had become needless", default=False)
     fitted: Values = _values("all values of the model after the step")
-    fitted_errors: Values = _values("their standard errors; none where they are held or not told")
+    fitted_errors: Values = _values("their standard errors; none where they are held or not identifiable")
     units: Mapping[str, str] = key(
         Rule("a table of texts", _read_units),
         "units of the fitted values and of the errors, where they are known",

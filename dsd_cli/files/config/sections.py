@@ -1,4 +1,4 @@
-"""The sections of `dsd.toml` that describe a log, its observer and what `detect` shall tell apart."""
+"""The sections of `dsd.toml` that describe a log, its observer and what `detect` shall distinguish."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ class Detector(Section):
     confidence: float = key(
         number(lower=0),
         "lead over the best state of another delay (inertia) for `confident`; it must also explain its window "
-        "(docs/beyond.md)",
+        "(docs/how/beyond.md)",
         "nats",
         default=3.0,
     )

@@ -109,7 +109,7 @@ def _not_told(parameters: Sequence[Parameter]) -> list[Finding]:
     if not names:
         return []
     remedy = "record moves that show it" if len(names) == 1 else "record moves that show them"
-    return [Finding(f"this log does not tell {', '.join(names)}", "log", "warning", 0.8, remedy)]
+    return [Finding(f"not identifiable from this log: {', '.join(names)}", "log", "warning", 0.8, remedy)]
 
 
 def _judged(

@@ -107,7 +107,7 @@ def check_excitation(found: Excitation, stretches: Sequence[Stretch], effects: i
 def _moves(found: Excitation, effects: int) -> list[Finding]:
     out = []
     if found.moving is not None and min(found.forward, found.backward) == 0:
-        what = "the axis moves in one direction only: dry friction and a constant load cannot be told apart"
+        what = "the axis moves in one direction only: dry friction is indistinguishable from a constant load"
         out.append(Finding(what, "log", "warning", 0.95, "record moves to and fro"))
     if found.effects < max(1, effects):
         asked = "an effect" if effects < 2 else f"the {effects} effects of [model]"

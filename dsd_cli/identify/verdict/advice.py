@@ -48,9 +48,7 @@ def advice_for(
 def asking_again(kept: Sequence[str]) -> str:
     """What to do where values are kept from where the log would have them."""
     names = " and ".join(kept)
-    return (
-        f"ask again with nothing told of {names}: what the log then says of it, and whether anything is still missing"
-    )
+    return f"ask again without the given values of {names}: what the log gives then, and whether anything is missing"
 
 
 def _look_at(depends_on: Sequence[str]) -> str:

@@ -127,7 +127,7 @@ def said_of_stops(search: Search, fit: Fit) -> tuple[str, ...]:
     left, elsewhere = search.problem.errors.rmse(fit), left_elsewhere(search, fit)
     return (
         f"most of the error that the fit leaves, {left:.3g}, is from stops and creeping, where the direction is not"
-        f" sure and nothing can be told; elsewhere it is {elsewhere:.3g}",
+        f" sure and nothing is identifiable; elsewhere it is {elsewhere:.3g}",
     )
 
 

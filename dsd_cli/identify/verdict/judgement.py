@@ -257,7 +257,7 @@ class Verdict:
         if any(name.startswith(prefix) for name in known.tied):
             rivals = (*rivals, INERTIA)
         notes = [f"{name} stands on its bound" for name, e in values.items() if e.at_bound]
-        notes += [f"the log does not tell {name}" for name, e in values.items() if math.isnan(e.std_error)]
+        notes += [f"not identifiable from this log: {name}" for name, e in values.items() if math.isnan(e.std_error)]
         seen = self.seen if self.seen is not None and self.seen.effect == option.effect else None
         if seen is not None:  # the load is driven by the values that are written, as in `dsd compare`
             notes.append(note_on(seen, self.search.equations.band.hz))

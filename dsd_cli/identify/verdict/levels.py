@@ -132,7 +132,7 @@ def _with_stand_ins(found: Diagnosis, rivals: dict[str, tuple[str, ...]]) -> Dia
     )
     said = tuple(
         f"{name} may stand in for levels of {' and '.join(effects)} that differ between the logs: free in each log,"
-        " they explain as much; logs that go over the same travel at the same speeds would tell"
+        " they explain as much; logs that go over the same travel at the same speeds would show which"
         for name, effects in named.items()
     )
     sure = min(found.probability, POLICY.surest_untold) if found.verdict in named else found.probability

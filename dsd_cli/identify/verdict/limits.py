@@ -59,8 +59,8 @@ class Limits:
             found.append(_said_of_filter(self.time))
         if self.told < POLICY.least_told_direction:
             found.append(
-                f"the sensor tells the direction of the motion in {100.0 * self.told:.0f} % of the samples in which the"
-                " axis moves: friction cannot be told from other forces; a finer encoder or faster moves would help"
+                f"the sensor shows the direction of the motion in {100.0 * self.told:.0f} % of the samples in which the"
+                " axis moves: friction is indistinguishable from other forces; a finer encoder or faster moves would do"
             )
         return tuple(found)
 

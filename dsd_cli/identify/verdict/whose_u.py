@@ -40,9 +40,9 @@ class CommonGround:
     def said(self) -> str:
         """One sentence on what is lacking."""
         told = f"{100.0 * max(self.share, 0.0):.0f} % of u"
-        text = f"{self.lacking} (fitted to one part of the log, the motion tells {told} in the others)"
+        text = f"{self.lacking} (fitted to one part of the log, the motion explains {told} in the others)"
         if self.rows < POLICY.few_rows:
-            return f"{text}. A longer log, or faster moves, would tell; or is it the column of another axis?"
+            return f"{text}. A longer log, or faster moves, would show it; or is it the column of another axis?"
         return f"{text}. Is it the column of another axis, or from another time?"
 
 

@@ -75,7 +75,7 @@ def _ranking(result: Diagnosis, candidates: Sequence[Candidate]) -> Html:
     for one in candidates:
         values = [typeset(f"{key} {estimate_text(e)}") for key, e in result.alone(one).items()]
         notes = [one.note] if one.note else []
-        notes += [f"not to be told from {other}" for other in one.indistinguishable_from]
+        notes += [f"indistinguishable from {other}" for other in one.indistinguishable_from]
         winner = "winner" if one.effect == result.verdict else ""
         share = one.heldout_rmse_after / before if before > 0.0 and math.isfinite(one.heldout_rmse_after) else 0.0
         rows.append(

@@ -12,12 +12,13 @@ from dsd_cli.report.page.html import Html, left, lines, listing, name, table, ta
 from dsd_cli.report.page.parts import GRADES, badge, missing, section
 from dsd_cli.report.page.plan_part import plan_part
 from dsd_cli.report.page.story import Story
+from dsd_cli.report.values_table import GRADES as WORDS
 from dsd_cli.report.values_table import correlation_lines
 
 
 def untold_section(story: Story) -> Html:
     """What remains open, and the experiment that would close it."""
-    title = "What the data cannot tell, and the experiment that would"
+    title = "What is not identifiable from these data, and the experiment that would show it"
     open_ = list(dict.fromkeys(_open(story)))
     advice = list(dict.fromkeys(_advice(story)))
     return section(
@@ -37,7 +38,7 @@ def _open(story: Story) -> list[str]:
     if report is None:
         return [*found, f"the model: {story.ladder.missing}"]
     result = report.result
-    said = {"weak": "is told weakly", "not": "is not told at all"}
+    said = {"weak": "is weakly identifiable", "not": "is not identifiable"}
     found += [f"{key} {said[one.told]}" for key, one in result.values.items() if one.told in said]
     found += [
         f"{key} stands at its bound: neither it nor its error is to be believed"
@@ -47,7 +48,7 @@ def _open(story: Story) -> list[str]:
     found += correlation_lines(result.correlations)
     ties = [*_ties(story), *(c for c in result.last.ranking if c.effect == result.last.verdict)]
     pairs = [(c.effect, listed(c.indistinguishable_from, "or")) for c in ties if c.indistinguishable_from]
-    found += [f"{effect} cannot be told from {others}" for effect, others in pairs]
+    found += [f"{effect} is indistinguishable from {others}" for effect, others in pairs]
     if result.last.depends_on:
         found.append(f"something is left that depends on {listed(result.last.depends_on)}")
     untested = [c.effect for c in result.last.ranking if c.untestable]
@@ -84,7 +85,7 @@ def _first(story: Story) -> Diagnosis | None:
 
 
 def _checked_values(story: Story) -> Html | None:
-    """Which values of the model as given each log tells."""
+    """Which values of the model as given are identifiable from each log."""
     made: list[Html] = []
     for log, check in zip(story.logs, story.checks, strict=True):
         if not check.parameters or check.errors:
@@ -92,14 +93,18 @@ def _checked_values(story: Story) -> Html | None:
         rows = [
             (
                 left(name(one.name)),
-                left(badge(one.identified, GRADES[one.identified])),
+                left(badge(WORDS[one.identified], GRADES[one.identified])),
                 tag("td", _fitted(one)),
-                left(f"not to be told from {listed(one.tied_to)}" if one.tied_to else ""),
+                left(f"indistinguishable from {listed(one.tied_to)}" if one.tied_to else ""),
             )
             for one in check.parameters
         ]
-        made.append(table(("of the model as given", "told", "fitted in the band", ""), rows, "", log))
-    return tag("details", tag("summary", "Which values of the model as given each log tells"), *made) if made else None
+        made.append(table(("of the model as given", "identifiability", "fitted in the band", ""), rows, "", log))
+    return (
+        tag("details", tag("summary", "Which values of the model as given are identifiable from each log"), *made)
+        if made
+        else None
+    )
 
 
 def _fitted(one: Parameter) -> str:

@@ -13,7 +13,7 @@ from dsd_cli.report.page.html import Html, bar, joined, left, listing, name, tab
 from dsd_cli.report.page.parts import GRADES, badge, missing, panel, panels, section
 from dsd_cli.report.page.story import Story
 from dsd_cli.report.validation import validation_lines
-from dsd_cli.report.values_table import correlation_lines, told
+from dsd_cli.report.values_table import correlation_lines, grade
 
 #: Bars of errors end at this share of the smallest one.
 _BELOW = 0.6
@@ -135,7 +135,7 @@ def values_section(story: Story) -> Html:
     return section(
         "values",
         title,
-        table(("value", "as given", "fitted, ± one standard error", "unit", "this log tells it"), rows, "values"),
+        table(("value", "as given", "fitted, ± one standard error", "unit", "identifiability"), rows, "values"),
         listing(correlation_lines(result.correlations), "facts"),
         tag("p", f"The last verdict is {stable}." if stable.startswith("the same") else f"The last verdict: {stable}.")
         if stable
@@ -148,12 +148,11 @@ def values_section(story: Story) -> Html:
 
 def _value_row(key: str, one: Estimate, given: float | None) -> tuple[Html, ...]:
     bare = Estimate(one.value, one.std_error, "")
-    grade = told(one).split(",")[0]
-    rest = told(one)[len(grade) :]
+    word, comma, rest = grade(one).partition(",")
     return (
         left(name(key)),
         tag("td", "" if given is None else f"{given:.6g}"),
         tag("td", typeset(estimate_text(bare))),
         left("" if one.unit == "1" else in_words(one.unit)),
-        left(badge(grade, GRADES.get(grade, "note")) if grade else "", rest),
+        left(badge(word, GRADES.get(one.told, "note")) if word else "", comma + rest),
     )

@@ -23,7 +23,7 @@ def plan_part(story: Story) -> Html | None:
         [
             tag("h3", "The motion that would tell it (dsd plan)"),
             tag("p", f"{headline(plan)}."),
-            table(("told apart, nats", "by these logs", "with it"), pairs) if pairs else None,
+            table(("distinguished, nats", "by these logs", "with it"), pairs) if pairs else None,
             table(("standard error of", "by these logs", "with it", "unit"), values) if values else None,
             listing(joined([tag("b", one.what), ": ", one.remedy]) for one in plan.impossible),
         ]

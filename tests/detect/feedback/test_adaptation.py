@@ -137,7 +137,7 @@ def test_a_wrong_belief_is_given_up_for_the_cautious_plant():
 
 @pytest.mark.parametrize("first", [0, 500])
 def test_no_random_loop_diverges_that_does_not_without(first):
-    """24 of the 1,000 random loops of docs/beyond.md: delay change, wrong labels, a burst of noise in each."""
+    """24 of the 1,000 random loops of docs/how/beyond.md: delay change, wrong labels, a burst of noise in each."""
     for seed, without, adapted in runs.outcomes(range(first, first + 12)):
         assert adapted.adopted, seed
         assert not adapted.diverged or without.diverged, seed

@@ -16,7 +16,7 @@ from tests.cli.rig import done, dsd, refused
 
 @pytest.mark.parametrize("name", ["sine, loud", "moves with rests", "steps of delay, J between candidates"])
 def test_at_least_as_good_as_the_best_of_125_tunings_within_2_percent(name):
-    """The sweep looks at the truth, the tuning does not. All five logs: docs/beyond.md."""
+    """The sweep looks at the truth, the tuning does not. All five logs: docs/how/beyond.md."""
     evidence, log = runs.evidence(name)
     best, _ = max(runs.sweep(evidence, log), key=lambda one: one[0])
     tuning = tune(evidence)

@@ -95,7 +95,8 @@ def test_the_story_is_in_order(opened):
     page = opened()
     assert page.locator("h2").all_text_contents() == [
         "The log and its quality", "What was detected", "How the model compares", "Where it fails", "What is missing",
-        "The ladder", "Values, and what they are worth", "What the data cannot tell, and the experiment that would",
+        "The ladder", "Values, and what they are worth",
+        "What is not identifiable from these data, and the experiment that would show it",
         "The config that results", "How to repeat it"]  # fmt: skip
     assert "not available" not in page.locator("main").inner_text().lower()
     for link in page.locator("nav a").all():
