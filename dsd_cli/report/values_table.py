@@ -38,9 +38,9 @@ def print_values(
         ("value", "right"),
         ("+-", "right"),
         ("unit", "left"),
-        ("identifiability", "left"),
+        ("grade", "left"),
     ):
-        table.add_column(name, justify=justify, no_wrap=name != "identifiability", overflow="fold")  # type: ignore[arg-type]
+        table.add_column(name, justify=justify, no_wrap=name != "grade", overflow="fold")  # type: ignore[arg-type]
     for name, one in values.items():
         number, spread = _number_and_spread(one)
         table.add_row(

@@ -86,7 +86,7 @@ def test_a_passport_is_the_reference_of_the_next_and_a_changed_one_is_refused(fo
 def test_what_nothing_checked_is_not_signed(folder: Path) -> None:
     ran = passport(folder, "2026-03-01.csv", "--fix", "coulomb_friction.level", "-q")
     assert ran.returncode == 3
-    assert "2026-03-01.csv does not tell whether coulomb_friction.level is within its limits" in ran.stderr
+    assert "2026-03-01.csv does not identify coulomb_friction.level well enough for its limits" in ran.stderr
 
 
 @pytest.mark.parametrize(
