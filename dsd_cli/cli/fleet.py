@@ -52,6 +52,10 @@ RetriesOption = Annotated[
     int, typer.Option("--retries", metavar="N", help="How often a log is tried alone when its worker died.")
 ]
 AnewOption = Annotated[bool, typer.Option("--anew", help="Work on every log again; keep no row of an earlier run.")]
+ShardOption = Annotated[
+    str | None,
+    typer.Option("--shard", metavar="I/N", help="Every N-th log only, from the I-th (1 to N); dsd fleet merge joins."),
+]
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,7 @@ class FleetOptions:
     output: TableOption = "results.parquet"
     config: ConfigOption = CONFIG_FILE
     listing: ListOption = None
+    shard: ShardOption = None
     workers: WorkersOption = None
     cluster: ClusterOption = None
     retries: RetriesOption = 2
@@ -90,6 +95,28 @@ def compare(options: FleetOptions, logs: FleetLogs = None) -> None:
 def diagnose(options: FleetOptions, logs: FleetLogs = None) -> None:
     """Diagnose every log by itself; a row has the verdict and all fitted values with their standard errors."""
     _run("diagnose", logs, options)
+
+
+@app.command("merge")
+def merge(
+    parts: Annotated[list[Path], typer.Argument(metavar="PARTS...", help="All parts that --shard has written.")],
+    output: TableOption = "results.parquet",
+    quiet: QuietOption = False,
+) -> None:
+    """Join the parts of a fleet; the table is that of one run over all logs."""
+    from dsd_cli.cli.fleet_run import refuse_without_result
+    from dsd_cli.cli.fleet_tasks import COMMON, DONE
+    from dsd_cli.cli.identification import say
+    from dsd_cli.files.fleet_parts import joined, refuse_other_table
+    from dsd_cli.files.fleet_table import check_table, columns_of, write_table
+
+    target = check_table(output, parts)
+    rows = joined(parts)
+    refuse_other_table(target, str(rows[0]["command"]))
+    write_table(target, iter(rows), columns_of(rows, COMMON))
+    reasons = [str(row["reason"]) for row in rows if row["status"] != DONE]
+    refuse_without_result(reasons, len(rows), output)
+    say(quiet, _ready(output, len(rows), len(reasons)))
 
 
 @app.command("summary")
@@ -126,10 +153,12 @@ def summary(
 def _run(command: str, logs: list[str] | None, given: FleetOptions) -> None:
     from dsd_cli.cli.fleet_logs import Asked, entries, once, refuse_output_among, tasks
     from dsd_cli.cli.fleet_run import run_fleet
+    from dsd_cli.cli.fleet_shards import cut, shard_of
     from dsd_cli.files.fleet_table import check_table
 
     output, listing, quiet = given.output, given.listing, given.quiet
     workers = _workers(given.workers, given.cluster, given.retries)
+    shard = None if given.shard is None else shard_of(given.shard, output)
     named = entries(logs or (), listing)
     found = once(named)
     if (again := len(named) - len(found)) and not quiet:
@@ -138,12 +167,17 @@ def _run(command: str, logs: list[str] | None, given: FleetOptions) -> None:
     texts = tuple(given.override or ()), tuple(given.effect or ())
     asked = Asked(command, given.config, *texts, tuple(given.effects_from or ()))
     work = tasks(found, asked)
+    work, part = (work, None) if shard is None else cut(work, shard)
     inputs: Sequence[str | Path] = [*{task.config.name for task in work}, *asked.effects_from]
     target = check_table(output, [*inputs, *([] if listing is None else [listing])])
-    ran = run_fleet(work, target, workers, given.anew, quiet)
+    ran = run_fleet(work, target, workers, given.anew, quiet, part)
     if not quiet:
-        bad = f", {ran.failed:,} without a result (column reason)" if ran.failed else ""
-        typer.echo(f"{output}: {ran.logs:,} logs{bad}; next: dsd fleet summary {output}", err=True)
+        typer.echo(_ready(output, ran.logs, ran.failed, part is None), err=True)
+
+
+def _ready(output: str, logs: int, failed: int, whole: bool = True) -> str:
+    bad = f", {failed:,} without a result (column reason)" if failed else ""
+    return f"{output}: {logs:,} logs{bad}; next: dsd fleet {f'summary {output}' if whole else 'merge, with all parts'}"
 
 
 def _workers(count: int | None, cluster: str | None, retries: int) -> Workers:

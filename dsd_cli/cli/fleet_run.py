@@ -13,6 +13,7 @@ from dsd_cli.cli.fleet_pools import DaskPool, Pool, ProcessPool, run_all
 from dsd_cli.cli.fleet_tasks import COMMAND, COMMON, DONE, Row, Task
 from dsd_cli.cli.progress import is_terminal, span, three
 from dsd_cli.errors import DataError, UsageError
+from dsd_cli.files.fleet_parts import Part
 from dsd_cli.files.fleet_table import KEY, Journal, load_writers, read_rows
 
 _ELSEWHERE = "write to another file with -o, or say --anew to lose it"
@@ -39,8 +40,10 @@ class Ran:
     failed: int
 
 
-def run_fleet(tasks: list[Task], output: Path, workers: Workers, anew: bool, quiet: bool) -> Ran:
-    """Work on every log that has no row yet, and write the table.
+def run_fleet(
+    tasks: list[Task], output: Path, workers: Workers, anew: bool, quiet: bool, part: Part | None = None
+) -> Ran:
+    """Work on every log that has no row yet, and write the table, or `part` of one.
 
     Raises
     ------
@@ -60,12 +63,23 @@ def run_fleet(tasks: list[Task], output: Path, workers: Workers, anew: bool, qui
                 count(row["status"] == DONE)
         keys = [task.key for task in tasks]
         reasons = [str(row["reason"]) for row in journal.rows(keys) if row["status"] != DONE]
-        journal.finish(keys, COMMON)
+        journal.finish(keys, COMMON, None if part is None else part.metadata())
     finally:
         journal.close()
-    if len(reasons) == len(tasks):
-        raise DataError(f"no log gave a result; the first: {reasons[0]}", f"{output} has the reason of each")
+    if part is None:  # of a part, the others may have results
+        refuse_without_result(reasons, len(tasks), output)
     return Ran(len(tasks), kept, len(reasons))
+
+
+def refuse_without_result(reasons: list[str], logs: int, output: str | Path) -> None:
+    """A table of nothing but failures is written, and an error.
+
+    Raises
+    ------
+    DataError : no log gave a result.
+    """
+    if len(reasons) == logs:
+        raise DataError(f"no log gave a result; the first: {reasons[0]}", f"{output} has the reason of each")
 
 
 def _rows(workers: Workers, left: list[Task], say: Callable[[str], None]) -> Iterator[Row]:
@@ -101,7 +115,7 @@ def _take_up(journal: Journal, output: Path, tasks: list[Task], anew: bool, say:
             say(f"{gone:,} of the {len(earlier):,} rows of {output} are of logs that are not named now: they go")
     for row in earlier:
         if row[KEY] in wanted and row[KEY] not in journal and row["status"] == DONE:
-            journal.add({name: value for name, value in row.items() if value is not None})
+            journal.add({name: value for name, value in row.items() if value is not None or "." not in name})
     known = [key for key in wanted if key in journal]
     journal.forget([row[KEY] for row in journal.rows(known) if row["status"] != DONE])
     return sum(key in journal for key in known)

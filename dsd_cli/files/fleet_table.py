@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -120,10 +120,10 @@ class Journal:
             row: dict[str, Any] = json.loads(self._file.readline())
             yield row
 
-    def finish(self, keys: Sequence[str], first: Sequence[str]) -> None:
-        """Write the table of these rows, columns `first` first, and take the journal away."""
-        columns = _columns(self.rows(keys), first)
-        write_table(self.table, self.rows(keys), columns)
+    def finish(self, keys: Sequence[str], first: Sequence[str], part: Mapping[str, str] | None = None) -> None:
+        """Write the table of these rows, columns `first` first, and take the journal away; `part` goes with it."""
+        columns = columns_of(self.rows(keys), first)
+        write_table(self.table, self.rows(keys), columns, part)
         self.path.unlink(missing_ok=True)
         self._file.close()
 
@@ -152,15 +152,17 @@ def _lock(file: Any, path: Path) -> None:
         return
 
 
-def _columns(rows: Iterator[dict[str, Any]], first: Sequence[str]) -> dict[str, Any]:
-    """Column -> Arrow type, for everything that any row has."""
+def columns_of(rows: Iterable[Row], first: Sequence[str]) -> dict[str, Any]:
+    """Column -> Arrow type, for everything that any row has; the order is the same whichever row comes first."""
     import pyarrow as pa
 
     kinds: dict[str, set[type]] = {name: set() for name in first}
     for row in rows:
         for name, value in row.items():
             kinds.setdefault(name, set()).update(() if value is None else (type(value),))
-    kinds[KEY] = kinds.pop(KEY, set())  # last
+    of_a_log = sorted((name for name in kinds if "." in name), reverse=True)  # value.x before error.x
+    for name in [*sorted(of_a_log, key=lambda name: name.partition(".")[2]), KEY]:
+        kinds[name] = kinds.pop(name, set())
     return {
         name: pa.bool_()
         if found == {bool}
@@ -179,8 +181,10 @@ def load_writers() -> None:
     import pyarrow.parquet  # noqa: F401
 
 
-def write_table(path: Path, rows: Iterator[Row], columns: Mapping[str, Any]) -> None:
-    """The table, whole or not at all.
+def write_table(
+    path: Path, rows: Iterator[Row], columns: Mapping[str, Any], metadata: Mapping[str, str] | None = None
+) -> None:
+    """The table, whole or not at all; Parquet takes `metadata`.
 
     Raises
     ------
@@ -190,7 +194,7 @@ def write_table(path: Path, rows: Iterator[Row], columns: Mapping[str, Any]) -> 
     import pyarrow.csv as pc
     import pyarrow.parquet as pq
 
-    schema = pa.schema(list(columns.items()))
+    schema = pa.schema(list(columns.items()), metadata)
     out = WholeFile(path)
     try:
         writer = pc.CSVWriter if path.suffix.lower() == ".csv" else pq.ParquetWriter
