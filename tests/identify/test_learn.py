@@ -1,5 +1,7 @@
 """Learning a law: the numbers behind it against independent ones, and laws that must be refused."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -15,12 +17,13 @@ from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.oracle.rig_strange import make
+from tests.oracle.rig_strange_laws import Law
 
 ALL = list(kinds(("velocity", "position", "u")))
 
 
-def asked(law, sensor="speed40k", seed=1, motion="moves", push=None):
-    log = make(law, seed, sensor, motion, duration=12.0)
+def asked(law, sensor="speed40k", seed=1, motion="moves", push=None, laws=None):
+    log = make(law, seed, sensor, motion, duration=12.0, laws=laws)
     channels = dict(log.channels)
     if push is not None:
         channels["u"] = channels["u"] - push(channels["t"], log)
@@ -81,6 +84,28 @@ def test_channels_formula_and_a_falling_error(law, channels, effects):
     if effects:
         assert found.formula is not None
         assert found.formula.effects == effects
+
+
+CUSPS = Law(
+    "",
+    lambda s: {"n": s.between(4.0, 8.0)},
+    lambda s, t, q, v, u: 1.5 * s.size * abs(math.sin(s.n * q)),
+    ("position",),
+)
+
+
+@pytest.mark.parametrize(("sensor", "motion"), [("speed40k", "moves"), ("enc40k", "moves"), ("enc40k", "sines")])
+def test_a_curve_is_as_fine_as_the_log_supports_and_its_band_holds_the_law(sensor, motion):
+    """A force over the position with cusps; by sines with an encoder the log has no rows for twice the knots again."""
+    log, recording, model = asked("cusps", sensor, seed=11, motion=motion, laws={"cusps": CUSPS})
+    found = learn([recording], model)
+    (curve,) = found.curves
+    assert curve.channels == ("position",)
+    height, knots = 1.5 * log.values["size"], np.array(curve.knots[0])
+    true, (low, high) = height * np.abs(np.sin(log.values["n"] * knots)), np.array([curve.low, curve.high])
+    known = np.isfinite(low)
+    assert np.sqrt(np.mean((np.array(curve.values) - true)[known] ** 2)) < 0.02 * height
+    assert np.mean((low <= true)[known] & (true <= high)[known]) >= 0.9
 
 
 @pytest.mark.parametrize(("sensor", "motion"), [("speed40k", "moves"), ("enc4096", "sines"), ("enc40k", "moves")])

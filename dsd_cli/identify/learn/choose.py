@@ -20,6 +20,8 @@ from dsd_cli.signals.log import Array
 MOST_LAWS, _ROUNDS = 3, 2
 #: Laws whose loss is so many times the best one's are no ties, whatever the standard error.
 _TIED = 1.5
+#: Times as many knots as a family begins with, one after the other.
+FINER = (2, 4, 8)
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,7 @@ class Choice:
 
     base : the model alone. fit : with the laws, `base` where there is none. tied : other families as good as the first.
     richest : the fit with the least held-out loss. refused : why the best law was not taken, "" if one was.
+    finer : the laws of `fit` with finer curves, which are no better: how far the two differ is what the curves smooth.
     """
 
     judge: Judge
@@ -37,6 +40,7 @@ class Choice:
     richest: LawFit
     best: LawFit
     refused: str
+    finer: LawFit | None = None
 
     def rmse(self, fit: LawFit, rows: Array | None = None) -> float:
         """Held-out rms of r, of the rows that count or of these, unit of u."""
@@ -73,7 +77,28 @@ def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -
         if following is None:
             break
         fit = following
-    return Choice(judge, base, fit, tied, min(richest, fit, key=lambda f: f.loss), first, "")
+    fit, finer = refined(judge, fit)
+    return Choice(judge, base, fit, tied, min(richest, fit, key=lambda f: f.loss), first, "", finer)
+
+
+def refined(judge: Judge, fit: LawFit) -> tuple[LawFit, LawFit | None]:
+    """(the fit with curves as fine as held-out blocks support, the next finer one), both of the same laws.
+
+    Knots are doubled while the held-out loss falls by more than one standard error. Where the log has no rows for
+    more knots, the second is the next coarser one.
+    """
+    if not any(len(law.family.over) == 1 for law in fit.laws):
+        return fit, None
+    coarser = None
+    for times in FINER:
+        columns = [columns_of(law.family, judge.balance, times) for law in fit.laws]
+        following = judge.fit([c or law for c, law in zip(columns, fit.laws, strict=True)])
+        if len(following.total) <= len(fit.total):
+            break
+        if fit.loss - following.loss <= standard_error(fit, following):
+            return fit, following
+        fit, coarser = following, fit
+    return fit, coarser
 
 
 def _following(judge: Judge, fit: LawFit, all_of_them: Sequence[Columns]) -> LawFit | None:

@@ -21,6 +21,8 @@ from dsd_cli.signals.log import Array
 
 #: Standard errors of a band of 95 %.
 _BAND = 1.96
+#: Knots on each side, over which the distance of a finer curve is averaged.
+_BESIDE = 2
 #: Share of the mean information on a coefficient, below which the log was hardly there.
 _VISITED = 1e-3
 
@@ -67,14 +69,28 @@ def _times(values: Any, scale: float) -> Any:
     return float(f"{scale * float(values):.6g}")
 
 
-def curves_of(fit: LawFit, judge: Judge, names: Sequence[str]) -> tuple[Curve, ...]:
-    """Every law with the band of its posterior; nothing where the log never was."""
+def curves_of(fit: LawFit, judge: Judge, names: Sequence[str], finer: LawFit | None = None) -> tuple[Curve, ...]:
+    """Every law with the band of its posterior, widened by how far the finer fit is from it; nothing where the log
+    never was."""
     variance, theta, found = judge.nats(fit) / 2.0, coefficients(fit), []
-    for (law, at), name in zip(parts(fit), names, strict=True):
+    for i, ((law, at), name) in enumerate(zip(parts(fit), names, strict=True)):
         spread = np.einsum("ij,jk,ik->i", law.matrix, fit.covariance[at, at], law.matrix)
-        half = _BAND * np.sqrt(np.maximum(variance * spread, 0.0))
+        half = _BAND * np.sqrt(np.maximum(variance * spread, 0.0) + _smoothed(fit, finer, i))
         found.append(_curve(law, name, law.matrix @ theta[at], half, judge))
     return tuple(found)
+
+
+def _smoothed(fit: LawFit, finer: LawFit | None, at: int) -> Array | float:
+    """Squared distance of the finer curve from that of law `at`, at its knots: what is lost by being smooth.
+
+    A mean over neighbours, for one crossing of the two tells of no agreement.
+    """
+    if finer is None or not isinstance(fit.laws[at].law, Table) or len(fit.laws[at].law.channels) > 1:
+        return 0.0
+    (law, own), (other, others) = (list(parts(one))[at] for one in (fit, finer))
+    there = np.interp(law.law.knots[0], other.law.knots[0], other.matrix @ coefficients(finer)[others])
+    apart = (there - law.matrix @ coefficients(fit)[own]) ** 2
+    return np.convolve(np.pad(apart, _BESIDE, mode="edge"), np.full(2 * _BESIDE + 1, 1.0 / (2 * _BESIDE + 1)), "valid")
 
 
 def _curve(law: Columns, name: str, theta: Array, half: Array, judge: Judge) -> Curve:

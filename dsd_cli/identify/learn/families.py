@@ -103,8 +103,8 @@ class Columns:
     values: Callable[[Array], Values]
 
 
-def columns_of(family: Family, balance: Balance) -> Columns | None:
-    """None where the log lacks a channel, or it does not vary."""
+def columns_of(family: Family, balance: Balance, finer: int = 1) -> Columns | None:
+    """None where the log lacks a channel, or it does not vary; `finer` times as many knots over one channel."""
     if family.effect is HYSTERESIS:
         return _stops(family, balance)
     channels = [samples_of(name, balance) for name in family.over]
@@ -112,10 +112,10 @@ def columns_of(family: Family, balance: Balance) -> Columns | None:
         return None
     if family.effect is INERTIA_CURVE and not len(samples_of("position", balance)):
         return None
-    knots = tuple(_knots(name, x, family, balance) for name, x in zip(family.over, channels, strict=True))
-    finer, matrix = _smooth(knots)
-    empty = np.zeros([len(k) for k in finer]).tolist()
-    table = Table(family.over, finer, _frozen(empty), family.factor)
+    knots = tuple(_knots(name, x, family, balance, finer) for name, x in zip(family.over, channels, strict=True))
+    inner, matrix = _smooth(knots)
+    empty = np.zeros([len(k) for k in inner]).tolist()
+    table = Table(family.over, inner, _frozen(empty), family.factor)
     rows = tuple(balance.columns(family.effect, {"table": table.holding(one)})[0] for one in matrix.T)
 
     def values(found: Array) -> Values:
@@ -155,17 +155,17 @@ def samples_of(name: str, balance: Balance) -> Array:
     return np.concatenate(found)
 
 
-def _knots(name: str, x: Array, family: Family, balance: Balance) -> tuple[float, ...]:
+def _knots(name: str, x: Array, family: Family, balance: Balance, finer: int) -> tuple[float, ...]:
     """Even over position and time; else half of them at quantiles, none near another; over the velocity one at 0."""
     most = max(balance.blocks.rows // ROWS_PER_KNOT, 4)
     count = FINE if family.over == ("position",) and family.factor == "one" else KNOTS
     if name == TIME:
         count = max(balance.blocks.count // BLOCKS_PER_KNOT, 3)
-    count = min(IN_PAIR if len(family.over) == 2 else count, most)
+    count = min(IN_PAIR if len(family.over) == 2 else finer * (count - 1) + 1, most)
     mixed = name not in (TIME, "position")
     even = np.linspace(x.min(), x.max(), count // 2 + 1 if mixed else count)
     usual = np.quantile(x, np.linspace(0.0, 1.0, count // 2 + 1)) if mixed else even
-    least, kept = _APART * float(np.ptp(x)), list[float]()
+    least, kept = _APART / finer * float(np.ptp(x)), list[float]()
     fixed = [0.0] if name == "velocity" and x.min() < 0.0 < x.max() else []
     for knot in sorted({*even.tolist(), *usual.tolist()}):
         if all(abs(knot - other) > least for other in (*fixed, *kept[-1:])):
@@ -179,7 +179,7 @@ def _smooth(knots: tuple[tuple[float, ...], ...]) -> tuple[tuple[tuple[float, ..
     if len(knots) > 1 or len(knots[0]) < _FEWEST:
         return knots, np.eye(int(np.prod([len(k) for k in knots])))
     x = np.array(knots[0])
-    parts = 2 if len(x) > KNOTS + 8 else 3
+    parts = 1 if len(x) > FINE else 2 if len(x) > KNOTS + 8 else 3
     finer = np.unique(np.concatenate([*(np.linspace(a, b, parts + 1) for a, b in pairwise(x)), x]))
     finer = np.unique([min(x.tolist(), key=lambda k: abs(k - one)) if _near(one, x) else one for one in finer])
     matrix = np.zeros((len(finer), len(x)))

@@ -114,7 +114,7 @@ def _learnt(chosen: Choice, scores: Scores, recordings: Sequence[Recording], hol
         verdict=LEARNT,
         family=of_several(families),
         channels=tuple(dict.fromkeys(name for family in families for name in family.on)),
-        curves=curves_of(chosen.fit, judge, list(curves)),
+        curves=curves_of(chosen.fit, judge, list(curves), chosen.finer),
         formula=None if formula is None else formula.formula,
         score=scores.given,
         refitted=_held_out(scores.refitted, chosen, chosen.base, holdout),
