@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dsd_cli.cli.fit_options import FitOptions, StatesOption
-from dsd_cli.cli.identification import LogsArgument
 from dsd_cli.cli.options import Format, effect_ids
 from dsd_cli.cli.sharing import spread
 
@@ -17,6 +16,15 @@ if TYPE_CHECKING:
     from dsd_cli.identify.results import Addition
     from dsd_cli.report.addition import AdditionReport
 
+# a shell asks the first argument that may be repeated for all of them, the effect as well; it offers files by itself
+LogsBefore = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="LOG...",
+        autocompletion=lambda incomplete: effect_ids(incomplete) if incomplete else [],
+        help="Log files (CSV, Parquet, MF4, ...); - is stdin.",
+    ),
+]
 OutputNeeded = Annotated[
     str, typer.Option("-o", "--output", metavar="FILE", help="Config to write, may be that of -c; - is stdout.")
 ]
@@ -24,7 +32,7 @@ OutputNeeded = Annotated[
 
 @spread
 def add(
-    log: LogsArgument,
+    log: LogsBefore,
     effect: Annotated[
         str, typer.Argument(metavar="EFFECT", autocompletion=effect_ids, help="Effect to add, see `dsd effects`.")
     ],

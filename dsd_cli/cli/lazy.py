@@ -32,7 +32,7 @@ COMMANDS = {
     "report": ("report", "report", "Write one HTML page with all results for a log."),
     "fleet": ("fleet", "app", "Run detect, compare or diagnose over many logs; one table."),
     "import": ("import_", "import_", "Read a joint of a simulator (MJCF, URDF) or values as a config."),
-    "passport": ("passport", "passport", "Sign the values of an axis: within limits, or what changed since when."),
+    "passport": ("passport", "passport", "Sign values of an axis within limits; say what changed."),
     "export": ("export", "export", "Write the model for a simulator, a controller or another tool."),
     "schema": ("schema", "schema", "Print the JSON schema of a command's result."),
     "effects": ("effects", "effects", "Show the catalogue of physical effects."),

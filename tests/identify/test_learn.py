@@ -8,12 +8,15 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize
 
 from dsd_cli.effects import Channels, load_effects
+from dsd_cli.identify.learn.choose import contains
 from dsd_cli.identify.learn.dictionary import Kind, effect_of, kinds
-from dsd_cli.identify.learn.families import natural_spline
+from dsd_cli.identify.learn.families import FAMILIES, natural_spline
 from dsd_cli.identify.learn.formula import Term, nelder_mead
+from dsd_cli.identify.learn.formulate import identified
 from dsd_cli.identify.learn.law_file import law_source
 from dsd_cli.identify.learn.learning import learn
 from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.results import Estimate
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.oracle.rig_strange import make
@@ -37,6 +40,24 @@ def test_the_spline_between_knots_is_the_natural_one():
     values, at = rng.standard_normal(9), np.linspace(knots[0], knots[-1], 101)
     wanted = CubicSpline(knots, values, bc_type="natural")(at)
     np.testing.assert_allclose(natural_spline(knots, at) @ values, wanted, atol=1e-12)
+
+
+def test_no_law_stands_beside_one_that_may_be_it_as_well():
+    """A table over velocity and position has any function of the two: beside it they would be large and opposite."""
+    named = {family.name: family for family in FAMILIES}
+    both = named["a function of velocity and position"]
+    beside = {name for name, family in named.items() if not contains(both, family)}
+    assert {"a function of the velocity", "friction over the position", "damping over the position"}.isdisjoint(beside)
+    assert {"friction over time", "hysteresis", "an inertia over the position", "a function of u"} <= beside
+    assert not contains(named["a function of the velocity"], both)
+
+
+@pytest.mark.parametrize("strength", [(2.0, 1.0), (-40.0, 12.0)])
+def test_a_strength_is_told_from_zero_or_there_is_no_formula(strength):
+    value, error = strength
+    assert identified({"coefficient": Estimate(value, abs(value) / 3.1, "")})
+    assert not identified({"coefficient": Estimate(value, error * 1.7, ""), "width": Estimate(1.0, 0.0, "")})
+    assert not identified({"amplitude": Estimate(value, math.nan, ""), "phase": Estimate(0.0, 0.1, "rad")})
 
 
 @pytest.mark.parametrize("start", [(-1.0, 2.0), (0.4, 0.1)])

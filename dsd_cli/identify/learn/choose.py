@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsd_cli.identify.fit.blocks import spread_over_blocks
-from dsd_cli.identify.learn.families import FAMILIES, Columns, columns_of
+from dsd_cli.identify.learn.families import FAMILIES, Columns, Family, columns_of
 from dsd_cli.identify.learn.formula import AS_GOOD
 from dsd_cli.identify.learn.judge import Judge, LawFit
 from dsd_cli.identify.learn.rows import Balance
@@ -103,17 +103,26 @@ def refined(judge: Judge, fit: LawFit) -> tuple[LawFit, LawFit | None]:
 
 def _following(judge: Judge, fit: LawFit, all_of_them: Sequence[Columns]) -> LawFit | None:
     """One law more, if it is certain and of use; no law of u beside one of the motion: it would follow its noise."""
-    here = {law.family.name for law in fit.laws}
     others = [
         c
         for c in all_of_them
-        if c.family.name not in here and c.family.of_motion and c.family.of_u == fit.forward and len(c.family.over) < 2
+        if not any(contains(law.family, c.family) for law in fit.laws)
+        and c.family.of_motion
+        and c.family.of_u == fit.forward
+        and len(c.family.over) < 2
     ]
     found = [judge.fit((*fit.laws, c)) for c in others]
     if not found:
         return None
     best, _ = simplest(found)
     return None if why_not(judge, fit, best) else best
+
+
+def contains(family: Family, other: Family) -> bool:
+    """Whether a law of the first may be one of the second as well: beside each other the two are collinear, large and
+    opposite."""
+    both = len(family.over) > 1 and "u" not in other.on
+    return family.name == other.name or (both and set(other.on) <= {*family.on, "direction"})
 
 
 def simplest(fits: Sequence[LawFit]) -> tuple[LawFit, tuple[LawFit, ...]]:

@@ -25,6 +25,8 @@ from dsd_cli.signals.log import Array
 _SAME = 2e-3
 #: Relative step of the slopes over shapes.
 _STEP = 1e-3
+#: Standard errors from 0 that the strength of each term must have at least.
+_LEAST_SIGMAS = 3.0
 #: Times the curve's held-out error; a formula that leaves more is not said.
 _MUCH_WORSE = 1.5
 
@@ -61,6 +63,8 @@ def formula_of(chosen: Choice) -> Found | None:
     if not replaces and chosen.rmse(found) > _MUCH_WORSE * chosen.rmse(chosen.fit):
         return None
     estimates = _estimates(terms, found, judge)
+    if not all(identified(each) for each in estimates):
+        return None
     values = [{name: one.value for name, one in each.items()} for each in estimates]
     known = [_of_catalogue(t, v) for t, v in zip(terms, values, strict=True)]
     all_known = all(known) and len({name for one in known if one for name in one}) == len(known)
@@ -79,6 +83,12 @@ def formula_of(chosen: Choice) -> Found | None:
     merged = {name: v for one in known if one for name, v in one.items()}
     tables = tables_of(terms, strengths_of(values), judge.balance.problem.model, judge.balance)
     return Found(formula, found, (merged if all_known else tables) if replaces else {}, all_known)
+
+
+def identified(estimates: Mapping[str, Estimate]) -> bool:
+    """Whether the strength of a term is told from 0: else its shape lies where it hardly acts."""
+    strengths = [estimates[name] for name in ("coefficient", "amplitude") if name in estimates]
+    return all(abs(e.value) > _LEAST_SIGMAS * e.std_error for e in strengths)
 
 
 def _name(term: Term) -> str:

@@ -57,6 +57,11 @@ def learn(
     if chosen.refused or not chosen.fit.laws[0].family.of_motion:
         return _nothing(chosen, scores, recordings, holdout)
     found = _learnt(chosen, scores, recordings, holdout)
+    was = min(scores.given.rmse, scores.refitted.rmse)
+    if found.after.rmse > (1.0 - POLICY.unknown_fall) * was:
+        # few blocks, in which the model's own values hardly hold without each other, make any law look good
+        why = f"with a law in it the model leaves {found.after.rmse:.4g} of the log where it leaves {was:.4g} without"
+        found = _nothing(replace(chosen, refused=why), scores, recordings, holdout)
     progress("done", 1.0)
     return found
 
@@ -176,7 +181,7 @@ def _nothing(chosen: Choice, scores: Scores, recordings: Sequence[Recording], ho
         verdict, why = NOT_OF_MOTION, "what is left is a force over time, not over the motion"
     elif left > least and "stops" not in why:
         verdict = NOT_OF_MOTION
-        why = f"{100.0 * left / max(problem.errors.force, 1e-300):.1f} % of u is left: {why}"
+        why = f"{100.0 * left / max(problem.errors.force, 1e-300):.1f} % of u is left on blocks that no fit saw: {why}"
     elif left <= least and "stops" not in why:
         band = f"{problem.equations.band.hz:.1f} Hz"
         why = f"nothing is missing below {band}: what is left is no more than the sensor's noise"

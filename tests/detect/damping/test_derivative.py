@@ -101,7 +101,7 @@ def test_a_constant_force_that_is_no_state_leaves_nothing_after_its_edge():
     [Grid((0.0, 0.1), (1.0,), {AXIS: (0.0, 1.0)}), Grid((0.0,), (1.0, 2.0), {AXIS: (0.0, 1.0)}), Grid((0.0,), (1.0,))],
 )
 def test_other_grids_are_refused(grid):
-    with pytest.raises(UsageError, match="dampings apart"):
+    with pytest.raises(UsageError, match="distinguishes dampings"):
         DampingStates(grid, Measurement(1e-3))
 
 
@@ -129,7 +129,7 @@ def test_the_command_needs_no_velocity(tmp_path):
         "0.4",
         cwd=tmp_path,
     )
-    refused(dsd("detect", "log.csv", "--set", "states.delays=[0.0, 0.1]", cwd=tmp_path), 2, "dampings apart")
+    refused(dsd("detect", "log.csv", "--set", "states.delays=[0.0, 0.1]", cwd=tmp_path), 2, "distinguishes dampings")
 
 
 def test_the_observer_settings_are_those_of_the_log():
