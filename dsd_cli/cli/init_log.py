@@ -26,7 +26,7 @@ from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import predict_d_hat
 from dsd_cli.signals.clock import FASTEST, SLOWEST
-from dsd_cli.signals.log import Array
+from dsd_cli.signals.log import Array, Log
 from dsd_cli.signals.units import POSITION, VELOCITY
 
 #: Rows from which everything is proposed.
@@ -218,9 +218,7 @@ def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal
     out.said += [f"{one.what}: {one.remedy}" for one in checked.errors]
     inertia, delay = _told(checked, "inertia"), _told(checked, "delay")
     if inertia is None or inertia <= 0.0:
-        rho = RHO_OF_U * float(np.std(log["u"]))
-        if rho > 0.0:
-            out.put("detector", "rho", float(f"{rho:.3g}"), "a tenth of what u does: inertia is not identifiable here")
+        _without_inertia(log, out)
         _put_delays(0.0 if delay is None else max(delay, 0.0), step, delay is not None, out)
         return
     inertia = float(f"{inertia:.3g}")
@@ -233,6 +231,19 @@ def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal
     if 0.0 < left < float(np.std(log["u"])):  # more is no fit at all, as of trials joined in one file
         rho = float(f"{max(RHO_OF_LEFT * left, RHO_LEAST * float(np.std(log['u']))):.3g}")
         out.put("detector", "rho", rho, f"{RHO_OF_LEFT:g} times what inertia and delay leave")
+
+
+def _without_inertia(log: Log, out: Proposal) -> None:
+    """rho is how far d_hat strays: without a d_hat in the log it asks for the nominal inertia that makes one."""
+    if "d_hat" not in log:
+        out.said.append(
+            "nominal_inertia, inertias and rho are the template's, not of this log: inertia is not identifiable here; "
+            "put yours before dsd detect"
+        )
+        return
+    rho = RHO_OF_U * float(np.std(log["u"]))
+    if rho > 0.0:
+        out.put("detector", "rho", float(f"{rho:.3g}"), "a tenth of what u does: inertia is not identifiable here")
 
 
 def _doubt_time_unit(step: float, out: Proposal) -> None:

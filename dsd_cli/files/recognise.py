@@ -39,11 +39,12 @@ TIME_UNITS = {
 NAMED: Mapping[str, Mapping[str, str]] = {
     "position": {
         "rad": "rad", "m": "m", "deg": "deg", "°": "deg", "degree": "deg", "degrees": "deg", "mm": "mm", "um": "um",
-        "rev": "turn", "turn": "turn", "turns": "turn",
+        "rev": "turn", "turn": "turn", "turns": "turn", "grad": "deg", "umdr": "turn",
     },
     "velocity": {
         "rad/s": "rad/s", "m/s": "m/s", "deg/s": "deg/s", "°/s": "deg/s", "mm/s": "mm/s", "um/s": "um/s", "rpm": "rpm",
         "r/min": "rpm", "1/min": "rpm", "rev/s": "turn/s", "turn/s": "turn/s", "turns/s": "turn/s", "hz": "turn/s",
+        "grad/s": "deg/s", "u/min": "rpm", "umdr/min": "rpm", "min-1": "rpm", "min^-1": "rpm", "u/s": "turn/s",
     },
 }  # fmt: skip
 OF_U: Mapping[str, tuple[str, float]] = {
@@ -56,11 +57,12 @@ OF_U: Mapping[str, tuple[str, float]] = {
 OTHER_UNITS = {
     "%", "-", "1", "c", "°c", "degc", "k", "w", "kw", "bar", "kg", "hz", "khz", "min", "h", "g", "db", "inc", "count",
     "counts", "cnt", "pulse", "pulses", "bit", "bool", "m/s^2", "m/s²", "m/s2", "mm/s²", "mm/s^2", "rad/s²", "rad/s^2",
-    "deg/s²", "°/s²", "counts/s", "cnt/s", "inc/s", "u/min", "min-1", "mrad", "mdeg", "cm", "in", "ft", "lbf", "arb",
+    "deg/s²", "°/s²", "counts/s", "cnt/s", "inc/s", "mrad", "mdeg", "cm", "in", "ft", "lbf", "arb",
     "sequence", "second", "seconds", "milliseconds", "[-]",
 }  # fmt: skip
 _FACTORS = {"position": POSITION, "velocity": VELOCITY}
 _IN_BRACKETS = re.compile(r"[\[(<]\s*([^\])>]*?)\s*[\])>]")
+_NUMBER = re.compile(r"(?:/\d+|\s*[\[(]\d+[\])])+$")
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|°")
 
 
@@ -134,7 +136,11 @@ def is_force(name: str, unit: str) -> bool:
 
 
 def unit_in(name: str, channel: str) -> str:
-    """The unit at the end of a name: in brackets, or as its last words; empty without one."""
+    """The unit at the end of a name: in brackets, or as its last words; empty without one.
+
+    The number of a column of a matrix is no part of it: pos_deg/1, pos_deg[1].
+    """
+    name = _NUMBER.sub("", name)
     inside = _IN_BRACKETS.findall(name)
     if inside:
         return str(inside[-1])

@@ -27,10 +27,18 @@ def verdict(result: CheckResult) -> str:
     """The whole in one line."""
     if result.errors:
         return f"cannot answer: {'; '.join(one.what for one in result.errors)}"
+    if answers_little(result):
+        return "can answer little: no value is more than weakly identifiable, and there is room for no effect"
     warnings = sum(one.severity == "warning" for one in result.findings)
     if not warnings:
         return "can answer"
     return f"can answer, with {'a warning' if warnings == 1 else f'{warnings} warnings'}"
+
+
+def answers_little(result: CheckResult) -> bool:
+    """Whether nothing forbids an answer, but no value is identified and no effect can be asked for."""
+    weak = result.parameters and all(one.identified != "identified" for one in result.parameters)
+    return bool(weak) and not result.errors and result.excitation.effects == 0
 
 
 def to_json(results: Sequence[CheckResult]) -> dict[str, Any]:

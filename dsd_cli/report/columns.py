@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -16,6 +17,8 @@ from dsd_cli.report.terminal import escaped
 
 #: First values that are shown, and characters of the line that shows how a channel runs.
 FIRST, WIDTH = 3, 24
+#: Constants that are shown, and rows from which a channel without a clock is no constant beside others that have one.
+SHOWN, FEW = 5, 50
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,10 @@ def _shape(values: np.ndarray, low: float | None, high: float | None) -> tuple[f
     return tuple(_finite(round(float((x - low) / reach), 3) if reach > 0.0 else 0.5) for x in values[places])
 
 
+#: A channel and its number in the file, from 1.
+Numbered = tuple[int, Column]
+
+
 def to_json(log: str, columns: Sequence[Column], notes: Sequence[str]) -> dict[str, Any]:
     """The object of the contract."""
     return {**head("columns", [log]), "columns": [asdict(one) for one in columns], "notes": list(notes)}
@@ -88,16 +95,42 @@ def print_table(log: str, columns: Sequence[Column], notes: Sequence[str], file:
     for name in ("#", "channel", "unit", "rows", "least", "most", "first", "", "may be"):
         table.add_column(name, no_wrap=True, justify="right" if name in ("#", "rows", "least", "most") else "left")
     ramp = BLOCKS if (getattr(file, "encoding", None) or "").lower().startswith("utf") else PLAIN
-    for at, one in enumerate(columns, start=1):
+    main, others, rest = _apart(columns)
+    for at, one in [*main, *others, *rest[:SHOWN]]:
         line = sparkline([np.nan if x is None else x for x in one.shape], 0.0, 1.0, WIDTH, ramp)
         first = ", ".join(_number(x) for x in one.first)
         rows = "-" if one.rows is None else f"{one.rows:,}"
         cells = (one.name, one.unit or "-", rows, _number(one.low), _number(one.high), first, line)
         table.add_row(str(at), *map(escaped, cells), escaped(one.role or f"({one.kind})"))
     console.print(table)
-    for one in columns:
+    if len(rest) > SHOWN:
+        left = len(rest) - SHOWN
+        console.print(f"and {left} more constant{'' if left == 1 else 's'}: --format json lists all of them")
+    for _, one in main:
         if one.role:
             console.print(escaped(f"{one.role}: {one.name}, {one.reason}"))
+
+
+def _apart(columns: Sequence[Column]) -> tuple[list[Numbered], ...]:
+    """What varies beside a clock, what varies without one, the constants, each with its number in the file.
+
+    Beside channels with a clock, a few values without one are constants of a machine, such as the rows of a matrix. The
+    largest group with a clock comes first. Where nothing has a clock, all that varies is in the first part.
+    """
+    clocked = any(one.step for one in columns)
+    parts: tuple[list[Numbered], ...] = ([], [], [])
+    for numbered in enumerate(columns, start=1):
+        one = numbered[1]
+        alone = clocked and not one.step
+        constant = one.kind in ("constant", "empty", "text") or (alone and one.rows is not None and one.rows < FEW)
+        parts[2 if constant else int(alone)].append(numbered)
+    sizes = Counter(_group(one) for _, one in parts[0])
+    parts[0].sort(key=lambda item: -sizes[_group(item[1])])
+    return parts
+
+
+def _group(one: Column) -> str:
+    return one.name.partition("/")[0] if "/" in one.name else ""
 
 
 def _number(value: float | None) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.checks import CheckResult, Excitation, Parameter
-from dsd_cli.report.checks import print_table
+from dsd_cli.report.checks import print_table, to_json, verdict
 from tests.cli.rig import csv_text, done, dsd, refused, write
 from tests.identify.checks.rig import servo
 
@@ -68,6 +68,17 @@ def test_a_fit_below_zero_is_explained():
     )
     assert "below 0" not in shown(at)
     assert "below 0" not in shown(Parameter("gravity.phase", "weak", -0.4, 0.01))
+
+
+@pytest.mark.parametrize(
+    ("grades", "moves", "little"),
+    [(("weak", "not"), 2, True), (("identified", "weak"), 2, False), (("weak", "not"), 3, False)],
+)
+def test_a_log_that_tells_next_to_nothing_says_so_first(grades, moves, little):
+    parameters = tuple(Parameter(name, g, 1.0, 0.3) for name, g in zip(("inertia", "delay"), grades, strict=True))
+    result = CheckResult("a.csv", (), parameters, 30.0, 0.01, Excitation(0.5, moves, 0, 1.0, 1.0, 0.0), 1.0, 10)
+    assert verdict(result).startswith("can answer little: ") == little
+    assert to_json([result])["can_answer"] is True
 
 
 def test_a_log_that_cannot(rig):

@@ -1,6 +1,7 @@
 """`dsd init` and `dsd check` on files as other tools write them: roles, units and clock that nobody named."""
 
 import json
+import math
 import os
 import pty
 import shlex
@@ -11,6 +12,8 @@ import numpy as np
 import pytest
 
 from dsd_cli.files.config import load_config
+from dsd_cli.files.recognise import unit_in
+from dsd_cli.identify.roles import Channel, guess_roles
 from tests.cli.rig import DSD, done, dsd, refused
 from tests.files import strangers
 from tests.recordings import recording
@@ -116,3 +119,60 @@ def test_where_the_rows_are_can_be_said(tmp_path: Path) -> None:
 def test_a_pointer_of_git_lfs_is_named(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 3\n")
     refused(dsd("init", "log.csv", cwd=tmp_path), 1, "log.csv: is a pointer of Git LFS", "git lfs pull")
+
+
+@pytest.mark.parametrize(
+    ("name", "channel", "unit"),
+    [
+        ("rec/pos_deg/1", "position", "deg"),
+        ("vel_deg_per_s[2]", "velocity", "deg/s"),
+        ("vel [deg/s] (3)", "velocity", "deg/s"),
+        ("torque_abs_nm/6", "u", "nm"),
+        ("drive/velocity/1", "velocity", ""),
+    ],
+)
+def test_the_number_of_a_matrix_column_hides_no_unit(name: str, channel: str, unit: str) -> None:
+    assert unit_in(name, channel) == unit
+
+
+def test_german_units_are_known(tmp_path: Path) -> None:
+    turns = 60.0 / (2.0 * np.pi)
+    lines = ["Zeit [s];Winkel [Grad];Drehzahl [U/min];Drehmoment [Nm]"]
+    lines += strangers.rows(AXIS, AXIS["t"], np.degrees(AXIS["q"]), AXIS["v"] * turns, AXIS["u"], by=";")
+    path = strangers.text(tmp_path, "a.csv", lines)
+    said = done("init", path.name, cwd=tmp_path).stderr
+    assert "not known" not in said
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.position_unit, signals.velocity_unit) == ("deg", "rpm")
+    assert signals.factors()["position"] == pytest.approx(math.pi / 180.0)
+
+
+def test_a_robots_matrices_in_degrees(tmp_path: Path) -> None:
+    """Units before /1; the motor's measured angle is no reference; no rho where there is no inertia."""
+    said = done("init", str(recording("foreign_files/kuka_A.mat")), cwd=tmp_path).stderr
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.u_unit, signals.position_unit, signals.velocity_unit) == ("N m", "deg", "deg/s")
+    assert "taken as rad" not in said
+    assert "reference = " not in said
+    assert "rho = " not in said
+    assert "rho are the template's" in said
+
+
+@pytest.mark.parametrize("earlier", [0, 5])
+def test_only_what_is_earlier_is_a_reference(earlier: int) -> None:
+    """Two sensors of one angle, of which one has less noise, are none of them asked for."""
+    rng = np.random.default_rng(2)
+    t = 1e-3 * np.arange(4000)
+    place = np.sin(2.0 * np.pi * 1.3 * t) + 0.3 * np.sin(2.0 * np.pi * 3.7 * t)
+    noisy, smooth = place + 1e-3 * rng.standard_normal(t.size), np.roll(place, -earlier)
+    channels = [Channel(name, x[50:-50]) for name, x in (("t", t), ("a", noisy), ("b", smooth))]
+    found = guess_roles(channels, {"time": "t", "position": "a"}).found
+    assert ("reference" in found) == (earlier > 0)
+
+
+def test_a_u_that_is_missing_is_named_with_set(tmp_path: Path) -> None:
+    """The way out that the message of `check` says is one."""
+    path = ambiguous(tmp_path)
+    dsd("init", path.name, cwd=tmp_path)
+    refused(dsd("check", path.name, cwd=tmp_path), 2, 'signals.u = "": no column given', "--set signals.u=NAME")
+    done("check", path.name, "--set", "signals.u=beta", cwd=tmp_path)

@@ -243,7 +243,15 @@ def load_config(path: str | Path, values: Iterable[str] = (), effects: Iterable[
     text = config_text(path, "config file", "`dsd init` writes one, -c FILE names another")
     written = parse_tables(text, str(path))
     read_own_effects(written, str(path), path.parent)
-    return read_config(written, str(path), path.parent).override(values, effects)
+    values = tuple(values)
+    try:
+        config = read_config(written, str(path), path.parent)
+    except UsageError:
+        if not values:
+            raise
+        # --set may say what is missing in the file
+        return read_config(with_values(written, values), f"{path} with --set", path.parent).override((), effects)
+    return config.override(values, effects)
 
 
 def config_text(path: Path, what: str, hint: str = "") -> str:

@@ -23,6 +23,18 @@ def _read_column(value: Any, at: Place) -> str | None:
     return value or None
 
 
+def _control_input() -> Rule:
+    """A column that must be there; "" is what `dsd init` leaves where it could not say which."""
+
+    def read(value: Any, at: Place) -> str:
+        if value == "":
+            how = f"name it, for example --set {at.path}=NAME (dsd columns LOG lists them)"
+            raise at.refused(value, f"no column given: {how}")
+        return str(text().read(value, at))
+
+    return Rule("a text", read)
+
+
 def _unit() -> Rule:
     def read(value: Any, at: Place) -> str:
         if not isinstance(value, str) or len(value) > 20 or not value.isprintable():
@@ -57,7 +69,7 @@ class Signals(Section):
     time_unit: Literal["s", "ms", "us", "ns"] = key(
         choice("s", "ms", "us", "ns"), "unit of the time column", default="s"
     )
-    u: str = key(text(), "column with the control input", default="u")
+    u: str = key(_control_input(), "column with the control input", default="u")
     d_hat: str | None = _column("d_hat", "the observed disturbance, in the unit of u")
     velocity: str | None = _column("velocity", "the velocity")
     position: str | None = _column("position", "the position")

@@ -183,19 +183,20 @@ def _doubt_position(look: _Look, p: str, w: str, free: Sequence[str]) -> None:
 
 
 def _find_reference(look: _Look) -> None:
-    """The position that was asked for: the same as the measured one, but earlier, or without its noise."""
+    """The position that was asked for: the same as the measured one, but earlier.
+
+    One that is not earlier is no reference, however smooth it is: two sensors of one axis differ in their noise, too.
+    """
     found = look.found
     if "position" not in found or "reference" in found or found["position"].column not in look.values:
         return
     mine = found["position"].column
     for other in look.free():
         lead = None if other in look.never_motion else _lead(look.values[other], look.values[mine])
-        if lead is None:
+        if not lead:
             continue
-        if lead > 0 or (lead == 0 and _rough(look.values[other]) < _rough(look.values[mine])):
-            found["reference"] = Guess(
-                other, f"as {mine}, {f'{lead} samples earlier' if lead else 'without its noise'}"
-            )
+        if lead > 0:
+            found["reference"] = Guess(other, f"as {mine}, {lead} samples earlier")
             return
         if found["position"].doubt == ONLY_CAUSE:
             found["reference"] = Guess(mine, f"as {other}, {-lead} samples earlier")
@@ -211,10 +212,6 @@ def _lead(x: Array, y: Array) -> int | None:
     lag = lag_of(x - x.mean(), y - y.mean(), LONGEST)
     a, b = (x[: x.size - lag], y[lag:]) if lag >= 0 else (x[-lag:], y[:lag])
     return lag if float(np.mean((b - a) ** 2)) < TWINS * power else None
-
-
-def _rough(x: Array) -> float:
-    return float(np.mean(np.diff(x, 3) ** 2))
 
 
 def _find_cause(look: _Look) -> None:

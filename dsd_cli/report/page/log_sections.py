@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import PurePath
 
 from dsd_cli.identify.checks import CheckResult
-from dsd_cli.report.checks import facts, verdict
+from dsd_cli.report.checks import answers_little, facts, verdict
 from dsd_cli.report.detection import Detection
 from dsd_cli.report.ladder import final_line
 from dsd_cli.report.names import change_text, error, percent
@@ -62,7 +62,9 @@ def _cards(story: Story) -> list[Html]:
     grave = sum(f.severity == "warning" for one in story.checks for f in one.findings)
     kind = "bad" if bad else "warn" if grave else "good"
     below = "" if not grave else "with a warning" if grave == 1 else f"with {grave} warnings"
-    cards = [_card("the log", "cannot answer" if bad else "can answer", below, kind)]
+    little = any(answers_little(one) for one in story.checks)
+    figure = "cannot answer" if bad else "can answer little" if little else "can answer"
+    cards = [_card("the log", figure, below, "warn" if little and not bad else kind)]
     if story.ladder.value is None:
         return cards
     ladder = story.ladder.value.result
