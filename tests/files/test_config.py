@@ -70,7 +70,7 @@ MISTAKES = {
     "flag for sign": (OBSERVER + "sign = true", "observer.sign = true: must be one of 1, -1"),
     "number for text": ("[signals]\nu = 3", "signals.u = 3: must be a text in quotes"),
     "column number": ("[signals]\nd_hat = 3", "signals.d_hat = 3: must be a column name"),
-    "no u": ('[signals]\nu = ""', 'signals.u = "": must be a text'),
+    "no u": ('[signals]\nu = ""', 'signals.u = "": no column given'),
     "no clock": ('[signals]\ntime = ""', "[signals] sample_time is missing"),
     "two clocks": ('[signals]\ntime = "t"\nsample_time = 1', "signals.sample_time = 1.0: must be left out"),
     "column twice": ('[signals]\nd_hat = "u"', 'signals.d_hat = "u": must be another column: signals.u has it'),
