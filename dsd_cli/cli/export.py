@@ -51,6 +51,10 @@ ClockOption = Annotated[
 ]
 
 
+#: Percent of u from which on leaving something out is warned of.
+_MOST_LOST = 50.0
+
+
 def export(
     config: ConfigArgument,
     target: TargetOption,
@@ -74,6 +78,7 @@ def export(
     What TARGET cannot carry is refused, or with --drop left out and measured. The exported model is run beside that of
     `dsd simulate`, under the u of LOG or a built-in one, and is refused where its speed is more than 1 % (rms) off.
     """
+    from dsd_cli.cli.identification import warn
     from dsd_cli.cli.pictures import check_plot
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.errors import UsageError
@@ -97,12 +102,15 @@ def export(
     motion = _motion(settings, verify, sample_time)
     joint = _joint(settings, motion.sample_time, name)
     made = make(found, joint, motion, drop)
+    _check_screen(output, made)
+    warn(quiet, _lost(made))
     drawn = {} if samples is None else _draw_samples(settings, found, made, output, samples, seed)
     checked = None if no_verify else held_against(found, made, motion)
     _check_holds(target, checked)
+    warn(quiet, _not_run(target, verify, checked))
     for file, content in {output: made.content, **drawn}.items():
         _put(file, content)
-    costs = {part: cost(joint, part, motion) for part in joint.parts if part != INERTIA} if budget else None
+    costs = {part: cost(joint, [part], motion) for part in joint.parts if part != INERTIA} if budget else None
     logs = (verify,) if verify else ()
     _show(ExportReport(made, checked, found.id, output, logs, settings.signals.units, costs, tuple(drawn)), form, quiet)
     if plot is not None:
@@ -125,6 +133,31 @@ def _check(verify: str | None, no_verify: bool, sample_time: float | None, outpu
         raise UsageError(f"--sample-time {sample_time:g}", "must be above 0 and below 1 s")
     if output == "-" and form is Format.JSON:
         raise UsageError("-o - and --format json", "both would go to stdout; give -o a file")
+
+
+def _check_screen(output: str, made: Made) -> None:
+    """Raises UsageError : bytes that are no text would go to a terminal."""
+    import sys
+
+    from dsd_cli.errors import UsageError
+
+    if output == "-" and b"\0" in made.content and sys.stdout.isatty():
+        raise UsageError("-o -: the file is binary, and stdout is a terminal", "give -o a file, or redirect stdout")
+
+
+def _lost(made: Made) -> list[str]:
+    """A line where what is left out is more than half of u."""
+    if made.lost is None or made.lost.force_percent <= _MOST_LOST:
+        return []
+    parts = ", ".join(one.part for one in made.dropped)
+    return [f"without {parts}, {made.lost.force_percent:.3g} % of u (rms) is missing: what is written is another axis"]
+
+
+def _not_run(target: str, log: str | None, checked: Verified | None) -> list[str]:
+    """A line where a log was given and nothing was run under its u."""
+    if log is None or checked is None or checked.ran:
+        return []
+    return [f"--verify {log}: {checked.how}; nothing of {target} is verified"]
 
 
 def _draw_samples(settings: Config, target: Target, made: Made, output: str, count: int, seed: int) -> dict[str, bytes]:
@@ -200,7 +233,8 @@ def _joint(settings: Config, sample_time: float, name: str) -> Joint:
     from dsd_cli.cli.recordings import believed_model
     from dsd_cli.export.base import Joint
 
-    return Joint(believed_model(settings), sample_time, name, linear=settings.signals.units.position == "m")
+    units = settings.signals.units
+    return Joint(believed_model(settings), sample_time, name, units.position == "m", units)
 
 
 def _motion(settings: Config, log: str | None, sample_time: float | None) -> Motion:

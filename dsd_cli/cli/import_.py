@@ -64,9 +64,13 @@ def _check(file: Path, text: str) -> None:
 
 def _config(found: Found, head: str) -> str:
     """The config; the observer is one that suits any log, for `compare` judges forces."""
-    from dsd_cli.files.config.edit import with_model
+    from dsd_cli.files.config.edit import literal, with_model
 
     model: Any = found.model
     inertia = f"{model.inertia:.15g}"
     observer = f"[observer]\nnominal_inertia = {inertia}\ntime_constant = 0.005\n"
-    return with_model(f"{head}\n{observer}\n[model]\ninertia = {inertia}\n", model, {})
+    position = found.units.position or ("m" if found.linear else "")
+    told = {"u_unit": found.units.u, "position_unit": position}
+    lines = [f"{name} = {literal(unit)}\n" for name, unit in told.items() if unit]
+    signals = "".join(["[signals]\n", *lines, "\n"]) if lines else ""
+    return with_model(f"{head}\n{signals}{observer}\n[model]\ninertia = {inertia}\n", model, {})

@@ -13,6 +13,7 @@ from dsd_cli.effects import Effect, get_effect
 from dsd_cli.errors import UsageError
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.units import Units
 
 #: Parts of every model that are no effects.
 INERTIA, DELAY = "inertia", "delay"
@@ -40,13 +41,14 @@ class Joint:
     model : inertia, delay and effects with their values, in the units of the config.
     sample_time : s, the clock of the controller: u is held for so long.
     name : of the joint, function or block; letters, digits and _ (checked), so that it is no code in any target.
-    linear : it slides, q is in m; else it turns.
+    linear : it slides, q is in m; else it turns. units : of u and q as the config names them.
     """
 
     model: PlantModel
     sample_time: float
     name: str = "joint"
     linear: bool = False
+    units: Units = Units()  # noqa: RUF009 (frozen)
 
     def __post_init__(self) -> None:
         if _WORDS.fullmatch(self.name):
@@ -114,7 +116,7 @@ class Target:
     run : (content, joint, motion) -> velocity at t_0 ... t_n-1 of the exported model, shape (n,), in SI units;
         raises `NotRun` where what it takes (a compiler, an extra) is not there. None: cannot be run here at all.
     not_run : why not, where `run` is None.
-    simulates : what is run is the whole axis; False for tables and the like, whose `run` is None.
+    most : samples that it is run on at most, where it is slow; 0: all of them.
     """
 
     id: str
@@ -124,6 +126,7 @@ class Target:
     write: Callable[[Joint], bytes]
     run: Callable[[bytes, Joint, Motion], Array] | None = None
     not_run: str = ""
+    most: int = 0
 
 
 def number(value: float) -> str:

@@ -83,7 +83,7 @@ def _compile(given: list[str], made: Path) -> None:
     compiler = shutil.which("gcc")
     if compiler is None:
         raise NotRun("gcc is not installed")
-    done = _ran([compiler, "-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", *given, "-o", str(made), "-lm"])
+    done = ran([compiler, "-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", *given, "-o", str(made), "-lm"])
     if done.returncode != 0:
         raise DataError(
             f"gcc does not take the exported C: {done.stderr.decode(errors='replace').strip()[:200]}",
@@ -98,17 +98,27 @@ def velocities(command: list[str], motion: Motion) -> Array:
     ------
     NotRun : it fails.
     """
-    done = _ran(command, np.asarray(motion.u, dtype="<f8").tobytes())
+    done = ran(command, np.asarray(motion.u, dtype="<f8").tobytes())
     found = np.frombuffer(done.stdout, dtype="<f8")
     if done.returncode != 0 or len(found) != len(motion.u):
         raise NotRun(f"it failed: {done.stderr.decode(errors='replace').strip()[-200:]}")
     return found
 
 
-def _ran(command: list[str], given: bytes = b"") -> subprocess.CompletedProcess[bytes]:
+def ran(
+    command: list[str], given: bytes = b"", longest: float = _LONGEST, folder: str | None = None
+) -> subprocess.CompletedProcess[bytes]:
+    """A program that ends by itself, or is ended after `longest` s or with this one.
+
+    Raises
+    ------
+    NotRun : it cannot be started, or took longer.
+    """
     try:
-        return subprocess.run(command, input=given, capture_output=True, check=False, timeout=_LONGEST)
-    except (OSError, subprocess.TimeoutExpired) as error:
+        return subprocess.run(command, input=given, capture_output=True, check=False, timeout=longest, cwd=folder)
+    except subprocess.TimeoutExpired:
+        raise NotRun(f"took longer than {longest:g} s") from None
+    except OSError as error:
         raise NotRun(f"{Path(command[0]).name}: {error}") from None
 
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from dsd_cli.effects import Channels
-from dsd_cli.errors import UsageError
+from dsd_cli.errors import DataError, UsageError
 from dsd_cli.export.base import INERTIA, Joint, Motion, NotRun, Target, Verdict
-from dsd_cli.export.motion import Path, simulated
+from dsd_cli.export.motion import STILL, Path, simulated
 from dsd_cli.plant.forces import combine, interval_channels, interval_forces
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
@@ -67,12 +68,13 @@ class Verified:
 
 @dataclass(frozen=True)
 class Made:
-    """content of the file; what of the model is in it, and what is not."""
+    """content of the file; what of the model is in it, and what is not; lost: what leaving all that out costs."""
 
     content: bytes
     joint: Joint
     carried: tuple[Verdict, ...]
     dropped: tuple[Left, ...]
+    lost: Cost | None = None
 
 
 def make(target: Target, joint: Joint, motion: Motion, drop: bool) -> Made:
@@ -89,21 +91,41 @@ def make(target: Target, joint: Joint, motion: Motion, drop: bool) -> Made:
         raise UsageError(f"{target.id} does not carry {reasons}", "--drop leaves it out and says what that costs")
     kept = joint.without(frozenset(one.part for one in refused))
     path = simulated(joint.model, motion) if refused else None
-    dropped = tuple(Left(one.part, one.how, cost(joint, one.part, motion, path)) for one in refused)
-    return Made(target.write(kept), kept, tuple(one for one in verdicts if one.carried), dropped)
+    dropped = tuple(Left(one.part, one.how, cost(joint, [one.part], motion, path)) for one in refused)
+    lost = cost(joint, [one.part for one in refused], motion, path) if refused else None
+    return Made(target.write(kept), kept, tuple(one for one in verdicts if one.carried), dropped, lost)
 
 
 def verify(target: Target, made: Made, motion: Motion) -> Verified:
-    """Runs the exported model beside `dsd simulate` of the parts that it carries."""
+    """Runs the exported model beside `dsd simulate` of the parts that it carries.
+
+    Raises
+    ------
+    DataError : the axis does not move under that u, so that both speeds are 0 whatever the exported model is.
+    """
     if target.run is None:
         return Verified(False, f"not run: {target.not_run}")
+    path = simulated(made.joint.model, motion)
+    moving = np.abs(path.velocity) > made.joint.model.rest_speed
+    if not moving.any():
+        raise DataError(f"{motion.source}: the model does not move under its u", STILL)
+    if 0 < target.most < len(motion.u):
+        motion = _part(motion, path, max(int(np.argmax(moving)) - 1, 0), target.most)
+        path = simulated(made.joint.model, motion)
     try:
         velocity = target.run(made.content, made.joint, motion)
     except NotRun as why:
         return Verified(False, f"not run: {why}")
-    wanted = simulated(made.joint.model, motion).velocity
+    wanted = path.velocity
     off = percent(velocity, wanted)
     return Verified(True, motion.source, off, motion.sample_time, motion.u, np.asarray(velocity), wanted)
+
+
+def _part(motion: Motion, path: Path, start: int, most: int) -> Motion:
+    """At most so many samples from that one on, from where and as fast as the model is then."""
+    end, step = min(start + most, len(motion.u)), motion.sample_time
+    which = f"{motion.source}, {start * step:.4g} to {end * step:.4g} s of {len(motion.u) * step:.4g} s"
+    return Motion(motion.u[start:end], step, float(path.position[start]), float(path.velocity[start]), which)
 
 
 def percent(found: Array, wanted: Array) -> float:
@@ -116,10 +138,10 @@ def percent(found: Array, wanted: Array) -> float:
     return 100.0 * error / size
 
 
-def cost(joint: Joint, part: str, motion: Motion, path: Path | None = None) -> Cost:
-    """What leaving out that part costs along the motion of the whole model (`path`: that motion, where it is known)."""
+def cost(joint: Joint, parts: Sequence[str], motion: Motion, path: Path | None = None) -> Cost:
+    """What leaving out these parts costs along the motion of the whole model (`path`: it, where it is known)."""
     path = path or simulated(joint.model, motion)
-    less = joint.without(frozenset([part])).model
+    less = joint.without(frozenset(parts)).model
     missing = _net(joint.model, motion, path) - _net(less, motion, path)
     force, size = _rms(missing), _rms(motion.u)
     free = simulated(less, motion, FREE, path)

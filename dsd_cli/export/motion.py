@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsd_cli.effects import Channels, Role, get_effect
+from dsd_cli.errors import DataError
 from dsd_cli.export.base import Motion
 from dsd_cli.plant.filtering import delay_taps
 from dsd_cli.plant.forces import interval_forces
@@ -19,6 +20,10 @@ from dsd_cli.signals.log import Array, Log
 DURATION, SWEEP, WOBBLE = 3.0, 1.0, 0.1
 #: Hz of both, both at rest at TURN s, from when on u is this share of the friction for so many s, which must hold.
 SLOW, FAST, TURN, REST, HELD = 0.5, 3.0, 2.0, 0.2, 0.4
+
+
+#: What a motion at rest is good for.
+STILL = "nothing can be compared; a log with moves is needed"
 
 
 class Path(NamedTuple):
@@ -74,9 +79,32 @@ def built_in(model: PlantModel, sample_time: float) -> Motion:
     return Motion(u, sample_time)
 
 
+def _rests(log: Log, end: int) -> bool:
+    """Whether nothing is logged of a motion but noise of the sensor.
+
+    White noise of n < 1e6 samples is within 10 times its deviation, 7 times the rms of its steps; a speed that is
+    white is less than its own steps. One step of an encoder is two values.
+    """
+    if "position" in log:
+        position = log["position"][:end]
+        size = float(np.sqrt(np.mean(np.diff(position) ** 2))) if end > 1 else 0.0
+        return len(np.unique(position)) <= 2 or float(np.ptp(position)) < 8.0 * size
+    if "velocity" in log:
+        velocity = log["velocity"][:end]
+        return not np.any(velocity) or bool(np.mean(velocity**2) < np.mean(np.diff(velocity) ** 2))
+    return False
+
+
 def logged(log: Log, source: str, restarts: tuple[int, ...] = ()) -> Motion:
-    """u of a log up to its first gap, from where and as fast as the axis was when it began."""
+    """u of a log up to its first gap, from where and as fast as the axis was when it began.
+
+    Raises
+    ------
+    DataError : the axis does not move in it.
+    """
     end = restarts[0] if restarts else len(log)
+    if _rests(log, end):
+        raise DataError(f"{source}: the axis does not move" + (" before the first gap" if restarts else ""), STILL)
     position = float(log["position"][0]) if "position" in log else 0.0
     if "velocity" in log:
         velocity = float(log["velocity"][0])

@@ -38,7 +38,7 @@ def _plain(values: Any) -> dict[str, Any]:
 
 def imported_text(found: Found, file: str) -> str:
     """Comments at the top of the config: where the model is from, how it was taken, what was not."""
-    unit = "m and N" if found.linear else "rad and N m"
+    unit = f"{'m' if found.linear else 'rad'} and {found.units.u or ('N' if found.linear else 'N m')}"
     lines = [f"joint {found.name} of {file}, in {unit}", *found.notes, *(f"not taken: {one}" for one in found.missed)]
     return "".join(f"# {printable(line)}\n" for line in lines)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 
 #: What the words mean; for the foot of a table.
@@ -77,6 +78,18 @@ class Units:
         ):
             unit = unit.replace(placeholder, word)
         return unit
+
+    @classmethod
+    def of_inertia(cls, text: str) -> Units:
+        """The units by that of an inertia, as `words` writes it: the way back; nothing is known where it is another."""
+        for units, word in _INERTIAS.items():
+            if text == word:
+                return cls(units[0].replace("Nm", "N m"), units[1])
+        found = re.fullmatch(r"(?:\((.+)\)|([^()]+))/\((?:(m|rad)/s\^2|v/s)\)", text)
+        if found is None:
+            return cls()
+        u = found[1] or found[2]
+        return cls("" if u == "u" else u, found[3] or "")
 
     @property
     def legend(self) -> str:

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.rig import done, dsd
+from tests.cli.rig import done, dsd, refused
+from tests.cli.terminal import terminal
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
 MODEL = f"{SAMPLES}/servo-friction.toml"
@@ -139,3 +140,77 @@ def test_the_budget_says_what_each_effect_is_worth(tmp_path: Path) -> None:
     assert set(budget) == {"delay", "viscous_friction", "coulomb_friction"}
     assert budget["coulomb_friction"]["force_rms"] == pytest.approx(0.15, rel=0.1)  # the level, but for rests
     assert budget["coulomb_friction"]["velocity_percent"] > 5.0
+
+
+RNG = np.random.default_rng(1)
+STILL = {
+    "short.csv": np.full(20, 1.5),
+    "noise.csv": 1.5 + 1e-4 * RNG.standard_normal(2000),
+    "encoder.csv": 1.5 + 1e-3 * RNG.integers(0, 3, 2000),
+}
+
+
+def _log(file: Path, u: np.ndarray, **channels: np.ndarray) -> None:
+    t = 0.001 * np.arange(len(u))
+    rows = np.column_stack([t, u, *channels.values()])
+    np.savetxt(file, rows, "%.9g", ",", header=",".join(["t", "u", *channels]), comments="")
+
+
+def _config(folder: Path, sensor: str = "position") -> None:
+    signals = f'[signals]\ntime = "t"\nu = "u"\n{sensor} = "{sensor}"\n'
+    (folder / "m.toml").write_text(signals + HEAVY)
+
+
+HEAVY = """
+[model]
+inertia = 0.5
+[model.effects.viscous_friction]
+coefficient = 0.3
+[model.effects.coulomb_friction]
+level = 0.5
+"""
+
+
+@pytest.mark.parametrize("name", STILL)
+def test_a_log_at_rest_verifies_nothing(name: str, tmp_path: Path) -> None:
+    _config(tmp_path)
+    _log(tmp_path / name, np.full(len(STILL[name]), 0.1), position=STILL[name])
+    ran = dsd("export", "m.toml", "--to", "python", "--verify", name, "-o", "axis.py", cwd=tmp_path)
+    refused(ran, 1, f"{name}: the axis does not move: nothing can be compared")
+    assert not (tmp_path / "axis.py").exists()
+
+
+def test_nor_does_noise_of_a_speed_or_a_model_that_stays(tmp_path: Path) -> None:
+    _config(tmp_path, "velocity")
+    _log(tmp_path / "speed.csv", np.full(2000, 0.1), velocity=1e-3 * RNG.standard_normal(2000))
+    given = ("export", "m.toml", "--to", "python", "-o", "axis.py", "--verify")
+    refused(dsd(*given, "speed.csv", cwd=tmp_path), 1, "speed.csv: the axis does not move")
+    moves = np.sin(0.01 * np.arange(2000))
+    moves[:2] = 0.0
+    _log(tmp_path / "weak.csv", np.full(2000, 0.1), velocity=moves)  # u is below the friction of the model
+    refused(dsd(*given, "weak.csv", cwd=tmp_path), 1, "weak.csv: the model does not move under its u")
+
+
+def test_a_target_that_runs_nothing_says_so_of_the_log(tmp_path: Path) -> None:
+    ran = done("export", MODEL, "--to", "parameters", "-o", "v.csv", "--verify", LOG, cwd=tmp_path)
+    said = f"dsd: warning: --verify {LOG}: not run: a table of values has no motion; nothing of parameters is verified"
+    assert ran.stderr.splitlines()[0] == said
+
+
+def test_binary_is_not_for_a_terminal(tmp_path: Path) -> None:
+    given = ("export", MODEL, "--to", "fmu", "--no-verify", "-o", "-")
+    with terminal(*given, cwd=tmp_path, columns=120) as screen:
+        assert screen.finish() == 2
+    assert b"PK" not in screen.raw
+    assert b"binary, and stdout is a terminal" in screen.raw
+
+
+def test_most_of_u_is_not_left_out_quietly(tmp_path: Path) -> None:
+    _config(tmp_path)
+    text = (tmp_path / "m.toml").read_text() + "[model.effects.stiffness]\ncoefficient = 40.0\n"
+    (tmp_path / "m.toml").write_text(text)
+    ran = done("export", "m.toml", "--to", "table", "-o", "t.csv", "--drop", cwd=tmp_path)
+    assert ran.stderr.startswith("dsd: warning: without stiffness, ")
+    assert "what is written is another axis" in ran.stderr.splitlines()[0]
+    (tmp_path / "m.toml").write_text(text.replace("40.0", "0.4"))
+    assert done("export", "m.toml", "--to", "table", "-o", "t.csv", "--drop", cwd=tmp_path).stderr == ""

@@ -2,6 +2,7 @@
 
 import json
 import math
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -193,3 +194,20 @@ def test_compare_says_what_the_simulators_joint_lacks(tmp_path: Path) -> None:
     compared = done("compare", SAMPLES / "servo-friction.csv", "-c", "model.toml", "--format", "json", cwd=tmp_path)
     dependence = {one["on"]: one["explains"] for one in json.loads(compared.stdout)["dependence"]}
     assert dependence["direction"] > 0.3
+
+
+@pytest.mark.parametrize(("u", "position"), [("N", "m"), ("N m", "rad"), ("A", "m"), ("mA rms", "rad"), ("", "m")])
+def test_the_table_of_values_keeps_its_units(u: str, position: str, tmp_path: Path) -> None:
+    first = f'[signals]\nu_unit = "{u}"\nposition_unit = "{position}"\n[model]\ninertia = 0.5\n'
+    (tmp_path / "m.toml").write_text(first)
+    done("export", "m.toml", "--to", "parameters", "-o", "e.csv", cwd=tmp_path)
+    ran = done("import", "e.csv", "-o", "back.toml", cwd=tmp_path)
+    assert ("slides" if position == "m" else "turns") in ran.stdout
+    signals = tomllib.loads((tmp_path / "back.toml").read_text())["signals"]
+    assert signals == ({"u_unit": u} if u else {}) | {"position_unit": position}
+
+
+def test_a_table_without_units_says_so(tmp_path: Path) -> None:
+    found = read_joint(written(tmp_path, "part,parameter,value,unit,meaning\ninertia,,0.5,u/(v/s),J\n", "e.csv"), None)
+    assert not found.linear
+    assert any("does not say whether" in note for note in found.notes)

@@ -1,12 +1,14 @@
 """Every effect through every target: carried and equal to the simulator, or refused with a reason."""
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from dsd_cli.errors import UsageError
-from dsd_cli.export.base import Joint, NotRun, comment, number
+from dsd_cli.export.base import Joint, Motion, NotRun, comment, number
+from dsd_cli.export.computing import ran as ran_program
 from dsd_cli.export.making import MOST_PERCENT, cost, make, percent, verify
 from dsd_cli.export.motion import built_in, simulated
 from dsd_cli.export.targets import get_target, targets
@@ -85,7 +87,7 @@ def test_what_is_left_out_costs_what_a_hand_computes() -> None:
     """Viscous friction alone: the force that is missing is B v."""
     one = joint("viscous_friction", delay=0.0)
     given = motion()
-    found = cost(one, "viscous_friction", given)
+    found = cost(one, ["viscous_friction"], given)
     speed = simulated(one.model, given).velocity
     by_hand = 0.3 * np.sqrt(np.mean(speed**2))
     assert found.force == pytest.approx(by_hand, rel=0.01)
@@ -137,3 +139,19 @@ def test_numbers_read_back_as_the_same_double() -> None:
 
 def test_not_run_is_no_error_of_the_export() -> None:
     assert not issubclass(NotRun, UsageError)
+
+
+def test_a_slow_target_is_run_on_the_first_moves_and_says_which() -> None:
+    one, target = joint("viscous_friction", "coulomb_friction", delay=0.0), replace(get_target("python"), most=200)
+    u = np.concatenate([np.zeros(300), motion().u])  # 0.6 s at rest, 2 ms a sample
+    found = verify(target, make(target, one, motion(), False), Motion(u, 2e-3, source="log"))
+    assert found.how.startswith("log, 0.6")
+    assert found.how.endswith(" of 1.4 s")
+    assert len(found.u) == len(found.wanted) == 200
+    assert np.ptp(found.wanted) > 0.1
+    assert found.rms_percent < 1e-9
+
+
+def test_a_program_that_never_ends_is_ended() -> None:
+    with pytest.raises(NotRun, match=r"took longer than 0\.2 s"):
+        ran_program(["sleep", "300"], longest=0.2)

@@ -10,6 +10,7 @@ from dsd_cli.effects.general import GENERAL
 from dsd_cli.effects.joint_terms import JointTerms
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.units import Units
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,7 @@ class Found:
     ----------
     name : as the file has it. linear : it slides. model : what was understood.
     notes : how it was taken. missed : what was not understood, or is nothing of a single joint.
+    units : of u and of positions, as far as the file tells them.
     """
 
     name: str
@@ -27,6 +29,7 @@ class Found:
     model: PlantModel
     notes: tuple[str, ...] = ()
     missed: tuple[str, ...] = ()
+    units: Units = Units()  # noqa: RUF009 (frozen)
 
 
 def model_of(inertia: float, delay: float, terms: JointTerms, where: str) -> PlantModel:

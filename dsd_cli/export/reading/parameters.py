@@ -15,6 +15,7 @@ from dsd_cli.errors import DataError, UsageError
 from dsd_cli.export.base import DELAY, INERTIA
 from dsd_cli.export.reading.found import Found
 from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.units import Units
 
 #: `name = value`, `name: value` or `name, value`, with a unit or a comment behind; a structure's name in front is cut.
 _LINE = re.compile(r"\s*([A-Za-z_][\w.]*)\s*[=:,;\t]\s*([^\s;,%#]+)\s*[;,]?\s*(?:[%#/\[(A-Za-z].*)?")
@@ -48,7 +49,15 @@ def read(path: Path, text: str) -> Found:
         model = PlantModel(own[INERTIA], own.get(DELAY, 0.0), effects)
     except (UsageError, TypeError, ValueError) as error:
         raise DataError(f"{path}: {error}") from None
-    return Found(path.stem, False, model, (), tuple(missed))
+    units = _units(text)
+    notes = () if units.position else ("it does not say whether the axis slides (m) or turns (rad): taken to turn",)
+    return Found(path.stem, units.position == "m", model, notes, tuple(missed), units)
+
+
+def _units(text: str) -> Units:
+    """Those of the inertia in the table of `dsd export`."""
+    rows = csv.reader(text.splitlines()) if text.startswith("part,parameter,value,unit") else ()
+    return next((Units.of_inertia(row[3]) for row in rows if len(row) > 3 and row[0] == INERTIA), Units())
 
 
 def _table(path: Path, text: str) -> Iterator[tuple[str, str, Any]]:

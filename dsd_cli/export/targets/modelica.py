@@ -2,16 +2,35 @@
 
 from __future__ import annotations
 
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
 import numpy as np
 
 from dsd_cli.export import spelling
 from dsd_cli.export.base import Joint, Motion, NotRun, Target, comment, finite, number
-from dsd_cli.export.computing import judge
+from dsd_cli.export.computing import judge, ran, scratch
 from dsd_cli.export.emit import Syntax
 from dsd_cli.export.expression import FUNCTIONS
 from dsd_cli.export.program import program
 from dsd_cli.export.vector_text import Layout, begin_texts, step_text
 from dsd_cli.signals.log import Array
+
+#: Samples that rumoca is given at most, at about 1 ms each, and s that it may take.
+_MOST, _LONGEST = 5000, 60.0
+_WORKER = """
+import sys
+import numpy as np
+import rumoca
+
+model, until, step = sys.argv[1:]
+try:
+    result = rumoca.Session().loads(sys.stdin.read(), model=model).simulate(float(until), dt=float(step))
+    np.save("found.npy", np.array([result["time"], result["velocity"]], dtype=float))
+except Exception as error:
+    sys.exit(" ".join(str(error).split())[:200])
+"""
 
 
 def _digits(value: float) -> str:
@@ -95,10 +114,8 @@ def _write(joint: Joint) -> bytes:
 
 def _run(content: bytes, joint: Joint, motion: Motion) -> Array:
     """By rumoca, which takes no u over time: u is a table of the block then, and its start values are numbers."""
-    try:
-        import rumoca
-    except ImportError:
-        raise NotRun("rumoca is not installed (pip install 'dsd-cli[export]')") from None
+    if find_spec("rumoca") is None:
+        raise NotRun("rumoca is not installed (pip install 'dsd-cli[export]')")
     text = content.decode()
     table = ", ".join(number(x) for x in (*motion.u, 0.0))
     clock = "    discrete Integer tick(start = 1, fixed = true);\n"
@@ -110,14 +127,21 @@ def _run(content: bytes, joint: Joint, motion: Motion) -> Array:
     for name, value in (("q", motion.position), ("v", motion.velocity)):
         text = text.replace(f"parameter Real {name} = 0.0", f"parameter Real {name} = {number(value)}")
     step, last = joint.sample_time, (len(motion.u) - 1) * joint.sample_time
-    try:
-        model = rumoca.Session().loads(text, model=f"{joint.name}.Axis")
-        result = model.simulate(last + 0.4 * step, dt=0.5 * step)
-        times, velocity = np.asarray(result["time"], dtype=float), np.asarray(result["velocity"], dtype=float)
-    except Exception as error:
-        raise NotRun(f"rumoca does not take it: {str(error)[:200]}") from None
+    times, velocity = _simulated(text, f"{joint.name}.Axis", last + 0.4 * step, 0.5 * step)
     at = np.searchsorted(times, (np.arange(len(motion.u)) + 0.25) * step, side="right") - 1
     return finite(velocity[at], "Modelica")
+
+
+def _simulated(text: str, model: str, until: float, step: float) -> Array:
+    """(times, velocities), shape (2, n). In a process of its own: rumoca heeds no signal before it is done."""
+    with scratch() as folder:
+        command = [sys.executable, "-c", _WORKER, model, repr(until), repr(step)]
+        done = ran(command, text.encode(), _LONGEST, folder)
+        if done.returncode != 0:
+            why = done.stderr.decode(errors="replace").strip()
+            raise NotRun(f"rumoca does not take it: {why[-200:]}")
+        found: Array = np.load(Path(folder) / "found.npy")
+    return found
 
 
 TARGET = Target(
@@ -127,4 +151,5 @@ TARGET = Target(
     judge=judge,
     write=_write,
     run=_run,
+    most=_MOST,
 )

@@ -7,7 +7,6 @@ import io
 import json
 
 from dsd_cli.export.base import DELAY, INERTIA, Joint, Target, Verdict, number
-from dsd_cli.signals.units import in_words
 
 
 def _judge(joint: Joint, part: str) -> Verdict:
@@ -15,16 +14,16 @@ def _judge(joint: Joint, part: str) -> Verdict:
 
 
 def _write(joint: Joint) -> bytes:
-    out = io.StringIO()
+    out, words = io.StringIO(), joint.units.words
     rows = csv.writer(out, lineterminator="\n")
     rows.writerow(["part", "parameter", "value", "unit", "meaning"])
-    rows.writerow([INERTIA, "", number(joint.model.inertia), in_words("{u}/({v}/s)"), "J of the whole axis"])
+    rows.writerow([INERTIA, "", number(joint.model.inertia), words("{u}/({v}/s)"), "J of the whole axis"])
     rows.writerow([DELAY, "", number(joint.model.delay), "s", "L of the command"])
     for name, values in joint.model.effects.items():
         effect = joint.effect(name)
         assert effect is not None
         for parameter in effect.parameters:
-            unit, meaning = in_words(parameter.unit), parameter.meaning
+            unit, meaning = words(parameter.unit), parameter.meaning
             value = values[parameter.name]
             text = number(value) if parameter.numeric else json.dumps(value, allow_nan=False)
             rows.writerow([name, parameter.name, text, unit, meaning])
