@@ -70,7 +70,7 @@ class Limits(Section):
 
     def check(self, at: Place) -> None:
         if not self.limits:
-            raise UsageError(f"{at.file}: [limits] is missing", 'such as: inertia = "within 10 %"')
+            raise UsageError(f"{at.file}: [limits] is missing or empty", 'such as: inertia = "within 10 %"')
 
 
 def load_limits(path: Path) -> Limits:

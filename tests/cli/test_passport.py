@@ -92,7 +92,7 @@ def test_what_nothing_checked_is_not_signed(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("", "limits.toml: [limits] is missing"),
+        ("", "limits.toml: [limits] is missing or empty"),
         ("[limits]\ninertia = 3", "limits.inertia = 3: must be a text with at least one of within, min and max"),
         ('[limits]\ninertia = "within ten %"', "must be a text with at least one"),
         ('[limits]\ninertia = "max 20 %"', "max is a number in the unit of the value, without %"),

@@ -179,7 +179,7 @@ def test_nothing_that_is_no_text(tmp_path: Path) -> None:
     (tmp_path / "x").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(DataError, match="is not UTF-8"):
         read_joint(tmp_path / "x", None)
-    with pytest.raises(DataError, match="No such file"):
+    with pytest.raises(DataError, match="no such file"):
         read_joint(tmp_path / "y", None)
 
 
@@ -211,3 +211,9 @@ def test_a_table_without_units_says_so(tmp_path: Path) -> None:
     found = read_joint(written(tmp_path, "part,parameter,value,unit,meaning\ninertia,,0.5,u/(v/s),J\n", "e.csv"), None)
     assert not found.linear
     assert any("does not say whether" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("name", ["a.usda", "a.h", "a.mo", "a.py", "a.fmu"])
+def test_a_format_that_is_not_read_is_named(name: str, tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="is not read: MJCF, URDF"):
+        read_joint(written(tmp_path, "x", name), None)

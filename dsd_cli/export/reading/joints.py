@@ -7,6 +7,9 @@ from pathlib import Path
 from dsd_cli.errors import DataError
 from dsd_cli.export.reading.found import Found
 
+#: What `dsd export` or other tools write and nothing here reads.
+_NOT_READ = (".fmu", ".h", ".mo", ".py", ".st", ".usd", ".usda", ".usdc", ".usdz")
+
 
 def read_joint(path: Path, joint: str | None) -> Found:
     """The joint of that name, or the only one that turns or slides.
@@ -19,6 +22,8 @@ def read_joint(path: Path, joint: str | None) -> Found:
     from dsd_cli.export.reading import mjcf, parameters, urdf
     from dsd_cli.export.reading.xml_text import parse_xml, text_of
 
+    if path.exists() and path.suffix.lower() in _NOT_READ:
+        raise DataError(f"{path}: {path.suffix} is not read", "MJCF, URDF, or values by name (CSV, text) are")
     text = text_of(path)
     if not text.lstrip().startswith("<"):
         return parameters.read(path, text)

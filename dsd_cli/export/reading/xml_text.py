@@ -15,6 +15,8 @@ def text_of(path: Path) -> str:
     try:
         with open(path, "rb") as file:
             content = file.read(MOST_BYTES + 1)
+    except FileNotFoundError:
+        raise DataError(f"{path}: no such file") from None
     except OSError as error:
         raise DataError(f"{path}: {error.strerror or error}") from None
     if len(content) > MOST_BYTES:
