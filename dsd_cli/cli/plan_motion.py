@@ -116,8 +116,9 @@ def plan(
     """
     from dsd_cli.cli.identification import check_logs
     from dsd_cli.cli.pictures import check_plot
-    from dsd_cli.cli.plan_request import names_of, request
+    from dsd_cli.cli.plan_request import names_of, request, told_by
     from dsd_cli.cli.user_effects import use_effects
+    from dsd_cli.errors import UsageError
     from dsd_cli.files.config import load_config
     from dsd_cli.files.motion_out import motion_format
     from dsd_cli.files.whole import check_target
@@ -127,10 +128,13 @@ def plan(
     check_logs(log, (), settings.signals)
     read = [config, *log, *settings.files, *(effects_from or ()), *([diagnosis] if diagnosis else [])]
     motion_format(output)
+    if output == "-" and form is Format.JSON:
+        raise UsageError("-o - and --format json both need stdout", "give -o next.csv")
     if output != "-":
         check_target(output, read)
     check_plot(plot, [*read, output])
-    asked: Request = request(settings, names_of(wanted, diagnosis), (seconds, limit or (), start, rate))
+    numbers = (seconds, limit or (), start, rate)
+    asked: Request = request(settings, names_of(wanted, diagnosis), numbers, told_by(diagnosis))
     if run_with is None:
         answer = _once(settings, log, asked, quiet)
         _written(answer, output, joint)
@@ -179,7 +183,7 @@ def _shown(answer: Answer, output: str, form: Format, quiet: bool) -> None:
     from dsd_cli.cli.identification import print_json, say
     from dsd_cli.report.planning import print_table, to_json
 
-    if form is Format.JSON and output != "-":
+    if form is Format.JSON:
         print_json(to_json(answer.plan, answer.experiments, output))
     elif output != "-" or not quiet:
         print_table(answer.plan, answer.experiments, sys.stderr if output == "-" else sys.stdout)

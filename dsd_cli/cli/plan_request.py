@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,6 +30,27 @@ class Request:
     """What is wanted of a plan, by the options and [plan]."""
 
     wanted: Wanted
+    told: Told | None = None
+
+
+@dataclass(frozen=True)
+class Told:
+    """A file of `dsd diagnose`: effect that it found -> what is as good, and values that are hardly identified."""
+
+    path: Path
+    ties: Mapping[str, Sequence[str]]
+    weak: Sequence[str]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What the file leaves open."""
+        rivals = [r for some in self.ties.values() for r in some]
+        return tuple(dict.fromkeys([*(self.ties if rivals else ()), *rivals, *self.weak]))
+
+    def same_as(self, found: Diagnosis) -> bool:
+        """Whether the logs, diagnosed anew, leave the same effects open."""
+        ties = {c.effect: set(c.indistinguishable_from) for c in found.ranking if c.effect in found.found}
+        return {name: set(some) for name, some in self.ties.items()} == ties
 
 
 @dataclass(frozen=True)
@@ -46,44 +67,49 @@ Numbers = tuple[str | None, Sequence[str], float | None, float | None]
 
 
 def names_of(wanted: Sequence[str] | None, diagnosis: Path | None) -> tuple[str, ...]:
-    """What is to be told: by --for, or what a diagnosis left open; () for what the logs leave open.
+    """What is to be told by --for; () for what the logs, or a diagnosis, leave open.
 
     Raises
     ------
-    UsageError : both are given, or the file is no result of `dsd diagnose`.
+    UsageError : both are given, or --for names nothing.
     """
     names = tuple(name.strip() for text in wanted or () for name in text.split(",") if name.strip())
     if wanted and not names:
         raise UsageError("--for names nothing", "give effects or values, such as gravity,constant_load")
-    if diagnosis is None:
-        return names
-    if names:
+    if names and diagnosis is not None:
         raise UsageError("--for and --diagnosis", "give one of them")
-    return _left_open(diagnosis)
+    return names
 
 
-def _left_open(path: Path) -> tuple[str, ...]:
+def told_by(path: Path | None) -> Told | None:
+    """What a diagnosis left open.
+
+    Raises
+    ------
+    UsageError : the file is no result of `dsd diagnose`.
+    """
     import json
 
+    if path is None:
+        return None
     try:
         told = json.loads(path.read_text(encoding="utf-8"))
         ranking = {one["effect"]: one for one in told["ranking"]}
-        found = [name for name in told["found"] if name in ranking]
-        ties = [r for name in found for r in ranking[name]["indistinguishable_from"]]
+        ties = {name: tuple(ranking[name]["indistinguishable_from"]) for name in told["found"] if name in ranking}
         weak = [name for name, one in told["estimates"].items() if one.get("identified") in ("weak", "not")]
     except OSError as error:
         raise UsageError(f"{path}: cannot be read", error.strerror or str(error)) from None
     except (ValueError, KeyError, TypeError, AttributeError):
         raise UsageError(f"{path}: no result of dsd diagnose", "write it with --format json") from None
-    return tuple(dict.fromkeys([*(found if ties else ()), *ties, *weak]))
+    return Told(path, ties, weak)
 
 
-def request(settings: Config, names: tuple[str, ...], numbers: Numbers) -> Request:
+def request(settings: Config, names: tuple[str, ...], numbers: Numbers, told: Told | None = None) -> Request:
     """What the options and [plan] say: the options come first.
 
     Parameters
     ----------
-    numbers : --seconds, --limit, --start, --sample-time.
+    numbers : --seconds, --limit, --start, --sample-time. told : by a file of --diagnosis.
 
     Raises
     ------
@@ -109,7 +135,8 @@ def request(settings: Config, names: tuple[str, ...], numbers: Numbers) -> Reque
             start=math.nan if begin is None else begin,
             controller=_controller(settings),
             rate=math.nan if rate is None else rate,
-        )
+        ),
+        told,
     )
 
 
@@ -170,15 +197,21 @@ def planned(settings: Config, logs: Sequence[str], asked: Request, quiet: bool) 
 
     with Progress(not quiet) as progress, widening(settings.signals):
         given = load_given(settings, list(logs), [], progress)
-        plan, found = plan_for(given, asked.wanted, progress, early(quiet, progress))
+        plan, found = plan_for(given, asked.wanted, progress, early(quiet, progress), asked.told)
     plan = replace(plan, logs=tuple("<stdin>" if path == "-" else path for path in logs))
     return Answer(plan, found, (*given.warnings, *plan.warnings))
 
 
 def plan_for(
-    given: Given, wanted: Wanted, progress: Progress, on_told: Callable[..., None] = lambda _: None
+    given: Given,
+    wanted: Wanted,
+    progress: Progress,
+    on_told: Callable[..., None] = lambda _: None,
+    told: Told | None = None,
 ) -> tuple[Plan, Diagnosis]:
     """The plan in the user's units, and the diagnosis that it begins with.
+
+    A file of `dsd diagnose` that leaves open what the logs do asks for nothing else; else it asks by names.
 
     Raises
     ------
@@ -197,7 +230,20 @@ def plan_for(
         on_told=on_told,
         on_found=lambda search, whole: kept.append((search, whole)),
     )
+    skipped: tuple[str, ...] = ()
+    if told is not None and not told.same_as(found):
+        names, skipped = _possible(told, kept[-1][0])
+        wanted = replace(wanted, names=names)
     if not wanted.names and found.blocked:
         raise UsageError("no motion mends this", found.blocked)
     plan = plan_next(*kept[-1], found, given.observer, wanted, progress)
-    return replace(plan, units=given.settings.signals.units), found
+    return replace(plan, units=given.settings.signals.units, warnings=(*plan.warnings, *skipped)), found
+
+
+def _possible(told: Told, search: Search) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """(names that these logs can test, a line for each of the others)."""
+    from dsd_cli.identify.design.targets import why_not
+
+    why = {name: why_not(name, search) for name in told.names}
+    lines = tuple(f"{told.path}: {name} is skipped: {no[0]}; {no[1]}" for name, no in why.items() if no is not None)
+    return tuple(name for name, no in why.items() if no is None), lines

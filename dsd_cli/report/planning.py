@@ -76,7 +76,7 @@ def print_table(plan: Plan, experiments: Sequence[Experiment], file: Any) -> Non
     if plan.pairs:
         table = plain_table("explanations, and by how much the true one will lead", "", "now", "after (nats)")
         for pair in plan.pairs:
-            table.add_row(f"{pair.a} or {pair.b}", _now(pair), nats_text(pair.nats_expected))
+            table.add_row(f"{pair.a} or {pair.b}", _now(pair), _after(pair))
         console.print(table)
     if plan.values:
         table = plain_table("values", "", "now", "after (standard error)", "unit")
@@ -98,7 +98,9 @@ def headline(plan: Plan) -> str:
     kinds = list(dict.fromkeys(s.kind for s in plan.stages))
     told = [p for p in plan.pairs if p.nats_expected > TOLD]
     words = [f"tells {len(told)} of {len(plan.pairs)} pairs of explanations apart"] if plan.pairs else []
-    words += [f"tells {listed(v.name for v in plan.values)} better"] if plan.values else []
+    lost = {one.what for one in plan.impossible}
+    better = [v.name for v in plan.values if v.name not in lost]
+    words += [f"tells {listed(better)} better"] if better else []
     return (
         f"{logs}: {plan.motion.seconds:.3g} s of {listed(kinds)}, from rest at {plan.limits.start:.3g}, {listed(words)}"
     )
@@ -106,6 +108,14 @@ def headline(plan: Plan) -> str:
 
 def _now(pair: PlannedPair) -> str:
     return f"{nats_text(abs(pair.nats_before))} for {pair.a if pair.nats_before >= 0.0 else pair.b}"
+
+
+def _after(pair: PlannedPair) -> str:
+    """The smaller of both ways; both where that is less than now, as when the logs would have misled."""
+    ways = [(n, name) for n, name in ((pair.nats_if_a, pair.a), (pair.nats_if_b, pair.b)) if math.isfinite(n)]
+    if len(ways) < 2 or pair.nats_expected >= abs(pair.nats_before):
+        return nats_text(pair.nats_expected)
+    return "; ".join(f"{nats_text(nats)} if {name}" for nats, name in ways)
 
 
 def nats_text(nats: float) -> str:

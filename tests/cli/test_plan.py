@@ -1,6 +1,7 @@
 """`dsd plan`: files, limits, what is refused, and the loop with a command of the user."""
 
 import csv
+import io
 import json
 import re
 import sys
@@ -10,12 +11,14 @@ import numpy as np
 import pytest
 
 from dsd_cli.files.motion_out import COLUMNS, motion_text
-from dsd_cli.identify.design.results import Motion
+from dsd_cli.identify.design.limits import Limits
+from dsd_cli.identify.design.results import Impossible, Motion, Plan, PlannedPair, PlannedValue, Stage
+from dsd_cli.report.planning import headline, print_table
 from tests.cli.rig import done, dsd, refused
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
 ARM, BARE = SAMPLES / "servo-arm.toml", SAMPLES / "servo-arm-bare.toml"
-PLAN = ("plan", "small.csv", "-c", BARE, "--seconds", "3")
+PLAN = ("plan", "small.csv", "-c", BARE, "--seconds", "6")
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +55,7 @@ def test_the_motion_has_the_columns_of_the_contract(folder: Path, planned: dict)
     # velocity and acceleration are those of the position
     np.testing.assert_allclose(np.gradient(motion["position"], 0.001)[5:-5], motion["velocity"][5:-5], atol=2e-3)
     np.testing.assert_allclose(np.gradient(motion["velocity"], 0.001)[5:-5], motion["acceleration"][5:-5], atol=0.2)
+    assert planned["seconds"] >= 6.0 - 1e-9
     assert planned["pairs"]
     assert all(p["nats_expected"] > 6.0 for p in planned["pairs"])
     assert -1.5 < planned["reached"]["position_low"] < planned["reached"]["position_high"] < 1.5
@@ -88,6 +92,56 @@ def test_on_stdout_it_is_the_motion_alone(folder: Path) -> None:
     assert ran.stdout.startswith("t,position,velocity,acceleration,u_feedforward\n")
 
 
+@pytest.fixture(scope="module")
+def told(folder: Path) -> dict:
+    return json.loads(done("diagnose", "small.csv", "-c", BARE, "--format", "json", cwd=folder).stdout)
+
+
+def test_a_diagnosis_in_a_file_asks_for_what_one_anew_does(folder: Path, planned: dict, told: dict) -> None:
+    (folder / "told.json").write_text(json.dumps(told))
+    arguments = ("--diagnosis", "told.json", "-o", "same.csv", "--format", "json")
+    same = json.loads(done(*PLAN, *arguments, cwd=folder).stdout)
+    assert same | {"output": "next.csv"} == planned
+    assert (folder / "same.csv").read_bytes() == (folder / "next.csv").read_bytes()
+
+
+def test_of_another_diagnosis_what_the_logs_cannot_test_is_skipped(folder: Path, planned: dict, told: dict) -> None:
+    """Rivals take the place of the member that they stand in for, beside all else that was found."""
+    assert {"gravity", "coulomb_friction"} == set(told["found"])
+    assert "periodic_disturbance" in [one["what"] for one in planned["impossible"]]
+    for one in told["ranking"]:
+        if one["effect"] in told["found"]:
+            more = ["viscous_friction", "rust"] if one["effect"] == "gravity" else ["periodic_disturbance"]
+            one["indistinguishable_from"] += more
+    (folder / "other.json").write_text(json.dumps(told))
+    ran = done(*PLAN, "--diagnosis", "other.json", "-o", "other.csv", "--format", "json", cwd=folder)
+    assert "other.json: periodic_disturbance is skipped: these logs cannot test it" in ran.stderr
+    assert "other.json: rust is skipped: neither an effect nor a value" in ran.stderr
+    assert "--for" not in ran.stderr
+    pairs = {frozenset((p["a"], p["b"])): p for p in json.loads(ran.stdout)["pairs"]}
+    assert frozenset(("coulomb_friction", "viscous_friction")) in pairs
+    assert frozenset(("gravity", "viscous_friction")) not in pairs
+    for pair in pairs.values():  # what the logs have told is not lost where they are right
+        assert (pair["nats_if_a"] if pair["nats_before"] > 0.0 else pair["nats_if_b"]) > abs(pair["nats_before"])
+
+
+def test_what_no_motion_tells_is_not_said_to_be_told() -> None:
+    limits = Limits(-1.0, 1.0, 3.0, 20.0, 400.0, 1.0, 0.0)
+    values = (PlannedValue("delay", 0.002, "s", 1e-3, 9e-4), PlannedValue("inertia", 0.01, "kg m^2", 1e-3, 1e-5))
+    motion = Motion(0.001, *np.zeros((4, 1001)))
+    lost = (Impossible("delay", "take a finer sensor"),)
+    line = headline(Plan(("a.csv",), "none", motion, (Stage("chirp", 0.0, 1.0, {}),), (), values, limits, lost))
+    assert line.endswith("tells inertia better")
+
+
+def test_where_the_logs_may_have_misled_both_ways_are_said() -> None:
+    limits = Limits(-1.0, 1.0, 3.0, 20.0, 400.0, 1.0, 0.0)
+    pair = PlannedPair("gravity", "constant_load", 22.0, 1.0, 234.0, 1.0)
+    file = io.StringIO()
+    print_table(Plan(("a.csv",), "gravity", None, (), (pair,), (), limits), (), file)
+    assert "234 if gravity; 1 if constant_load" in file.getvalue()
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
@@ -102,6 +156,7 @@ def test_on_stdout_it_is_the_motion_alone(folder: Path) -> None:
         (("-o", "next.csv", "--run-with", "echo {log}"), "has no {reference}"),
         (("-o", "next.csv", "--run-with", "echo '{log} {reference}"), "close the quotes"),
         (("-o", "-", "--run-with", "echo {log} {reference}"), "--run-with needs a file"),
+        (("-o", "-", "--format", "json"), "both need stdout"),
         (("-o", "small.csv"), "small.csv"),
     ],
 )

@@ -25,8 +25,8 @@ from dsd_cli.signals.log import Array
 
 #: Other shapes that a rival may take.
 _MOST_SHAPES = 3
-#: Nats below which all is nothing.
-LEAST = 1e-3
+#: Nats below which all is nothing, and from which on (of a value: (value / standard error)^2 / 2) nothing is open.
+LEAST, ENOUGH = 1e-3, 50.0
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,8 @@ class Measure:
         return ", not ".join(apart(*names))
 
     def told_apart(self, expected: Expected, a: int, b: int) -> float:
-        """Nats of the smaller direction of a pair; a direction that no motion tells is not counted beside the other."""
+        """Nats of the smaller direction of a pair; a direction that no motion tells, or whose truth the logs have ruled
+        out, is not counted beside the other."""
         found = {self._name(*p): expected.nats[p] for p in ((a, b), (b, a)) if p in expected.nats}
         told = {name: nats for name, nats in found.items() if name in self.open}
         return min((told or found).values())
@@ -196,8 +197,14 @@ class Measure:
     @cached_property
     def open(self) -> frozenset[str]:
         """Targets that count."""
-        names = frozenset(self.nats(self.nothing))
+        names = frozenset(self.nats(self.nothing)) - self.ruled_out
         return names if self._only is None else names & self._only
+
+    @cached_property
+    def ruled_out(self) -> frozenset[str]:
+        """Directions "a, not b" with b so far ahead of a by the logs that a is not the truth: no motion is for them."""
+        now = self.expected(self.nothing).nats
+        return frozenset(self._name(*pair) for pair, lead in now.items() if lead < -ENOUGH)
 
     def without(self, names: Sequence[str]) -> Measure:
         """The same without these targets."""

@@ -6,6 +6,7 @@ Fedorov 1972). A part that would need more u than allowed is made smaller first.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -73,7 +74,8 @@ def _rested(position: Array, measure: Measure, room: Room) -> Array:
 def library_of(measure: Measure, room: Room, seconds: float, report: Report = lambda _: None) -> list[Sized]:
     """Parts of every kind, for a motion of so many s."""
     random = np.random.default_rng(_SEED)
-    length = float(np.clip(seconds / _PARTS, min(_SHORTEST, seconds), _LONGEST))
+    count = max(min(_PARTS, int(seconds / _SHORTEST)), math.ceil(seconds / _LONGEST), 1)
+    length = math.ceil(seconds / count / room.step - 1e-6) * room.step  # together no shorter than was asked for
     found = []
     for i, kind in enumerate(KINDS):
         for _ in range(_TRIED):
@@ -86,7 +88,7 @@ def library_of(measure: Measure, room: Room, seconds: float, report: Report = la
 
 def _chosen(measure: Measure, library: Sequence[Sized], seconds: float) -> list[Sized]:
     """Greedily, then each exchanged for a better one while there is one."""
-    count = max(int(seconds / library[0].part.seconds + 1e-9), 1)
+    count = max(round(seconds / library[0].part.seconds), 1)
     chosen: list[Sized] = []
     for _ in range(count):
         chosen.append(_best(measure, library, chosen))

@@ -13,7 +13,7 @@ from dsd_cli.identify.design.closed_loop import Loop, Run, run_loop, usual_loop
 from dsd_cli.identify.design.impossible import not_by_motion, told_by_none
 from dsd_cli.identify.design.inverse import Path, command_for
 from dsd_cli.identify.design.limits import Limits, limits_of
-from dsd_cli.identify.design.measure import Expected, Measure
+from dsd_cli.identify.design.measure import ENOUGH, Expected, Measure
 from dsd_cli.identify.design.motions import Part, Room, generator_values, position_of
 from dsd_cli.identify.design.optimise import Sized, joined, library_of, optimised
 from dsd_cli.identify.design.results import Impossible, Motion, Plan, PlannedPair, PlannedValue, Stage
@@ -51,10 +51,6 @@ class Wanted:
     start: float = math.nan
     controller: ControllerSettings | None = None
     rate: float = math.nan
-
-
-#: Nats (and (value / standard error)^2 / 2) from which on nothing is left open.
-ENOUGH = 50.0
 
 
 def plan_next(

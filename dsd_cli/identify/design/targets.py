@@ -98,14 +98,20 @@ def targets_of(search: Search, whole: Fit, diagnosis: Diagnosis | None, wanted: 
 
 
 def _check(name: str, search: Search) -> None:
+    if (why := why_not(name, search)) is not None:
+        raise UsageError(f"--for {name}: {why[0]}", why[1])
+
+
+def why_not(name: str, search: Search) -> tuple[str, str] | None:
+    """What keeps a name from being a target, and what there is instead; None: nothing."""
     if name == GAIN or name in (INERTIA, DELAY, NONE):
-        return
+        return None
     effect, _, value = name.partition(".")
     if find_effect(effect) is None or (value and value not in {p.name for p in get_effect(effect).parameters}):
         known = ", ".join((*search.problem.candidates, INERTIA, DELAY, GAIN))
-        raise UsageError(f"--for {name}: neither an effect nor a value", f"there are {known}")
-    if effect in search.problem.untestable:
-        raise UsageError(f"--for {name}: these logs cannot test it", search.problem.untestable[effect])
+        return "neither an effect nor a value", f"there are {known}"
+    untestable = search.problem.untestable
+    return ("these logs cannot test it", untestable[effect]) if effect in untestable else None
 
 
 class _Explanations:
@@ -139,18 +145,28 @@ class _Explanations:
         return [p for p in dict.fromkeys(pairs) if p[0] != p[1]]
 
     def asked_for(self, wanted: Sequence[str]) -> list[tuple[str, str]]:
-        """All pairs of the effects that were asked for; one alone against the model without it."""
+        """All pairs of the effects that were asked for; one alone against the model without it.
+
+        The model has all else that was found. An effect that was not found takes the place of the member, of those
+        that were asked for, for which it stands in best; where none was, it comes on top.
+        """
         effects = [n for n in wanted if find_effect(n) is not None or n == NONE]
         if len(effects) == 1:
             effects.append(NONE)
         tied = [m for m in self.found if m in effects]
         names = []
         for name in effects:
-            if name in (*self.found, NONE):
-                names.append(self.name_of(self.whole) if name in self.found else NONE)
+            if name in self.found:
+                names.append(self.name_of(self.whole))
+            elif name == NONE:
+                rest = tuple(t for t in self.whole.terms if t.id not in tied)
+                names.append(self._keep(self.search.fit(rest, self.whole.tap) if tied else self.whole))
+            elif tied:
+                places = [self.instead(member, name) for member in tied]
+                names.append(max(places, key=lambda n: self.search.evidence(self.fits[n])))
             else:
-                names.append(self.instead(tied[0], name) if tied else self._added(name))
-        return [p for p in combinations(dict.fromkeys(names), 2) if p[0] != p[1]]
+                names.append(self._added(name))
+        return list(combinations(dict.fromkeys(names), 2))
 
     def instead(self, member: str, rival: str) -> str:
         """The set with a rival in the place of a member; a value of the model needs no effect for that."""
@@ -161,8 +177,8 @@ class _Explanations:
         return self._keep(fit)
 
     def _added(self, name: str) -> str:
-        options = [o.fit for o in self.search.options(self.search.refit) if o.effect == name]
-        return self._keep(options[0]) if options else NONE
+        options = [o.fit for o in self.search.options(self.whole) if o.effect == name]
+        return self._keep(options[0] if options else self.whole)
 
     def _best_alone(self, most: int, nearest: str) -> list[tuple[str, str]]:
         options = [o for o in self.search.options(self.search.refit) if self._may_be(o.effect)]

@@ -92,10 +92,10 @@ def test_a_tie_falls(tied: Asked) -> None:
 
 
 def test_the_motion_begins_and_ends_at_rest_within_the_limits(tied: Asked) -> None:
-    plan = tied.plan(names=("inertia",), seconds=(4.0,))
+    plan = tied.plan(names=("inertia",), seconds=(3.0,))
     motion, limits = plan.motion, plan.limits
     assert motion is not None
-    assert motion.seconds == pytest.approx(4.0, abs=0.1)
+    assert 3.0 - 1e-9 <= motion.seconds < 3.1
     for end in (0, -1):
         assert motion.position[end] == pytest.approx(limits.start, abs=0.01)
         assert abs(motion.velocity[end]) < 0.01 * limits.velocity
