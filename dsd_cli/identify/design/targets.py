@@ -66,9 +66,7 @@ class Value:
 @dataclass(frozen=True)
 class Targets:
     """explanations : each once. pairs : of their places, to be told apart. values : of the first explanation.
-
-    impossible : what no motion tells, and what would.
-    """
+    asked : names that the user gave."""
 
     explanations: tuple[Explanation, ...]
     pairs: tuple[tuple[int, int], ...]
@@ -110,8 +108,8 @@ def why_not(name: str, search: Search) -> tuple[str, str] | None:
     if find_effect(effect) is None or (value and value not in {p.name for p in get_effect(effect).parameters}):
         known = ", ".join((*search.problem.candidates, INERTIA, DELAY, GAIN))
         return "neither an effect nor a value", f"there are {known}"
-    untestable = search.problem.untestable
-    return ("these logs cannot test it", untestable[effect]) if effect in untestable else None
+    reason = search.problem.untestable.get(effect)
+    return None if reason is None else ("these logs cannot test it", reason)
 
 
 class _Explanations:
@@ -145,10 +143,8 @@ class _Explanations:
         return [p for p in dict.fromkeys(pairs) if p[0] != p[1]]
 
     def asked_for(self, wanted: Sequence[str]) -> list[tuple[str, str]]:
-        """All pairs of the effects that were asked for; one alone against the model without it.
-
-        The model has all else that was found. An effect that was not found takes the place of the member, of those
-        that were asked for, for which it stands in best; where none was, it comes on top.
+        """All pairs of the effects that were asked for, beside all else that was found; one alone against none. What
+        was not found takes the place of the member, of those asked for, for which it stands in best, or comes on top.
         """
         effects = [n for n in wanted if find_effect(n) is not None or n == NONE]
         if len(effects) == 1:
