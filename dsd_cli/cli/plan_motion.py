@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -118,20 +119,13 @@ def plan(
     from dsd_cli.cli.pictures import check_plot
     from dsd_cli.cli.plan_request import names_of, request, told_by
     from dsd_cli.cli.user_effects import use_effects
-    from dsd_cli.errors import UsageError
     from dsd_cli.files.config import load_config
-    from dsd_cli.files.motion_out import motion_format
-    from dsd_cli.files.whole import check_target
 
     use_effects(effects_from)
     settings = load_config(config, override or ()).within(since, until).knowing(fix or (), bounds or (), prior or ())
     check_logs(log, (), settings.signals)
     read = [config, *log, *settings.files, *(effects_from or ()), *([diagnosis] if diagnosis else [])]
-    motion_format(output)
-    if output == "-" and form is Format.JSON:
-        raise UsageError("-o - and --format json both need stdout", "give -o next.csv")
-    if output != "-":
-        check_target(output, read)
+    _check_output(output, form, read)
     check_plot(plot, [*read, output])
     numbers = (seconds, limit or (), start, rate)
     asked: Request = request(settings, names_of(wanted, diagnosis), numbers, told_by(diagnosis))
@@ -146,6 +140,19 @@ def plan(
         from dsd_cli.report.plots_plan import draw
 
         put_picture(plot, lambda: draw(answer.plan), quiet)
+
+
+def _check_output(output: str, form: Format, read: Sequence[str | Path]) -> None:
+    """One kind of text on stdout, and no file that is read."""
+    from dsd_cli.errors import UsageError
+    from dsd_cli.files.motion_out import motion_format
+    from dsd_cli.files.whole import check_target
+
+    motion_format(output)
+    if output == "-" and form is Format.JSON:
+        raise UsageError("-o - and --format json both need stdout", "give -o next.csv")
+    if output != "-":
+        check_target(output, read)
 
 
 def _once(settings: Config, logs: list[str], asked: Request, quiet: bool) -> Answer:
