@@ -68,7 +68,7 @@ def numbers(diagnosis):
             yield f"{c.effect}.after", c.heldout_rmse_after
             yield f"{c.effect}.probability", c.probability
             for key, e in c.parameters.items():
-                if f"does not tell {key}" in c.note:
+                if f"not identifiable from this log: {key}" in c.note:
                     continue
                 yield f"{c.effect}.{key}", e.value
                 yield f"error of {c.effect}.{key}", e.std_error
