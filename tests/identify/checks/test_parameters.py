@@ -83,7 +83,9 @@ def test_gravity_of_an_axis_that_hardly_turns_is_not_told():
     assert found["gravity.phase"].identified == "not"  # of an amplitude of 0
     assert math.isnan(found["gravity.phase"].value)
     assert found["coulomb_friction.level"].identified == "identified"
-    warned = [one for one in check_log(log_of(recording), model).findings if "not identifiable from this log" in one.what]
+    warned = [
+        one for one in check_log(log_of(recording), model).findings if "not identifiable from this log" in one.what
+    ]
     assert [one.severity for one in warned] == ["warning"]
 
 
