@@ -162,7 +162,7 @@ def _finding(code: int, said: bytes, folder: Path, before: set[str], arguments: 
     for bad in (b"Traceback", b"unexpected", b"Warning:"):
         if bad in said:
             return f"{bad.decode()}: {arguments}: {last}"
-    begun = said.startswith(b"dsd: ") or arguments[:1] == ["fleet"]  # which may have said how many logs it takes
+    begun = said.startswith(b"dsd: ") or arguments[:1] in (["fleet"], ["init"])  # which say what they take first
     if code in (1, 2) and not (begun and b"dsd: error: " in said):
         return f"no message with exit code {code}: {arguments}: {last}"
     if RAW.search(said) or RAW.search((folder / ".stdout").read_bytes()):

@@ -12,7 +12,7 @@ import numpy as np
 
 from dsd_cli.cli.init_roles import Chosen, choose
 from dsd_cli.cli.init_units import Units, units_of
-from dsd_cli.errors import DsdError
+from dsd_cli.errors import DsdError, printable
 from dsd_cli.files.config import Signals
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.first_look import time_unit_of
@@ -110,9 +110,7 @@ def _question(path: str, chosen: Chosen, given: Mapping[str, str], text: str, sa
     """What is left to say, the command that says it, and the line of the config in which it is missing."""
     what = "the control input (torque, force, current, voltage)" if chosen.missing == "u" else "the motion"
     listed = ", ".join(chosen.candidates[:8]) + (" ..." if len(chosen.candidates) > 8 else "")
-    text = with_value(
-        text, "signals", chosen.missing, '""', f"# <- MISSING: {what}; one of {listed}".replace("\n", " ")
-    )
+    text = with_value(text, "signals", chosen.missing, '""', printable(f"# <- MISSING: {what}; one of {listed}"))
     moves = any(one in chosen.found for one in ("d_hat", "velocity", "position"))
     named = {role: column for role, column in given.items() if role != "u"}
     named = {"u": given.get("u", chosen.found["u"].column if "u" in chosen.found else "NAME"), **named}
