@@ -233,7 +233,7 @@ def test_the_model_of_several_runs_is_better_than_the_start_on_runs_that_no_fit_
 
 def test_one_short_run_is_too_little_for_a_verdict_on_two_models(several):
     found = _against_the_start(several[0], OTHERS[:1])
-    assert f"{found['blocks']} blocks are too few to tell" in found["verdict_text"]
+    assert f"{found['blocks']} blocks are too few to distinguish" in found["verdict_text"]
     assert "several.toml leaves" in found["verdict_text"]
 
 
