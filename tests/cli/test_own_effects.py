@@ -66,6 +66,23 @@ def test_what_the_command_line_names_is_allowed_already(rig: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.parametrize(
+    "written", ['[effects]\nfrom = ["my_effect.py"] # mine\n', 'effects = { from = ["my_effect.py"] }\n']
+)
+def test_a_config_written_to_another_folder_names_the_same_files(rig: Path, written: str) -> None:
+    (rig / "out").mkdir()
+    (rig / "dsd.toml").write_text(written + CONFIG if written[0] == "e" else CONFIG + written)
+    done = dsd("tune", "a.csv", "--trust", "-o", "out/tuned.toml", cwd=rig)
+    assert done.returncode == 0, done.stderr
+    there = (rig / "out/tuned.toml").read_text(encoding="utf-8")
+    assert 'from = ["../my_effect.py"]' in there
+    assert ("# mine" in there) == ("# mine" in written)
+    assert dsd("compare", "a.csv", "--trust", "-c", "out/tuned.toml", cwd=rig).returncode == 0
+    beside = dsd("tune", "a.csv", "--trust", "-c", "out/tuned.toml", "-o", "back.toml", cwd=rig)
+    assert beside.returncode == 0, beside.stderr
+    assert 'from = ["my_effect.py"]' in (rig / "back.toml").read_text(encoding="utf-8")
+
+
 def test_it_is_said_but_not_to_whom_wants_quiet(rig: Path) -> None:
     (rig / "dsd.toml").write_text(CONFIG + NAMED)
     done = dsd("compare", "a.csv", "--trust", "-q", cwd=rig)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.config.history import History
+from dsd_cli.files.config.moved import moved
 from dsd_cli.files.config.placing import newline, with_raws, without
 from dsd_cli.files.config.text import read_again
 from dsd_cli.files.config.toml_text import Path, Statement, inline, inline_leaves, leaves, literal, statements
@@ -243,13 +244,15 @@ def write_text(path: str, text: str, origin: Origin | None = None) -> None:
 
     Parameters
     ----------
-    origin : the config that this one was made from.
+    origin : the config that this one was made from; files that it names relative to its folder stay the same files.
 
     Raises
     ------
     DataError : it cannot be written, or it is the origin and another process has changed it meanwhile.
     """
     target = FilePath(os.path.realpath(path))
+    if origin is not None:
+        text = moved(text, FilePath(origin.path).parent, FilePath(path).parent)
     if origin is None or not is_same(target, origin.path):
         write_whole(path, text.encode())
         return
