@@ -22,6 +22,11 @@ def _written(found: re.Match[str]) -> str:
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
 
 
+def source_name(path: str) -> str:
+    """What messages call a log: its path, <stdin> for -."""
+    return "<stdin>" if path == "-" else path
+
+
 def how_to_install(extra: str) -> str:
     """The command that brings what an extra of this package needs: by the libraries, for a clone is on no index."""
     from importlib.metadata import PackageNotFoundError, requires

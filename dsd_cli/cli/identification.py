@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dsd_cli.errors import printable
+from dsd_cli.errors import printable, source_name
 
 if TYPE_CHECKING:
     from dsd_cli.cli.progress import Progress
@@ -94,9 +94,7 @@ def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str], prog
         observer,
         known,
         dropped,
-        tuple(
-            f"{'<stdin>' if path == '-' else path}: {warning}" for path, one in everything for warning in one.warnings
-        ),
+        tuple(f"{source_name(path)}: {warning}" for path, one in everything for warning in one.warnings),
     )
 
 

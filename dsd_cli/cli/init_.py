@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dsd_cli.cli.options import QuietOption, template_names
-from dsd_cli.errors import printable
+from dsd_cli.errors import DsdError, printable, source_name
 
 if TYPE_CHECKING:
     from dsd_cli.cli.init_log import Asked, Proposed
@@ -68,10 +68,10 @@ def init(
         _put(template_text(template), [], f"template {template}", log, template, (output, force, quiet))
         return
     proposed = _proposed(log, _asked(named, override or [], quiet), quiet)
-    _put(proposed.text, proposed.said, f"from {log}", log, proposed.question, (output, force, quiet))
+    _put(proposed.text, proposed.said, f"from {source_name(log)}", log, proposed.question, (output, force, quiet))
     if proposed.question:
         where = "" if output == "-" else f"; {output} has the rest, with that line marked"
-        raise DataError(f"{log}: {proposed.question}{where}", f"say it: {proposed.command}")
+        raise DataError(f"{source_name(log)}: {proposed.question}{where}", f"say it: {proposed.command}")
 
 
 def _asked(named: dict[str, str], override: list[str], quiet: bool) -> Asked:
@@ -106,7 +106,7 @@ def _proposed(log: str, asked: Asked, quiet: bool) -> Proposed:
     from dsd_cli.cli.progress import Progress
 
     with as_file(log) as path, Progress(not quiet and asked.ask is None) as progress:
-        progress(f"looking at {Path(log).name}")
+        progress(f"looking at {Path(source_name(log)).name}")
         return propose(path, asked, log)
 
 
@@ -126,7 +126,11 @@ def as_file(log: str) -> Iterator[str]:
         copy = Path(folder) / "stdin"
         with copy.open("wb") as file, sys.stdin.buffer if log == "-" else open(log, "rb") as stream:
             shutil.copyfileobj(stream, file)
-        yield str(copy)
+        try:
+            yield str(copy)
+        except DsdError as error:  # which names the file that was read
+            name = source_name(log)
+            raise type(error)(error.message.replace(str(copy), name), error.hint.replace(str(copy), name)) from None
 
 
 def _put(text: str, said: list[str], origin: str, log: str | None, left: str, how: tuple[str, bool, bool]) -> None:

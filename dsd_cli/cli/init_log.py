@@ -12,7 +12,7 @@ import numpy as np
 
 from dsd_cli.cli.init_roles import Chosen, choose
 from dsd_cli.cli.init_units import Units, units_of
-from dsd_cli.errors import DsdError, printable
+from dsd_cli.errors import DsdError, printable, source_name
 from dsd_cli.files.config import Signals
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.first_look import time_unit_of
@@ -84,23 +84,24 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
     name = name or path
     looked = sample(path, asked.layout)
     out.said += looked.notes
-    chosen = choose(name, looked, asked.given)
+    chosen = choose(source_name(name), looked, asked.given)
     while chosen.missing and asked.ask is not None:
         answer = asked.ask(chosen.missing, chosen.candidates)
         asked = asked._replace(given={**asked.given, chosen.missing: answer})
-        chosen = choose(name, looked, asked.given)
+        chosen = choose(source_name(name), looked, asked.given)
     out.said += chosen.said
     _name_columns(chosen, out)
     if not chosen.missing:
         try:
             loaded, factors = _read(path, chosen, looked.sample_time, asked.layout, out)
         except DsdError as error:
-            out.said.append(f"its rows could not be read ({error}); the numbers are those of the template")
+            said = str(error).replace(path, source_name(name))
+            out.said.append(f"its rows could not be read ({said}); the numbers are those of the template")
         else:
             _propose_numbers(loaded, factors, out)
     for (section, key), value in asked.values.items():
         out.put(section, key, value)
-    text = headed(template_text("lab"), name)
+    text = headed(template_text("lab"), source_name(name))
     for (section, key), written in out.values.items():
         text = with_value(text, section, key, written)
     return Proposed(text, out.said) if not chosen.missing else _question(name, chosen, asked.given, text, out.said)

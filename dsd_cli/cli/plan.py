@@ -14,7 +14,7 @@ from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.detect.transition import Transition
-from dsd_cli.errors import DataError, TooShort, UsageError
+from dsd_cli.errors import DataError, TooShort, UsageError, source_name
 from dsd_cli.files.as_read import as_read
 from dsd_cli.files.command import Command
 from dsd_cli.files.config import Config, Detector, Observer, Signals, States, Stay
@@ -144,7 +144,7 @@ def naming(log: str) -> Iterator[None]:
         yield
     except DataError as error:
         if error.message.startswith("no sample time"):
-            raise DataError(f"{'<stdin>' if log == '-' else log}: {error.message}", error.hint) from None
+            raise DataError(f"{source_name(log)}: {error.message}", error.hint) from None
         raise
 
 

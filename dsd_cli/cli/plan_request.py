@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dsd_cli.errors import UsageError
+from dsd_cli.errors import UsageError, source_name
 
 if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
@@ -198,7 +198,7 @@ def planned(settings: Config, logs: Sequence[str], asked: Request, quiet: bool) 
     with Progress(not quiet) as progress, widening(settings.signals):
         given = load_given(settings, list(logs), [], progress)
         plan, found = plan_for(given, asked.wanted, progress, early(quiet, progress), asked.told)
-    plan = replace(plan, logs=tuple("<stdin>" if path == "-" else path for path in logs))
+    plan = replace(plan, logs=tuple(map(source_name, logs)))
     return Answer(plan, found, (*given.warnings, *plan.warnings))
 
 

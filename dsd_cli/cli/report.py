@@ -96,12 +96,12 @@ def _checked_output(output: str | None, inputs: Sequence[str | Path]) -> str:
 
 def _refuse_streams(logs: Sequence[str]) -> None:
     """Raises UsageError : a log that can be read only once."""
-    from dsd_cli.errors import UsageError
+    from dsd_cli.errors import UsageError, source_name
     from dsd_cli.files.tables_in import is_stream
 
     for log in logs:
         if is_stream(log):
-            name = "<stdin>" if log == "-" else log
+            name = source_name(log)
             raise UsageError(f"{name}: a page needs a log several times", "save it as a file first")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from dsd_cli.errors import DataError
+from dsd_cli.errors import DataError, source_name
 from dsd_cli.files.formats.base import CLOCK
 from dsd_cli.files.formats.known import HEAD_BYTES, format_of, is_bag, open_container
 from dsd_cli.files.formats.names import places
@@ -35,7 +35,7 @@ def first_look(path: str) -> FirstLook:
     DataError : it cannot be read, or can be read only once.
     """
     if is_stream(path):
-        raise DataError(f"{'<stdin>' if path == '-' else path}: can be read only once", "write it to a file first")
+        raise DataError(f"{source_name(path)}: can be read only once", "write it to a file first")
     kind = format_of(path, b"" if is_bag(path) else read_head(path, HEAD_BYTES))
     if kind is not None:
         file = open_container(path, kind)

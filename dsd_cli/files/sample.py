@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dsd_cli.errors import DataError
+from dsd_cli.errors import DataError, source_name
 from dsd_cli.files.csv_dialect import MISSING, is_number, seconds
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.formats.base import Group
@@ -49,7 +49,7 @@ def sample(path: str, layout: CsvLayout | None = None) -> Sample:
     DataError : it cannot be read, or can be read only once.
     """
     if is_stream(path):
-        raise DataError(f"{'<stdin>' if path == '-' else path}: can be read only once", "write it to a file first")
+        raise DataError(f"{source_name(path)}: can be read only once", "write it to a file first")
     kind = format_of(path, b"" if is_bag(path) else read_head(path, HEAD_BYTES))
     if kind is not None:
         file = open_container(path, kind)

@@ -83,8 +83,10 @@ def choose_columns(
 
     Raises
     ------
-    DataError : a needed column is missing, or there are several of that name.
+    DataError : there are no columns, a needed one is missing, or there are several of that name.
     """
+    if not column_names:
+        raise DataError(f"{source}: has no columns", "write it again with the channels in it")
     chosen = {}
     for canonical, name in columns.items():
         if name in column_names:
@@ -100,7 +102,7 @@ def choose_columns(
 
 def _listed(names: list[str], limit: int = 12) -> str:
     more = f" and {len(names) - limit} more" if len(names) > limit else ""
-    return ", ".join(name or '""' for name in names[:limit]) + more if names else "none"
+    return ", ".join(name or '""' for name in names[:limit]) + more
 
 
 def _hint(canonical: str, name: str, column_names: list[str]) -> str:

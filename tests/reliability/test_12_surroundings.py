@@ -70,11 +70,26 @@ def test_the_zeros_that_a_power_cut_leaves_are_called_so(rig, rows):
 
 def test_a_table_without_columns_has_none(rig):
     pq.write_table(pa.table({}), rig / "none.parquet")
-    refused(dsd("detect", "none.parquet", cwd=rig), 1, 'no column "t"', "its columns are none")
+    for command in ("detect", "init", "columns"):
+        refused(dsd(command, "none.parquet", cwd=rig), 1, "none.parquet: has no columns")
 
 
 def test_a_config_cannot_be_proposed_from_an_empty_stdin(rig):
-    refused(dsd("init", "-", cwd=rig), 1, "stdin: is empty")
+    for command in ("init", "columns"):
+        refused(dsd(command, "-", cwd=rig, stdin=""), 1, "dsd: error: <stdin>: is empty")
+        refused(dsd(command, "-", cwd=rig, stdin="a,b\n"), 1, "dsd: error: <stdin>: has a header but no rows")
+
+
+def test_what_init_found_stands_before_its_question_and_nowhere_else(rig):
+    """A question that can be answered needs what was found; where nothing can be, one line is all that is said."""
+    (rig / "dsd.toml").unlink()
+    result = dsd("init", "-", cwd=rig, stdin="t,u,a\n" + "".join(f"{k}e-3,{k % 7},3\n" for k in range(50)))
+    assert (result.returncode, result.stdout) == (1, "")
+    *found, question = result.stderr.splitlines()
+    assert found == ['  time = "t": by its name', '  u = "u": by its name']
+    assert question.startswith("dsd: error: <stdin>: which column is the motion?")
+    assert question.endswith("say it: dsd init - --force --u u --position NAME")
+    assert "/tmp" not in (rig / "dsd.toml").read_text()
 
 
 @pytest.mark.parametrize("stamp", ["0000-13-45T25:00:00", "2016-12-31T23:59:60.000"])
