@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-from dsd_cli.identify.fit.known import Known
+from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import Problem, Settings, pose
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.identify.fit.values import flat, terms_of
@@ -67,15 +67,15 @@ def deviations(
     alone = problem.values(Search(problem).fit(terms_of(truth), tap)).estimates["inertia"]
     draw = np.random.default_rng(seed).normal()
     helps = {
-        "nothing known": Known(),
-        "J held": Known(fixed={"inertia": truth.inertia}),
-        "J with a prior": Known(priors={"inertia": (truth.inertia + alone.std_error * draw, alone.std_error)}),
+        "nothing known": PriorKnowledge(),
+        "J held": PriorKnowledge(fixed={"inertia": truth.inertia}),
+        "J with a prior": PriorKnowledge(priors={"inertia": (truth.inertia + alone.std_error * draw, alone.std_error)}),
     }
     for name, known in helps.items():
         yield from _deviations(_told(problem, known), truth, name, tap)
 
 
-def _told(problem: Problem, known: Known) -> Problem:
+def _told(problem: Problem, known: PriorKnowledge) -> Problem:
     """The same question of somebody who knows that."""
     solver = problem.solver
     return replace(problem, solver=Solver(solver.bank, solver.blocks, solver.inertia, known, solver.variance))

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.effects import get_effect
-from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.learn.learning import learn
 from dsd_cli.identify.learn.results import LEARNT, Learnt
 from dsd_cli.identify.recordings.recording import Recording, prepare

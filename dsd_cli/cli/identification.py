@@ -13,7 +13,7 @@ from dsd_cli.errors import printable, source_name
 if TYPE_CHECKING:
     from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import Config, Signals
-    from dsd_cli.identify.fit.known import Known
+    from dsd_cli.identify.fit.priors import PriorKnowledge
     from dsd_cli.identify.recordings.recording import Recording
     from dsd_cli.identify.verdict.contradictions import Contradiction
     from dsd_cli.identify.verdict.diagnose import Settings
@@ -37,7 +37,7 @@ class Given:
     holdout: tuple[Recording, ...]
     model: PlantModel
     observer: ObserverSettings
-    known: Known
+    known: PriorKnowledge
     dropped: dict[str, int]
     warnings: tuple[str, ...]
 

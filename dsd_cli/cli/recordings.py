@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from dsd_cli.files.config import Config
     from dsd_cli.files.logs import LoadedLog
     from dsd_cli.files.windowed import Window
-    from dsd_cli.identify.fit.known import Known
+    from dsd_cli.identify.fit.priors import PriorKnowledge
     from dsd_cli.identify.recordings.recording import Recording
     from dsd_cli.plant.model import PlantModel
 
@@ -104,7 +104,7 @@ def _written_model(config: Config) -> PlantModel:
     return plant_model(config, config.fit.fix.get("inertia") or config.require_inertia())
 
 
-def known_values(config: Config) -> Known:
+def known_values(config: Config) -> PriorKnowledge:
     """[fit]: what a fit is told of values.
 
     Raises

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from dsd_cli.effects import free_name, get_effect, kind_of
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.identify.fit.driven import with_driven_load
+from dsd_cli.identify.fit.driven_load import with_driven_load
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
@@ -18,7 +18,7 @@ from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.diagnose import Settings
 from dsd_cli.identify.verdict.own_values import own_values
-from dsd_cli.identify.verdict.shown import told_by_response
+from dsd_cli.identify.verdict.resonance import response_settings
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 
@@ -53,7 +53,7 @@ def add_effect(
         raise DataError(f"{effect_id} is not testable on {recordings[0].name}", problem.untestable[effect_id])
     search = Search(problem)
     before = own_values(search)
-    told = told_by_response(search, effect_id, asked)
+    told = response_settings(search, effect_id, asked)
     if told is not None:
         there = told.known.added_to(model, effect_id)
         driven, aside = with_driven_load(recordings, there), with_driven_load(holdout, there)

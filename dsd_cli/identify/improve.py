@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.addition import add_effect
-from dsd_cli.identify.ending import Ended, ended
+from dsd_cli.identify.backward_elimination import Ended, ended
 from dsd_cli.identify.missing import Missing
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.levels import with_levels
@@ -29,8 +29,8 @@ from dsd_cli.identify.results import (
 )
 from dsd_cli.identify.verdict.contradictions import beside_told, kept_values
 from dsd_cli.identify.verdict.diagnose import Progress, Settings, Told, diagnose
-from dsd_cli.identify.verdict.first_look import first_look
 from dsd_cli.identify.verdict.levels import log_levels, said_of
+from dsd_cli.identify.verdict.prior_check import prior_check
 from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
@@ -62,7 +62,7 @@ def improve(
     ------
     DataError, UsageError : as `diagnose`.
     """
-    looked, against = first_look(recordings, model, settings or Settings(), progress or (lambda _what, _share: None))
+    looked, against = prior_check(recordings, model, settings or Settings(), progress or (lambda _what, _share: None))
     if against:
         on_told(against)
     climb = _Climb(recordings, observer, looked, holdout, on_step)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from dsd_cli.effects import get_effect
-from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Estimate, Estimates, Score
 from dsd_cli.identify.search.sets import Search

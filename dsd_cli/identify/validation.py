@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from dsd_cli.effects import get_effect
 from dsd_cli.errors import DsdError
 from dsd_cli.identify.compare.forward import Forward, run_forward
-from dsd_cli.identify.fit.known import Known
+from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.fit.values import terms_of
 from dsd_cli.identify.recordings.recording import Recording
@@ -63,7 +63,7 @@ def _validated(
     units: Units,
     band_hz: float,
 ) -> Validation:
-    held = Known().holding(model)
+    held = PriorKnowledge().holding(model)
     levels = (f"{effect}.{name}" for effect in model.effects for name in get_effect(effect).varies)
     free = [name for name in levels if name in held.fixed]
     known = replace(held, fixed={name: value for name, value in held.fixed.items() if name not in free})

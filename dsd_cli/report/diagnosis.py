@@ -24,8 +24,8 @@ from dsd_cli.report.names import (
     percent,
     values_text,
 )
+from dsd_cli.report.prior_conflicts import against_json, no_confirmation
 from dsd_cli.report.terminal import Hanging, escaped
-from dsd_cli.report.told import against_json, no_confirmation
 from dsd_cli.report.two_numbers import missing_json, two_answers, unexplained_json
 from dsd_cli.report.values_table import correlation_lines, correlations_json
 from dsd_cli.report.verdict import verdict_line

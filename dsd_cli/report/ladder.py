@@ -34,8 +34,8 @@ from dsd_cli.report.names import (
     number_or_none,
     values_text,
 )
+from dsd_cli.report.prior_conflicts import against_json, once
 from dsd_cli.report.terminal import escaped
-from dsd_cli.report.told import against_json, once
 from dsd_cli.report.two_numbers import missing_json, two_answers, unexplained_json
 from dsd_cli.report.validation import validation_json, validation_lines
 from dsd_cli.report.values_table import correlations_json, print_values

@@ -8,7 +8,7 @@ from dsd_cli.identify.verdict.contradictions import kept_values
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.report.levels import levels_text
 from dsd_cli.report.names import error, force_error, listed, moves, percent, values_text
-from dsd_cli.report.told import first_of_all
+from dsd_cli.report.prior_conflicts import first_of_all
 
 
 def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.fit.band import band_of
-from dsd_cli.identify.fit.bank import FIXED, INERTIA, Bank, Term, drive, holds, inputs_of, raw_columns
+from dsd_cli.identify.fit.bank import FIXED, INERTIA, Bank, Term, drive, has_friction, inputs_of, raw_columns
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.ranges import ranges
 from dsd_cli.identify.recordings.recording import prepare
@@ -130,8 +130,8 @@ def test_columns_beside_friction_count_as_nothing_at_rest():
     (stretch,) = equations.stretches
     assert 0.03 < np.mean(stretch.free == 0.0) < 0.9
     bank, gravity, friction = Bank(equations), Term("gravity"), Term("coulomb_friction")
-    assert holds((gravity, friction))
-    assert not holds((gravity,))
+    assert has_friction((gravity, friction))
+    assert not has_friction((gravity,))
     for at, raw in enumerate(raw_columns(equations, gravity, 0.0)):
         with_friction = bank.design((friction, gravity), 0).rows[1 + FIXED + 1 + at]
         alone = bank.design((gravity,), 0).rows[1 + FIXED + at]

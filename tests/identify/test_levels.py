@@ -8,7 +8,7 @@ import pytest
 
 from dsd_cli.identify.fit.bank import Bank, Term
 from dsd_cli.identify.fit.equations import equations_of
-from dsd_cli.identify.fit.known import Known
+from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.recordings.levels import Deviations, with_levels
 from dsd_cli.identify.recordings.recording import Recording
@@ -125,7 +125,7 @@ def test_levels_known_already_are_asked_for_whole(found):
 
 
 def test_a_value_that_is_held_is_the_same_in_all_logs(three):
-    known = Known(fixed={"constant_load.force": 0.0})
+    known = PriorKnowledge(fixed={"constant_load.force": 0.0})
     search = asked(three, Settings(effects=NAMES, known=known))
     assert "constant_load.force" not in [one.name for one in deviations(search, search.refit)]
 

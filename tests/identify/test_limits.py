@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from dsd_cli.identify.fit.asked import Settings
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.search.afloat import searched
+from dsd_cli.identify.search.drift_search import searched
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.limits import limits_of
 from tests.cli.rig import AXIS, done

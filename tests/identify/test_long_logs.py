@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from bench.hidden_cases import Job, prepared
-from dsd_cli.identify.fit.asked import Settings
-from dsd_cli.identify.fit.drift import without_drift
+from dsd_cli.identify.fit.path_estimate import without_drift
 from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts, with_part
-from dsd_cli.identify.search.afloat import searched
+from dsd_cli.identify.search.drift_search import searched
 from dsd_cli.identify.search.long_logs import posed
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import diagnose

@@ -11,7 +11,7 @@ from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
 from dsd_cli.identify.fit.noise import structured_share
 from dsd_cli.identify.fit.problem import Settings, pose
-from dsd_cli.identify.fit.sure import inflation
+from dsd_cli.identify.fit.row_weights import inflation
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.sets import Search

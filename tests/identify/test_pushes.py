@@ -5,18 +5,18 @@ import pytest
 
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
-from dsd_cli.identify.verdict.beyond import beyond_of
+from dsd_cli.identify.verdict.discrepancy import discrepancy_of
 from dsd_cli.identify.verdict.pushes import _of_place, law_of_pushes, pushed
 from tests.identify.outside_rig import diagnosed
 from tests.identify.search_rig import T, posed
-from tests.identify.test_beyond import disturbed
+from tests.identify.test_discrepancy import disturbed
 
 PUSHES = {"external_force": {"events": [{"start": 3.0, "end": 3.4, "force": 0.5}]}}
 
 
 def test_a_push_is_found_where_it_was_and_nothing_is_left_then():
     search = posed(PUSHES, ("external_force", "gravity", "viscous_friction"))
-    before = beyond_of(search, search.refit)
+    before = discrepancy_of(search, search.refit)
     fit, found = pushed(search, search.refit, before)
     (term,) = search.added(fit.terms)
     assert term.id == "external_force"
@@ -29,14 +29,14 @@ def test_a_push_is_found_where_it_was_and_nothing_is_left_then():
 
 def test_without_a_push_everything_stays_as_it_was():
     search = posed(None, ("external_force",))
-    before = beyond_of(search, search.refit)
+    before = discrepancy_of(search, search.refit)
     assert pushed(search, search.refit, before) == (search.refit, before)
 
 
 def test_pulses_never_stand_in_for_a_law():
     """A force that goes with speed times place is no train of pushes: it stays unknown, and nothing is added."""
     search = disturbed(lambda t, v, q: 0.4 * v * q, ("external_force",))
-    before = beyond_of(search, search.refit)
+    before = discrepancy_of(search, search.refit)
     fit, found = pushed(search, search.refit, before)
     assert fit is search.refit
     assert found.unknown
@@ -66,7 +66,7 @@ def test_a_push_all_along_is_of_no_place():
 def test_what_pushes_back_at_the_end_of_the_travel_is_no_train_of_pushes():
     """A wall that is not in the catalogue: unknown, and it depends on the position."""
     search = disturbed(lambda t, v, q: -0.4 * (q > np.quantile(q, 0.9)), ("external_force",))
-    fit, found = pushed(search, search.refit, beyond_of(search, search.refit))
+    fit, found = pushed(search, search.refit, discrepancy_of(search, search.refit))
     assert fit is search.refit
     assert found.unknown
     assert "position" in found.on
@@ -81,7 +81,7 @@ def test_a_force_that_climbs_by_steps_is_a_drift():
     )
     fit = sharpened(climbing, with_pulses(climbing, climbing.refit))
     assert law_of_pushes(climbing, fit) == "time"
-    assert pushed(climbing, climbing.refit, beyond_of(climbing, climbing.refit))[0] is climbing.refit
+    assert pushed(climbing, climbing.refit, discrepancy_of(climbing, climbing.refit))[0] is climbing.refit
     stacked = disturbed(
         lambda t, v, q: 0.2 * ((t >= 3.0) & (t < 6.0)) + 0.25 * ((t >= 4.0) & (t < 5.0)), ("external_force",)
     )

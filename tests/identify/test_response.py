@@ -9,10 +9,10 @@ from scipy.signal import lfilter
 from dsd_cli.effects.memory import Coupling, driven_load, load_acceleration
 from dsd_cli.identify.addition import add_effect
 from dsd_cli.identify.compare.evaluation import force_view
-from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.fit.bank import raw_columns
-from dsd_cli.identify.fit.driven import with_driven_load
+from dsd_cli.identify.fit.driven_load import with_driven_load
 from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.improve import improve
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.response import response_of

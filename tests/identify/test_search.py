@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.fit.bank import Term
-from dsd_cli.identify.fit.measured import Noise
+from dsd_cli.identify.fit.noise_fit import Noise
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.preference import preferred
 from dsd_cli.identify.search.sets import Search

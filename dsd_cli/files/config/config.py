@@ -16,12 +16,12 @@ from dsd_cli.files.config.history import History
 from dsd_cli.files.config.overrides import with_effects, with_values
 from dsd_cli.files.config.own_effects import OwnEffects, read_own_effects
 from dsd_cli.files.config.planning import Plan
+from dsd_cli.files.config.priors import with_known, with_window
 from dsd_cli.files.config.rules import Place, Section, key, shown, table, tables
 from dsd_cli.files.config.sections import Csv, Detector, Model, Observer, States
 from dsd_cli.files.config.signals import Signals
 from dsd_cli.files.config.simulation import Simulate
 from dsd_cli.files.config.text import read_text
-from dsd_cli.files.config.told import with_known, with_window
 
 S = TypeVar("S", bound=Section)
 

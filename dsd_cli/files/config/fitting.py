@@ -13,7 +13,7 @@ from dsd_cli.files.config.rules import LONGEST, Place, Rule, Section, flag, key,
 
 if TYPE_CHECKING:
     from dsd_cli.effects import Effect
-    from dsd_cli.identify.fit.known import Known
+    from dsd_cli.identify.fit.priors import PriorKnowledge
     from dsd_cli.plant.model import PlantModel
 
 #: Name of a value ("inertia", "viscous_friction.coefficient") -> what is known of it.
@@ -163,14 +163,14 @@ class Fit(Section):
             if not low <= value <= high:
                 raise at.child("prior").child(name).wrong(value, f"within its bounds, {low:g} to {high:g}")
 
-    def known(self, model: PlantModel, file: str) -> Known:
+    def known(self, model: PlantModel, file: str) -> PriorKnowledge:
         """What a fit is told.
 
         Raises
         ------
         UsageError : a value is fixed as [model] has it, and [model] does not.
         """
-        from dsd_cli.identify.fit.known import Known
+        from dsd_cli.identify.fit.priors import PriorKnowledge
         from dsd_cli.identify.fit.values import flat
 
         given, fixed = flat(model), {}
@@ -178,5 +178,5 @@ class Fit(Section):
             if value is None and name not in given:
                 raise UsageError(f"{file}: fit.fix.{name} = true, but [model] has no {name}", "give the value itself")
             fixed[name] = given[name] if value is None else value
-        found = Known(fixed, dict(self.bounds), dict(self.prior))
+        found = PriorKnowledge(fixed, dict(self.bounds), dict(self.prior))
         return found.holding(found.applied(model)) if self.hold else found

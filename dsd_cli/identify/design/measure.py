@@ -18,7 +18,7 @@ from dsd_cli.effects import get_effect
 from dsd_cli.identify.design.inverse import Path, as_recording, command_for
 from dsd_cli.identify.design.rows import Model, MotionRows, equations_like, left
 from dsd_cli.identify.design.targets import Explanation, Targets, apart
-from dsd_cli.identify.fit.bank import Term, holds
+from dsd_cli.identify.fit.bank import Term, has_friction
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array
@@ -58,7 +58,7 @@ class Measure:
     def __init__(self, search: Search, targets: Targets, draws: int, only: frozenset[str] | None = None) -> None:
         self.search, self.targets, self.draws, self._only = search, targets, draws, only
         self.cases = self._cases(targets.explanations)
-        self.held = any(holds(e.fit.terms) for e in targets.explanations)
+        self.held = any(has_friction(e.fit.terms) for e in targets.explanations)
         self._size = max(case.model.size for case in self.cases)
         self.template = search.problem.recordings[0]
         self.longest_delay = max(m.delay for e in targets.explanations for m in e.draws)

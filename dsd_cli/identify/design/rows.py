@@ -15,9 +15,9 @@ import numpy as np
 
 from dsd_cli.effects import Role
 from dsd_cli.identify.fit.band import Band, band_of
-from dsd_cli.identify.fit.bank import FIXED, INERTIA, Term, Terms, columns_of, commands, holds, inputs_of
+from dsd_cli.identify.fit.bank import FIXED, INERTIA, Term, Terms, columns_of, commands, has_friction, inputs_of
 from dsd_cli.identify.fit.equations import Equations, equations_of
-from dsd_cli.identify.fit.sure import many_sure
+from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.prediction import Frame
@@ -99,7 +99,7 @@ class MotionRows:
 
     def _linear(self, terms: Terms, model: Model, changed: int = -1) -> Array:
         """Drive, acceleration, change with the delay, columns; what does not change with one term is left 0."""
-        held, inputs = holds(terms), inputs_of(terms)
+        held, inputs = has_friction(terms), inputs_of(terms)
         nothing = np.zeros(sum(self.equations.lengths))
         rows = [nothing] * (1 + FIXED)
         if changed < 0 or terms[changed].effect.role is Role.INPUT:
@@ -145,7 +145,7 @@ def equations_like(known: Equations, recording: Recording, delay: float, held: b
     if not held or not found.stretches:
         return found
     sure = many_sure(found)
-    return replace(found, trust=(found.kept if sure is None else sure).astype(np.float64))
+    return replace(found, row_weight=(found.kept if sure is None else sure).astype(np.float64))
 
 
 def left(grams: Array, target: int = 1 + INERTIA) -> Array:

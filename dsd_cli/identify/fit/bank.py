@@ -51,7 +51,7 @@ def inputs_of(terms: Iterable[Term]) -> Terms:
     return tuple(t for t in terms if t.effect.role is Role.INPUT)
 
 
-def holds(terms: Iterable[Term]) -> bool:
+def has_friction(terms: Iterable[Term]) -> bool:
     """Whether there is friction among them, which holds the axis at rest."""
     return any(t.effect.role is Role.FRICTION for t in terms)
 
@@ -115,7 +115,7 @@ class Bank:
 
     def design(self, terms: Terms, tap: int, keep: bool = True) -> Design:
         """The equations of these effects at a delay of `tap` steps; `keep` caches new columns."""
-        inputs, held = inputs_of(terms), holds(terms)
+        inputs, held = inputs_of(terms), has_friction(terms)
         drive, step = self._drive_and_step(inputs, tap, keep, held)
         rows, signed, widths = [drive, self.acceleration, step], [True, True], []
         for term in terms:

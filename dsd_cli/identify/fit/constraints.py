@@ -17,7 +17,7 @@ import numpy as np
 
 from dsd_cli.effects import Role
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, SHARE, Term, Terms
-from dsd_cli.identify.fit.known import Known, is_shape
+from dsd_cli.identify.fit.priors import PriorKnowledge, is_shape
 from dsd_cli.identify.results import DELAY
 from dsd_cli.identify.results import INERTIA as INERTIA_NAME
 from dsd_cli.signals.log import Array
@@ -49,7 +49,7 @@ class Rules:
     variance : of a row, per nat: what an equation with that spread weighs. 0: priors are left out.
     """
 
-    known: Known
+    known: PriorKnowledge
     variance: float
     terms: Terms
     widths: tuple[int, ...]

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank
+from dsd_cli.identify.fit.feedback_noise import rate
 from dsd_cli.identify.fit.gram import grams, without_noise
-from dsd_cli.identify.fit.returned import rate
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array

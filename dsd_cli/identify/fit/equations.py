@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from dsd_cli.effects import Channels, Effect, Role
 from dsd_cli.identify.fit.band import Band, band_of, chosen_band
+from dsd_cli.identify.fit.feedback_noise import FeedbackNoise, feedback_noise_of
 from dsd_cli.identify.fit.noise import HALF
-from dsd_cli.identify.fit.returned import Answer, answer_of
-from dsd_cli.identify.fit.sensed import Sensed
+from dsd_cli.identify.fit.sensor_motion import SensorMotion
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.recordings.regular import MEAN_OF_FOUR
@@ -65,7 +65,7 @@ class Stretch:
     frame: Frame
     middle: IntervalChannels
     mean: IntervalChannels
-    sensed: Sensed
+    sensed: SensorMotion
     free: Array
     sign: Array
     acceleration: Array
@@ -76,9 +76,9 @@ class Stretch:
     noisy: bool = False
 
     @cached_property
-    def answer(self) -> Answer:
+    def answer(self) -> FeedbackNoise:
         """How u answers the noise of the sensor."""
-        return answer_of(self.log["u"], self.acceleration, self.log.sample_time)
+        return feedback_noise_of(self.log["u"], self.acceleration, self.log.sample_time)
 
     def channels(self, drive: Array, effect: Effect) -> Channels:
         """What an effect looks at under that delayed u: means over the interval, or the values in the middle of it."""
@@ -140,7 +140,7 @@ class Equations:
     ----------
     startup : samples at the beginning of each stretch that depend on a u before the log; excluded.
     whitening : taps over rows (`noise.whitening`); (1,) leaves rows in the unit of u.
-    trust : of each whitened row, a factor; None trusts all alike.
+    row_weight : of each whitened row, a factor; None weighs all alike.
     """
 
     recordings: tuple[Recording, ...]
@@ -148,7 +148,7 @@ class Equations:
     band: Band
     startup: int
     whitening: Array
-    trust: Array | None = None
+    row_weight: Array | None = None
 
     @property
     def sample_time(self) -> float:
@@ -199,7 +199,7 @@ class Equations:
         else:
             padded = (np.concatenate([np.full(HALF, x[0]), x, np.full(HALF, x[-1])]) for x in self.by_stretch(rows))
             white = np.concatenate([np.convolve(x, self.whitening, "valid") for x in padded])
-        return white if self.trust is None else white * self.trust
+        return white if self.row_weight is None else white * self.row_weight
 
     def by_stretch(self, rows: NDArray[_Kind]) -> list[NDArray[_Kind]]:
         """Rows as one array per stretch."""
@@ -253,7 +253,7 @@ def _stretch(log: Log, recording: Recording) -> Stretch:
         frame=frame,
         middle=_motion(log, _MIDDLE_OF_FOUR),
         mean=_motion(log, MEAN_OF_FOUR),
-        sensed=Sensed(log, sensor),
+        sensed=SensorMotion(log, sensor),
         free=known.astype(np.float64),
         sign=np.where(known, direction(speed, log["speed_noise"]), 0.0),
         acceleration=log["acceleration"],

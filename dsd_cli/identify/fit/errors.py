@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dsd_cli.identify.fit.bank import Bank, Design, Terms, holds
+from dsd_cli.identify.fit.bank import Bank, Design, Terms, has_friction
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.solve import Fit
@@ -81,7 +81,7 @@ def _errors(bank: Bank, model: PlantModel) -> tuple[Array, Array]:
     terms = terms_of(model)
     tap, theta = coefficients_of(model, terms, bank.tap_time)
     design, keep = bank.design(terms, tap), bank.equations.kept
-    return _residual(design, theta)[keep], bank.command((), tap, holds(terms))[keep]
+    return _residual(design, theta)[keep], bank.command((), tap, has_friction(terms))[keep]
 
 
 def _residual(design: Design, theta: Array) -> Array:

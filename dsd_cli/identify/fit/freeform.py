@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dsd_cli.identify.fit.bank import FIXED, Bank, holds
+from dsd_cli.identify.fit.bank import FIXED, Bank, has_friction
 from dsd_cli.identify.fit.bank import drive as delayed
 from dsd_cli.identify.fit.basis import APART, Units, basis
 from dsd_cli.identify.fit.blocks import Blocks
@@ -143,7 +143,7 @@ class FreeformFits:
         """Hats as rows in the unit of u, and the penalty on their bends, (c, c)."""
         if on not in self._made:
             raw, penalty = self._raw(on)
-            held = holds(self.fit.terms)
+            held = has_friction(self.fit.terms)
             made = [
                 self.equations.acting([units.column(i) for units in raw], smooth=False, held=held)
                 for i in range(raw[0].size)

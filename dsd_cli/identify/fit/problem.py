@@ -11,19 +11,19 @@ import numpy as np
 
 from dsd_cli.effects import Ranges, Role, get_effect
 from dsd_cli.errors import DataError
-from dsd_cli.identify.fit.asked import Settings, candidates_of, check_recordings, check_used
-from dsd_cli.identify.fit.bank import Bank, Term, Terms, holds
+from dsd_cli.identify.fit.bank import Bank, Term, Terms, has_friction
 from dsd_cli.identify.fit.blocks import Blocks, lay_blocks
 from dsd_cli.identify.fit.delay import best_delay
 from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION, inverse_is_evidence, needs_acceleration
-from dsd_cli.identify.fit.driven import with_driven_load
+from dsd_cli.identify.fit.driven_load import with_driven_load
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.errors import Errors
-from dsd_cli.identify.fit.measured import Noise, measured
 from dsd_cli.identify.fit.noise import passed_variance
+from dsd_cli.identify.fit.noise_fit import Noise, measured
 from dsd_cli.identify.fit.ranges import ranges
+from dsd_cli.identify.fit.row_weights import Weighed, weighed
 from dsd_cli.identify.fit.solve import Fit, Solver
-from dsd_cli.identify.fit.sure import Weighed, weighed
+from dsd_cli.identify.fit.testability import Settings, candidates_of, check_recordings, check_used
 from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values, terms_of, whole_inertia
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
@@ -104,7 +104,7 @@ class Problem:
 
     def least_of_use(self, fit: Fit) -> float:
         """rms of the least force whose explanation is of use beside a fit, unit of u."""
-        return (POLICY.least_force_at_turns if holds(fit.terms) else POLICY.least_force) * self.errors.force
+        return (POLICY.least_force_at_turns if has_friction(fit.terms) else POLICY.least_force) * self.errors.force
 
     def score(self, fit: Fit) -> Score:
         """Errors of a fit, unit of u."""

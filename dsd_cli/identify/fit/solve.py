@@ -24,7 +24,7 @@ from dsd_cli.identify.fit.bank import FIXED, INERTIA, SHARE, Bank, Design, Term,
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.constraints import Reduction, Rules
 from dsd_cli.identify.fit.gram import Grams, grams, total_gram, without_noise
-from dsd_cli.identify.fit.known import Known
+from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.signed import solved
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY
@@ -108,13 +108,13 @@ class Solver:
         bank: Bank,
         blocks: Blocks,
         inertia: float = 1.0,
-        known: Known | None = None,
+        known: PriorKnowledge | None = None,
         variance: float = 0.0,
         *,
         inverse: bool = False,
     ) -> None:
         self.bank, self.blocks, self.inertia = bank, blocks, inertia
-        self.known, self.variance, self.inverse = known or Known(), variance, inverse
+        self.known, self.variance, self.inverse = known or PriorKnowledge(), variance, inverse
 
     def on(self, bank: Bank, variance: float = 0.0, blocks: Blocks | None = None) -> Solver:
         """The same on other rows."""

@@ -12,7 +12,7 @@ import numpy as np
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import FIXED, Term, Terms
 from dsd_cli.identify.fit.covariance import information
-from dsd_cli.identify.fit.known import Known
+from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.grades import grade
 from dsd_cli.identify.policy import POLICY
@@ -39,7 +39,7 @@ class Scale:
 
     tap_time: float
     rest_speed: float
-    known: Known = field(default_factory=Known)
+    known: PriorKnowledge = field(default_factory=PriorKnowledge)
     inertia: float = LEAST_INERTIA
 
     def model(self, fit: Fit, fold: int | None = None) -> PlantModel:
@@ -139,7 +139,7 @@ def fitted_values(
     found = found if returned else replace(found, returned=0.0)
     values = flat(scale.model(fit))
     linear = len(fit.total)
-    bare = replace(scale, known=Known())
+    bare = replace(scale, known=PriorKnowledge())
 
     def at(change: Array) -> dict[str, float]:
         theta = fit.total + change[:linear]
@@ -186,7 +186,7 @@ def fitted_values(
     return Fitted(scale.model(fit), _found_only(estimates, fit, known), tied, _correlated(together, estimates))
 
 
-def _found_only(estimates: dict[str, Estimate], fit: Fit, known: Known) -> dict[str, Estimate]:
+def _found_only(estimates: dict[str, Estimate], fit: Fit, known: PriorKnowledge) -> dict[str, Estimate]:
     """Where a fit finds no inertia what is given stays, and nothing is told of it."""
     if whole_inertia(fit) > 0.0 or INERTIA in known.fixed:
         return estimates
@@ -194,7 +194,7 @@ def _found_only(estimates: dict[str, Estimate], fit: Fit, known: Known) -> dict[
 
 
 def _estimate(
-    name: str, value: float, error: float, unit: str, at_bound: bool, known: Known, sample_time: float
+    name: str, value: float, error: float, unit: str, at_bound: bool, known: PriorKnowledge, sample_time: float
 ) -> Estimate:
     error = known.seen.get(name, error)
     if name in known.fixed and name not in known.seen:
@@ -230,7 +230,7 @@ def _correlated(together: Array, estimates: Mapping[str, Estimate]) -> Correlati
     return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))
 
 
-def _whole_events(fit: Fit, known: Known, size: int) -> list[Array]:
+def _whole_events(fit: Fit, known: PriorKnowledge, size: int) -> list[Array]:
     """Coefficients of events that are held: a unit row each."""
     at = [k for t in fit.terms if t.id in known.events for k in range(*fit.columns_of(t).indices(size))]
     return list(np.eye(size)[at])

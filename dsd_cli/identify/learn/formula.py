@@ -10,7 +10,7 @@ from itertools import combinations, product
 import numpy as np
 
 from dsd_cli.effects import Shape
-from dsd_cli.identify.fit.sure import inflation
+from dsd_cli.identify.fit.row_weights import inflation
 from dsd_cli.identify.learn.dictionary import CHANNELS, Kind, effect_of, kinds
 from dsd_cli.identify.learn.families import samples_of
 from dsd_cli.identify.learn.rows import Balance

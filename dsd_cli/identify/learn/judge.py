@@ -10,7 +10,7 @@ import numpy as np
 
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.gram import Grams, grams, losses, without_noise
-from dsd_cli.identify.fit.sure import inflation
+from dsd_cli.identify.fit.row_weights import inflation
 from dsd_cli.identify.learn.families import Columns
 from dsd_cli.identify.learn.rows import Balance
 from dsd_cli.signals.log import Array

@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 from dsd_cli.effects import get_effect
-from dsd_cli.identify.fit.asked import Settings
-from dsd_cli.identify.fit.driven import with_driven_load
+from dsd_cli.identify.fit.driven_load import with_driven_load
 from dsd_cli.identify.fit.problem import Problem, pose
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.learn.choose import Choice, choose
 from dsd_cli.identify.learn.curves import curves_of, effects_of, gain, views_of, with_scale_in
 from dsd_cli.identify.learn.formulate import formula_of

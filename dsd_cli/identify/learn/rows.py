@@ -21,7 +21,7 @@ from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.noise import fitted_noise, passed_variance, whitening
 from dsd_cli.identify.fit.problem import Problem, noisiest
-from dsd_cli.identify.fit.sure import uncertain
+from dsd_cli.identify.fit.row_weights import uncertain
 from dsd_cli.identify.fit.values import coefficients_of
 from dsd_cli.identify.recordings.spectrum import SensorNoise
 from dsd_cli.signals.log import Array
@@ -113,7 +113,7 @@ class Balance:
 
     @cached_property
     def _white_equations(self) -> Equations:
-        return replace(self.equations, whitening=self.whitening, trust=self.weight)
+        return replace(self.equations, whitening=self.whitening, row_weight=self.weight)
 
     def beside(self, residual: Array) -> Balance:
         """The same, whitened by the noise in what a richer fit leaves, shape (N,), unit of u."""

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.effects import get_effect
-from dsd_cli.identify.fit.bank import Bank, Term, holds
+from dsd_cli.identify.fit.bank import Bank, Term, has_friction
 from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import freeform_fits
 from dsd_cli.identify.fit.gram import Grams, grams, losses, solve, squares, total_gram
+from dsd_cli.identify.fit.row_weights import inflation, many_sure
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.sure import inflation, many_sure
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.levels import Deviations
 from dsd_cli.identify.search.sets import Search
@@ -57,7 +57,7 @@ class Asked:
             if made:
                 self.columns[key] = list(range(len(rows), len(rows) + len(made)))
                 rows += made
-        sure = _sure(white, holds(fit.terms))
+        sure = _sure(white, has_friction(fit.terms))
         self._counted = float(sure.sum())
         self._rows, made = rows, [white.whitened(x) * sure for x in rows]
         self._white, self._nats = grams(made, problem.blocks), min(search.noise.nats, _nats(made, sure))
@@ -174,7 +174,7 @@ def varying(search: Search, fit: Fit, bank: Bank) -> Iterator[tuple[Key, Array]]
         effect = get_effect(name)
         if not effect.varies or effect.searched or effect.memory or effect.split is not None:
             continue
-        columns = bank.columns(Term(name), fit.tap, held=holds(fit.terms))
+        columns = bank.columns(Term(name), fit.tap, held=has_friction(fit.terms))
         linear = (p.name for p in effect.parameters if p.linear)
         for i, (parameter, column) in enumerate(zip(linear, columns, strict=True)):
             if parameter in effect.varies and f"{name}.{parameter}" not in search.solver.known.fixed:

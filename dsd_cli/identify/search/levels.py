@@ -13,15 +13,15 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from dsd_cli.effects import get_effect
-from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.levels import Deviations, may_differ, with_levels
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.identify.search.afloat import searched
+from dsd_cli.identify.search.drift_search import searched
 from dsd_cli.identify.search.level_fits import Asked
 from dsd_cli.identify.search.long_logs import searched_with
 from dsd_cli.identify.search.sets import Search

@@ -12,19 +12,19 @@ from functools import cached_property
 
 import numpy as np
 
-from dsd_cli.identify.fit.asked import Settings
-from dsd_cli.identify.fit.bank import Term, holds
-from dsd_cli.identify.fit.driven import with_driven_load
+from dsd_cli.identify.fit.bank import Term, has_friction
+from dsd_cli.identify.fit.driven_load import with_driven_load
 from dsd_cli.identify.fit.problem import Problem, asked_of_all, pose
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.fit.values import terms_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts, with_part
 from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.search.drop_unidentified import identified_only
+from dsd_cli.identify.search.repeats import apart
 from dsd_cli.identify.search.sets import Option, Search
-from dsd_cli.identify.search.several import apart
 from dsd_cli.identify.search.starts import Lines, starts
-from dsd_cli.identify.search.told import told_only
 from dsd_cli.plant.model import PlantModel
 
 
@@ -140,16 +140,16 @@ def _found(
     if begun is None:
         report("sets of effects", 0.2)
         whole = search.run(search.refit, lambda share: report("sets of effects", 0.2 + 0.3 * share), to_friction=True)
-        if holds(whole.terms) and not holds(search.refit.terms):
+        if has_friction(whole.terms) and not has_friction(search.refit.terms):
             again = Search(search.problem.measured_again(whole))
-            if again.equations.trust is not None:  # friction decides which rows count
+            if again.equations.row_weight is not None:  # friction decides which rows count
                 search, whole = again, again.settled(again.fit(whole.terms, whole.tap))
             whole = search.run(whole)
     else:
         whole = search.fit(begun.terms, begun.tap)
     search = Search(search.problem.measured_again(whole))
     report("sets of effects, the noise measured anew", 0.5)
-    return search, told_only(search, search.run(search.settled(search.fit(whole.terms, whole.tap))))
+    return search, identified_only(search, search.run(search.settled(search.fit(whole.terms, whole.tap))))
 
 
 def on_all(

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.row_weights import sure_rows
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.sure import sure_rows
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array, Log

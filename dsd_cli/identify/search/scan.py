@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from dsd_cli.effects import Role
-from dsd_cli.identify.fit.bank import INERTIA, Term, Terms, holds, inputs_of, not_negative
+from dsd_cli.identify.fit.bank import INERTIA, Term, Terms, has_friction, inputs_of, not_negative
 from dsd_cli.identify.fit.gram import total_gram
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.signals.log import Array
@@ -25,7 +25,7 @@ class Scan:
 
     def __init__(self, solver: Solver, terms: Terms, tap: int, taps_for: Callable[[Term, int], Sequence[int]]) -> None:
         self.solver, self.terms, self.tap, self._taps_for = solver, terms, tap, taps_for
-        self._inputs, self._held = inputs_of(terms), holds(terms)
+        self._inputs, self._held = inputs_of(terms), has_friction(terms)
         self._squares = solver.squares(terms, tap) if solver.known else math.nan
         if solver.known:
             self._left, self._all = _under_rules(solver, terms, tap)

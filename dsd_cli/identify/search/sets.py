@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from dsd_cli.effects import Role, get_effect
-from dsd_cli.identify.fit.bank import SHARE, Term, Terms, holds
+from dsd_cli.identify.fit.bank import SHARE, Term, Terms, has_friction
 from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.fit.delay import best_delay
 from dsd_cli.identify.fit.equations import Equations
@@ -23,8 +23,8 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import MOST_SHARE
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.preference import Option, in_common_terms, preferred
+from dsd_cli.identify.search.repeats import apart, names_to_try
 from dsd_cli.identify.search.scan import Scan
-from dsd_cli.identify.search.several import apart, names_to_try
 from dsd_cli.identify.search.shapes import refined, times_off
 from dsd_cli.identify.search.starts import Lines, starts
 
@@ -219,7 +219,7 @@ class Search:
             if not reached:
                 break
             current = max(reached, key=self.evidence)
-            if to_friction and holds(current.terms) and not holds(start.terms):
+            if to_friction and has_friction(current.terms) and not has_friction(start.terms):
                 break
         return current
 

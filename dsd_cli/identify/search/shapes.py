@@ -8,10 +8,10 @@ from typing import Protocol
 from dsd_cli.effects import Ranges, get_effect
 from dsd_cli.identify.fit.bank import Term, Terms
 from dsd_cli.identify.fit.golden import golden_section
-from dsd_cli.identify.fit.known import is_shape
+from dsd_cli.identify.fit.priors import is_shape
 from dsd_cli.identify.fit.solve import Solver
+from dsd_cli.identify.search.repeats import apart
 from dsd_cli.identify.search.scan import Scan
-from dsd_cli.identify.search.several import apart
 
 #: Half width of the bracket, natural logarithm of the parameter; frequencies of lines have narrower ones.
 BRACKET = 0.6

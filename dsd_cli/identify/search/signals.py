@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from dsd_cli.effects import Role
 from dsd_cli.effects.memory import one_pole
-from dsd_cli.identify.fit.bank import INERTIA, SHARE, drive, holds, inputs_of, of_single_logs, raw_columns
+from dsd_cli.identify.fit.bank import INERTIA, SHARE, drive, has_friction, inputs_of, of_single_logs, raw_columns
 from dsd_cli.identify.fit.equations import Stretch
+from dsd_cli.identify.fit.row_weights import inflation
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.sure import inflation
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array
 
@@ -72,7 +72,7 @@ def signals_of(search: Search, fit: Fit, delay: float) -> Signals | None:
     """The signals beside the effects of a fit, u that late (s); None where too few rows are left."""
     equations = search.problem.errors.bank.equations
     step, noise = equations.sample_time, equations.recordings[0].sensor.noise
-    held, inputs = holds(fit.terms), inputs_of(fit.terms)
+    held, inputs = has_friction(fit.terms), inputs_of(fit.terms)
     u, before, after = (drive(equations, inputs, d) for d in (delay, max(delay - step, 0.0), delay + step))
     for _, taken in of_single_logs(equations, delay):
         u = [x - force for x, force in zip(u, taken, strict=True)]

@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.identify.fit.asked import Settings
-from dsd_cli.identify.fit.bank import SHARE, Terms, holds
+from dsd_cli.identify.fit.bank import SHARE, Terms, has_friction
+from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.sure import many_sure
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.long_logs import posed
 from dsd_cli.identify.search.sets import Search
@@ -97,7 +97,7 @@ def command_time(search: Search, whole: Fit, settings: Settings) -> CommandTime:
 def _gain(search: Search, whole: Fit, residual: Array, freed: _Freed) -> float:
     """Nats that the earlier u gains: beside friction in rows whose direction is sure, if they are many. What a stop
     leaves goes with du/dt."""
-    sure = many_sure(search.equations) if holds(whole.terms) else None
+    sure = many_sure(search.equations) if has_friction(whole.terms) else None
     rows = search.equations.kept if sure is None else sure
     before, after = residual[rows], freed.residual[rows]
     return float(before @ before - after @ after) / search.noise.nats

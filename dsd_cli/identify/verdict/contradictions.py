@@ -7,12 +7,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Literal
 
-from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.fit.bank import Terms
 from dsd_cli.identify.fit.delay import best_delay
-from dsd_cli.identify.fit.known import Known
+from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit, Solver
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, UNKNOWN, Diagnosis, Estimate, Estimates, LogLevels
 from dsd_cli.identify.search.sets import Search
@@ -77,7 +77,9 @@ def contradictions(search: Search, fit: Fit, estimates: Estimates) -> tuple[Cont
     return tuple(one for one in found if one is not None)
 
 
-def _beside(problem: Problem, known: Known, name: str, fitted: Estimate, alone: Estimate) -> Contradiction | None:
+def _beside(
+    problem: Problem, known: PriorKnowledge, name: str, fitted: Estimate, alone: Estimate
+) -> Contradiction | None:
     """What is to be said of a value that is held or has a prior, beside what the log alone says of it."""
     if not fitted.held:
         kept = _off(problem, name, fitted.value, alone, known.priors[name][0])
@@ -201,7 +203,7 @@ def _loose(free: Search, terms: Terms, tap: int) -> Fit:
 
 
 def told_far_off(
-    known: Known, estimates: Estimates, sample_time: float, levels: Sequence[LogLevels] = ()
+    known: PriorKnowledge, estimates: Estimates, sample_time: float, levels: Sequence[LogLevels] = ()
 ) -> tuple[Contradiction, ...]:
     """What estimates of logs alone say of values of which something is told, where a fit is kept far from that.
 
@@ -225,7 +227,7 @@ def _each_said(levels: LogLevels) -> str:
 
 
 def _told_otherwise(
-    known: Known,
+    known: PriorKnowledge,
     name: str,
     alone: Estimate,
     deviations: float = POLICY.contradicting_deviations,

@@ -5,27 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.levels import levelled
 from dsd_cli.identify.search.pulses import event_effect
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.beyond import above_floor, beyond_of, borne_out
 from dsd_cli.identify.verdict.command_time import CommandTime
 from dsd_cli.identify.verdict.contradictions import Contradiction, against_told
+from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrepancy_of
 from dsd_cli.identify.verdict.evidence import memberships
-from dsd_cli.identify.verdict.first_look import first_look
-from dsd_cli.identify.verdict.imitation import without_imitations
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.levels import with_levels_said
 from dsd_cli.identify.verdict.limits import limits_of
+from dsd_cli.identify.verdict.numbering import strongest_first
 from dsd_cli.identify.verdict.own_values import own_values
+from dsd_cli.identify.verdict.prior_check import prior_check
 from dsd_cli.identify.verdict.pushes import pushed
-from dsd_cli.identify.verdict.several import strongest_first
-from dsd_cli.identify.verdict.shown import with_response
+from dsd_cli.identify.verdict.resonance import with_response
 from dsd_cli.identify.verdict.stability import with_stability
+from dsd_cli.identify.verdict.varying_gain import without_imitations
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 __all__ = ["Settings", "diagnose"]
@@ -63,16 +63,16 @@ def diagnose(
     """
     report = progress or (lambda _what, _share: None)
     report("preparing", 0.0)
-    asked, against = first_look(recordings, model, settings or Settings(), report)
+    asked, against = prior_check(recordings, model, settings or Settings(), report)
     if against:
         on_told(against)
     apart = levelled(recordings, model, asked, holdout, report)
     recordings, search, whole = apart.recordings, apart.search, apart.whole
-    beyond = beyond_of(search, whole)
+    beyond = discrepancy_of(search, whole)
     doubtful = beyond.unknown or above_floor(search, whole)
     shown = with_response(search, whole, recordings, model, asked, holdout, doubtful, report)
     if shown.search is not search:
-        search, whole, beyond = shown.search, shown.whole, beyond_of(shown.search, shown.whole)
+        search, whole, beyond = shown.search, shown.whole, discrepancy_of(shown.search, shown.whole)
     if shown.seen is None:
         whole, beyond = pushed(search, whole, beyond) if event_effect(search) is not None else (whole, beyond)
         whole, beyond = borne_out(search, *without_imitations(search, whole, beyond))

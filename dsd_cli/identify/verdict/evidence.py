@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsd_cli.effects import Role, get_effect
-from dsd_cli.identify.fit.bank import holds
+from dsd_cli.identify.fit.bank import has_friction
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Option, Search
@@ -91,7 +91,7 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     alike = [o.effect for o in as_well if _changed(search, o.fit) <= as_told]
     shares = probabilities(search, rest, [own, *options])
     surest = 1.0 if _told(search, whole, effect_id) else POLICY.surest_untold
-    if member.effect.listed and holds(whole.terms) and search.problem.reconstructed("velocity"):
+    if member.effect.listed and has_friction(whole.terms) and search.problem.reconstructed("velocity"):
         surest = min(surest, POLICY.afloat_surest)  # a speed that wanders turns friction round: that looks like a push
     if not search.problem.reconstructed("position"):
         return Membership(effect_id, shares, tuple(found), tuple(alike), surest)

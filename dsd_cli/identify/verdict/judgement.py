@@ -13,18 +13,18 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
-from dsd_cli.identify.verdict.beyond import (
-    Beyond,
+from dsd_cli.identify.verdict.contradictions import contradictions
+from dsd_cli.identify.verdict.discrepancy import (
+    Discrepancy,
     above_floor,
     beside_stops,
     only_at_stops,
     said_of_stops,
 )
-from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.evidence import NOTHING, Membership, probabilities
 from dsd_cli.identify.verdict.limits import Limits
-from dsd_cli.identify.verdict.own_values import Own
-from dsd_cli.identify.verdict.shown import Shown, note_on
+from dsd_cli.identify.verdict.own_values import ParameterCheck
+from dsd_cli.identify.verdict.resonance import Resonance, note_on
 from dsd_cli.identify.verdict.two_numbers import missing_of, surest_of, unexplained_of
 
 
@@ -37,9 +37,9 @@ class Verdict:
         options: list[Option],
         whole: Fit,
         members: dict[str, Membership],
-        own: Own,
-        beyond: Beyond,
-        shown: Shown,
+        own: ParameterCheck,
+        beyond: Discrepancy,
+        shown: Resonance,
         limits: Limits,
     ) -> None:
         self.search, self.problem, self.seen, self.shown = search, search.problem, shown.seen, shown

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.response import Seen
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.axis_match import AxisMatch, axis_match
 from dsd_cli.identify.verdict.command_time import CommandTime, command_time
-from dsd_cli.identify.verdict.idle import Idle, idle_part
-from dsd_cli.identify.verdict.whose_u import CommonGround, common_ground
+from dsd_cli.identify.verdict.unacted_command import UnactedCommand, idle_part
 
 
 @dataclass(frozen=True)
@@ -21,8 +21,8 @@ class Limits:
     """common : what u and the motion have in common. idle : a part of u that did not act. time : whether u is late or
     smoothed. told : share of the samples in motion whose direction the sensor tells, 0 to 1."""
 
-    common: CommonGround
-    idle: Idle | None
+    common: AxisMatch
+    idle: UnactedCommand | None
     time: CommandTime
     told: float
 
@@ -84,4 +84,4 @@ def limits_of(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
     moving = free > 0.0
     told = float(np.mean(np.abs(sign[moving]))) if moving.any() else 1.0
     idle = idle_part(search, whole, settings, seen)
-    return Limits(common_ground(search, whole), idle, command_time(search, whole, settings), told)
+    return Limits(axis_match(search, whole), idle, command_time(search, whole, settings), told)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.effects import get_effect
-from dsd_cli.identify.fit.bank import Term, holds
+from dsd_cli.identify.fit.bank import Term, has_friction
 from dsd_cli.identify.fit.golden import golden_section
-from dsd_cli.identify.fit.sure import many_sure, surely_less
+from dsd_cli.identify.fit.row_weights import many_sure, surely_less
 from dsd_cli.identify.fit.values import LEAST_INERTIA, flat
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
@@ -25,7 +25,7 @@ STEPS = 30
 
 
 @dataclass(frozen=True)
-class Own:
+class ParameterCheck:
     """score : of the model as given. refitted : with all its values fitted. wrong : the value that is off, or "".
 
     said : what of it the zero of a reconstructed position explains.
@@ -39,7 +39,7 @@ class Own:
     said: tuple[str, ...] = ()
 
 
-def own_values(search: Search) -> Own:
+def own_values(search: Search) -> ParameterCheck:
     """Scores of the model as given and refitted, and the ranked candidates "inertia" and "delay", and first the effect
     of the model whose values are wrong."""
     problem, refit = search.problem, search.refit
@@ -54,12 +54,12 @@ def own_values(search: Search) -> Own:
     fall = given.heldout_rmse**2 - refitted.heldout_rmse**2
     sure = max(_deviations(believed, values), key=lambda pair: pair[1], default=("", 0.0))
     if not problem.falls(given.heldout_rmse, refitted.heldout_rmse, refit) or sure[1] < POLICY.value_deviations:
-        return Own(score, refitted, candidates, "", 0.0, said)
+        return ParameterCheck(score, refitted, candidates, "", 0.0, said)
     best = candidates[0] if candidates else None
     reached = given.rmse**2 - best.rmse_after**2 if best is not None else 0.0
     wrong = best.effect if best is not None and reached > POLICY.one_value_share * fall else sure[0].split(".")[0]
     if wrong in (INERTIA, DELAY) and not _seen_elsewhere(search, believed, fitted.model):
-        return Own(score, refitted, candidates, "", 0.0, said)
+        return ParameterCheck(score, refitted, candidates, "", 0.0, said)
     late = _late_effects(search) if best is not None and best.effect == DELAY else ()
     if best is not None and late:
         candidates = (replace(best, indistinguishable_from=late), *candidates[1:])
@@ -68,7 +68,7 @@ def own_values(search: Search) -> Own:
     if wrong not in (INERTIA, DELAY):
         candidates = (_all_of_an_effect(search, wrong, score, refitted), *candidates)
     candidates = tuple(replace(c, probability=sure_of_it if c.effect == wrong else 0.0) for c in candidates)
-    return Own(score, refitted, candidates, wrong, sure_of_it, said)
+    return ParameterCheck(score, refitted, candidates, wrong, sure_of_it, said)
 
 
 def _at_the_logs_zero(search: Search) -> tuple[PlantModel, tuple[str, ...]]:
@@ -97,7 +97,7 @@ def _at_the_logs_zero(search: Search) -> tuple[PlantModel, tuple[str, ...]]:
 def _elsewhere(search: Search) -> NDArray[np.bool_] | None:
     """Of the rows of `Errors.rows_of_model`, those where the direction of the motion is sure; None if they are few."""
     kept = search.equations.kept
-    sure = many_sure(search.equations) if holds(search.base) else kept
+    sure = many_sure(search.equations) if has_friction(search.base) else kept
     return None if sure is None else np.asarray(sure[kept])
 
 

@@ -14,7 +14,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.beyond import Beyond, above_floor, beyond_of, surely_left
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, discrepancy_of, surely_left
 from dsd_cli.signals.log import Array
 
 #: Bins of the travel, equally often visited, and delays of the pushes against the motion that chance is judged by.
@@ -23,7 +23,7 @@ _BINS, _DELAYS = 20, 200
 _LAWS = 3
 
 
-def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
+def pushed(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Discrepancy]:
     """With pulses in time if nothing unknown remains beside them; otherwise unchanged; strong pulses mean unknown.
 
     One push in a long log hardly shows in a spectrum or in a function of time, so they are looked for in any case.
@@ -40,7 +40,7 @@ def pushed(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
     settled = _placed_again(search, search.settled(sharpened(search, pulses)))
     if above_floor(search, settled):  # a law that was hidden behind the pushes blurs their edges
         settled = _placed_again(search, search.run(settled))
-    then, law = beyond_of(search, settled), law_of_pushes(search, settled)
+    then, law = discrepancy_of(search, settled), law_of_pushes(search, settled)
     better = search.evidence(settled) > search.evidence(whole) and search.practical(whole, settled)
     a_law = beyond.on and "time" not in beyond.on and beyond.heldout_rmse < rmse(settled)
     if better and not then.unknown and not a_law and not law:
@@ -61,7 +61,7 @@ def _placed_again(search: Search, settled: Fit) -> Fit:
     return again if search.evidence(again) > search.evidence(settled) else settled
 
 
-def _pushes_alone(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond] | None:
+def _pushes_alone(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Discrepancy] | None:
     """A few pushes in place of all that was found, where they explain more and leave no more than the sensor does: two
     lines in time and a cogging make three pushes of a short log, and leave nothing of them to see. Where more than the
     sensor's noise is left, beside one law, too: it hides the pushes, and they it.
@@ -86,7 +86,7 @@ def _pushes_alone(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyo
         return None
     if search.evidence(found) < search.evidence(whole) + POLICY.least_gain or law_of_pushes(search, found):
         return None
-    then = beyond_of(search, found)
+    then = discrepancy_of(search, found)
     return None if then.unknown and not beyond.unknown else (found, then)
 
 

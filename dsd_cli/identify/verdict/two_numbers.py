@@ -13,7 +13,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.beyond import Beyond, above_floor, surely_left
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, surely_left
 from dsd_cli.identify.verdict.evidence import Membership
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.pushes import pushes_leave_more
@@ -54,7 +54,7 @@ def _share_told(search: Search, whole: Fit, name: str) -> float:
     return own / max(own + _left(search, whole) ** 2, 1e-300)
 
 
-def unexplained_of(search: Search, whole: Fit, beyond: Beyond, nothing: float) -> Unexplained:
+def unexplained_of(search: Search, whole: Fit, beyond: Discrepancy, nothing: float) -> Unexplained:
     """What a set leaves. nothing : probability that nothing is missing beside it, where neither a function of the
     channels nor the sensor's floor says that something is."""
     share = _left(search, whole) / max(search.problem.errors.force, 1e-300)

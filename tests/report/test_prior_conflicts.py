@@ -5,7 +5,7 @@ from dataclasses import replace
 from dsd_cli.identify.results import Variant
 from dsd_cli.identify.verdict.contradictions import Contradiction
 from dsd_cli.report.diagnosis import stability_line
-from dsd_cli.report.told import first_of_all, once
+from dsd_cli.report.prior_conflicts import first_of_all, once
 from dsd_cli.report.values_table import correlation_lines
 from tests.report.examples import DIAGNOSIS
 

@@ -10,7 +10,7 @@ from dsd_cli.identify.fit.freeform import GAIN, Freeform, FreeformFits, freeform
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.beyond import Beyond
+from dsd_cli.identify.verdict.discrepancy import Discrepancy
 
 
 class _Law(NamedTuple):
@@ -21,7 +21,7 @@ class _Law(NamedTuple):
     loss: float
 
 
-def without_imitations(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
+def without_imitations(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Discrepancy]:
     """A set that was found and what is beyond it, without the effects that nobody needs beside a varying gain.
 
     Together with that gain the others must leave less than the whole set did: an arm whose inertia follows its angle
@@ -41,7 +41,7 @@ def without_imitations(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit,
     plain, left = search.problem.errors.rmse(rest), _left(part, fit.tap, best)
     if left > (1.0 - POLICY.unknown_fall) * search.problem.errors.rmse(whole):
         return whole, beyond
-    return rest, Beyond(best.on, min(left, plain), True, beyond.noise)
+    return rest, Discrepancy(best.on, min(left, plain), True, beyond.noise)
 
 
 def _law(search: Search, whole: Fit, beside: Freeform) -> _Law | None:

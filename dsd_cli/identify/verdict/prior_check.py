@@ -11,18 +11,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from dsd_cli.effects import kind_of
-from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.fit.bank import Term
-from dsd_cli.identify.fit.known import Known
+from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.levels import may_differ, with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.levels import Levelled, levelled
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.beyond import above_floor
 from dsd_cli.identify.verdict.contradictions import Contradiction, freed, told_far_off
+from dsd_cli.identify.verdict.discrepancy import above_floor
 from dsd_cli.identify.verdict.levels import log_levels
 from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.plant.model import PlantModel
@@ -30,7 +30,7 @@ from dsd_cli.plant.model import PlantModel
 Report = Callable[[str, float], None]
 
 
-def first_look(
+def prior_check(
     recordings: Sequence[Recording],
     model: PlantModel,
     settings: Settings,
@@ -46,7 +46,7 @@ def first_look(
     known = settings.known
     if not known or settings.against is not None:
         return looked, ()
-    apart = _free(tuple(excerpts(recordings)), model, replace(settings, known=Known()), report)
+    apart = _free(tuple(excerpts(recordings)), model, replace(settings, known=PriorKnowledge()), report)
     free, whole = apart.search, apart.whole
     estimates = free.problem.values(whole).estimates
     by_log = log_levels(apart.levels, estimates, [r.name for r in recordings])
@@ -70,7 +70,7 @@ def _free(parts: tuple[Recording, ...], model: PlantModel, settings: Settings, r
 
 def _to_mend(free: Search, whole: Fit, settings: Settings) -> bool:
     """Whether the log itself is to be mended first: a u that is late or smoothed bends values."""
-    limits = limits_of(free, whole, replace(settings, known=Known()), None)
+    limits = limits_of(free, whole, replace(settings, known=PriorKnowledge()), None)
     return bool(limits.blocked or limits.time.late or limits.time.smoothed)
 
 

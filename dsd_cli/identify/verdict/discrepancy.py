@@ -10,14 +10,14 @@ import numpy as np
 
 from dsd_cli.identify.fit.freeform import GAIN, freeform_fits, loss_of
 from dsd_cli.identify.fit.noise import structured_share
+from dsd_cli.identify.fit.row_weights import clear_rows, surely_less
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.sure import clear_rows, surely_less
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 
 
 @dataclass(frozen=True)
-class Beyond:
+class Discrepancy:
     """What a fit leaves: the best free-form function of it, and whether something unknown is among it."""
 
     on: tuple[str, ...]
@@ -31,7 +31,7 @@ class Beyond:
         return GAIN in self.on
 
 
-def beyond_of(search: Search, fit: Fit) -> Beyond:
+def discrepancy_of(search: Search, fit: Fit) -> Discrepancy:
     """Free-form functions beside a fit, and the spectrum of what it leaves.
 
     Where there is an excerpt, functions of motion and u are tried on it, functions of time on all rows.
@@ -44,7 +44,7 @@ def beyond_of(search: Search, fit: Fit) -> Beyond:
     return replace(first, unknown=over_time.unknown or there.unknown)
 
 
-def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) -> Beyond:
+def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) -> Discrepancy:
     errors, equations = search.problem.errors, search.equations
     fits = freeform_fits(errors.bank, equations, search.problem.blocks, fit, search.solver.inertia)
     plain = errors.rmse(fit)
@@ -52,7 +52,7 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
     noise = plain * math.sqrt(1.0 - share)
     groups = [fits.fit_with(group) for group in fits.groups() if asked(group)]
     if not groups:
-        return Beyond((), plain, False, noise)
+        return Discrepancy((), plain, False, noise)
     best = loss_of(groups)
     fall = fits.fit_with(best.on, whitened=False).gain / max(int(equations.kept.sum()), 1)
     reached = math.sqrt(max(plain**2 - fall, 0.0))
@@ -61,7 +61,7 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
     structured = share > POLICY.structured_share and math.sqrt(share) * plain > POLICY.least_unknown * errors.force
     on = best.on if reached < plain else ()
     unknown = ((certain and large) or structured) and not _in_doubt(search, fit)
-    return Beyond(on, min(reached, plain), unknown, noise)
+    return Discrepancy(on, min(reached, plain), unknown, noise)
 
 
 def above_floor(search: Search, fit: Fit) -> bool:
@@ -105,7 +105,7 @@ def _in_doubt(search: Search, fit: Fit) -> bool:
     return creeping or only_at_stops(search, fit)
 
 
-def borne_out(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
+def borne_out(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Discrepancy]:
     """The set that was found and what is beyond it; no effect, where the model leaves more than the sensor only at
     stops and in creeping, and the set takes nothing certain off elsewhere: it explains what nobody knows.
 
@@ -117,7 +117,7 @@ def borne_out(search: Search, whole: Fit, beyond: Beyond) -> tuple[Fit, Beyond]:
     if sure is None or not search.added(whole.terms) or not only_at_stops(search, search.refit):
         return whole, beyond
     was, now = (search.problem.errors.residual(fit, held_out=False)[sure] for fit in (search.refit, whole))
-    return (whole, beyond) if surely_less(was, now) else (search.refit, beyond_of(search, search.refit))
+    return (whole, beyond) if surely_less(was, now) else (search.refit, discrepancy_of(search, search.refit))
 
 
 def said_of_stops(search: Search, fit: Fit) -> tuple[str, ...]:

@@ -4,13 +4,13 @@ import pytest
 
 from dsd_cli.effects import Ranges
 from dsd_cli.identify.fit.bank import Term
-from dsd_cli.identify.fit.known import Known
+from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import Settings, pose
+from dsd_cli.identify.search.drop_unidentified import identified_only
+from dsd_cli.identify.search.repeats import apart, names_to_try, renamed
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.search.several import apart, names_to_try, renamed
 from dsd_cli.identify.search.shapes import refined
-from dsd_cli.identify.search.told import told_only
-from dsd_cli.identify.verdict.several import strongest_first
+from dsd_cli.identify.verdict.numbering import strongest_first
 from tests.identify.search_rig import BELIEVED, MOVES, posed, seen
 
 RANGES = Ranges(1.0, 3.0, 3.0, 0.5, 2.0, 1e-3, 10.0, passes=8.0)
@@ -70,14 +70,14 @@ def search():
 
 
 def test_both_are_found_and_the_larger_has_the_first_name(search):
-    whole, (first,) = strongest_first(search, told_only(search, search.run(search.refit)))
+    whole, (first,) = strongest_first(search, identified_only(search, search.run(search.refit)))
     found = {t.id: t.shape["periods"] for t in search.added(whole.terms)}
     assert found == {"cogging": pytest.approx(13.0, rel=2e-3), "cogging_2": pytest.approx(21.0, rel=2e-3)}
     assert (first.effect, first.fit.terms[-1].shape["periods"]) == ("cogging", found["cogging"])
 
 
 def test_a_name_of_which_the_user_knows_something_stays(search):
-    known = Known(priors={"cogging_2.periods": (13.0, 0.1)})
+    known = PriorKnowledge(priors={"cogging_2.periods": (13.0, 0.1)})
     told = Search(pose([seen(TWO, reference=MOVES)], BELIEVED, Settings(ALLOWED, known)))
     whole = told.fit((line("cogging", 21.0), line("cogging_2", 13.0)), told.refit.tap)
     assert strongest_first(told, whole) == (whole, [])
@@ -85,7 +85,7 @@ def test_a_name_of_which_the_user_knows_something_stays(search):
 
 def test_a_line_of_which_no_force_is_told_is_dropped(search):
     at = search.fit((line("cogging", 13.0), line("cogging_2", 21.0), line("cogging_3", 29.3)), search.refit.tap)
-    assert [t.shape["periods"] for t in told_only(search, at).terms] == pytest.approx([13.0, 21.0], rel=2e-3)
+    assert [t.shape["periods"] for t in identified_only(search, at).terms] == pytest.approx([13.0, 21.0], rel=2e-3)
 
 
 def test_a_shape_is_not_searched_where_another_line_is(search):

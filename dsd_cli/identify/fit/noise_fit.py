@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dsd_cli.identify.fit.bank import Bank, holds
+from dsd_cli.identify.fit.bank import Bank, has_friction
 from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
 from dsd_cli.identify.fit.noise import fitted_noise, passed_variance, whitening
+from dsd_cli.identify.fit.row_weights import inflation, weighed
 from dsd_cli.identify.fit.solve import Fit, Solver
-from dsd_cli.identify.fit.sure import inflation, weighed
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.spectrum import SensorNoise
 from dsd_cli.signals.log import Array
@@ -46,11 +46,11 @@ def measured(plain: Bank, before: Solver, fit: Fit, sensor: SensorNoise, sure: S
     taps = whitening(fitted_noise(equations.by_stretch(residual), equations.band, sensor), equations.band, sensor)
     bank = Bank(equations.with_whitening(taps), plain, passed_variance(taps, equations.band, sure))
     solver, noise = _beside(bank, residual, before)
-    if not holds(fit.terms):
+    if not has_friction(fit.terms):
         return solver, noise
     trusting = weighed(solver.fit(fit.terms, fit.tap), solver, plain).solver.bank
-    trust = trusting.equations.trust
-    if trust is None or float(np.mean(trust[equations.kept] == 1.0)) <= POLICY.sure_part:
+    row_weight = trusting.equations.row_weight
+    if row_weight is None or float(np.mean(row_weight[equations.kept] == 1.0)) <= POLICY.sure_part:
         return solver, noise  # too few are sure to tell a whole set by: on the XL330 7 %
     return _beside(Bank(trusting.equations, plain, trusting.variance), residual, before)
 
@@ -59,6 +59,6 @@ def _beside(bank: Bank, residual: Array, before: Solver) -> tuple[Solver, Noise]
     """(solver on the rows of a bank, the noise in those that count)."""
     equations = bank.equations
     white = equations.whitened(residual)[equations.kept]
-    counted = float(len(white)) if equations.trust is None else float(equations.trust @ equations.trust)
+    counted = float(len(white)) if equations.row_weight is None else float(equations.row_weight @ equations.row_weight)
     noise = Noise(float(white @ white) / counted, inflation(white), residual)
     return before.on(bank, noise.variance * noise.inflation), noise

@@ -21,7 +21,7 @@ _LEAST_IN_COMMON = 0.45
 
 
 @dataclass(frozen=True)
-class CommonGround:
+class AxisMatch:
     """share : of u, that the motion tells in parts of the log that were not fitted. rows : independent equations."""
 
     share: float
@@ -46,7 +46,7 @@ class CommonGround:
         return f"{text}. Is it the column of another axis, or from another time?"
 
 
-def common_ground(search: Search, whole: Fit) -> CommonGround:
+def axis_match(search: Search, whole: Fit) -> AxisMatch:
     """Of u and the motion, beside the set that was found."""
     part = search.excerpt or search
     problem, fit = part.problem, part.fit(whole.terms, whole.tap)
@@ -58,4 +58,4 @@ def common_ground(search: Search, whole: Fit) -> CommonGround:
         errors = search.problem.errors
         u = errors.bank.command((), whole.tap)[search.equations.kept]
         told = max(told, 1.0 - (errors.rmse(whole) / max(float(np.std(u)), 1e-300)) ** 2)
-    return CommonGround(told, problem.blocks.rows)
+    return AxisMatch(told, problem.blocks.rows)

@@ -7,7 +7,7 @@ import pytest
 
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import INERTIA, SHARE, Term
-from dsd_cli.identify.fit.known import Known, is_shape
+from dsd_cli.identify.fit.priors import PriorKnowledge, is_shape
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.identify.fit.values import flat, terms_of
@@ -64,7 +64,7 @@ def _kept(problem):
 
 def test_a_held_inertia_moves_the_others_as_plain_least_squares_does(problem):
     held = 1.07 * float(_kept(problem).total[INERTIA])
-    fit = _with(problem, Known(fixed={"inertia": held})).fit(problem.base, TAP)
+    fit = _with(problem, PriorKnowledge(fixed={"inertia": held})).fit(problem.base, TAP)
     y, x, noise = _rows(problem)
     assert fit.total == pytest.approx(_least_squares(y, x, noise, {INERTIA: held}), rel=1e-5, abs=1e-9)
     assert fit.folds[:, INERTIA] == pytest.approx(held)
@@ -72,7 +72,7 @@ def test_a_held_inertia_moves_the_others_as_plain_least_squares_does(problem):
 
 def test_the_forward_form_of_a_held_inertia_is_the_same_balance(problem):
     held = 1.07 * float(_kept(problem).total[INERTIA])
-    solver = _with(problem, Known(fixed={"inertia": held}))
+    solver = _with(problem, PriorKnowledge(fixed={"inertia": held}))
     fit = solver.fit(problem.base, TAP)
     y, x, _ = _rows(problem)
     residual = y - fit.total @ x
@@ -83,7 +83,7 @@ def test_the_forward_form_of_a_held_inertia_is_the_same_balance(problem):
 def test_a_prior_is_one_more_equation(problem):
     free = _kept(problem).total
     value, spread, variance = 1.1 * float(free[INERTIA]), 0.02 * float(free[INERTIA]), 1e4
-    fit = _with(problem, Known(priors={"inertia": (value, spread)}), variance).fit(problem.base, TAP)
+    fit = _with(problem, PriorKnowledge(priors={"inertia": (value, spread)}), variance).fit(problem.base, TAP)
     y, x, noise = _rows(problem)
     weight = fit.variance / spread**2
     assert fit.total == pytest.approx(_least_squares(y, x, noise, {}, [(INERTIA, value, weight)]), rel=1e-5, abs=1e-9)
@@ -94,21 +94,21 @@ def test_a_value_beyond_its_bound_is_put_on_it_and_the_others_follow(problem):
     free = _kept(problem).total
     column = 2
     low = 1.5 * float(free[column])
-    fit = _with(problem, Known(bounds={"viscous_friction.coefficient": (low, 9.0)})).fit(problem.base, TAP)
+    fit = _with(problem, PriorKnowledge(bounds={"viscous_friction.coefficient": (low, 9.0)})).fit(problem.base, TAP)
     y, x, noise = _rows(problem)
     assert fit.total == pytest.approx(_least_squares(y, x, noise, {column: low}), rel=1e-5, abs=1e-9)
 
 
 def test_a_bound_that_is_not_reached_changes_nothing(problem):
     free = _kept(problem)
-    fit = _with(problem, Known(bounds={"viscous_friction.coefficient": (0.0, 9.0)})).fit(problem.base, TAP)
+    fit = _with(problem, PriorKnowledge(bounds={"viscous_friction.coefficient": (0.0, 9.0)})).fit(problem.base, TAP)
     assert fit.total == pytest.approx(free.total, rel=1e-6)
     assert fit.losses == pytest.approx(free.losses, rel=1e-5)
 
 
 def test_an_amplitude_is_held_at_the_phase_that_leaves_least(problem):
     """A sine and a cosine are fitted; what is held is no linear function of them. Every phase is tried by hand."""
-    fit = _with(problem, Known(fixed={"gravity.amplitude": 0.2})).fit(problem.base, TAP)
+    fit = _with(problem, PriorKnowledge(fixed={"gravity.amplitude": 0.2})).fit(problem.base, TAP)
     y, x, noise = _rows(problem)
     assert math.hypot(*fit.total[3:5]) == pytest.approx(0.2, rel=1e-6)
 
@@ -121,18 +121,18 @@ def test_an_amplitude_is_held_at_the_phase_that_leaves_least(problem):
 
 
 def test_a_held_phase_stays(problem):
-    fit = _with(problem, Known(fixed={"gravity.phase": 0.6})).fit(problem.base, TAP)
+    fit = _with(problem, PriorKnowledge(fixed={"gravity.phase": 0.6})).fit(problem.base, TAP)
     assert math.atan2(fit.total[4], fit.total[3]) == pytest.approx(0.6, abs=1e-6)
 
 
 def test_a_held_delay_is_not_walked_away_from(problem):
-    search = Search(pose([seen(EFFECTS)], MODEL, Settings(effects=(), known=Known(fixed={"delay": 0.0093}))))
+    search = Search(pose([seen(EFFECTS)], MODEL, Settings(effects=(), known=PriorKnowledge(fixed={"delay": 0.0093}))))
     assert search.problem.scale.model(search.refit).delay == 0.0093
     assert (search.refit.tap + search.refit.total[SHARE]) * search.solver.bank.tap_time == pytest.approx(0.0093)
 
 
 def test_all_of_a_known_machine_stays_as_it_is(problem):
-    known = Known().holding(MODEL)
+    known = PriorKnowledge().holding(MODEL)
     found = Search(pose([seen(EFFECTS)], MODEL, Settings(effects=(), known=known)))
     assert found.problem.scale.model(found.refit) == MODEL
     values = found.problem.values(found.refit).estimates
@@ -142,7 +142,7 @@ def test_all_of_a_known_machine_stays_as_it_is(problem):
 
 @pytest.mark.parametrize("name", ["coulomb_friction", "flexible_coupling", "actuator_lag", "stiffness", "dead_zone"])
 def test_what_is_fixed_stays_fixed_in_every_candidate(name):
-    known = Known(fixed={"inertia": 1.05 * BELIEVED.inertia})
+    known = PriorKnowledge(fixed={"inertia": 1.05 * BELIEVED.inertia})
     base = posed({"coulomb_friction": {"level": 0.1}}, names=(name,))
     search = Search(pose(base.problem.recordings, BELIEVED, Settings(effects=(name,), known=known)))
     for option in search.options(search.refit):
@@ -153,7 +153,7 @@ def test_what_is_fixed_stays_fixed_in_every_candidate(name):
 
 
 def test_the_quick_scan_agrees_with_the_fit_where_the_inertia_is_held():
-    known = Known(fixed={"inertia": 1.001 * BELIEVED.inertia})
+    known = PriorKnowledge(fixed={"inertia": 1.001 * BELIEVED.inertia})
     base = posed({"stiffness": {"coefficient": 0.005}}, names=("stiffness", "viscous_friction"))
     search = Search(pose(base.problem.recordings, BELIEVED, Settings(effects=("stiffness",), known=known)))
     scan = search.scan((), TAP)
@@ -167,9 +167,9 @@ def test_the_quick_scan_agrees_with_the_fit_where_the_inertia_is_held():
 def test_a_wrong_hold_and_a_wrong_prior_are_said():
     recording = seen(EFFECTS)
     for known, word in (
-        (Known(fixed={"inertia": 1.3 * MODEL.inertia}), "is held at"),
-        (Known(priors={"inertia": (1.3 * MODEL.inertia, 0.01 * MODEL.inertia)}), "pulls against its prior"),
-        (Known(bounds={"inertia": (1.2 * MODEL.inertia, 9.0)}), "stands on its lower bound"),
+        (PriorKnowledge(fixed={"inertia": 1.3 * MODEL.inertia}), "is held at"),
+        (PriorKnowledge(priors={"inertia": (1.3 * MODEL.inertia, 0.01 * MODEL.inertia)}), "pulls against its prior"),
+        (PriorKnowledge(bounds={"inertia": (1.2 * MODEL.inertia, 9.0)}), "stands on its lower bound"),
     ):
         search = Search(pose([recording], MODEL, Settings(effects=(), known=known)))
         said = contradictions(search, search.refit, search.problem.values(search.refit).estimates)
@@ -178,7 +178,7 @@ def test_a_wrong_hold_and_a_wrong_prior_are_said():
 
 def test_what_agrees_with_the_log_is_not_complained_of():
     recording = seen(EFFECTS)
-    known = Known(priors={"inertia": (1.01 * MODEL.inertia, 0.02 * MODEL.inertia)})
+    known = PriorKnowledge(priors={"inertia": (1.01 * MODEL.inertia, 0.02 * MODEL.inertia)})
     search = Search(pose([recording], MODEL, Settings(effects=(), known=known)))
     assert contradictions(search, search.refit, search.problem.values(search.refit).estimates) == ()
 
@@ -214,7 +214,11 @@ def test_standard_errors_hold_the_truth_with_what_is_known(help_):
     for seed in range(SEEDS):
         spread = 0.001 * J
         prior = J + spread * float(np.random.default_rng(1000 + seed).normal())
-        known = Known(fixed={"inertia": J}) if help_ == HELPS[0] else Known(priors={"inertia": (prior, spread)})
+        known = (
+            PriorKnowledge(fixed={"inertia": J})
+            if help_ == HELPS[0]
+            else PriorKnowledge(priors={"inertia": (prior, spread)})
+        )
         for name, sigma in _deviations(clean, model, known, seed):
             z.setdefault(name, []).append(sigma)
     for name, sigmas in z.items():
@@ -242,7 +246,7 @@ def test_beside_a_held_inertia_a_load_is_no_negative_mass(name, shape):
     """
     problem = pose([seen({"viscous_friction": {"coefficient": 0.02}})], BELIEVED, Settings(effects=()))
     term, held, size = Term.of(name, {"frequency": 600.0, **shape}), BELIEVED.inertia, problem.solver.inertia
-    fit = _with(problem, Known(fixed={"inertia": held})).fit((term,), TAP)
+    fit = _with(problem, PriorKnowledge(fixed={"inertia": held})).fit((term,), TAP)
     drive, acceleration, later, load = problem.solver.bank.design((term,), TAP).rows
     least = np.inf
     for share in np.linspace(0.0, 0.9, 91):
@@ -255,9 +259,9 @@ def test_beside_a_held_inertia_a_load_is_no_negative_mass(name, shape):
 def test_a_prior_that_gives_way_bends_no_shape():
     """While the effect is missing its force is in what is left; a prior that weighs by that made periods 0.3 % off."""
     effects = {"cogging": {"amplitude": 0.15, "periods": 9.0, "phase": 0.7}}
-    told = Known(priors={"inertia": (1.2 * MODEL.inertia, 0.02 * MODEL.inertia)})
+    told = PriorKnowledge(priors={"inertia": (1.2 * MODEL.inertia, 0.02 * MODEL.inertia)})
     found = {}
-    for name, known in (("free", Known()), ("told", told)):
+    for name, known in (("free", PriorKnowledge()), ("told", told)):
         search = Search(pose([seen(effects)], BELIEVED, Settings(effects=("cogging",), known=known)))
         whole = search.run(search.refit)
         search = Search(search.problem.measured_again(whole))

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from dsd_cli.identify.fit.bank import Terms
-from dsd_cli.identify.fit.driven import with_driven_load
+from dsd_cli.identify.fit.driven_load import with_driven_load
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import terms_of

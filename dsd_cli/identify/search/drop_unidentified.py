@@ -12,7 +12,7 @@ from dsd_cli.identify.results import Estimates
 from dsd_cli.identify.search.sets import Search
 
 
-def told_only(search: Search, whole: Fit) -> Fit:
+def identified_only(search: Search, whole: Fit) -> Fit:
     """The set without further effects of a kind of which no force is told: what is left at stops and turns repeats with
     the motion, and is a sum of lines to any accuracy, but the rows that tell values do not have it."""
     while (told := _told(search, whole)) is not whole:

@@ -11,7 +11,7 @@ from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.beyond import beyond_of
+from dsd_cli.identify.verdict.discrepancy import discrepancy_of
 from dsd_cli.signals.log import Log
 from tests.identify.search_rig import BELIEVED, OBSERVER, T, posed, seen
 
@@ -36,7 +36,7 @@ def test_beside_the_truth_nothing_is_left():
     shares = []
     for seed in range(8):
         search = posed(None, (), seed=seed)
-        found, plain = beyond_of(search, search.refit), search.problem.errors.rmse(search.refit)
+        found, plain = discrepancy_of(search, search.refit), search.problem.errors.rmse(search.refit)
         assert not found.unknown, f"seed {seed}"
         assert found.heldout_rmse <= plain
         assert 0.8 * plain < found.noise <= plain
@@ -60,7 +60,7 @@ MARKED = [pytest.param(name, marks=KNOWN_LOSS) if name == "a power of the speed"
 def test_a_law_without_a_name_is_seen_with_what_it_depends_on(name):
     law, on = LAWS[name]
     search = disturbed(law)
-    found = beyond_of(search, search.refit)
+    found = discrepancy_of(search, search.refit)
     assert found.unknown
     assert on <= set(found.on)
     assert found.heldout_rmse < 0.8 * search.problem.errors.rmse(search.refit)
@@ -70,7 +70,7 @@ def test_a_load_that_wanders_is_unknown_over_time():
     rng = np.random.default_rng(5)
     walk = np.convolve(np.cumsum(rng.normal(size=6000)) * 0.01, np.ones(200) / 200, "same")
     search = disturbed(lambda t, v, q: walk[: len(t)])
-    found = beyond_of(search, search.refit)
+    found = discrepancy_of(search, search.refit)
     assert found.unknown
     assert "time" in found.on
 
@@ -84,7 +84,7 @@ def test_a_vibration_that_comes_and_goes_is_told_by_its_spectrum_alone(seed):
     shaken = lfilter([1.0], [1.0, -2.0 * damping * np.cos(angle), damping**2], drawn)
     shaken *= 0.03 / np.std(shaken)
     search = disturbed(lambda t, v, q: shaken[: len(t)], seed=seed, noise=5e-5, duration=24.0)
-    found, plain = beyond_of(search, search.refit), search.problem.errors.rmse(search.refit)
+    found, plain = discrepancy_of(search, search.refit), search.problem.errors.rmse(search.refit)
     assert found.heldout_rmse > (1.0 - POLICY.unknown_fall) * plain
     assert found.unknown
     assert found.noise < 0.5 * plain
@@ -93,9 +93,9 @@ def test_a_vibration_that_comes_and_goes_is_told_by_its_spectrum_alone(seed):
 def test_the_effect_itself_leaves_nothing_beyond():
     """With gravity missing much is, with it nothing."""
     search = posed({"gravity": {"amplitude": 0.2, "phase": 0.4}}, ("gravity",))
-    assert beyond_of(search, search.refit).unknown
+    assert discrepancy_of(search, search.refit).unknown
     whole = search.fit((Term("gravity"),), search.refit.tap)
-    assert not beyond_of(search, whole).unknown
+    assert not discrepancy_of(search, whole).unknown
 
 
 def test_an_excerpt_answers_for_motion_and_all_rows_for_time():
@@ -103,7 +103,7 @@ def test_an_excerpt_answers_for_motion_and_all_rows_for_time():
     search = disturbed(lambda t, v, q: 0.4 * v * q)
     whole = Search(search.problem)
     whole.excerpt = search
-    there, here = beyond_of(whole, whole.refit), beyond_of(search, search.refit)
+    there, here = discrepancy_of(whole, whole.refit), discrepancy_of(search, search.refit)
     assert there.unknown
     assert there.on == here.on
     assert replace(there, noise=0.0) == replace(here, noise=0.0)

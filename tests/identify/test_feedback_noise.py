@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dsd_cli.identify.fit.returned import answer_of, rate
+from dsd_cli.identify.fit.feedback_noise import feedback_noise_of, rate
 
 T, J, ROWS = 0.002, 0.01, 4000
 
@@ -21,7 +21,7 @@ def coarse(seed, step=1.5e-3):
 def test_the_gain_on_the_speed_is_found(seed, kp, kd):
     q, a = coarse(seed)
     u = -kp * q - kd * np.diff(q, prepend=q[0]) / T
-    assert rate([answer_of(u, a, T)], J) == pytest.approx(kd / J, rel=0.05)
+    assert rate([feedback_noise_of(u, a, T)], J) == pytest.approx(kd / J, rel=0.05)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -31,15 +31,15 @@ def test_a_u_that_does_not_know_the_sensor_does_not_answer_its_noise(seed):
     q, a = coarse(seed)
     speed = np.diff(q, prepend=q[0]) / T
     u = 0.5 * np.std(speed - np.convolve(speed, np.ones(5) / 5.0, "same")) * rng.normal(size=ROWS)
-    assert rate([answer_of(u, a, T)], J) < 0.4 * 0.5 / J
+    assert rate([feedback_noise_of(u, a, T)], J) < 0.4 * 0.5 / J
 
 
 def test_stretches_count_together_however_short():
     q, a = coarse(7)
     u = -0.5 * np.diff(q, prepend=q[0]) / T
-    parts = [answer_of(u[i:j], a[i:j], T) for i, j in ((0, 1500), (1500, 1600), (1600, ROWS))]
+    parts = [feedback_noise_of(u[i:j], a[i:j], T) for i, j in ((0, 1500), (1500, 1600), (1600, ROWS))]
     assert rate(parts, J) == pytest.approx(0.5 / J, rel=0.05)
 
 
 def test_a_sensor_without_noise_returns_none():
-    assert rate([answer_of(np.ones(500), np.zeros(500), T)], J) == 0.0
+    assert rate([feedback_noise_of(np.ones(500), np.zeros(500), T)], J) == 0.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dsd_cli.effects import free_name, kind_of
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.search.repeats import renamed
 from dsd_cli.identify.search.sets import Option, Search
-from dsd_cli.identify.search.several import renamed
 
 
 def strongest_first(search: Search, whole: Fit) -> tuple[Fit, list[Option]]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.effects import Role
-from dsd_cli.identify.fit.bank import SHARE, Bank, Terms, holds
+from dsd_cli.identify.fit.bank import SHARE, Bank, Terms, has_friction
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.values import MOST_SHARE
@@ -67,9 +67,9 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     """
     fit, solver = _exact(fit, solver)
     equations = solver.bank.equations
-    if (trust := equations.trust) is not None:
-        return Weighed(solver, fit, _residual(fit, solver.bank), float(trust @ trust))
-    counted = equations.kept if holds(fit.terms) else np.ones(len(plain.acceleration), dtype=bool)
+    if (row_weight := equations.row_weight) is not None:
+        return Weighed(solver, fit, _residual(fit, solver.bank), float(row_weight @ row_weight))
+    counted = equations.kept if has_friction(fit.terms) else np.ones(len(plain.acceleration), dtype=bool)
     sure = counted & sure_rows(fit.terms, equations, POLICY.unsure_share)
     sure &= uncertain(equations) <= _harmless(fit, solver.bank, sure)
     unsure = counted & ~sure
@@ -80,9 +80,9 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
         left = _residual(fit, solver.bank) ** 2
         quiet, loud = float(np.mean(left[sure])), float(np.mean(left[unsure]))
         weight = math.sqrt(quiet / (quiet + unsure.sum() * max(loud - quiet, 0.0) + 1e-300))
-        trust = np.where(sure, 1.0, np.where(unsure, weight, 0.0))
-        size = float(trust @ trust)
-        bank = Bank(replace(equations, trust=trust), plain, solver.bank.variance * size / len(trust))
+        row_weight = np.where(sure, 1.0, np.where(unsure, weight, 0.0))
+        size = float(row_weight @ row_weight)
+        bank = Bank(replace(equations, row_weight=row_weight), plain, solver.bank.variance * size / len(row_weight))
         nats = min(quiet, solver.variance)
         trusting = solver.on(bank, nats)
         fit, trusting = _exact(trusting.fit(fit.terms, fit.tap, fit.whole_steps), trusting)
@@ -131,7 +131,7 @@ def _harmless(fit: Fit, bank: Bank, sure: NDArray[np.bool_]) -> float:
 
 def sure_rows(terms: Terms, equations: Equations, most: float) -> NDArray[np.bool_]:
     """Rows at most so `uncertain`, shape (N,): friction's direction is sure there; all where there is no friction."""
-    if not holds(terms):
+    if not has_friction(terms):
         return np.ones(sum(equations.lengths), dtype=bool)
     return np.asarray(uncertain(equations) <= most)
 

@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from dsd_cli.effects import Role
-from dsd_cli.identify.fit.bank import Bank, Terms, drive, holds, inputs_of, of_single_logs, raw_columns
+from dsd_cli.identify.fit.bank import Bank, Terms, drive, has_friction, inputs_of, of_single_logs, raw_columns
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.values import coefficients_of, terms_of
 from dsd_cli.identify.policy import POLICY
@@ -73,7 +73,7 @@ def _pushes(equations: Equations, model: PlantModel, terms: Terms, share: float)
             forces = [force - c * x for force, x in zip(forces, by_stretch, strict=True)]
     for _, taken in of_single_logs(equations, model.delay):
         forces = [force - x for force, x in zip(forces, taken, strict=True)]
-    free = [s.free if holds(terms) else 1.0 for s in equations.stretches]
+    free = [s.free if has_friction(terms) else 1.0 for s in equations.stretches]
     return [np.nan_to_num(f) * x / ((1.0 - share) * model.inertia) for f, x in zip(forces, free, strict=True)]
 
 

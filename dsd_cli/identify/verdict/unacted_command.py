@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.effects import Role, get_effect
-from dsd_cli.identify.fit.asked import Settings
-from dsd_cli.identify.fit.bank import Bank, holds
+from dsd_cli.identify.fit.bank import Bank, has_friction
 from dsd_cli.identify.fit.equations import equations_of
 from dsd_cli.identify.fit.gram import solve, total_gram
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.long_logs import posed
@@ -46,7 +46,7 @@ _MOST_LINES = 5
 
 
 @dataclass(frozen=True)
-class Idle:
+class UnactedCommand:
     """A part of u that did not act. what : which; why : what shows it; question : where it may be from."""
 
     what: str
@@ -54,7 +54,7 @@ class Idle:
     question: str
 
 
-def idle_part(search: Search, whole: Fit, settings: Settings, seen: Seen | None) -> Idle | None:
+def idle_part(search: Search, whole: Fit, settings: Settings, seen: Seen | None) -> UnactedCommand | None:
     """The part of u without which forces alone explain the log better than all that was found, or the load that the
     response shows (`seen`) is none."""
     problem, rmse = search.problem, search.problem.errors.rmse
@@ -70,11 +70,11 @@ def idle_part(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
         without = posed(part.taken_off, there, settings, as_found.delay)
         left = without.problem.errors.rmse(without.refit)
         if seen is not None and Role.STRUCTURE in part.imitators and not _shows(without, seen.effect):
-            return Idle(part.what, f"{part.instead}, the response shows no load", part.question)
+            return UnactedCommand(part.what, f"{part.instead}, the response shows no load", part.question)
         better = left < _AT_MOST * found and left < least and problem.falls(before, left, search.refit)
         if better and _answered(search, whole, part.taken_off) < _UNANSWERED:
             why = f"forces alone leave {left:.3g}, less than any effects with u as it is logged ({found:.3g})"
-            best, least = Idle(part.what, f"{part.instead}, {why}", part.question), left
+            best, least = UnactedCommand(part.what, f"{part.instead}, {why}", part.question), left
         del without  # as large as the next
     return best
 
@@ -88,7 +88,7 @@ def _answered(search: Search, whole: Fit, taken_off: Sequence[Recording]) -> flo
     terms = tuple(t for t in whole.terms if t.effect.role is not Role.INPUT)
     drive, acceleration, *others = bank.design(terms, tap).rows
     equations = equations_of(taken_off, bank.equations.startup, bank.equations.band)
-    rest = Bank(equations).drive((), tap, held=holds(terms))
+    rest = Bank(equations).drive((), tap, held=has_friction(terms))
     kept = bank.equations.kept
     theta = solve(total_gram([x[kept] for x in (acceleration, rest, drive - rest, *others)])[None])[0]
     return float(theta[1] / theta[0]) if theta[0] > 0.0 else 1.0

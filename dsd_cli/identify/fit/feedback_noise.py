@@ -25,14 +25,14 @@ from dsd_cli.signals.log import Array
 _SEGMENT = 256
 
 
-class Answer(NamedTuple):
+class FeedbackNoise(NamedTuple):
     """How u answers the speed: sums over segments of u V* (complex) and V V*, by frequency above the motion."""
 
     both: Array
     speed: Array
 
 
-def answer_of(u: Array, acceleration: Array, sample_time: float) -> Answer:
+def feedback_noise_of(u: Array, acceleration: Array, sample_time: float) -> FeedbackNoise:
     """Of one stretch; the speed is what the measured acceleration is the change of."""
     size = min(_SEGMENT, len(u) // 2 * 2)
     angle = 2.0 * np.pi * np.arange(size // 2 + 1) / size
@@ -41,10 +41,10 @@ def answer_of(u: Array, acceleration: Array, sample_time: float) -> Answer:
     pieces = [np.lib.stride_tricks.sliding_window_view(x, size)[:: size // 2] for x in (u, acceleration)]
     drive, change = (np.fft.rfft((p - p.mean(axis=1, keepdims=True)) * window, axis=1)[:, above] for p in pieces)
     speed = change * (0.5 * sample_time / np.sin(0.5 * angle[above]))
-    return Answer(np.sum(drive * speed.conj(), axis=0), np.sum(np.abs(speed) ** 2, axis=0))
+    return FeedbackNoise(np.sum(drive * speed.conj(), axis=0), np.sum(np.abs(speed) ** 2, axis=0))
 
 
-def rate(answers: Sequence[Answer], inertia: float) -> float:
+def rate(answers: Sequence[FeedbackNoise], inertia: float) -> float:
     """D / J in rad/s; 0 where the sensor has nothing above the motion."""
     most = max(len(a.speed) for a in answers)  # stretches shorter than a segment have fewer frequencies
     both, speed = (np.sum(x, axis=0) for x in zip(*(a for a in answers if len(a.speed) == most), strict=True))

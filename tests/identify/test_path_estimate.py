@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsd_cli.identify.fit.drift import along_ripple, ripples
+from dsd_cli.identify.fit.path_estimate import along_ripple, ripples
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.search.sets import Search
 from tests.identify.outside_rig import asked

@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from dsd_cli.effects import Role
-from dsd_cli.identify.fit.bank import FIXED, INERTIA, Term, columns_of, holds
+from dsd_cli.identify.fit.bank import FIXED, INERTIA, Term, columns_of, has_friction
 from dsd_cli.identify.fit.equations import Stretch, direction
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit
@@ -207,7 +207,7 @@ class _Path:
     def moved(self, speed: Array, zero: float) -> Array:
         """The whitened columns on a motion that is moved by that."""
         equations, here = self.problem.errors.bank.equations, list(self.rows[1 + FIXED :])
-        held, delay = holds(self.fit.terms), self.fit.tap * self.problem.errors.bank.tap_time
+        held, delay = has_friction(self.fit.terms), self.fit.tap * self.problem.errors.bank.tap_time
         stretches = list(equations.stretches)
         stretches[self.index] = _elsewhere(stretches[self.index], speed, zero, equations.sample_time)
         there = replace(equations, stretches=tuple(stretches))

@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from dsd_cli.identify.fit.asked import Settings
-from dsd_cli.identify.fit.bank import holds
-from dsd_cli.identify.fit.drift import Placed, along_ripple, depends_on_path, placed, without_drift
+from dsd_cli.identify.fit.bank import has_friction
+from dsd_cli.identify.fit.path_estimate import Placed, along_ripple, depends_on_path, placed, without_drift
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.long_logs import searched_as_is, searched_with
@@ -129,7 +129,7 @@ class _Paths:
         if count < 2 and _error(found) < POLICY.floor_factor * found[0].problem.floor:
             return None
         asked = [(o.fit, o.fit.terms[-1]) for o in search.options(search.refit)]
-        fits = [fit for fit, term in asked if depends_on_path(term) and not holds((term,))]
+        fits = [fit for fit, term in asked if depends_on_path(term) and not has_friction((term,))]
         starts = [(placed(search.problem, fit, self.recordings), fit) for fit in fits]
         starts = [(start, fit) for start, fit in starts if start.left < POLICY.drift_gain**2 * start.before]
         starts.sort(key=lambda start: start[0].left)

@@ -10,7 +10,7 @@ import numpy as np
 from dsd_cli.effects import catalogue, get_effect, kind_of
 from dsd_cli.errors import DataError, TooShort, UsageError
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.fit.known import Known
+from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.ranges import ranges
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.levels import Deviations
@@ -33,7 +33,7 @@ class Settings:
     """
 
     effects: tuple[str, ...] | None = None
-    known: Known = field(default_factory=Known)
+    known: PriorKnowledge = field(default_factory=PriorKnowledge)
     band: float = 1.0
     taken: tuple[str, ...] = ()
     against: tuple[str, ...] | None = None

@@ -15,7 +15,7 @@ _SEED = 20261121
 
 
 @dataclass(frozen=True)
-class Sensed:
+class SensorMotion:
     """What the measured acceleration of a stretch adds up to, and the noise of its sensor: made once a load asks.
 
     A load that is coupled to the motor is driven by it: with a smoother motion than the acceleration's own it would

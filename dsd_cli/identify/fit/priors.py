@@ -16,7 +16,7 @@ _PROBES = (0.3, 0.6)
 
 
 @dataclass(frozen=True)
-class Known:
+class PriorKnowledge:
     """Names are "inertia", "delay" or "<effect>.<parameter>"; effects need not be in the model.
 
     Attributes
@@ -55,7 +55,7 @@ class Known:
                 effects.setdefault(effect, {})[parameter] = value
         return model.changed(self.fixed.get(DELAY), self.fixed.get(INERTIA), effects)
 
-    def seeing(self, effect_id: str, values: Mapping[str, tuple[float, float]]) -> Known:
+    def seeing(self, effect_id: str, values: Mapping[str, tuple[float, float]]) -> PriorKnowledge:
         """With the values (and standard errors) of an effect that the response told."""
         fixed = {f"{effect_id}.{name}": value for name, (value, _) in values.items()}
         errors = {f"{effect_id}.{name}": error for name, (_, error) in values.items()}
@@ -66,7 +66,7 @@ class Known:
         values = {name: self.fixed[f"{effect_id}.{name}"] for name in named_of(effect_id, self.fixed)}
         return model.changed(None, None, {effect_id: values})
 
-    def holding(self, model: PlantModel) -> Known:
+    def holding(self, model: PlantModel) -> PriorKnowledge:
         """With every value of that model fixed as well."""
         numbers = {INERTIA: model.inertia, DELAY: model.delay}
         events = {}

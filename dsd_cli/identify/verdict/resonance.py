@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from dsd_cli.identify.fit.asked import Settings
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.identify.search.afloat import searched
+from dsd_cli.identify.search.drift_search import searched
 from dsd_cli.identify.search.long_logs import searched_with
 from dsd_cli.identify.search.response import COUPLING, PLAY, Seen, response_of
 from dsd_cli.identify.search.sets import Search
@@ -31,7 +31,7 @@ LINE = (
 
 
 @dataclass(frozen=True)
-class Shown:
+class Resonance:
     """A search that knows what the response shows.
 
     seen : the load that is the answer; None where it is in the model, or others come first. settings : with its values.
@@ -65,14 +65,14 @@ def with_response(
     holdout: Sequence[Recording],
     doubtful: bool,
     report: Report,
-) -> Shown:
+) -> Resonance:
     """The search as it is, or with the load that only the response tells.
 
     Where the balance finds the load itself, its resonance lies within the band and the response knows no better values,
     nothing changes; where the response shows no load, the balance's is dropped. Effects that are found beside the load
     come first: it is the answer once nothing else is missing.
     """
-    unchanged = Shown(search, whole, settings, None)
+    unchanged = Resonance(search, whole, settings, None)
     asked = [name for name in SHOWN if name in search.allowed or name in model.effects]
     if not asked or any(settings.known.concerns(name) for name in SHOWN):
         return unchanged
@@ -93,7 +93,7 @@ def with_response(
     if _in_band(seen, search) and seen.effect in found and not _better(unchanged, beside, all_of_it):
         return unchanged
     if seen.effect in model.effects:
-        return Shown(beside, all_of_it, known, None)
+        return Resonance(beside, all_of_it, known, None)
     others = _needed(beside, all_of_it, model)
     belongs = {*model.effects, *others, seen.effect}
     whole_model = beside.problem.scale.model(all_of_it)
@@ -101,7 +101,7 @@ def with_response(
         there, effects={n: v for n, v in whole_model.effects.items() if n in belongs} | {seen.effect: values}
     )
     search, whole = searched_with(recordings, there, model, known, holdout)
-    return Shown(search, whole, known, None if others else seen, response.rattles)
+    return Resonance(search, whole, known, None if others else seen, response.rattles)
 
 
 def _needed(beside: Search, whole: Fit, model: PlantModel) -> tuple[str, ...]:
@@ -119,12 +119,12 @@ def _needed(beside: Search, whole: Fit, model: PlantModel) -> tuple[str, ...]:
 
 
 def _without_load(
-    found: Shown,
+    found: Resonance,
     recordings: Sequence[Recording],
     model: PlantModel,
     holdout: Sequence[Recording],
     report: Report,
-) -> Shown:
+) -> Resonance:
     """A load that the balance found and the response does not show is none: it followed the noise of the sensor.
 
     Unless far more than noise is left without it, and next to nothing with it.
@@ -143,7 +143,7 @@ def _without_load(
     return replace(found, search=search, whole=whole, settings=settings)
 
 
-def _better(found: Shown, beside: Search, whole: Fit) -> bool:
+def _better(found: Resonance, beside: Search, whole: Fit) -> bool:
     """Whether the values that the response tells leave less than those of the balance, by what is of use."""
     before, after = found.search.problem.errors.rmse(found.whole), beside.problem.errors.rmse(whole)
     return after < (1.0 - POLICY.least_fall) * before
@@ -154,7 +154,7 @@ def _in_band(seen: Seen, search: Search) -> bool:
     return seen.resonance_hz < POLICY.response_in_band * search.equations.band.hz
 
 
-def told_by_response(search: Search, effect_id: str, settings: Settings) -> Settings | None:
+def response_settings(search: Search, effect_id: str, settings: Settings) -> Settings | None:
     """Settings with the values of an effect that only the response tells; None where the balance itself tells them."""
     if effect_id not in SHOWN or settings.known.concerns(effect_id):
         return None
