@@ -104,7 +104,7 @@ def export(
     made = make(found, joint, motion, drop)
     _check_screen(output, made)
     warn(quiet, _lost(made))
-    drawn = {} if samples is None else _draw_samples(settings, found, made, output, samples, seed)
+    drawn = {} if samples is None else _draw_samples(settings, found, made, output, samples, seed, quiet)
     checked = None if no_verify else held_against(found, made, motion)
     _check_holds(target, checked)
     warn(quiet, _not_run(target, verify, checked))
@@ -160,10 +160,13 @@ def _not_run(target: str, log: str | None, checked: Verified | None) -> list[str
     return [f"--verify {log}: {checked.how}; nothing of {target} is verified"]
 
 
-def _draw_samples(settings: Config, target: Target, made: Made, output: str, count: int, seed: int) -> dict[str, bytes]:
-    """`joint-001.xml`, ... beside `joint.xml`: models with values drawn from the errors in [[history]]."""
+def _draw_samples(
+    settings: Config, target: Target, made: Made, output: str, count: int, seed: int, quiet: bool
+) -> dict[str, bytes]:
+    """`joint-001.xml`, ... beside `joint.xml`: models drawn from the errors in [[history]] and their correlations."""
     from dataclasses import replace
 
+    from dsd_cli.cli.identification import warn
     from dsd_cli.cli.versus import fitted_errors
     from dsd_cli.export.drawing import draw
 
@@ -173,7 +176,11 @@ def _draw_samples(settings: Config, target: Target, made: Made, output: str, cou
         for name, error in fitted_errors(settings).items()
         if name == "inertia" or (name == "delay" and model.delay > 0.0) or name.partition(".")[0] in model.effects
     }
-    path, drawn = Path(output), draw(model, errors, count, seed)
+    together = settings.history[-1].fitted_correlations if errors else {}
+    if len(errors) > 1 and not together:
+        lone = "[[history]] has no correlations of these errors, so each value is drawn by itself"
+        warn(quiet, [f"--samples: {lone}; `dsd add` or `improve` write them"])
+    path, drawn = Path(output), draw(model, errors, together, count, seed)
     names = [str(path.with_name(f"{path.stem}-{i:0{len(str(count))}d}{path.suffix}")) for i in range(1, count + 1)]
     return {name: target.write(replace(made.joint, model=one)) for name, one in zip(names, drawn, strict=True)}
 

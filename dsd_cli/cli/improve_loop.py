@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from dsd_cli.signals.units import Units
 
 
+#: Digits of a correlation: two values that only their sum tells are at 0.9999.
+CORRELATION_DIGITS = 6
+
+
 def check_outputs(output: str | None, form: Format, inputs: Sequence[str | Path]) -> None:
     """Whether the config can be written, before anything is computed.
 
@@ -90,6 +94,11 @@ def _record(step: Step, before: Score, logs: Sequence[str], units: Units) -> His
         fitted={name: rounded(e.value, e.std_error) for name, e in step.estimates.items()},
         fitted_errors={
             name: rounded(e.std_error, e.std_error) for name, e in step.estimates.items() if number_or_none(e.std_error)
+        },
+        fitted_correlations={
+            name: {other: round(r, CORRELATION_DIGITS) for other, r in e.correlations.items()}
+            for name, e in step.estimates.items()
+            if e.correlations
         },
         units=_units(step.estimates, units),
         levels={x.deviations.name: [rounded(e.value, e.std_error) for e in x.values] for x in step.levels},

@@ -30,6 +30,8 @@ class Estimate:
     held : the user fixed it; its standard error is 0.
     pull : standard deviations by which the log alone is off the prior; NaN without one.
     told : "identified", "weak" or "not" by the relative error, "held"; "" where nobody asked.
+    correlations : of its error with those of the values of this fit that stand before it, by their names; none with
+        those that are held or that the log does not tell.
     """
 
     value: float
@@ -39,6 +41,7 @@ class Estimate:
     held: bool = False
     pull: float = math.nan
     told: str = ""
+    correlations: Mapping[str, float] = field(default_factory=dict)
 
 
 #: "inertia", "delay" or "<effect>.<parameter>" -> estimate.

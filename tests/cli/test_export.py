@@ -1,6 +1,5 @@
 """`dsd export` as a user runs it."""
 
-import csv
 import json
 import shutil
 import subprocess
@@ -92,46 +91,6 @@ def test_a_bad_command_line_writes_nothing(given: tuple[str, ...], said: str, tm
     assert (ran.returncode, ran.stdout) == (2, "")
     assert said in ran.stderr
     assert list(tmp_path.iterdir()) == []
-
-
-FITTED = """
-[model]
-inertia = 0.5
-[model.effects.viscous_friction]
-coefficient = 0.3
-[model.effects.coulomb_friction]
-level = 0.01
-
-[[history]]
-effect = "refit"
-date = "2026-01-31T12:00:00Z"
-fitted = { inertia = 0.5, "viscous_friction.coefficient" = 0.3, "coulomb_friction.level" = 0.01 }
-fitted_errors = { inertia = 0.02, "viscous_friction.coefficient" = 0.05, "coulomb_friction.level" = 0.02 }
-"""
-
-
-def test_samples_are_drawn_from_the_errors_within_the_bounds(tmp_path: Path) -> None:
-    (tmp_path / "better.toml").write_text(FITTED)
-    given = ("export", "better.toml", "--to", "parameters", "-o", "v.csv", "--samples", "200", "--format", "json")
-    result = json.loads(done(*given, cwd=tmp_path).stdout)
-    assert [result["samples"][0], result["samples"][-1]] == ["v-001.csv", "v-200.csv"]
-    drawn: dict[str, list[float]] = {}
-    for name in result["samples"]:
-        for part, _, value, *_ in csv.reader((tmp_path / name).read_text().splitlines()[1:]):
-            drawn.setdefault(part, []).append(float(value))
-    assert np.mean(drawn["inertia"]) == pytest.approx(0.5, abs=4 * 0.02 / np.sqrt(200))
-    assert np.std(drawn["inertia"]) == pytest.approx(0.02, rel=0.25)
-    assert np.std(drawn["viscous_friction"]) == pytest.approx(0.05, rel=0.25)
-    assert min(drawn["coulomb_friction"]) >= 0.0
-    assert set(drawn["delay"]) == {0.0}
-
-
-def test_without_errors_nothing_is_drawn_and_nothing_is_written(tmp_path: Path) -> None:
-    (tmp_path / "bare.toml").write_text(FITTED.partition("[[history]]")[0])
-    ran = dsd("export", "bare.toml", "--to", "parameters", "-o", "v.csv", "--samples", "3", cwd=tmp_path)
-    assert ran.returncode == 2
-    assert "[[history]] has no standard errors" in ran.stderr
-    assert not (tmp_path / "v.csv").exists()
 
 
 def test_the_budget_says_what_each_effect_is_worth(tmp_path: Path) -> None:

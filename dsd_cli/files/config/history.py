@@ -42,6 +42,17 @@ def _read_numbers(value: Any, at: Place) -> Values:
     return MappingProxyType(found)
 
 
+def _read_correlations(value: Any, at: Place) -> Mapping[str, Values]:
+    if not isinstance(value, Mapping) or any(not isinstance(row, Mapping) for row in value.values()):
+        raise at.wrong(value, "a table of tables of values")
+    one = number(lower=-1, upper=1)
+    rows = {
+        name: {other: one.read(r, at.child(name).child(other)) for other, r in row.items()}
+        for name, row in value.items()
+    }
+    return MappingProxyType(rows)
+
+
 def _read_units(value: Any, at: Place) -> Mapping[str, str]:
     if not isinstance(value, Mapping):
         raise at.wrong(value, "a table of texts")
@@ -76,6 +87,11 @@ class History(Section):
     taken_back: bool = key(flag(), "the effect was taken out again: it had become needless", default=False)
     fitted: Values = _values("all values of the model after the step")
     fitted_errors: Values = _values("their standard errors; none where they are held or not identifiable")
+    fitted_correlations: Mapping[str, Values] = key(
+        Rule("a table of tables of values", _read_correlations),
+        "correlation of each of these errors with those before it",
+        default=_NOTHING,
+    )
     units: Mapping[str, str] = key(
         Rule("a table of texts", _read_units),
         "units of the fitted values and of the errors, where they are known",

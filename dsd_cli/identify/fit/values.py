@@ -180,13 +180,14 @@ def fitted_values(
     }
     with np.errstate(over="ignore", invalid="ignore"):
         together = spread / np.maximum(np.outer(errors, errors), 1e-300)
+    estimates = _with_correlations(_found_only(estimates, fit, known), together)
     doubtful = errors > POLICY.tied_error * np.abs(list(values.values()))
     told = zip(values, np.abs(together[0]), doubtful, strict=True)
     tied = tuple(name for name, r, d in told if r > POLICY.tied_correlation and d and name not in (INERTIA, DELAY))
-    return Fitted(scale.model(fit), _found_only(estimates, fit, known), tied, _correlated(together, estimates))
+    return Fitted(scale.model(fit), estimates, tied, _correlated(together, estimates))
 
 
-def _found_only(estimates: dict[str, Estimate], fit: Fit, known: PriorKnowledge) -> dict[str, Estimate]:
+def _found_only(estimates: Mapping[str, Estimate], fit: Fit, known: PriorKnowledge) -> Mapping[str, Estimate]:
     """Where a fit finds no inertia what is given stays, and nothing is told of it."""
     if whole_inertia(fit) > 0.0 or INERTIA in known.fixed:
         return estimates
@@ -216,6 +217,16 @@ def _pull(value: float, prior: tuple[float, float], alone: float, share: float) 
         return 0.0
     without = (value - share * prior[0]) / (1.0 - share)
     return (without - prior[0]) / math.hypot(prior[1], alone)
+
+
+def _with_correlations(estimates: Mapping[str, Estimate], together: Array) -> dict[str, Estimate]:
+    """Each with the correlations of its error and of those before it, where both have one."""
+    free = [i for i, e in enumerate(estimates.values()) if not e.held and math.isfinite(e.std_error)]
+    names = list(estimates)
+    return {
+        name: replace(e, correlations={names[j]: float(together[i, j]) for j in free if j < i} if i in free else {})
+        for i, (name, e) in enumerate(estimates.items())
+    }
 
 
 def _correlated(together: Array, estimates: Mapping[str, Estimate]) -> Correlations:
