@@ -154,7 +154,8 @@ def inertia_columns(
     An interval of 0 is this instant: the acceleration is the last one, and nothing moves.
     """
     v, interval = channels.velocity, channels.interval
-    before = state or Moved(float(np.ravel(v)[0]) if np.size(v) else 0.0, 0.0, 0.0)
+    first = v if np.ndim(v) == 0 else float(v[0]) if len(v) else 0.0
+    before = state or Moved(first, 0.0, 0.0)
     if np.ndim(v) == 0:
         between = 0.5 * (interval + before.interval)
         a = (v - before.velocity) / between if interval > 0.0 and between > 0.0 else before.acceleration

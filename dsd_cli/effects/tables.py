@@ -64,8 +64,10 @@ class Table:
         if len(knots) == 1:
             return 0.0 * x
         steps = np.diff(values) / np.diff(knots)
-        inside = (x >= knots[0]) & (x <= knots[-1])
-        return steps[np.clip(np.searchsorted(knots, x, side="right") - 1, 0, len(steps) - 1)] * inside
+        found = steps[-1]
+        for step, end in zip(steps[-2::-1], knots[-2:0:-1], strict=True):
+            found = np.where(x < end, step, found)
+        return found * ((x >= knots[0]) & (x <= knots[-1]))
 
     def beyond(self, name: str, x: Any) -> float:
         """Share of x, shape (n,), a channel of this table, that lies beyond the knots, where the law is held."""
@@ -83,11 +85,18 @@ class Table:
     def _values(self) -> Any:
         return np.asarray(self.values, dtype=np.float64)
 
+    @cached_property
+    def _rows(self) -> list[tuple[Any, Any]]:
+        """(hat over the first channel's knots, values over the second's) of each row that is not 0."""
+        hats = np.eye(len(self._values))
+        return [(hat, row) for hat, row in zip(hats, self._values, strict=True) if row.any()]
+
     def _between(self, x: Any, y: Any) -> Any:
-        """Bilinear."""
-        (i, a), (j, b) = (_cell(z, knots) for z, knots in zip((x, y), self._knots, strict=True))
-        v = self._values
-        return (1.0 - a) * ((1.0 - b) * v[i, j] + b * v[i, j + 1]) + a * ((1.0 - b) * v[i + 1, j] + b * v[i + 1, j + 1])
+        """Bilinear: of each row over y the share that its hat over x has."""
+        return sum(
+            (np.interp(x, self._knots[0], hat) * np.interp(y, self._knots[1], row) for hat, row in self._rows),
+            0.0 * x,
+        )
 
 
 def _over(name: str, channels: Channels) -> Any:
@@ -97,12 +106,6 @@ def _over(name: str, channels: Channels) -> Any:
         case "speed":
             return np.abs(channels.velocity)
     return getattr(channels, name)
-
-
-def _cell(x: Any, knots: Any) -> tuple[Any, Any]:
-    """(knot below, share of the way to the next)."""
-    i = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, len(knots) - 2)
-    return i, np.clip((x - knots[i]) / (knots[i + 1] - knots[i]), 0.0, 1.0)
 
 
 def _nested(values: Any) -> Any:

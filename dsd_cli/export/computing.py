@@ -46,16 +46,8 @@ def refusal(joint: Joint, part: str) -> str:
     try:
         program(alone)
     except Refused as why:
-        return in_words(joint, part, why)
+        return str(why)
     return ""
-
-
-def in_words(joint: Joint, part: str, why: Refused) -> str:
-    """Why a law cannot be an expression: of a learnt one without the code that it is made of."""
-    if part.startswith("inertia_curve"):
-        return "it is an inertia that changes over the position"
-    over = joint.model.effects[part].get("channels")
-    return "it is a table over two channels" if isinstance(over, list | tuple) and len(over) > 1 else str(why)
 
 
 def symbols_of_force(joint: Joint, part: str) -> set[str]:

@@ -35,6 +35,23 @@ VALUES = {
     "hysteresis": {"radii": [0.1, 0.2], "stiffnesses": [1.0, 2.0], "scale": 1.0},
 }  # fmt: skip
 EFFECTS = list(named_effects())
+#: Learnt tables over other channels than those above: name in a model -> values.
+OVER_TWO = {"channels": ["velocity", "position"], "knots": [[-2.0, 0.0, 3.0], [-1.0, 0.2]], "factor": "one",
+            "values": [[0.5, 0.4], [0.0, 0.1], [-0.6, -0.3]], "scale": 1.0}  # fmt: skip
+TABLES = {
+    "curve over position": ("curve", {**VALUES["curve"], "channels": ["position"]}),
+    "curve over u": ("curve", {**VALUES["curve"], "channels": ["u"]}),
+    "curve over time": ("curve", {**VALUES["curve"], "channels": ["time"]}),
+    "curve over velocity and position": ("curve", OVER_TWO),
+    "curve over u times velocity": ("curve", {**VALUES["curve"], "channels": ["u"], "factor": "velocity"}),
+    "friction_curve over position": ("friction_curve", {**VALUES["friction_curve"], "channels": ["position"]}),
+    "friction_curve over u": ("friction_curve", {**VALUES["friction_curve"], "channels": ["u"]}),
+    "friction_curve over time": ("friction_curve", {**VALUES["friction_curve"], "channels": ["time"]}),
+    "friction_curve over velocity and position": (
+        "friction_curve", {**OVER_TWO, "values": [[0.5, 0.4], [0.2, 0.1], [0.6, 0.3]]}),
+}  # fmt: skip
+#: Every effect, and every kind of table, alone: what it is -> (name in a model, values).
+ALONE = {name: (name, values) for name, values in VALUES.items()} | TABLES
 
 #: Models that together have every effect: one structure each.
 TOGETHER = (
@@ -49,12 +66,13 @@ TOGETHER = (
         "curve",
         "coulomb_friction",
     ),
-    ("friction_curve", "periodic_disturbance", "stiffness", "cubic_stiffness"),
+    ("friction_curve", "periodic_disturbance", "stiffness", "cubic_stiffness", "inertia_curve"),
 )
 
 
 def joint(*effects: str, delay: float = 0.0205, sample_time: float = 2e-3) -> Joint:
-    return Joint(PlantModel(0.5, delay, {name: VALUES[name] for name in effects}), sample_time)
+    """The model with these of `ALONE`."""
+    return Joint(PlantModel(0.5, delay, dict(ALONE[name] for name in effects)), sample_time)
 
 
 def motion(sample_time: float = 2e-3, seconds: float = 0.8) -> Motion:

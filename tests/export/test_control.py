@@ -12,8 +12,7 @@ from dsd_cli.export.base import Joint, Motion
 from dsd_cli.export.computing import compiled
 from dsd_cli.export.motion import simulated
 from dsd_cli.export.targets import get_target
-from dsd_cli.plant.model import PlantModel
-from tests.export.cases import TOGETHER, VALUES, joint
+from tests.export.cases import TOGETHER, joint
 
 GCC = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
 MAIN = """#include <stdio.h>
@@ -84,13 +83,15 @@ def test_c_equals_python(effects: tuple[str, ...], tmp_path: Path) -> None:
         (("presliding_friction", "constant_load"), 0.02),
         (("flexible_coupling",), 0.02),
         (("hysteresis", "friction_curve"), 0.02),
+        (("inertia_curve",), 0.02),
+        (("curve over velocity and position", "viscous_friction"), 0.02),
     ],
     ids=lambda value: value[0] if isinstance(value, tuple) else "",
 )
 def test_the_feed_forward_makes_the_reference(effects: tuple[str, ...], most: float) -> None:
     """The simulator, which knows nothing of it, moves as wanted under that u; without it the axis does not."""
     step = 1e-3
-    one = Joint(PlantModel(0.5, 0.0, {name: VALUES[name] for name in effects}), step)
+    one = joint(*effects, delay=0.0, sample_time=step)
     t = (np.arange(600) + 0.5) * step
     w = 2.0 * np.pi * 2.0
     q, v, a = 0.5 * (1.0 - np.cos(w * t)), 0.5 * w * np.sin(w * t), 0.5 * w * w * np.cos(w * t)

@@ -13,7 +13,7 @@ from dsd_cli.export.making import MOST_PERCENT, cost, make, percent, verify
 from dsd_cli.export.motion import built_in, simulated
 from dsd_cli.export.targets import get_target, targets
 from dsd_cli.plant.model import PlantModel
-from tests.export.cases import EFFECTS, TOGETHER, VALUES, joint, motion
+from tests.export.cases import ALONE, EFFECTS, TOGETHER, VALUES, joint, motion
 
 GCC = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
 #: What runs in a moment is run with every effect alone, fmu and modelica with models that have several.
@@ -24,7 +24,7 @@ NOT_RUN = {("modelica", "backlash"): "rumoca has no loop within an if"}
 
 def test_every_effect_is_a_case() -> None:
     assert set(EFFECTS) == set(VALUES)
-    assert {e for several in TOGETHER for e in several} == set(EFFECTS) - {"inertia_curve"}
+    assert {e for several in TOGETHER for e in several} == set(EFFECTS)
 
 
 @pytest.mark.parametrize("target", sorted(targets()))
@@ -43,7 +43,7 @@ def test_each_effect_is_carried_or_refused_with_a_reason(effect: str, target: st
 
 @GCC
 @pytest.mark.parametrize("target", QUICK)
-@pytest.mark.parametrize("effect", [e for e in EFFECTS if e != "inertia_curve"])
+@pytest.mark.parametrize("effect", ALONE)
 def test_the_axis_is_that_of_the_simulator(effect: str, target: str) -> None:
     one, given = joint(effect), motion()
     ran = get_target(target).run(get_target(target).write(one), one, given)

@@ -6,7 +6,7 @@ import numpy as np
 
 from dsd_cli.effects import Channels, Role
 from dsd_cli.export.base import INERTIA, Joint, Target, Verdict, number
-from dsd_cli.export.computing import in_words, symbols_of_force
+from dsd_cli.export.computing import symbols_of_force
 from dsd_cli.export.expression import Refused
 from dsd_cli.plant.forces import interval_forces
 
@@ -25,7 +25,7 @@ def _judge(joint: Joint, part: str) -> Verdict:
     try:
         others = symbols_of_force(joint, part) - {"v"}
     except Refused as why:
-        return Verdict(part, False, in_words(joint, part, why))
+        return Verdict(part, False, str(why))
     if others:
         words = {"q": "position", "u": "command", "t": "time"}
         return Verdict(part, False, f"it depends on {' and '.join(sorted(words[x] for x in others))}")
