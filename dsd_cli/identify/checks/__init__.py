@@ -75,7 +75,7 @@ def check_log(
         parameters = unknown_parameters(model)
     else:
         parameters = check_parameters(view, model, observer)
-        found += _not_told(parameters) if model is not None else []
+        found += [*_bent(parameters), *_not_told(parameters)] if model is not None else []
     worded = [one.worded(factors or {}, u_shift) for one in found]
     return CheckResult(
         log.source,
@@ -104,8 +104,19 @@ def _unusable(view: View) -> list[Finding]:
     return found
 
 
+def _bent(parameters: Sequence[Parameter]) -> list[Finding]:
+    """What the model's values would be if it had the forces that it lacks."""
+    bent = [one for one in parameters if one.beside is not None]
+    if not bent:
+        return []
+    texts = [f"{one.name} is {one.value:.3g} with this model and {one.beside:.3g}" for one in bent]
+    what = f"{', '.join(texts)} with friction, weight and springs of any size beside it: it lacks a force that bends "
+    severity: Severity = "warning" if any(one.identified == "not" for one in bent) else "note"
+    return [Finding(what + ("it" if len(bent) == 1 else "them"), "log", severity, 0.9, "dsd diagnose says which")]
+
+
 def _not_told(parameters: Sequence[Parameter]) -> list[Finding]:
-    names = [one.name for one in parameters if one.identified == "not"]
+    names = [one.name for one in parameters if one.identified == "not" and one.beside is None]
     if not names:
         return []
     remedy = "record moves that show it" if len(names) == 1 else "record moves that show them"

@@ -29,6 +29,8 @@ TIED = 0.98
 #: A value of 0 is judged by the force that it stands for: this share of u.
 _SMALL_FORCE = 0.05
 _STEP = 1e-3
+#: A value is bent where forces of the motion beside the model move it by more than so many standard errors.
+_BENT = 3.0
 #: A column below this share of u is none.
 _NOTHING = 1e-9
 
@@ -67,11 +69,29 @@ def check_parameters(view: View, model: PlantModel | None, observer: ObserverSet
     if given is None:
         return unknown_parameters(None)
     values = tuple(_values(given))
-    rows = _rows(view, given, values, observer, beside=model is None)
+    rows = _rows(view, given, values, observer)
     if rows is None:
         return unknown_parameters(given)
-    found = _judged(values, *rows, view.log.sample_time)
+    left, slopes, others, drive = rows
+    T, basis = view.log.sample_time, orthonormal(others)
+    beside = _judged(values, without(basis, left), without(basis, slopes), drive, T)
+    alone = beside if model is None else _judged(values, left, slopes, drive, T)
+    found = tuple(_bent(*pair, T) for pair in zip(alone, beside, strict=True))
     return found if view.band is not None else tuple(_drifting(one) for one in found)
+
+
+def _bent(one: Parameter, beside: Parameter, T: float) -> Parameter:
+    """An inertia or a delay that takes the place of a force that the model lacks is wrong by what that moves it.
+
+    `beside` : the same with friction, weight and springs of any size beside the model. All other values are such forces
+    themselves.
+    """
+    moved = abs(beside.value - one.value)
+    if "." in one.name or not moved > _BENT * beside.std_error:
+        return one
+    error = math.hypot(one.std_error, moved)
+    judged = grade(one.value, error, T) if one.name == "delay" else grade(abs(one.value), error)
+    return replace(one, identified=judged, std_error=error, beside=None if judged == one.identified else beside.value)
 
 
 def _drifting(one: Parameter) -> Parameter:
@@ -108,9 +128,12 @@ def _unknown(value: _Value) -> Parameter:
 
 
 def _rows(
-    view: View, model: PlantModel, values: Sequence[_Value], observer: ObserverSettings | None, beside: bool
-) -> tuple[Array, Array, float] | None:
-    """(what the model leaves, its slopes by the values, rms of u); shapes (rows,), (rows, values). None: too few."""
+    view: View, model: PlantModel, values: Sequence[_Value], observer: ObserverSettings | None
+) -> tuple[Array, Array, Array, float] | None:
+    """(what the model leaves, its slopes by the values, other forces of the motion, rms of u); None: too few rows.
+
+    Shapes (rows,), (rows, values), (rows, 6).
+    """
     parts = []
     for s in view.stretches:
         motion = motion_of(s, view, observer)
@@ -127,10 +150,7 @@ def _rows(
     left, slopes, others, u = (np.concatenate(x) for x in zip(*parts, strict=True))
     if left.size < 4 * len(values):
         return None
-    if beside:
-        basis = orthonormal(others)
-        left, slopes = without(basis, left), without(basis, slopes)
-    return left, slopes, float(np.std(u))
+    return left, slopes, others, float(np.std(u))
 
 
 def _stretch_rows(

@@ -101,3 +101,42 @@ def test_nothing_is_identified_on_a_log_that_cannot_answer():
     c = servo("velocity").channels
     result = check_log(log_of(servo("velocity"), u=-c["u"]), model_of(servo("velocity")))
     assert {one.identified for one in result.parameters} == {"not"}
+
+
+def rubbing(inertia: float, delay: int, level: float, viscous: float) -> Log:
+    """A mass that dry and viscous friction brake, led by steps of a drive, 1 ms apart: by plain sums."""
+    T, rng = 0.001, np.random.default_rng(11)
+    u = np.repeat(rng.choice([-2.0, -1.2, 1.2, 2.0], 160), 50)
+    v, speed = np.zeros(u.size), 0.0
+    for k in range(1, u.size):
+        for _ in range(10):
+            force = (u[k - 1 - delay] if k > delay else 0.0) - viscous * speed - level * np.tanh(speed / 0.01)
+            speed += 0.1 * T / inertia * force
+        v[k] = speed
+    return Log({"t": T * np.arange(u.size), "u": u, "velocity": v}, T)
+
+
+def test_a_delay_that_missing_friction_bends_is_not_identified():
+    """With the friction in the model both values are right; without it they are wrong by more than their own errors."""
+    inertia, delay = 0.05, 3
+    log = rubbing(inertia, delay, level=0.8, viscous=0.4)
+    friction = {"coulomb_friction": {"level": 0.8}, "viscous_friction": {"coefficient": 0.4}}
+    whole = check_log(log, PlantModel(inertia, 0.003, friction))
+    found = by_name(whole)
+    assert {one.identified for one in found.values()} == {"identified"}
+    assert found["inertia"].value == pytest.approx(inertia, rel=0.03)
+    assert found["delay"].value == pytest.approx(0.003, abs=0.0005)
+    assert [one for one in whole.findings if "bends" in one.what] == []
+    bare = check_log(log, PlantModel(inertia, 0.003))
+    found = by_name(bare)
+    assert found["delay"].identified != "identified"
+    for name, true in (("inertia", inertia), ("delay", 0.003)):
+        assert abs(found[name].value - true) < 2.0 * found[name].std_error
+    (bent,) = [one for one in bare.findings if "bends" in one.what]
+    assert bent.remedy == "dsd diagnose says which"
+
+
+def test_no_complete_model_is_said_to_bend_a_value():
+    for recording in recordings("motion")[:15]:
+        said = [one.what for one in check_log(log_of(recording), model_of(recording)).findings if "bends" in one.what]
+        assert said == [], recording.truth.hidden
