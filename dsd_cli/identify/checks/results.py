@@ -66,8 +66,8 @@ class Parameter:
     std_error : of the value, with correlated errors counted; infinite where the log says nothing.
     unit : with {u}, {v}, {q} for the units of the channels.
     tied_to : parameters that this log cannot tell from it (correlation above 0.98).
-    beside : the value with friction, weight and springs of any size beside the model, where a force that the model lacks
-        bends it so far that it is less well known; `std_error` counts the difference. Else None.
+    beside : the value with friction, weight and springs of any size beside the model, where a force that the model
+        lacks bends it so far that it is less well known; `std_error` counts the difference. Else None.
     """
 
     name: str

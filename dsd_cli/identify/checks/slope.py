@@ -18,6 +18,8 @@ _IN_BAND = 0.01
 _NEARLY = 0.9
 #: And what is less than this share between two peaks makes them two.
 _DIP = 0.5
+#: Below this share of its square that nothing else explains, a column says nothing.
+_COLLINEAR = 1e-9
 #: Delays between the two that are tried, s.
 FARTHEST = 0.06
 
@@ -47,24 +49,53 @@ def compare_slope(stretches: Sequence[Stretch], cutoff: float) -> Slope | None:
     T = stretches[0].T
     lags = np.linspace(-FARTHEST, FARTHEST, max(int(np.ceil(2.0 * FARTHEST * 32.0 * cutoff)), 8) + 1)
     v, s = np.concatenate(speeds), np.concatenate([_shifted(*pair, lags / T) for pair in slopes])
-    v = v - v.mean()
-    s = s - s.mean(axis=0)
     edges = block_starts(v.size)
-    vs, ss, vv = (np.add.reduceat(x, edges) for x in (v[:, None] * s, s**2, v**2))
+    vs, ss = (np.add.reduceat(x, edges) for x in (v[:, None] * s, s**2))
     explained = vs.sum(axis=0) ** 2 / np.maximum(ss.sum(axis=0), 1e-300)
-    at = _nearest_peak(explained, lags)
+    at = _nearest_peak(explained - explained.min(), lags)  # a mean speed is explained at every lag
     if at is None:
         return None
-    others = (vs.sum(axis=0) - vs) ** 2 / np.maximum(ss.sum(axis=0) - ss, 1e-300)
     factors = (vs.sum(axis=0) - vs)[:, at] / np.maximum(ss.sum(axis=0) - ss, 1e-300)[:, at]
-    peaks = np.array([_peak(row, lags, at) for row in others])
+    late, late_error, agreement = _lateness(v, s[:, at - 1 : at + 2], float(lags[1] - lags[0]))
     return Slope(
         float(vs[:, at].sum() / ss[:, at].sum()),
         float(jackknife(factors)),
-        _peak(explained, lags, at),
-        float(jackknife(peaks)),
-        float(explained[at] / max(vv.sum(), 1e-300)),
+        float(lags[at]) + late,
+        late_error,
+        agreement,
     )
+
+
+def _lateness(v: Array, s: Array, step: float) -> tuple[float, float, float]:
+    """(s by which v is later than the middle column of `s`, its standard error, the share of v's changes explained).
+
+    By least squares v = f s + f late ds/dlag + offset: in a ramp a lag is an offset, and its error is infinite.
+
+    Parameters
+    ----------
+    s : slopes at three lags, `step` s apart, shape (rows, 3).
+    """
+    columns = np.column_stack([s[:, 1], (s[:, 2] - s[:, 0]) / (2.0 * step), np.ones(v.size)])
+    sizes = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
+    x = columns / sizes
+    inverse = np.linalg.pinv(x.T @ x, rcond=_COLLINEAR)
+    found = inverse @ (x.T @ v)
+    rest = v - x @ found
+    change = max(float(np.sum((v - v.mean()) ** 2)), 1e-300)
+    agreement = 1.0 - float(rest @ rest) / change
+    unique = x[:, 1] - _on(x[:, [0, 2]], x[:, 1])
+    power = float(unique @ unique)
+    if power < _COLLINEAR * v.size or found[0] == 0.0:
+        return 0.0, np.inf, agreement
+    scores = np.add.reduceat(unique * rest, block_starts(v.size))
+    error = np.sqrt(max(float(scores @ scores), float(rest @ rest) / v.size * power)) / power
+    slope = float(found[0] / sizes[0] * sizes[1])
+    return float(found[1]) / slope, abs(float(error) / slope), agreement
+
+
+def _on(basis: Array, x: Array) -> Array:
+    """What the columns of `basis` explain of x."""
+    return np.asarray(basis @ np.linalg.lstsq(basis, x, rcond=None)[0])
 
 
 def _rows(stretches: Sequence[Stretch], cutoff: float) -> tuple[list[Array], list[tuple[Array, Array]]]:
@@ -103,13 +134,3 @@ def _nearest_peak(values: Array, lags: Array) -> int | None:
     between = [values[min(k, highest) : max(k, highest) + 1].min() for k in tops.tolist()]
     others = tops[np.array(between) < _DIP * values.max()]
     return int(min((highest, *others.tolist()), key=lambda k: abs(lags[k])))
-
-
-def _peak(values: Array, at: Array, near: int) -> float:
-    """Place of the largest value around `near`, by a parabola through it and its neighbours."""
-    first = max(near - 1, 0)
-    k = int(np.clip(first + values[first : near + 2].argmax(), 1, values.size - 2))
-    before, top, after = values[k - 1 : k + 2]
-    bend = before - 2.0 * top + after
-    offset = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
-    return float(at[k] + np.clip(offset, -1.0, 1.0) * (at[1] - at[0]))
