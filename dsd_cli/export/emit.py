@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from dsd_cli.export.base import number as digits
 from dsd_cli.export.expression import CONDITIONS, Expression, known_on, node, symbols
+from dsd_cli.export.needs import Needs
 from dsd_cli.export.ways import rebuilt
 
 #: A text longer than this gets a name of its own.
@@ -66,7 +67,7 @@ def statements(outputs: dict[str, Expression], syntax: Syntax, names: dict[str, 
     writer = _Writer(syntax, names, Counter())
     spelt = {target: writer.spell(e) for target, e in outputs.items()}
     writer.count(spelt.values())
-    scope = _Scope(indent, {}, {})
+    scope = _Scope(indent, {}, {}, tuple(spelt.values()))
     values = [(target, writer.text(e, scope)) for target, e in spelt.items()]
     asked = symbols(outputs.values())
     for i, (target, value) in enumerate(values):  # an output that is an input still asked for is kept apart first
@@ -80,16 +81,17 @@ def statements(outputs: dict[str, Expression], syntax: Syntax, names: dict[str, 
 
 @dataclass
 class _Scope:
-    """Statements of one branch, and what has a name in it or around it."""
+    """Statements of one branch, what has a name in it or around it, and what it is to give."""
 
     indent: int
     known: dict[Expression, str]
     way: dict[Expression, bool]
+    wanted: tuple[Expression, ...]
     lines: list[str] = field(default_factory=list)
 
-    def inner(self, condition: Expression | None = None, holds: bool = True) -> _Scope:
+    def inner(self, wanted: tuple[Expression, ...], condition: Expression | None = None, holds: bool = True) -> _Scope:
         way = self.way if condition is None else {**self.way, condition: holds}
-        return _Scope(self.indent + 1, dict(self.known), way)
+        return _Scope(self.indent + 1, dict(self.known), way, wanted)
 
 
 @dataclass
@@ -100,7 +102,7 @@ class _Writer:
     reals: list[str] = field(default_factory=list)
     counters: list[str] = field(default_factory=list)
     spelled: dict[Expression, Expression] = field(default_factory=dict)
-    surely: dict[Expression, dict[Expression, None]] = field(default_factory=dict)
+    needs: Needs = field(default_factory=Needs)
 
     def spell(self, e: Expression) -> Expression:
         """With functions that the language lacks spelt out."""
@@ -161,22 +163,6 @@ class _Writer:
         scope.known[e] = self.named(found, scope)
         return scope.known[e]
 
-    def certain(self, e: Expression) -> dict[Expression, None]:
-        """What is computed whenever this is, arguments first: both branches of a choice have it, or its condition."""
-        if e not in self.surely:
-            args = [a for a in e.args if isinstance(a, Expression)]
-            if e.op == "where":
-                both = self.certain(args[2])
-                inside = {x: None for x in self.certain(args[1]) if x in both}
-                found = {**self.certain(args[0]), **inside}
-            elif e.op == "loop":  # what is in its body has other values each time
-                third = (len(args) - 2) // 3
-                found = {x: None for a in args[2 + third : 2 + 2 * third] for x in self.certain(a)}
-            else:
-                found = {x: None for a in args for x in self.certain(a)}
-            self.surely[e] = {**found, e: None}
-        return self.surely[e]
-
     def operation(self, e: Expression, args: list[str]) -> str:
         syntax = self.syntax
         if e.op in syntax.call:
@@ -201,25 +187,46 @@ class _Writer:
             parts = [self.text(part, scope) for part in e.args]
             return self.shared(e, self.syntax.ternary.format(*parts), scope)
         condition = self.text(asked, scope)
-        others = self.certain(no)
-        for x in [
-            x for x in self.certain(yes) if x in others and self.uses[x] > 1 and x.op not in (*CONDITIONS, "loop")
-        ]:
-            self.text(x, scope)
-        name = self.fresh()
-        if self.syntax.blank:
+        together = self.alike(e, scope)
+        branches = [tuple(x.args[k] for x in together) for k in (1, 2)]
+        for x in self.needs.ahead(branches[0], branches[1], self.sure(scope)):
+            if x.op == "part" or (self.uses[x] > 1 and x.op not in (*CONDITIONS, "loop", "number", "symbol")):
+                self.text(x, scope)
+        names = [self.fresh() for _ in together]
+        for name in names if self.syntax.blank else ():
             self.line(self.syntax.blank.format(name=name), scope)
-        branches = [scope.inner(asked, True), scope.inner(asked, False)]
-        for branch, value in zip(branches, (yes, no), strict=True):
-            self.line(self.syntax.assign.format(name=name, value=self.text(value, branch)), branch)
-        self.line(self.syntax.if_.format(condition), scope)
-        scope.lines += branches[0].lines
-        self.line(self.syntax.else_, scope)
-        scope.lines += branches[1].lines
+        openings = (self.syntax.if_.format(condition), self.syntax.else_)
+        for opening, values, holds in zip(openings, branches, (True, False), strict=True):
+            branch = scope.inner(values, asked, holds)
+            for name, value in zip(names, values, strict=True):
+                self.line(self.syntax.assign.format(name=name, value=self.text(value, branch)), branch)
+            self.line(opening, scope)
+            scope.lines += branch.lines
         if self.syntax.end:
             self.line(self.syntax.end, scope)
-        scope.known[e] = name
-        return name
+        scope.known |= dict(zip(together, names, strict=True))
+        return scope.known[e]
+
+    def alike(self, e: Expression, scope: _Scope) -> tuple[Expression, ...]:
+        """This choice, and others by the same condition that the scope is sure to need and of which none is within
+        another: they go into the same `if`.
+        """
+        found = [e]
+        for x in self.sure(scope):
+            if x.op == "where" and x.args[0] is e.args[0] and x not in scope.known:
+                apart = (not self.needs.within(x, y) and not self.needs.within(y, x) for y in found)
+                found += [x] if all(apart) else []
+        return tuple(found)
+
+    def sure(self, scope: _Scope) -> dict[Expression, None]:
+        """What the scope is sure to need."""
+        return self.needs.certain(self.decided(x, scope) for x in scope.wanted)
+
+    def decided(self, e: Expression, scope: _Scope) -> Expression:
+        """What it is where the conditions of the scope hold."""
+        while e.op == "where" and (holds := known_on(e.args[0], scope.way)) is not None:
+            e = e.args[1 if holds else 2]
+        return e
 
     def simple(self, e: Expression, scope: _Scope) -> bool:
         """Whether it is a word or two in an expression, and harmless where it is not asked for."""
@@ -237,7 +244,7 @@ class _Writer:
         self.counters.append(counter)
         times = int(count.args[0])
         self.line(self.syntax.for_.format(i=counter, count=times, last=times - 1), scope)
-        body = scope.inner()
+        body = scope.inner(tuple(following))
         body.known |= {index: self.syntax.index.format(counter), **dict(zip(held, names, strict=True))}
         values = [self.text(f, body) for f in following]
         kept = [self.named(value, body) for value in values]  # all of them before the first is overwritten

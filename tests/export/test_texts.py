@@ -3,11 +3,13 @@
 import csv
 import io
 import json
+import math
 import re
 
 import numpy as np
 import pytest
 
+from dsd_cli.export.emit import statements
 from dsd_cli.export.targets import get_target
 from tests.export.cases import TOGETHER, joint
 
@@ -74,3 +76,24 @@ def test_values_are_read_back_as_they_were() -> None:
     assert found[("delay", "")] == one.model.delay
     for name, values in one.model.effects.items():
         assert {p: found[(name, p)] for p in values} == dict(values)
+
+
+def test_values_that_hang_on_one_condition_share_an_if() -> None:
+    from dsd_cli.export.expression import make, symbol, where
+    from dsd_cli.export.targets.matlab import MATLAB
+
+    a, b = symbol("a"), symbol("b")
+    later = where(make("<", a, b), make("exp", make("exp", a)), make("exp", b))
+    outputs = {"first": where(make("<", a, b), a / b, b / a), "second": later, "third": make("sin", later)}
+    lines = statements(outputs, MATLAB, {}, 0).lines
+    assert sum(line.strip().startswith("if") for line in lines) == 1
+    scope = {"exp": math.exp, "sin": math.sin, "a": 1.0, "b": 2.0}
+    exec("\n".join(lines).replace("if (a < b)", "if a < b:").replace("else", "else:").replace("end", ""), scope)
+    assert (scope["first"], scope["second"]) == (0.5, math.exp(math.e))
+    assert scope["third"] == math.sin(math.exp(math.e))
+
+
+def test_what_a_branch_and_the_rest_need_is_computed_once() -> None:
+    """The load behind a play is stepped on in a loop: once in each function, though friction asks for it at rest."""
+    friction = get_target("c").write(joint("backlash")).decode().split("_friction(joint_effects")[-1].split("_init")[0]
+    assert friction.count("for (int") == 2  # its steps, and the parts of one in which the contact begins or ends
