@@ -12,7 +12,7 @@ from dsd_cli.cli.sharing import spread
 
 if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
-    from dsd_cli.identify.compare.evaluation import Force
+    from dsd_cli.identify.compare.balance import Force
     from dsd_cli.identify.results import Addition
     from dsd_cli.report.addition import AdditionReport
 
@@ -88,7 +88,7 @@ def add(
 def _added(given: Given, effect: str) -> tuple[Addition, Force | None]:
     """The addition in the user's units, and the balance of forces of the model without it."""
     from dsd_cli.identify.addition import add_effect
-    from dsd_cli.identify.compare.evaluation import force_view
+    from dsd_cli.identify.compare.balance import force_view
     from dsd_cli.identify.results import in_units
 
     added = add_effect(

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.recordings import LoadedRecording
     from dsd_cli.files.config import Config, Signals
-    from dsd_cli.identify.compare.evaluation import Evaluation
+    from dsd_cli.identify.compare.comparison import Series
     from dsd_cli.identify.compare.forward import Forward
     from dsd_cli.plant.controllers import ControllerSettings
     from dsd_cli.report.comparison import Report
@@ -151,7 +151,7 @@ def _compare(settings: Config, wanted: Wanted) -> None:
 
     quiet, holdout = wanted.quiet, wanted.holdout
     believed_model(settings)  # without an inertia nothing needs to be read
-    evaluation: Evaluation | None = None
+    series: Series | None = None
     with Progress(not quiet) as progress:
         loaded = [load_recording(path, settings, progress=progress) for path in wanted.logs]
         aside = None if holdout is None else load_holdout(holdout, wanted.logs, settings, progress)
@@ -160,7 +160,7 @@ def _compare(settings: Config, wanted: Wanted) -> None:
             for warning in () if one is None else one.warnings:
                 say(quiet, f"dsd: warning: {path}: {warning}")
         if wanted.horizon is None:
-            report, evaluation = _predicted(settings, loaded, aside, wanted.max_rmse, progress)
+            report, series = _predicted(settings, loaded, aside, wanted.max_rmse, progress)
         else:
             progress("simulating")
             report = _simulated(settings, loaded, aside, wanted.max_rmse, wanted.horizon)
@@ -171,7 +171,7 @@ def _compare(settings: Config, wanted: Wanted) -> None:
     else:
         print_table(report, sys.stdout)
     if wanted.plot is not None:
-        put_picture(wanted.plot, lambda: _drawn(report, evaluation, aside, settings.signals.units), quiet)
+        put_picture(wanted.plot, lambda: _drawn(report, series, settings.signals.units), quiet)
     if not report.holds:
         from dsd_cli.errors import CheckFailed
 
@@ -179,18 +179,15 @@ def _compare(settings: Config, wanted: Wanted) -> None:
         raise CheckFailed(f"{judged_by} is above --max-rmse {wanted.max_rmse:g}")
 
 
-def _drawn(report: Report, evaluation: Evaluation | None, aside: LoadedRecording | None, units: Units) -> Any:
+def _drawn(report: Report, series: Series | None, units: Units) -> Any:
     """The figure of a prediction, or of a simulation."""
     from dsd_cli.identify.compare.comparison import Comparison
-    from dsd_cli.identify.compare.evaluation import evaluate
     from dsd_cli.report.plots_comparison import draw
     from dsd_cli.report.plots_simulation import draw as draw_simulation
 
-    if not isinstance(report.result, Comparison) or evaluation is None:
+    if not isinstance(report.result, Comparison) or series is None:
         return draw_simulation(report, units)
-    if aside is None:
-        return draw(report.result, evaluation)
-    return draw(report.result, evaluation, evaluate([aside.recording], evaluation.model, evaluation.observer))
+    return draw(report.result, series)
 
 
 def _predicted(
@@ -199,13 +196,13 @@ def _predicted(
     aside: LoadedRecording | None,
     max_rmse: float | None,
     progress: Progress,
-) -> tuple[Report, Evaluation]:
+) -> tuple[Report, Series]:
     from dsd_cli.cli.plan import observer_settings
     from dsd_cli.cli.recordings import believed_model
     from dsd_cli.identify.compare.comparison import compare as compare_recordings
     from dsd_cli.report.comparison import Report
 
-    comparison, evaluation = compare_recordings(
+    comparison, series = compare_recordings(
         [one.recording for one in loaded],
         believed_model(settings),
         observer_settings(settings),
@@ -214,7 +211,7 @@ def _predicted(
         progress,
     )
     comparison = replace(comparison, units=settings.signals.units)
-    return Report(comparison, dropped=_dropped(loaded, aside), max_rmse=max_rmse), evaluation
+    return Report(comparison, dropped=_dropped(loaded, aside), max_rmse=max_rmse), series
 
 
 def _simulated(

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from dsd_cli.identify.compare.evaluation import Force
+from dsd_cli.identify.compare.balance import Force
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Addition, Step
 from dsd_cli.report import terminal

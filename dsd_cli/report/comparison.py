@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from dsd_cli.identify.compare.balance import Force
 from dsd_cli.identify.compare.comparison import Comparison
-from dsd_cli.identify.compare.evaluation import Force
 from dsd_cli.identify.compare.forward import Forward
 from dsd_cli.identify.compare.regimes import Where
 from dsd_cli.identify.compare.residuals import LARGE
@@ -84,6 +84,7 @@ def _prediction(result: Comparison) -> dict[str, Any]:
         },
         "residual": asdict(result.residual)
         | {"large_share": LARGE, "remembers": result.residual.remembers, "follows_u": result.residual.follows_u},
+        "where_of": result.where_of,
         **_where(result.where),
         "dependence": [{"on": d.on, "explains": d.explains} for d in result.dependence],
         "conclusion": result.conclusion,

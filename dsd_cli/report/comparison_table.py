@@ -7,14 +7,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
+from dsd_cli.identify.compare.balance import Force
 from dsd_cli.identify.compare.comparison import Comparison, LogAccuracy
-from dsd_cli.identify.compare.evaluation import Accuracy, Force
+from dsd_cli.identify.compare.evaluation import Accuracy
 from dsd_cli.identify.compare.forward import Forward, Tracking
 from dsd_cli.identify.compare.regimes import Where
 from dsd_cli.identify.compare.residuals import ResidualTests
 from dsd_cli.report import terminal
 from dsd_cli.report.comparison import Report
-from dsd_cli.report.conclusions import conclusion, simulation_conclusion
+from dsd_cli.report.conclusions import conclusion, no_dependence, simulation_conclusion
 from dsd_cli.report.names import force_error
 from dsd_cli.report.terminal import escaped
 
@@ -55,16 +56,15 @@ def _print_comparison(console: Any, result: Comparison) -> None:
     _print_force(console, result)
     _print_accuracy(console, result)
     _print_residual(console, result.residual)
-    _print_where(console, result.where)
-    table = _table("what a function of it explains of the residual (held-out)", "of", "explains")
+    _print_where(console, result.where, "force error" if result.where_of == "force" else "error of d_hat")
+    table = _table("what a function of it explains of the force residual (held-out)", "of", "explains")
     shown = [d for d in result.dependence if d.explains >= _LEAST_SHOWN][:MOST_DEPENDENCES]
     for one in shown:
         table.add_row(one.on, _percent(one.explains))
     if shown:
         console.print(table)
     else:
-        why = "no channel explains 1 % of it" if result.dependence else "the log is too short to hold out blocks"
-        console.print(f"dependence of the residual: {why}\n")
+        console.print(escaped(f"dependence of the force residual: {no_dependence(result)}\n"))
 
 
 def _print_force(console: Any, result: Comparison) -> None:
@@ -124,7 +124,13 @@ def _print_logs(console: Any, logs: Sequence[LogAccuracy], forces: Mapping[str, 
 
 def _print_residual(console: Any, tests: ResidualTests) -> None:
     table = _table(
-        "is the residual noise?", "correlation", "largest", "lag ms", "by chance", "share of variance", "verdict"
+        "is the residual of d_hat noise?",
+        "correlation",
+        "largest",
+        "lag ms",
+        "by chance",
+        "share of variance",
+        "verdict",
     )
     table.add_row(
         "own past",
@@ -154,9 +160,9 @@ def _weight(significant: bool, large: bool) -> str:
     return "there, small" if significant else "chance"
 
 
-def _print_where(console: Any, where: Where) -> None:
+def _print_where(console: Any, where: Where, of: str) -> None:
     if where.regimes:
-        table = _table("where the error is", "regime", "of the samples", "of the error", "rmse")
+        table = _table(f"where the {of} is", "regime", "of the samples", "of the error", "rmse")
         for regime in where.regimes:
             name = f"({regime.regime})" if regime.overlaps else regime.regime
             shares = (_percent(regime.share_of_samples), _percent(regime.share_of_error))

@@ -68,15 +68,24 @@ def _unequal(result: Comparison) -> str:
 def _conclusion(result: Comparison) -> str:
     found = result.conclusion
     if found == BIAS:
-        share = _percent(result.accuracy.bias_share)
+        share = _percent(result.bias_share)
         return f"{share} of the error is a constant, as a weight or an offset of u is: {_NEXT}"
+    if found == SHORT and result.force.missing:
+        return f"on what the error depends cannot be said: {result.force.missing}"
     if found in _OTHER:
         return _OTHER[found]
     explains = max(d.explains for d in result.dependence if d.on == found)
     on = _ON.get(found, f"{found.replace(' x ', ' and ')} together")
-    constant = result.accuracy.bias_share
+    constant = result.bias_share
     beside = f", and {_percent(constant)} of the whole is a constant" if constant >= LARGE else ""
     return f"the error depends on {on} ({_percent(explains)} of its variance){beside}: {_NEXT}"
+
+
+def no_dependence(result: Comparison) -> str:
+    """Why there is nothing that the residual depends on."""
+    if result.dependence:
+        return "no channel explains 1 % of it"
+    return result.force.missing or "the log is too short to hold out blocks"
 
 
 def _percent(share: float) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.identify.compare.comparison import Comparison
+from dsd_cli.identify.compare.comparison import Comparison, Series
 from dsd_cli.identify.compare.evaluation import Evaluation, Stretch
 from dsd_cli.report.conclusions import conclusion
 from dsd_cli.report.figure import (
@@ -29,7 +29,7 @@ from dsd_cli.report.figure import (
 )
 from dsd_cli.report.plots_residual import draw_correlation, draw_dependence, draw_regimes
 from dsd_cli.report.timeline import Part, Timeline, timeline, zero
-from dsd_cli.report.views_comparison import Curve, curves_over, directions, forces_of, spectrum_of
+from dsd_cli.report.views_comparison import Curve, curves_over, spectrum_of
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.units import Units
 
@@ -37,8 +37,8 @@ _ROWS = (1.2, 0.8, 0.65, 0.65, 0.65, 1.35, 1.0, 1.15, 1.25)
 _TIME = ("d_hat", "residual", "u", "velocity", "position")
 
 
-def draw(result: Comparison, evaluation: Evaluation, aside: Evaluation | None = None) -> Any:
-    """The figure; `aside` : of the log that was held out."""
+def draw(result: Comparison, series: Series) -> Any:
+    """The figure."""
     figure = sheet(12.0, 17.0)
     axes = figure.subplot_mosaic(
         [
@@ -51,9 +51,10 @@ def draw(result: Comparison, evaluation: Evaluation, aside: Evaluation | None = 
         height_ratios=_ROWS,
     )
     headline(figure, f"{_title(result)}\n{conclusion(result)}", 115)
-    _draw_time([axes[name] for name in _TIME], evaluation, aside, result.units)
+    evaluation = series.evaluation
+    _draw_time([axes[name] for name in _TIME], evaluation, series.aside, result.units)
     for channel in ("velocity", "position"):
-        _draw_forces(axes[f"force over {channel}"], axes[f"left over {channel}"], evaluation, channel, result.units)
+        _draw_forces(axes[f"force over {channel}"], axes[f"left over {channel}"], series, channel, result)
     draw_correlation(axes["correlation"], result)
     _draw_spectrum(axes["spectrum"], result, evaluation)
     draw_regimes(axes["regimes"], result)
@@ -107,27 +108,29 @@ def _draw_channel(panel: Any, name: str, stretches: list[Stretch], time: Timelin
         panel.set_yticks([])
 
 
-def _draw_forces(above: Any, below: Any, evaluation: Evaluation, channel: str, units: Units) -> None:
-    """Forces over a channel, as measured and as the model has them; below, what is left between them."""
-    if any(channel not in s.log for s in evaluation.stretches):
+def _draw_forces(above: Any, below: Any, series: Series, channel: str, result: Comparison) -> None:
+    """Forces over a channel, as measured and as the model has them, in the band; below, what is left between them."""
+    stretches, balance = series.evaluation.stretches, series.balance
+    if balance is None or any(channel not in s.log for s in stretches):
+        why = result.force.missing if balance is None else f"no {channel} in the log"
         for axis in (above, below):
-            nothing(axis, f"no {channel} in the log")
+            nothing(axis, why)
         return
     above.sharex(below)
     above.tick_params(labelbottom=False)
-    x, forces = evaluation.pooled(lambda s: s.log[channel]), forces_of(evaluation)
-    both = channel == "position" and all("velocity" in s.log for s in evaluation.stretches)
-    curves = curves_over(x, forces, directions(evaluation) if both else None)
+    x, forces = balance.at_rows(channel), balance.forces
+    both = channel == "position" and all("velocity" in s.log for s in stretches)
+    curves = curves_over(x, forces, np.sign(balance.at_rows("velocity")) if both else None)
     cloud(above, x, forces.measured, RESIDUAL)
     cloud(below, x, forces.measured - forces.modelled, RESIDUAL)
     for axis in (above, below):
         zero(axis)
     for curve in curves:
         _draw_curve(above, below, curve)
-    unit = f" ({units.u})" if units.u else ""
-    above.set_ylabel(f"forces on the axis{unit}")
+    unit, band = (f" ({result.units.u})" if result.units.u else ""), balance.errors.equations.band.hz
+    above.set_ylabel(f"forces below {band:.3g} Hz{unit}")
     below.set_ylabel(f"left of them{unit}")
-    below.set_xlabel(channel_label(channel, units))
+    below.set_xlabel(channel_label(channel, result.units))
     legend_above(above, 2)
 
 

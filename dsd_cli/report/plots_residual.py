@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.identify.compare.comparison import Comparison
+from dsd_cli.report.conclusions import no_dependence
 from dsd_cli.report.figure import MEASURED, PREDICTED, RESIDUAL, SHARE, nothing
 from dsd_cli.report.timeline import zero
 
@@ -33,7 +34,7 @@ def draw_correlation(axis: Any, result: Comparison) -> None:
     axis.axhline(tests.band_u, color=MEASURED, lw=0.8, ls=":")
     axis.axhline(-tests.band_u, color=MEASURED, lw=0.8, ls=":", label="chance (99 %), u")
     axis.set_xlabel("lag (ms)")
-    axis.set_ylabel("correlation of the residual")
+    axis.set_ylabel("correlation, residual of d_hat")
     shown = [*tests.autocorrelation, *tests.correlation_with_u, tests.band_u, -tests.band_u]
     low, high = min(*shown, -0.1), max(*shown, 0.1)
     axis.set_ylim(low - 0.05 * (high - low), high + 0.45 * (high - low))
@@ -52,7 +53,8 @@ def draw_regimes(axis: Any, result: Comparison) -> None:
     axis.set_yticks(place, names)
     axis.invert_yaxis()
     overlap = "; (...) overlap the others" if any(r.overlaps for r in regimes) else ""
-    axis.set_xlabel(f"share (%){overlap}")
+    of = "force residual" if result.where_of == "force" else "error of d_hat"
+    axis.set_xlabel(f"share of the {of} (%){overlap}")
     axis.legend(loc="best")
 
 
@@ -60,7 +62,7 @@ def draw_dependence(axis: Any, result: Comparison) -> None:
     """How much of the residual a function of each channel explains on data that it was not fitted to."""
     found = sorted(result.dependence, key=lambda one: -one.explains)[:_MOST_BARS]
     if not found:
-        nothing(axis, "too short to say on what the residual depends")
+        nothing(axis, no_dependence(result))
         return
     shares = [100.0 * max(one.explains, 0.0) for one in found]
     colors = [PREDICTED if one.on == result.conclusion else SHARE for one in found]
@@ -70,4 +72,4 @@ def draw_dependence(axis: Any, result: Comparison) -> None:
     axis.set_yticks(range(len(found)), [one.on for one in found])
     axis.invert_yaxis()
     axis.set_xlim(0.0, 1.15 * max(*shares, 1.0))
-    axis.set_xlabel("a function of it explains of the residual (%, held-out)")
+    axis.set_xlabel("a function of it explains of the force residual (%, held-out)")

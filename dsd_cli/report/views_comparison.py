@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dsd_cli.identify.compare.evaluation import Evaluation, Stretch
+from dsd_cli.identify.compare.balance import Forces
 from dsd_cli.identify.recordings.spectrum import density
 from dsd_cli.report.figure import binned_median
 from dsd_cli.signals.log import Array
@@ -14,29 +14,6 @@ from dsd_cli.signals.log import Array
 #: Samples that a bin should hold, and bins at least and at most; along the position as fine as cogging.
 _PER_BIN, _FEWEST_BINS, _MOST_BINS = 30, 12, 120
 _PER_FINE_BIN, _MOST_FINE_BINS = 6, 400
-
-
-@dataclass(frozen=True)
-class Forces:
-    """What acts on the axis beside u, of the rows that count, shape (n,), unit of u, as Q shows it.
-
-    `measured` : J a - u(t - L) out of d_hat; `modelled` : the sum of the model's forces. Their difference is J/Jn times
-    the residual of d_hat.
-    """
-
-    measured: Array
-    modelled: Array
-
-
-def forces_of(evaluation: Evaluation) -> Forces:
-    """sum f = (J/Jn) Q{Jn a} - Q{u_eff(t - L)}, from eq. 13; and the same with the model's d_hat."""
-    scale = evaluation.model.motor_inertia / evaluation.observer.nominal_inertia
-
-    def acting(stretch: Stretch) -> Array:
-        return np.asarray(scale * stretch.net - stretch.drive)
-
-    measured = evaluation.pooled(acting)
-    return Forces(measured, measured - scale * evaluation.errors)
 
 
 @dataclass(frozen=True)
@@ -74,13 +51,6 @@ def bins_for(x: Array, fine: bool = False) -> int:
     """Bins of a channel; `fine` : of the position, along which forces may go to and fro."""
     per_bin, most = (_PER_FINE_BIN, _MOST_FINE_BINS) if fine else (_PER_BIN, _MOST_BINS)
     return int(np.clip(x.size // per_bin, _FEWEST_BINS, most))
-
-
-def directions(evaluation: Evaluation) -> Array:
-    """1 forward, -1 backward, 0 at rest, of the rows that count."""
-    return evaluation.pooled(
-        lambda s: np.where(np.abs(s.log["velocity"]) <= s.model.rest_speed, 0.0, np.sign(s.log["velocity"]))
-    )
 
 
 @dataclass(frozen=True)

@@ -3,25 +3,26 @@
 import numpy as np
 import pytest
 
+from dsd_cli.identify.compare.balance import Balance, balance_of
 from dsd_cli.identify.compare.comparison import compare
-from dsd_cli.identify.compare.dependence import (
-    Columns,
-    dependence,
-    explained_share,
-    freeform_columns,
-    held_out_folds,
-    inputs_of,
-    seen_columns,
-)
-from dsd_cli.identify.compare.evaluation import evaluate
-from dsd_cli.plant.model import PlantModel
+from dsd_cli.identify.compare.dependence import Columns, channels_of, dependence, explained_share, held_out_folds
+from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Log
 from tests.identify.comparison_rig import BELIEVED, MOVES, OBSERVER, recorded, rng
+from tests.oracle.rig_strange import make
 
 GAP = 25
 
 
+def _balance(recording, model=BELIEVED):
+    found = balance_of([recording], model)
+    assert isinstance(found, Balance)
+    return found
+
+
 def _shares(recording, model=BELIEVED):
-    return {d.on: d.explains for d in dependence(evaluate([recording], model, OBSERVER), GAP)}
+    return {d.on: d.explains for d in dependence(_balance(recording, model))}
 
 
 @pytest.mark.parametrize(
@@ -64,39 +65,29 @@ def test_the_true_model_leaves_nothing(seed):
 
 def test_a_pair_is_named_only_if_it_says_more_than_its_channels():
     """v and q together: a damping that grows along the way."""
-    recording = recorded(noise=0.0)
-    piece = recording.pieces[0]
-    evaluation = evaluate([recording], BELIEVED, OBSERVER)
-    stretch = evaluation.stretches[0]
-    inputs = inputs_of(piece, stretch.model, OBSERVER, stretch.first)
-    law = inputs.values["velocity"] * np.sin(4.0 * inputs.values["position"])
-    residual = inputs.frame.seen(law, OBSERVER)[stretch.first :]
+    equations = _balance(recorded(noise=0.0)).errors.equations
+    channels = channels_of(equations, BELIEVED)
+    law = [p.values["velocity"] * np.sin(4.0 * p.values["position"]) for p in channels.pieces]
+    residual = equations.acting(law, smooth=True, held=True)[equations.kept]
 
     def share(*on):
-        return explained_share(residual, freeform_columns([inputs], on), GAP)
+        return explained_share(residual, channels.columns(on), GAP)
 
     assert share("velocity", "position") > max(share("velocity"), share("position"), 0.0) + 0.2
     names = _shares(recorded({"viscous_friction": {"coefficient": 0.02}}))
     assert not [name for name in names if " x " in name]
 
 
-def test_columns_pass_the_observer_like_forces_do():
-    recording = recorded(noise=0.0, duration=2.0)
-    inputs = inputs_of(recording.pieces[0], BELIEVED, OBSERVER, 0)
-    raw = rng(0).normal(size=(len(recording.pieces[0]), 3))
-    one_by_one = np.column_stack([inputs.frame.seen(column, OBSERVER) for column in raw.T])
-    np.testing.assert_allclose(seen_columns(raw, inputs), one_by_one, rtol=0, atol=1e-12)
-
-
 def test_hats_sum_to_one_on_every_channel():
+    """Their sum is a force of 1 wherever the axis moves; the rows that count may touch a rest."""
     recording = recorded({"coulomb_friction": {"level": 0.1}}, reference=MOVES, noise=0.0, duration=3.0)
-    inputs = inputs_of(recording.pieces[0], PlantModel(0.01, rest_speed=1e-3), OBSERVER, 10)
-    for channels in (("position",), ("u",), ("time",), ("u", "position")):
-        np.testing.assert_allclose(freeform_columns([inputs], channels).values.sum(axis=1), 1.0)
-    columns = freeform_columns([inputs], ("velocity",))
-    without_held = columns.values[:, :-1] if np.any(inputs.held) else columns.values
-    np.testing.assert_allclose(without_held.sum(axis=1), 1.0)
-    assert columns.penalty.shape == (columns.values.shape[1],) * 2
+    equations = _balance(recording, PlantModel(0.01, rest_speed=1e-3)).errors.equations
+    channels = channels_of(equations, PlantModel(0.01))
+    one = equations.acting([np.ones(len(s.log)) for s in equations.stretches], False, True)[equations.kept]
+    for on in (("position",), ("u",), ("time",), ("u", "position"), ("velocity",)):
+        columns = channels.columns(on)
+        np.testing.assert_allclose(columns.values.sum(axis=1), one, atol=1e-12)
+        assert columns.penalty.shape == (columns.values.shape[1],) * 2
 
 
 def test_held_out_blocks_are_held_out():
@@ -126,13 +117,34 @@ def test_a_fit_that_saw_what_it_is_judged_on_would_explain_noise():
     assert explained_share(residual[:20], Columns(columns.values[:20], columns.penalty), 5) is None
 
 
-def test_a_long_log_is_read_in_chunks_with_the_same_answer(monkeypatch):
-    recording = recorded({"viscous_friction": {"coefficient": 0.02}})
-    whole = _shares(recording)
-    monkeypatch.setattr("dsd_cli.identify.compare.dependence.MOST_ROWS", 4000)
-    monkeypatch.setattr("dsd_cli.identify.compare.dependence.CHUNK", 500)
-    chunks = _shares(recording)
-    assert chunks["velocity"] == pytest.approx(whole["velocity"], abs=0.05)
+def test_a_long_log_is_read_in_excerpts_with_the_same_answer():
+    long = _balance(recorded({"viscous_friction": {"coefficient": 0.02}}, duration=120.0))
+    assert sum(long.excerpt.equations.lengths) < 0.6 * sum(long.errors.equations.lengths)
+    few = _shares(recorded({"viscous_friction": {"coefficient": 0.02}}))
+    shares = {d.on: d.explains for d in dependence(long)}
+    assert shares["velocity"] == pytest.approx(few["velocity"], abs=0.05)
+
+
+def test_the_encoder_above_the_band_hides_no_law():
+    """A spot with more dry friction behind a coarse encoder: most of the error of d_hat is the encoder's, above the
+    band; the force that is missing, which tables and picture show, is the law."""
+    log = make("friction_spot", 3, "enc4096", "moves")
+    observer = ObserverSettings(log.inertia, 0.01)
+    recording = prepare(Log(dict(log.channels), 1e-3, "log"), observer)
+    comparison, series = compare([recording], PlantModel(log.inertia, log.delay, log.believed), observer)
+    errors, balance = series.evaluation.errors, series.balance
+    power = np.abs(np.fft.rfft(errors)) ** 2
+    above = np.fft.rfftfreq(len(errors), 1e-3) > comparison.force.log.band_hz
+    assert power[above].sum() > 0.3 * power.sum()
+    assert comparison.where_of == "force"
+    assert comparison.conclusion == "velocity x position"
+    assert comparison.dependence[0].explains > 0.6
+    forces, equations = balance.forces, balance.errors.equations
+    true = equations.of_rows([log.truth])[equations.kept]
+    left = forces.measured - forces.modelled
+    fast = np.abs(balance.at_rows("velocity")) > 0.5
+    assert np.corrcoef(left[fast], true[fast])[0, 1] > 0.95
+    assert np.sum(left[fast] * true[fast]) / np.sum(true[fast] ** 2) == pytest.approx(1.0, abs=0.05)
 
 
 def test_a_constant_is_called_one():
@@ -142,10 +154,11 @@ def test_a_constant_is_called_one():
 
 
 def test_a_log_too_short_for_blocks_says_so():
-    """0.4 s leave 170 samples, and blocks of three gaps of 25 (the time that Q needs) do not fit in them four times."""
-    recording = recorded({"viscous_friction": {"coefficient": 0.02}}, duration=0.4)
-    comparison, _ = compare([recording], BELIEVED, OBSERVER, GAP)
-    assert comparison.dependence == ()
+    """0.16 s leave 53 samples of d_hat, and no rows for two blocks of forces."""
+    recording = recorded({"viscous_friction": {"coefficient": 0.02}}, duration=0.16)
+    comparison, series = compare([recording], BELIEVED, OBSERVER, GAP)
+    assert (comparison.dependence, series.balance, comparison.where_of) == ((), None, "d_hat")
+    assert "too short" in comparison.force.missing
     assert comparison.conclusion in ("short", "bias")
 
 

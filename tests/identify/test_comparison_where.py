@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from dsd_cli.identify.compare.balance import Balance, balance_of
 from dsd_cli.identify.compare.evaluation import evaluate
+from dsd_cli.identify.compare.left import left_of_d_hat, left_of_forces
 from dsd_cli.identify.compare.regimes import ACROSS, regime_masks, where
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -14,13 +16,25 @@ PARTITION = ("rest", "breakaway", "reversal", "slow", "medium", "fast")
 HIDDEN = {"coulomb_friction": {"level": 0.15}, "viscous_friction": {"coefficient": 0.01}}
 
 
-@pytest.fixture(scope="module")
-def evaluation():
-    return evaluate([recorded(HIDDEN, reference=MOVES), recorded(HIDDEN, seed=5)], BELIEVED, OBSERVER)
+def _recordings():
+    return [recorded(HIDDEN, reference=MOVES), recorded(HIDDEN, seed=5)]
 
 
-def test_shares_of_exclusive_parts_sum_to_one(evaluation):
-    tables = where(evaluation)
+def _of_forces(recordings, model=BELIEVED):
+    balance = balance_of(recordings, model)
+    assert isinstance(balance, Balance)
+    return left_of_forces(balance, OBSERVER.time_constant)
+
+
+@pytest.fixture(scope="module", params=["force", "d_hat"])
+def left(request):
+    if request.param == "force":
+        return _of_forces(_recordings())
+    return left_of_d_hat(evaluate(_recordings(), BELIEVED, OBSERVER))
+
+
+def test_shares_of_exclusive_parts_sum_to_one(left):
+    tables = where(left)
     exclusive = [r for r in tables.regimes if not r.overlaps]
     assert {r.regime for r in exclusive} <= set(PARTITION)
     assert {r.regime for r in tables.regimes if r.overlaps} <= set(ACROSS)
@@ -30,13 +44,20 @@ def test_shares_of_exclusive_parts_sum_to_one(evaluation):
         assert sum(part.share_of_samples for part in parts) == pytest.approx(1.0)
 
 
-def test_every_row_is_in_one_regime_and_their_errors_are_those_rows(evaluation):
-    masks, errors = regime_masks(evaluation), evaluation.errors
+def test_every_row_is_in_one_regime_and_their_errors_are_those_rows(left):
+    masks, errors = regime_masks(left), left.errors
     assert (sum(masks[name].astype(int) for name in PARTITION) == 1).all()
-    for regime in where(evaluation).regimes:
+    for regime in where(left).regimes:
         own = [e for e, inside in zip(errors, masks[regime.regime], strict=True) if inside]
         assert regime.rmse == pytest.approx(np.sqrt(sum(e * e for e in own) / len(own)))
         assert regime.share_of_error == pytest.approx(sum(e * e for e in own) / sum(e * e for e in errors))
+
+
+def test_the_force_that_is_missing_is_where_the_axis_moves_and_as_large_as_it_is():
+    """0.15 N m of dry friction and a little viscous, to and fro: 0.15 at any speed, more where it is fast."""
+    found = {r.regime: r.rmse for r in where(_of_forces(_recordings()[:1])).regimes}
+    assert found["slow"] == pytest.approx(0.15, rel=0.15)
+    assert found["fast"] > found["medium"] > found["slow"]
 
 
 def _shaped(velocity, d_hat, u=None):
@@ -44,7 +65,7 @@ def _shaped(velocity, d_hat, u=None):
     u = rng(0).normal(size=len(t)) if u is None else u
     observer = ObserverSettings(1.0, 0.0)
     log = Log({"t": t, "u": u, "velocity": velocity, "d_hat": d_hat}, 0.001)
-    return evaluate([prepare(log, observer)], PlantModel(1.0), observer)
+    return left_of_d_hat(evaluate([prepare(log, observer)], PlantModel(1.0), observer))
 
 
 def test_rest_breakaway_and_reversal_are_where_they_happen():
@@ -52,9 +73,9 @@ def test_rest_breakaway_and_reversal_are_where_they_happen():
     v[1000:1500] = np.linspace(0.01, 1.0, 500)
     v[1500:2000] = np.linspace(1.0, -1.0, 500)
     v[2000:2500] = np.linspace(-1.0, -0.01, 500)
-    evaluation = _shaped(v, np.zeros(3000))
-    first = evaluation.stretches[0].first
-    masks = {name: np.flatnonzero(mask) + first for name, mask in regime_masks(evaluation).items()}
+    left = _shaped(v, np.zeros(3000))
+    first = left.parts[0].rows[0]
+    masks = {name: np.flatnonzero(mask) + first for name, mask in regime_masks(left).items()}
     assert set(masks["rest"]) == set(range(first, 1000)) | set(range(2500, 3000))
     assert masks["breakaway"].min() == 1000
     assert masks["breakaway"].max() == pytest.approx(1050, abs=2)
@@ -71,9 +92,9 @@ def test_saturation_is_a_plateau_at_the_largest_u():
     u = 3.0 * np.sin(0.01 * np.arange(4000))
     limited = np.clip(u, -2.0, 2.0)
     velocity = np.cos(0.01 * np.arange(4000))
-    evaluation = _shaped(velocity, np.zeros(4000), limited)
-    found = regime_masks(evaluation)["saturated"]
-    np.testing.assert_array_equal(found, (np.abs(u) >= 2.0)[evaluation.stretches[0].first :])
+    left = _shaped(velocity, np.zeros(4000), limited)
+    found = regime_masks(left)["saturated"]
+    np.testing.assert_array_equal(found, (np.abs(u) >= 2.0)[left.parts[0].rows])
     assert not regime_masks(_shaped(velocity, np.zeros(4000), u))["saturated"].any()
 
 

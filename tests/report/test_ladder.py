@@ -8,7 +8,7 @@ from functools import partial
 import pytest
 from rich.console import Console
 
-from dsd_cli.identify.compare.evaluation import Force
+from dsd_cli.identify.compare.balance import Force
 from dsd_cli.identify.results import Estimate, Score, Step
 from dsd_cli.report.addition import AdditionReport, add_json, print_addition
 from dsd_cli.report.diagnosis import named, plain_table

@@ -11,7 +11,7 @@ import pytest
 
 from dsd_cli.detect.watched import Seen
 from dsd_cli.identify.checks import CheckResult, Excitation, Parameter
-from dsd_cli.identify.compare.evaluation import evaluate
+from dsd_cli.identify.compare.balance import Balance, Forces, balance_of
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.results import Estimate, Score, Step
 from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -21,7 +21,7 @@ from dsd_cli.report.plots_check import BEYOND, relative_errors
 from dsd_cli.report.plots_detection import likely_states, ribbon, unsure
 from dsd_cli.report.plots_ladder import Cell, values_by_step
 from dsd_cli.report.timeline import Part, gaps, timeline
-from dsd_cli.report.views_comparison import Forces, curves_over, directions, forces_of, spectrum_of
+from dsd_cli.report.views_comparison import curves_over, spectrum_of
 from dsd_cli.report.views_diagnosis import addition_view, residual_views
 from dsd_cli.signals.log import Log
 from dsd_cli.signals.units import Units
@@ -115,16 +115,14 @@ def moved(friction: float, level: float) -> tuple[Log, PlantModel]:
 
 def test_forces_as_measured_and_as_modelled_are_the_true_ones() -> None:
     log, model = moved(friction=0.8, level=0.5)
-    observer = ObserverSettings(1.3, 0.004)
-    evaluation = evaluate([prepare(log, observer)], model, observer)
-    forces, way = forces_of(evaluation), directions(evaluation)
-    speed = evaluation.pooled(lambda s: s.log["velocity"])
+    balance = balance_of([prepare(log, ObserverSettings(1.3, 0.004))], model)
+    assert isinstance(balance, Balance)
+    forces, speed = balance.forces, balance.at_rows("velocity")
     for sign in (1.0, -1.0):
         fast = sign * speed > 0.5
-        assert (way[fast] == sign).all()
         assert np.median(forces.measured[fast]) == pytest.approx(-0.8 * sign, abs=0.01)
         assert np.median(forces.modelled[fast]) == pytest.approx(-0.5 * sign, abs=0.01)
-    curves = curves_over(evaluation.pooled(lambda s: s.log["position"]), forces, way)
+    curves = curves_over(balance.at_rows("position"), forces, np.sign(speed))
     assert [curve.name for curve in curves] == ["forward", "backward"]
     assert np.nanmedian(curves[0].measured) == pytest.approx(-0.8, abs=0.02)
     assert np.nanmedian(curves[1].modelled) == pytest.approx(0.5, abs=0.02)

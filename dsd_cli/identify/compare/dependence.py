@@ -1,26 +1,29 @@
 """On what the residual depends: how much of it a free-form function of each channel explains on held-out blocks.
 
-The functions are sums of hats over quantiles of the channel, with a jump at zero speed; each hat is a force that passes
-Q like every force does. A share above zero is one that held: the function was fitted elsewhere in the log.
+The residual is that of the balance of forces, in the band. The functions are sums of hats over quantiles of the
+channel, with a jump at zero speed; each hat is a force that passes the low-pass of the band like every force does. A
+share above zero is one that held: the function was fitted elsewhere in the log.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.identify.compare.evaluation import Evaluation, Stretch
+from dsd_cli.identify.compare.balance import Balance, all_rows
+from dsd_cli.identify.fit.bank import drive, inputs_of
 from dsd_cli.identify.fit.basis import basis
+from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.freeform import Piece, piece_of
+from dsd_cli.identify.fit.values import terms_of
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.motion import acceleration
-from dsd_cli.plant.filtering import poles_of
-from dsd_cli.plant.model import ObserverSettings, PlantModel
-from dsd_cli.plant.prediction import Frame
-from dsd_cli.signals.log import Array, Log
+from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.log import Array
 
 #: Hats of one channel alone, of each channel in a pair, and fine ones for what repeats along the position.
 HATS, HATS_IN_PAIR, FINE_HATS = 12, 6, 48
@@ -28,8 +31,6 @@ HATS, HATS_IN_PAIR, FINE_HATS = 12, 6, 48
 TIME_HATS = 5
 #: A pair is named if it explains so much more than either channel alone.
 PAIR_GAIN = 0.05
-#: Rows that are used at most; of a longer log, chunks of about this length spread over it.
-MOST_ROWS, CHUNK = 40_000, 4_000
 FOLDS, MOST_BLOCKS, FEWEST_BLOCKS = 5, 20, 4
 #: A block is at least this many gaps long.
 SHORTEST_BLOCK = 3
@@ -50,90 +51,63 @@ class Dependence:
         return " x ".join(self.channels)
 
 
-@dataclass(frozen=True)
-class Inputs:
-    """What free-form functions look at: means over the interval that ends at each row, shape (n,).
-
-    Attributes
-    ----------
-    values : channel -> velocity, position, u (delayed, at the plant), acceleration, time; those that the log has.
-    sign : mean of sgn v; NaN at rest.
-    held : net force of the model at rest, where friction would hold what the model thinks moves; 0 while moving.
-    first : the rows before it do not count.
-    """
-
-    frame: Frame
-    observer: ObserverSettings
-    values: Mapping[str, Array]
-    sign: Array
-    held: Array
-    first: int
-
-
 class Columns(NamedTuple):
-    """Regressors as d_hat shows them (rows that count), shape (n, c), and the penalty on their weights, (c, c)."""
+    """Regressors as rows of the balance (those that count), shape (n, c), and the penalty on their weights, (c, c)."""
 
     values: Array
     penalty: Array
 
 
-def inputs_of(piece: Log, model: PlantModel, observer: ObserverSettings, first: int) -> Inputs:
-    """The channels of a piece of a recording (which has t, u and velocity)."""
-    frame = Frame(piece)
-    motion = frame.motion(model.rest_speed)
-    slope = acceleration(piece, observer.time_constant)
-    values = {
-        "velocity": motion.velocity,
-        "u": frame.mean_u(frame.command(model.effects), model.delay),
-        "acceleration": 0.5 * (slope + np.concatenate([slope[:1], slope[:-1]])),
-        "time": frame.times - 0.5 * frame.intervals,
-    }
-    if "position" in piece:
-        values["position"] = motion.position
-    held = np.where(np.isnan(motion.sign), frame.net_force(model), 0.0)
-    return Inputs(frame, observer, values, motion.sign, held, first)
+@dataclass(frozen=True)
+class Channels:
+    """What free-form functions look at: velocity, position, u (delayed), acceleration, time of every stretch."""
+
+    equations: Equations
+    pieces: tuple[Piece, ...]
+
+    @property
+    def names(self) -> list[str]:
+        """Those that all stretches have, and that vary."""
+        found = ("velocity", "position", "u", "acceleration", "time")
+        return [n for n in found if all(n in p.values and np.ptp(p.values[n]) > 0.0 for p in self.pieces)]
+
+    def columns(self, channels: Sequence[str], hats: int | None = None) -> Columns:
+        """Columns of a free-form function of one channel, or of two together (tensor product), over all stretches.
+
+        Parameters
+        ----------
+        channels : some of `names`, or "direction" for sgn v alone.
+        hats : per channel; by default `HATS` for one and `HATS_IN_PAIR` for each of two.
+        """
+        count = hats or (HATS if len(channels) == 1 else HATS_IN_PAIR)
+        units, penalty = basis(
+            self.pieces, channels, [min(count, TIME_HATS) if c == "time" else count for c in channels]
+        )
+        rows = [
+            self.equations.acting([one.column(i) for one in units], smooth=False, held=True)
+            for i in range(units[0].size)
+        ]
+        return Columns(np.stack(rows, axis=1)[self.equations.kept], penalty)
 
 
-def freeform_columns(inputs: Sequence[Inputs], channels: Sequence[str], hats: int | None = None) -> Columns:
-    """Columns of a free-form function of one channel, or of two together (tensor product), over all pieces.
-
-    Parameters
-    ----------
-    channels : names in `Inputs.values`, or "direction" for sgn v alone.
-    hats : per channel; by default `HATS` for one and `HATS_IN_PAIR` for each of two.
-    """
-    count = hats or (HATS if len(channels) == 1 else HATS_IN_PAIR)
-    counts = [min(count, TIME_HATS) if channel == "time" else count for channel in channels]
-    units, penalty = basis(inputs, channels, counts)
-    raw = [one.together() for one in units]
-    if {"velocity", "direction"} & set(channels):
-        top = max(float(np.abs(piece.held).max()) for piece in inputs)
-        if top > 0.0:
-            raw = [np.column_stack([a, piece.held / top]) for a, piece in zip(raw, inputs, strict=True)]
-            penalty = np.pad(penalty, (0, 1))
-    seen = [seen_columns(a, piece)[piece.first :] for a, piece in zip(raw, inputs, strict=True)]
-    return Columns(np.concatenate(seen), penalty)
+def channels_of(equations: Equations, model: PlantModel) -> Channels:
+    """Of every stretch, per interval; the acceleration as wide as a period of the band's end."""
+    pieces = []
+    for stretch, u in zip(equations.stretches, drive(equations, inputs_of(terms_of(model)), model.delay), strict=True):
+        piece = piece_of(stretch, u)
+        slope = acceleration(stretch.log, 0.5 / equations.band.hz)
+        pieces.append(Piece({**piece.values, "acceleration": slope}, piece.sign))
+    return Channels(equations, tuple(pieces))
 
 
-def seen_columns(x: Array, piece: Inputs) -> Array:
-    """`Frame.seen` of every column of x, shape (n, c), all in one pass."""
-    x = np.column_stack([piece.frame.seen(column, None) for column in x.T])
-    poles = poles_of(piece.frame.intervals.tolist(), piece.observer.time_constant)
-    out = (1.0 - poles)[:, None] * x
-    state = x[0]
-    for row, pole in zip(out, poles.tolist(), strict=True):
-        state = row + pole * state
-        row[:] = state
-    return out
-
-
-def explained_share(residual: Array, columns: Columns, gap: int) -> float | None:
+def explained_share(residual: Array, columns: Columns, gap: int, least: float = 0.0) -> float | None:
     """Share of the residual's variance about its mean that the columns explain on blocks that the fit did not see.
 
     Parameters
     ----------
     residual : shape (n,), the rows of `columns`.
-    gap : samples left out between what is fitted and what is held out.
+    gap : rows left out between what is fitted and what is held out.
+    least : rms of a residual that matters; of one below it the share is that of `least`.
 
     Returns
     -------
@@ -153,7 +127,8 @@ def explained_share(residual: Array, columns: Columns, gap: int) -> float | None
             predicted = np.einsum("nc,c->n", columns.values[tested], weights)
             left += float(np.sum((residual[tested] - predicted) ** 2))
             around_mean += float(np.sum((residual[tested] - mean) ** 2))
-    return 1.0 - left / around_mean if around_mean > 0.0 else 0.0
+    whole_of_it = max(around_mean, len(residual) * least**2)
+    return (around_mean - left) / whole_of_it if whole_of_it > 0.0 else 0.0
 
 
 def _gram(x: Array) -> Array:
@@ -181,58 +156,34 @@ def held_out_folds(rows: int, gap: int) -> list[list[tuple[slice, slice]]]:
     return [cuts[fold::folds] for fold in range(folds)]
 
 
-def dependence(evaluation: Evaluation, window: int) -> tuple[Dependence, ...]:
-    """Every channel, and pairs that explain more than theirs; largest share first, none below 0; () if too short.
+def dependence(balance: Balance) -> tuple[Dependence, ...]:
+    """Every channel, and pairs that explain more than theirs; largest share first, none below 0; () if too short."""
+    equations = balance.excerpt.equations
+    residual = all_rows(balance.excerpt, balance.model)[equations.kept]
+    channels = channels_of(equations, balance.model)
 
-    Parameters
-    ----------
-    window : samples over which the rig's detector averages; the gap to held-out blocks, where the log is long enough;
-        else the time that Q and the delay need.
-    """
-    parts = [part for stretch in evaluation.stretches for part in _chunks(stretch, evaluation)]
-    inputs = [inputs_of(s.log, s.model, evaluation.observer, s.first) for s in parts]
-    residual = np.concatenate([s.errors for s in parts])
-    settled = math.ceil(evaluation.lead / evaluation.sample_time)
-    gap = max(window, settled)
-    if not held_out_folds(len(residual), gap):
-        gap = max(settled, 1)
+    def share(*on: str, hats: int | None = None) -> float | None:
+        return explained_share(residual, channels.columns(on, hats), POLICY.gap_rows, balance.least)
 
-    def share(*channels: str, hats: int | None = None) -> float | None:
-        return explained_share(residual, freeform_columns(inputs, channels, hats), gap)
-
-    names = [name for name in ("velocity", "position", "u", "acceleration", "time") if _all_have(inputs, name)]
-    singles = {name: share(name) for name in ("direction", *names)}
+    singles = {name: share(name) for name in ("direction", *channels.names)}
     if any(value is None for value in singles.values()):
         return ()
     alone = {name: value or 0.0 for name, value in singles.items()}
     if "position" in alone:
         alone["position"] = max(alone["position"], share("position", hats=FINE_HATS) or 0.0)
     found = [Dependence((name,), max(value, 0.0)) for name, value in alone.items()]
-    best = max(alone.values())
-    if best < 1.0 - PAIR_GAIN:
-        for pair in combinations(names, 2):
-            together = share(*pair) or 0.0
-            if together >= max(*(alone[name] for name in pair), 0.0) + PAIR_GAIN:
-                found.append(Dependence(pair, together))
+    if max(alone.values()) < 1.0 - PAIR_GAIN:
+        found += _pairs(alone, channels.names, share)
     return tuple(sorted(found, key=lambda d: -d.explains))
 
 
-def _all_have(inputs: Sequence[Inputs], name: str) -> bool:
-    return all(name in piece.values and np.ptp(piece.values[name]) > 0.0 for piece in inputs)
-
-
-def _chunks(stretch: Stretch, evaluation: Evaluation) -> list[Stretch]:
-    """The stretch; of long logs chunks spread over it, each of which settles anew."""
-    total = sum(len(s.log) for s in evaluation.stretches)
-    length = max(CHUNK, 4 * stretch.first)
-    wanted = max(round(len(stretch.log) * MOST_ROWS / (total * length)), 1)
-    if total <= MOST_ROWS or len(stretch.log) <= wanted * length:
-        return [stretch]
-    starts = np.linspace(0, len(stretch.log) - length, wanted).astype(int)
-    return [_cut(stretch, int(a), int(a) + length) for a in starts]
-
-
-def _cut(stretch: Stretch, a: int, b: int) -> Stretch:
-    channels = {name: x[a:b] for name, x in stretch.log.channels.items()}
-    arrays = {name: getattr(stretch, name)[a:b] for name in ("predicted", "residual", "net", "drive")}
-    return replace(stretch, log=replace(stretch.log, channels=channels), **arrays)
+def _pairs(alone: dict[str, float], names: Sequence[str], share: Callable[..., float | None]) -> list[Dependence]:
+    """Pairs that explain more than either channel; not u with the acceleration, of which any r is a function."""
+    found = []
+    for pair in combinations(names, 2):
+        if pair == ("u", "acceleration"):
+            continue
+        together = share(*pair) or 0.0
+        if together >= max(*(alone[name] for name in pair), 0.0) + PAIR_GAIN:
+            found.append(Dependence(pair, together))
+    return found

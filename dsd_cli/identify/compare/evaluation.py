@@ -1,15 +1,13 @@
-"""The prediction of one model beside what was measured, and how large the difference is: in d_hat, and as a force."""
+"""The d_hat that one model predicts beside the measured one, and how large the difference is."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dsd_cli.errors import DataError, TooShort
-from dsd_cli.identify.fit.problem import Problem, Settings, pose
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import Frame, predict_d_hat
@@ -108,11 +106,6 @@ class Accuracy:
     relative_error_percent: float | None
     relative_force_error_percent: float | None
 
-    @property
-    def bias_share(self) -> float:
-        """Share of the squared error that is a constant."""
-        return (self.bias / self.rmse) ** 2 if self.rmse > 0.0 else 0.0
-
 
 def evaluate(recordings: Sequence[Recording], model: PlantModel, observer: ObserverSettings) -> Evaluation:
     """The model's prediction for every piece; the recordings' d_hat has the sign of eq. 13.
@@ -179,69 +172,6 @@ def accuracy(evaluation: Evaluation) -> Accuracy:
         relative_error_percent=_percent(size, rms(evaluation.pooled(lambda s: s.net))),
         relative_force_error_percent=_percent(scale * size, rms(evaluation.pooled(lambda s: s.drive))),
     )
-
-
-@dataclass(frozen=True)
-class Force:
-    """How far the balance of forces u_eff(t - L) = J a - sum f + r is off, within the band that the sensor allows.
-
-    Attributes
-    ----------
-    rmse : rms of r, unit of u.
-    fit_percent : 100 (1 - |r| / |u - mean u|), of u within the band; None if u is constant.
-    relative_error_percent : 100 rms(r) / rms(u).
-    band_hz : end of the band, Hz.
-    floor : rms of r that the noise of the sensor alone leaves, unit of u.
-    """
-
-    rmse: float
-    fit_percent: float | None
-    relative_error_percent: float | None
-    band_hz: float
-    floor: float
-
-
-@dataclass(frozen=True)
-class ForceView:
-    """`log` : of all logs together; `holdout` : of the one set aside, in the same band. `missing` : why one is None.
-
-    by_log : rms of r in each log, unit of u.
-    """
-
-    log: Force | None
-    holdout: Force | None = None
-    missing: str = ""
-    by_log: Mapping[str, float] = field(default_factory=dict)
-
-
-def force_view(recordings: Sequence[Recording], model: PlantModel, holdout: Recording | None = None) -> ForceView:
-    """The balance of forces under this model, as `dsd diagnose` looks at it; no value is fitted to be judged."""
-    try:
-        problem = pose(recordings, model, Settings(effects=()))
-    except DataError as failure:
-        return ForceView(None, None, str(failure))
-    whole = _force(problem, model)
-    each = _of_each_log(problem, model)
-    if holdout is None:
-        return ForceView(whole, by_log=each)
-    try:
-        aside = replace(problem, recordings=(holdout,), errors=problem.errors_for(model, [holdout]))
-        return ForceView(whole, _force(aside, model), by_log=each)
-    except DataError as failure:
-        return ForceView(whole, None, str(failure), each)
-
-
-def _of_each_log(problem: Problem, model: PlantModel) -> dict[str, float]:
-    equations = problem.equations
-    left = problem.errors.rows_of_model(model)
-    owners = equations.logs_of_rows[equations.kept]
-    return {problem.recordings[i].name: rms(left[owners == i]) for i in dict.fromkeys(owners.tolist())}
-
-
-def _force(problem: Problem, model: PlantModel) -> Force:
-    score = problem.errors.of_model(model)
-    fit, share = (x if math.isfinite(x) else None for x in (score.fit_percent, score.relative_error_percent))
-    return Force(score.rmse, fit, share, problem.equations.band.hz, problem.floor)
 
 
 def rms(x: Array) -> float:

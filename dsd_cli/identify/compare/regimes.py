@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.identify.compare.evaluation import Evaluation, Stretch
+from dsd_cli.identify.compare.left import Left, Part
 from dsd_cli.identify.recordings.motion import acceleration
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.runs import runs
@@ -70,22 +70,22 @@ class Where:
     frequency: tuple[Band, ...]
 
 
-def where(evaluation: Evaluation) -> Where:
-    """The error of the rows that count, by regime, time, speed, position and frequency."""
-    errors = evaluation.errors
+def where(left: Left) -> Where:
+    """What is left in the rows that count, by regime, time, speed, position and frequency."""
+    errors = left.errors
     return Where(
-        regimes=_regimes(evaluation, errors),
-        time=_segments(evaluation),
-        velocity=_bins(evaluation, "velocity", errors),
-        position=_bins(evaluation, "position", errors),
-        frequency=_bands(evaluation, errors),
+        regimes=_regimes(left, errors),
+        time=_segments(left),
+        velocity=_bins(left, "velocity", errors),
+        position=_bins(left, "position", errors),
+        frequency=_bands(left, errors),
     )
 
 
-def _regimes(evaluation: Evaluation, errors: Array) -> tuple[Regime, ...]:
-    if any("velocity" not in s.log for s in evaluation.stretches):
+def _regimes(left: Left, errors: Array) -> tuple[Regime, ...]:
+    if any("velocity" not in part.log for part in left.parts):
         return ()
-    masks = regime_masks(evaluation)
+    masks = regime_masks(left)
     found = []
     for name, mask in masks.items():
         if mask.any():
@@ -94,19 +94,21 @@ def _regimes(evaluation: Evaluation, errors: Array) -> tuple[Regime, ...]:
     return tuple(found)
 
 
-def regime_masks(evaluation: Evaluation) -> dict[str, Mask]:
+def regime_masks(left: Left) -> dict[str, Mask]:
     """Regime -> which of the rows that count belong to it, shape (n,)."""
-    stretches = evaluation.stretches
+    turns = [_transitions(part) for part in left.parts]
     rest, breakaway, reversal = (
-        np.concatenate(parts) for parts in zip(*(_transitions(s) for s in stretches), strict=True)
+        np.concatenate([mask[part.rows] for mask, part in zip(masks, left.parts, strict=True)])
+        for masks in zip(*turns, strict=True)
     )
-    speed = np.abs(evaluation.pooled(lambda s: s.log["velocity"]))
+    velocity = left.pooled(lambda part: part.log["velocity"])
+    speed = np.abs(velocity)
     moving = ~(rest | breakaway | reversal)
     low, high = np.quantile(speed[moving], (1 / 3, 2 / 3)) if moving.any() else (0.0, 0.0)
-    change = evaluation.pooled(lambda s: acceleration(s.log, evaluation.observer.time_constant))
-    gaining = change * np.sign(evaluation.pooled(lambda s: s.log["velocity"]))
+    change = left.pooled(lambda part: acceleration(part.log, left.time_constant))
+    gaining = change * np.sign(velocity)
     enough = _ACCELERATES * float(np.percentile(np.abs(change), 99))
-    top = max(float(np.abs(s.log["u"]).max()) for s in stretches)
+    top = max(float(np.abs(part.log["u"]).max()) for part in left.parts)
     return {
         "rest": rest & ~breakaway & ~reversal,
         "breakaway": breakaway,
@@ -116,14 +118,14 @@ def regime_masks(evaluation: Evaluation) -> dict[str, Mask]:
         "fast": moving & (speed > high),
         "accelerating": ~rest & (gaining > enough),
         "decelerating": ~rest & (gaining < -enough),
-        "saturated": np.concatenate([_saturated(s.log["u"], top)[s.first :] for s in stretches]),
+        "saturated": np.concatenate([_saturated(part.log["u"], top)[part.rows] for part in left.parts]),
     }
 
 
-def _transitions(stretch: Stretch) -> tuple[Mask, Mask, Mask]:
-    """(rest, the time after a rest, the time around a change of direction), rows that count."""
-    v, t = stretch.log["velocity"], stretch.log["t"]
-    rest = np.abs(v) <= stretch.model.rest_speed
+def _transitions(part: Part) -> tuple[Mask, Mask, Mask]:
+    """(rest, the time after a rest, the time around a change of direction), of all samples."""
+    v, t = part.log["velocity"], part.log["t"]
+    rest = np.abs(v) <= part.rest_speed
     sign = np.where(rest, 0.0, np.sign(v))
     index = np.arange(len(v))
     last = np.maximum.accumulate(np.where(sign != 0.0, index, -1))  # last moving row up to each
@@ -136,7 +138,7 @@ def _transitions(stretch: Stretch) -> tuple[Mask, Mask, Mask]:
     turned = moved[(earlier >= 0) & (sign[np.maximum(earlier, 0)] == -sign[moved])]
     quick = turned[t[turned] - t[last[turned - 1]] <= REVERSAL]
     reversal = _within(t, t[quick], REVERSAL, REVERSAL)
-    return rest[stretch.first :], breakaway[stretch.first :], reversal[stretch.first :]
+    return rest, breakaway, reversal
 
 
 def _within(t: Array, events: Array, before: float, after: float) -> Mask:
@@ -156,23 +158,23 @@ def _saturated(u: Array, top: float) -> Mask:
     return mask
 
 
-def _segments(evaluation: Evaluation) -> tuple[Bin, ...]:
+def _segments(left: Left) -> tuple[Bin, ...]:
     """Equal parts of every log, `SEGMENTS` in all or one per log."""
-    names = tuple(dict.fromkeys(s.name for s in evaluation.stretches))
-    total, found = evaluation.errors, []
+    names = tuple(dict.fromkeys(part.name for part in left.parts))
+    total, found = left.errors, []
     for name in names:
-        own = evaluation.of(name)
-        errors, t = own.errors, own.pooled(lambda s: s.log["t"])
+        own = left.of(name)
+        errors, t = own.errors, own.pooled(lambda part: part.log["t"])
         rows = np.array_split(np.arange(len(errors)), max(SEGMENTS // len(names), 1))
         found += [_bin(float(t[i[0]]), float(t[i[-1]]), errors[i], total, name) for i in rows if len(i)]
     return tuple(found)
 
 
-def _bins(evaluation: Evaluation, channel: str, errors: Array) -> tuple[Bin, ...]:
+def _bins(left: Left, channel: str, errors: Array) -> tuple[Bin, ...]:
     """Bins of equal width over the range of the channel, with an edge at 0; empty ones are left out."""
-    if any(channel not in s.log for s in evaluation.stretches):
+    if any(channel not in part.log for part in left.parts):
         return ()
-    x = evaluation.pooled(lambda s: s.log[channel])
+    x = left.pooled(lambda part: part.log[channel])
     width = float(np.ptp(x)) / BINS
     if width <= 0.0:
         return ()
@@ -186,16 +188,16 @@ def _bin(start: float, end: float, errors: Array, total: Array, log: str = "") -
     return Bin(start, end, len(errors) / len(total), share, _rms(errors), float(errors.mean()), log)
 
 
-def _bands(evaluation: Evaluation, errors: Array) -> tuple[Band, ...]:
-    """Octaves below half the sampling rate; the lowest band goes down to 0. Irregular stamps are taken as regular."""
-    top = 0.5 / evaluation.sample_time
+def _bands(left: Left, errors: Array) -> tuple[Band, ...]:
+    """Octaves below half the rate of the rows; the lowest goes down to 0. Irregular stamps are taken as regular."""
+    top = 0.5 / left.interval
     edges = np.concatenate([[0.0], top * 2.0 ** np.arange(-OCTAVES, 1.0)])
     energy = np.zeros(len(edges) - 1)
-    for stretch in evaluation.stretches:
-        own = stretch.errors
-        power = np.abs(np.fft.rfft(own)) ** 2 / len(own)
+    for part in left.parts:
+        own = part.series
+        power = np.abs(np.fft.rfft(own)) ** 2 / max(len(own), 1)
         power[1 : (len(own) + 1) // 2] *= 2.0
-        frequency = np.fft.rfftfreq(len(own), evaluation.sample_time)
+        frequency = np.fft.rfftfreq(len(own), left.interval)
         number = np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, len(energy) - 1)
         energy += np.bincount(number, power, minlength=len(energy))
     total = float(energy.sum())

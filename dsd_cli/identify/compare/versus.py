@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dsd_cli.identify.compare.evaluation import Force
+from dsd_cli.identify.compare.balance import Force
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.recordings.recording import Recording

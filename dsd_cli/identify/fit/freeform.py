@@ -70,7 +70,7 @@ class Freeform:
 
 
 @dataclass(frozen=True)
-class _Piece:
+class Piece:
     """Channels of a stretch per interval; `sign` NaN where friction may hold."""
 
     values: Mapping[str, Array]
@@ -88,7 +88,7 @@ class FreeformFits:
     blocks: Blocks
     fit: Fit
     base: Sequence[Array]
-    pieces: Sequence[_Piece]
+    pieces: Sequence[Piece]
     apart: float = APART
     _made: dict[tuple[str, ...], tuple[list[Array], Array]] = field(default_factory=dict)
 
@@ -197,19 +197,20 @@ def freeform_fits(bank: Bank, equations: Equations, blocks: Blocks, fit: Fit, in
             base += own
         at += width
     late = delayed(bank.equations, (), fit.tap * bank.tap_time)
-    pieces = [_piece(s, u) for s, u in zip(bank.equations.stretches, late, strict=True)]
+    pieces = [piece_of(s, u) for s, u in zip(bank.equations.stretches, late, strict=True)]
     return FreeformFits(equations, blocks, fit, [target, *base], pieces)
 
 
-def _piece(stretch: Stretch, u: Array) -> _Piece:
+def piece_of(stretch: Stretch, u: Array) -> Piece:
+    """Channels of a stretch under this u, the delayed drive per interval."""
     values = {"u": u, "time": stretch.frame.times - 0.5 * stretch.frame.intervals}
     for name in ("velocity", "position"):
         if name in stretch.log:
             values[name] = getattr(stretch.mean, name)
-    return _Piece(values, np.where(stretch.free > 0.0, stretch.sign, np.nan))
+    return Piece(values, np.where(stretch.free > 0.0, stretch.sign, np.nan))
 
 
-def _varies(piece: _Piece, name: str) -> bool:
+def _varies(piece: Piece, name: str) -> bool:
     return name in piece.values and float(np.ptp(piece.values[name])) > 0.0
 
 

@@ -8,7 +8,7 @@ from pathlib import PurePath
 
 from dsd_cli.identify.compare.comparison import Comparison
 from dsd_cli.identify.compare.regimes import Band, Bin
-from dsd_cli.report.conclusions import conclusion
+from dsd_cli.report.conclusions import conclusion, no_dependence
 from dsd_cli.report.page.html import Html, bar, joined, left, table, tag, typeset
 from dsd_cli.report.page.parts import missing, panel, panels, section
 from dsd_cli.report.page.story import Story
@@ -106,9 +106,8 @@ def where_section(story: Story) -> Html:
     return section(
         "where",
         title,
-        tag("h3", "The force residual against the motion") if clouds else None,
+        tag("h3", "The force residual" if result.where_of == "force" else "The error of d_hat"),
         panels(*clouds) if clouds else None,
-        tag("h3", "The error of d_hat"),
         tag("div", tag("div", _dependences(result)), tag("div", _regimes(result)), class_="pair"),
         tag("div", *(s for s in strips if s), class_="strips"),
     )
@@ -117,10 +116,9 @@ def where_section(story: Story) -> Html:
 def _dependences(result: Comparison) -> Html:
     shown = [d for d in result.dependence if d.explains >= 0.01][:8]
     if not shown:
-        why = "no channel explains 1 % of it" if result.dependence else "the log is too short to hold out blocks"
-        return tag("p", f"What the residual of d_hat depends on: {why}.")
+        return tag("p", f"What the force residual depends on: {no_dependence(result)}.")
     rows = [(left(d.on), tag("td", _percent(d.explains), bar(d.explains))) for d in shown]
-    return table(("a function of", "explains of the residual (held-out)"), rows)
+    return table(("a function of", "explains of the force residual (held-out)"), rows)
 
 
 def _regimes(result: Comparison) -> Html | None:
