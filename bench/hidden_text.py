@@ -30,7 +30,8 @@ HARD = """
   at small torque.
 - **Coulomb friction, Dahl's presliding and friction that grows with load** are one law as soon as the axis moves at
   constant load: they differ in the first milliradians after a reversal, or in the dependence on torque. If the
-  encoder cannot see the one and the moves do not vary the other, no method can tell; then the tool is to state a tie.
+  encoder cannot see the one and the moves do not vary the other, no method can identify either; then the tool is to
+  state a tie.
 - **Delay, lag of the amplifier and a soft coupling** all shift the phase of the command. A lag of a millisecond and a
   delay of a millisecond differ only above some 50 Hz; under much noise a wrong delay takes the lag's place.
 - **Stiffness and gravity**: q and sin q are one function on a short stroke, and part only where the moves are long.

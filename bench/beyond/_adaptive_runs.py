@@ -1,7 +1,7 @@
 """Random closed loops for the study of `dsd simulate --adapt`: a run is a seed, and all of it is drawn from that.
 
 Each has a delay change, half of them a change of inertia, a burst of noise on d_hat, and a while in which the
-controller is told a wrong label.
+controller is given a wrong label.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ CASES = (
     Case("rho half of the noise", rho=0.05),
     Case("rho twice the noise", rho=0.2),
     Case("noise of a velocity, white rho", noise=0.02, rho=0.1, velocity=0.0005),
-    Case("the same, told to the detector", noise=0.02, rho=0.02, velocity=0.0005, told=True),
+    Case("the same, given to the detector", noise=0.02, rho=0.02, velocity=0.0005, told=True),
     Case("noise 2 %, correlated over 2 samples, white rho", noise=0.02, slow=0.5),
     Case("noise 2 %, correlated over 10 samples", noise=0.02, slow=0.9),
     Case("noise 10 %, correlated over 10 samples", slow=0.9),
@@ -54,7 +54,7 @@ CASES = (
 
 
 class Score(NamedTuple):
-    """Of one value: share of windows that tell it, coverage of 95 % intervals, mean square error over the bound."""
+    """Of one value: share of windows that identify it, coverage of 95 % intervals, mean square error over the bound."""
 
     told: float
     coverage: float
@@ -112,5 +112,6 @@ def section(pictures: Path) -> str:
             (percent(delay.coverage), percent(inertia.coverage)),
         )
         rows.append((case.what, told[0], covered[0], cells[0], told[1], covered[1], cells[1]))
-    head = ("case", "delay told", "95 % covers", "variance / bound", "inertia told", "95 % covers", "variance / bound")
+    same = ("95 % covers", "variance / bound")
+    head = ("case", "delay identified", *same, "inertia identified", *same)
     return table(head, rows)

@@ -15,7 +15,7 @@ from dsd_cli.signals.log import Log
 
 
 def adaptation(config: Config, plant: SimulationSettings) -> Adaptation:
-    """What tells the simulated controller which plant it has.
+    """What lets the simulated controller know which plant it has.
 
     Raises
     ------

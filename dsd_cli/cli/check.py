@@ -45,7 +45,7 @@ def check(
     effects_from: EffectsFromOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Say whether LOG can answer: signs, units, clock, excitation, sensor, and which values of [model] it tells.
+    """Say whether LOG can answer: signs, units, clock, excitation, sensor, and which values of [model] it identifies.
 
     Each finding names the key of the config that mends it. [signals] alone is needed; [observer] adds the checks of
     d_hat, [model] those of its values.

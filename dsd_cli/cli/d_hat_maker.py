@@ -44,7 +44,7 @@ def known_maker(config: Config, log: str, read: Reader) -> Config:
     if maker is None:
         raise UsageError(
             f'{log}: does not say how d_hat was made, and observer {_open(config)} is "auto"',
-            "give observer.filter and observer.u: the log is too short to tell",
+            "give observer.filter and observer.u: the log is too short to say",
         )
     return config.override([f'observer.filter="{maker.filter}"', f'observer.u="{maker.u}"'])
 

@@ -45,7 +45,7 @@ class ConfigText:
 class Task:
     """One log: `log` as it was given, `path` where any worker on this machine (or any at all: a URL) finds it.
 
-    `key` tells this log in this state with this config from any other.
+    `key` distinguishes this log in this state with this config from any other.
     """
 
     command: str

@@ -68,7 +68,7 @@ def check_logs(logs: Sequence[str], holdout: Sequence[str], signals: Signals | N
 
 
 def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str], progress: Progress | None = None) -> Given:
-    """Read all logs, telling `progress` how far that is.
+    """Read all logs, reporting to `progress`.
 
     Raises
     ------

@@ -45,7 +45,7 @@ def cleaner_for(config: Config, plan: Plan) -> Cleaner:
 
 
 def run_log(table: TableSource, session: Session, watch: Watch | None = None, what: str = "labelling") -> Labelled:
-    """Feed everything, telling `watch` how far that is.
+    """Feed everything, reporting to `watch`.
 
     Raises
     ------

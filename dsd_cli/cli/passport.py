@@ -53,7 +53,8 @@ def passport(
     """Fit the values of CONFIG to each LOG anew, and hold them against limits around those of the delivery.
 
     The newest log decides (by the date in its name or in the file, else the last one given). Exit code 3 if it is
-    outside of a limit, or cannot tell: one line says what changed, by how many sigma, and since which log.
+    outside of a limit, or if that cannot be decided: one line says what changed, by how many sigma, and since which
+    log.
     """
     import sys
 

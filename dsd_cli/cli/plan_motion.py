@@ -43,13 +43,13 @@ ForOption = Annotated[
     typer.Option(
         "--for",
         metavar="NAMES",
-        help="What to tell: effects from one another (gravity,constant_load), or values (inertia); default: what "
+        help="What to settle: effects from one another (gravity,constant_load), or values (inertia); default: what "
         "diagnose leaves open. Repeatable.",
     ),
 ]
 DiagnosisOption = Annotated[
     Path | None,
-    typer.Option("--diagnosis", metavar="FILE", help="JSON of dsd diagnose: tell what it left open."),
+    typer.Option("--diagnosis", metavar="FILE", help="JSON of dsd diagnose: distinguish what it left open."),
 ]
 SecondsOption = Annotated[
     str | None,
@@ -111,9 +111,9 @@ def plan(
 ) -> None:
     """Plan the motion whose log distinguishes what LOG leaves open, within the limits of the axis.
 
-    Says how many nats it will tell explanations apart by, and to which standard errors values will be known, and what
-    no motion tells. Every likely plant has followed the motion in simulation, under [simulate.controller] if there is
-    one, and kept the limits.
+    Says how many nats it will distinguish explanations by, and to which standard errors values will be known, and what
+    no motion identifies. Every likely plant has followed the motion in simulation, under [simulate.controller] if
+    there is one, and kept the limits.
     """
     from dsd_cli.cli.identification import check_logs
     from dsd_cli.cli.pictures import check_plot

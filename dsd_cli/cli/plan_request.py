@@ -67,7 +67,7 @@ Numbers = tuple[str | None, Sequence[str], float | None, float | None]
 
 
 def names_of(wanted: Sequence[str] | None, diagnosis: Path | None) -> tuple[str, ...]:
-    """What is to be told by --for; () for what the logs, or a diagnosis, leave open.
+    """What is to be identified by --for; () for what the logs, or a diagnosis, leave open.
 
     Raises
     ------
@@ -109,7 +109,7 @@ def request(settings: Config, names: tuple[str, ...], numbers: Numbers, told: To
 
     Parameters
     ----------
-    numbers : --seconds, --limit, --start, --sample-time. told : by a file of --diagnosis.
+    numbers : --seconds, --limit, --start, --sample-time. `told` : by a file of --diagnosis.
 
     Raises
     ------

@@ -39,7 +39,7 @@ def load_recording(
     Parameters
     ----------
     window : the rows that are read; None: as [signals] says.
-    progress : is told how far the reading is.
+    progress : is called with the share that is read.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def _written_model(config: Config) -> PlantModel:
 
 
 def known_values(config: Config) -> PriorKnowledge:
-    """[fit]: what a fit is told of values.
+    """[fit]: what a fit is given of values.
 
     Raises
     ------

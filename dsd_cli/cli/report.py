@@ -1,4 +1,4 @@
-"""`dsd report`: one page that tells what a log says, from its quality to the config that results."""
+"""`dsd report`: one page of all that a log says, from its quality to the config that results."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ def report(
     effects_from: EffectsFromOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Write one HTML page that tells what LOG says: check, detect, compare, diagnose and improve in one.
+    """Write one HTML page of what LOG says: check, detect, compare, diagnose and improve in one.
 
     The page needs no network and holds everything: the quality of the log, the labels, where the model fails, what is
-    missing, each step of `improve --auto`, the values and what they are worth, the experiment that would tell more, the
-    config that results. What cannot be done with this log is said on the page.
+    missing, each step of `improve --auto`, the values and what they are worth, the experiment that would identify
+    more, the config that results. What cannot be done with this log is said on the page.
     """
     from dsd_cli.cli.identification import check_logs
     from dsd_cli.cli.report_story import tell

@@ -1,4 +1,4 @@
-"""From logs and a config to what a page tells, by the functions of check, detect, compare, diagnose and improve."""
+"""From logs and a config to what a page says, by the functions of check, detect, compare, diagnose and improve."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ def choose(cost: Array | list[float], best: float, last: int, axes: Array, hold:
     """The state of the smallest cost (-log p), or the last label.
 
     The last label stays unless another leads by more than `hold` nats. Of all states within `hold` (or a tie) of the
-    best, the one that changes fewest axes is taken, then the best of these: a constant u tells inertias apart, not
+    best, the one that changes fewest axes is taken, then the best of these: a constant u distinguishes inertias, not
     delays, so the delay stays. On a tie again the last label stays.
 
     Parameters

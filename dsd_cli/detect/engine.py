@@ -42,7 +42,7 @@ class Forces(NamedTuple):
     """Forces of the model's effects in the interval that ends at each sample.
 
     applied, budget : shape (n, combinations of effect values), unit of u.
-    sign : mean sign of the velocity, shape (n,); NaN at rest, infinite where the speed turns (it tells nothing).
+    sign : mean sign of the velocity, shape (n,); NaN at rest, infinite where the speed turns (it says nothing).
     """
 
     applied: Array

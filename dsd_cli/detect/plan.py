@@ -59,7 +59,7 @@ class Plan:
 
     @property
     def has_motion(self) -> bool:
-        """Whether the rows tell how the axis moves, so that forces which the model lacks can be asked for."""
+        """Whether the rows show how the axis moves, so that forces which the model lacks can be asked for."""
         return self.settings.output == "d_hat" and any(name in self.columns for name in ("velocity", "position"))
 
     @property

@@ -123,7 +123,7 @@ class FrictionMarks:
 
         Parameters
         ----------
-        position : shape (n,), where it is read; `alone` of the constructor: it alone tells the motion.
+        position : shape (n,), where it is read; `alone` of the constructor: it alone shows the motion.
         pushed : u, shape (n,); forces and friction budgets, shape (n, combinations).
         """
         self.turning, self.resting = np.zeros(means.sign.size), np.zeros(means.sign.size, dtype=np.bool_)

@@ -124,7 +124,7 @@ class Inputs(NamedTuple):
     """What the engine takes, each array of shape (n,).
 
     resting : where the axis rests without a reason that the model knows, yet has a vote; None: nowhere.
-    motion : mean speed and its sign in the interval that ends at each sample, shape (n, 2), where the rows tell it.
+    motion : mean speed and its sign in the interval that ends at each sample, shape (n, 2), where the rows identify it.
     """
 
     u: Array

@@ -57,7 +57,7 @@ class Ranges(NamedTuple):
 
     speed : rms speed while moving; top_speed : largest; travel : range of the position; drive : rms of u; top_drive :
     largest |u| but for rare spikes; sample_time and duration in s; resolution : the shortest way that the sensor of
-    the position tells; band_hz : up to which forces are balanced; passes : how often the axis goes over the travel;
+    the position resolves; band_hz : up to which forces are balanced; passes : how often the axis goes over the travel;
     cycle : s after which the motion repeats itself, infinite where it does not; spike_drive : largest |u| of all.
     """
 
@@ -143,16 +143,16 @@ class Effect:
     memory : the columns depend on earlier rows.
     seeds : (lines of the residual) -> further shapes to start from.
     lateness : shape -> s by which the effect makes a command late, so that a search moves the delay along with it.
-    periods : (shape, ranges) -> periods of it in the log: it is told to about that share of itself.
+    periods : (shape, ranges) -> periods of it in the log: it is determined to about that share of itself.
     broad : shape parameters that matter less than the others.
     coupling : shape -> spring, damper and play (`memory.Coupling`) between the motor and a load of its own.
     rarity : of effects that explain a log alike, the one that is met more often (0) is named before a rarer one.
     varies : linear parameters that differ from log to log of one machine: an offset that drifts, friction that warms
         up.
-    repeats : ranges of the log -> whether it may tell several of this effect from one another, by their `periods`. A
+    repeats : ranges of the log -> whether it may distinguish several of this effect, by their `periods`. A
         model then has sections `<id>`, `<id>_2`, `<id>_3`, ... of one law. None: there is one in a model.
-    told_apart : another effect, "inertia" or "delay", that logs often cannot tell from this one -> the experiment that
-        can. It is enough if one of the two says so.
+    told_apart : another effect, "inertia" or "delay", that logs often cannot distinguish from this one -> the
+        experiment that can. It is enough if one of the two says so.
     needs_of : values -> channels that it needs with these; None: `needs`, which is all that it may need.
     joint : (values, inertia J of the whole plant) -> what it is in the joint of a robot simulator; None: nobody said.
     of_joint : (terms of a joint, inertia) -> values for each of this effect that is among them; None: it is none.

@@ -27,7 +27,7 @@ def _columns(channels: Channels, shape: Shape, state: float | None) -> tuple[tup
 
 def _starts(ranges: Ranges) -> list[Shape]:
     """Distances that the axis does not cross within a fraction of a sample at its usual speed, and that its sensor
-    tells: over less, friction builds up unseen, and the law is Coulomb's."""
+    resolves: over less, friction builds up unseen, and the law is Coulomb's."""
     resolved = max(0.05 * ranges.speed * ranges.sample_time, 1.5 * ranges.resolution)
     distances = log_spaced(1e-4 * ranges.travel, 0.2 * ranges.travel, 12)
     return [{"distance": d} for d in distances if d >= resolved]

@@ -78,7 +78,7 @@ class Made:
 
 
 def make(target: Target, joint: Joint, motion: Motion, drop: bool) -> Made:
-    """The joint through the target; the cost of what is left out is told on the motion.
+    """The joint through the target; the cost of what is left out is measured on the motion.
 
     Raises
     ------

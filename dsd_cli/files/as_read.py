@@ -35,7 +35,7 @@ def as_read(
 
     Raises
     ------
-    DataError : while it is read: no row in the window, or none with a u that the command tells.
+    DataError : while it is read: no row in the window, or none with a u that the command names.
     """
     part = windowed(as_it_acted(table, command, time_scale, sample_time), window, time_scale, sample_time)
     whole = scaled(unwrapped(part, factors.get("position", 1.0)) if unwrap else part, factors)

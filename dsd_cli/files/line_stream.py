@@ -216,7 +216,8 @@ class LineStream:
     def _was_cut(self) -> bool:
         """Whether the file is shorter than what was read of it, or holds something else there; then to its begin.
 
-        A file that was cut and has grown past its old size since is told by the bytes before the place of reading.
+        A file that was cut and has grown past its old size since is recognised by the bytes before the place of
+        reading.
         """
         at = os.lseek(self._fd, 0, os.SEEK_CUR)
         if os.pread(self._fd, len(self._tail), at - len(self._tail)) == self._tail:

@@ -79,7 +79,7 @@ def load_log(
     limits : rows with values beyond them, with the factors in, are dropped.
     window : the rows that are read; None is all.
     most_rows : about so many rows are enough.
-    watch : is told how far the reading is.
+    watch : is called with the share that is read.
     layout : where the rows of a text file are; None: it is found.
 
     Raises

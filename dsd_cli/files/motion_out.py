@@ -24,7 +24,7 @@ def motion_format(path: str | Path) -> str:
     """
     suffix = ".csv" if str(path) == "-" else Path(path).suffix.lower()
     if suffix not in _WRITERS:
-        raise UsageError(f"{path}: cannot tell how to write the motion", f"end the name in {', '.join(_WRITERS)}")
+        raise UsageError(f"{path}: unknown kind of file for a motion", f"end the name in {', '.join(_WRITERS)}")
     return suffix
 
 

@@ -39,7 +39,7 @@ def shifted(table: TableSource, shift: Shift, time_scale: float, sample_time: fl
 
 
 class _Shifted(ClockedTable):
-    """With u moved in time. A row waits for the rows that tell its u: a live stream lags by a shift below 0."""
+    """With u moved in time. A row waits for the rows that hold its u: a live stream lags by a shift below 0."""
 
     def __init__(self, table: TableSource, shift: Shift, time_scale: float, sample_time: float | None) -> None:
         super().__init__(table, time_scale, sample_time)
@@ -89,7 +89,7 @@ def _recordings(batch: Batch, t: Array, last: float) -> Iterator[tuple[Batch, Ar
 
 
 class _Recording:
-    """Rows whose stamps never go back: those that wait, and what of those before tells their u."""
+    """Rows whose stamps never go back: those that wait, and what of those before holds their u."""
 
     def __init__(self, shift: Shift) -> None:
         self._shift = shift

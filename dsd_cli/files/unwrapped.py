@@ -28,7 +28,7 @@ def unwrapped(table: TableSource, factor: float) -> TableSource:
 
 
 class _Unwrapped(WrappedTable):
-    """With wraps undone. What a row tells depends on the rows before it alone."""
+    """With wraps undone. What a row says depends on the rows before it alone."""
 
     def __init__(self, table: TableSource, factor: float) -> None:
         super().__init__(table)

@@ -17,12 +17,12 @@ SAMPLE, HEADER = 1 << 16, 3
 
 
 def watched(table: TableSource, watch: Watch | None, what: str = "reading") -> TableSource:
-    """The table, telling `watch` of its rows; the table itself without one."""
+    """The table, reporting its rows to `watch`; the table itself without one."""
     return table if watch is None else _WatchedTable(table, watch, f"{what} {Path(table.name).name}")
 
 
 class _WatchedTable(WrappedTable):
-    """Telling of its rows."""
+    """Reports its rows."""
 
     def __init__(self, table: TableSource, watch: Watch, what: str) -> None:
         super().__init__(table)
@@ -36,7 +36,8 @@ class _WatchedTable(WrappedTable):
 
 
 def about_rows(path: str) -> int | None:
-    """How many rows a log has: a Parquet file says it, the size of the first lines of a text tells; else None."""
+    """How many rows a log has: a Parquet file says it, the size of the first lines of a text allows a guess; else
+    None."""
     if is_stream(path) or not os.path.isfile(path):
         return None
     try:

@@ -63,7 +63,7 @@ def _needless(search: Search, fit: Fit, newest: str) -> tuple[str, Fit] | None:
     """(an added effect without which the model is as good, the fit without it); the one that is missed least.
 
     The newest was taken just now, and nothing came after it that could stand in for it. What only the response above
-    the band tells is not judged by what the band tells.
+    the band shows is not judged by what the band shows.
     """
     seen = {name.partition(".")[0] for name in search.solver.known.seen}
     older = [t.id for t in search.added(fit.terms) if t.id != newest and t.id not in seen]

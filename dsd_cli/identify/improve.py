@@ -51,12 +51,12 @@ def improve(
     on_told: Told = lambda _: None,
 ) -> Ladder:
     """Diagnose, add what `choose` says, measure again; every step lowers the held-out error, but for one that only the
-    response above the band tells: that one must not raise it by more than `POLICY.response_rise`.
+    response above the band identifies: that one must not raise it by more than `POLICY.response_rise`.
 
     Parameters
     ----------
     choose : gets a diagnosis, gives the effect (or value) to take, or None to stop.
-    on_step : told of every rung, the model as given first. on_told : see `diagnose`.
+    on_step : called with every rung, the model as given first. on_told : see `diagnose`.
 
     Raises
     ------
@@ -146,7 +146,7 @@ class _Climb:
         return self.up(chosen, taken.score, taken.all_values, taken.model)
 
     def _take(self, taken: Candidate) -> None:
-        """An effect was taken; what the response told of it stays so."""
+        """An effect was taken; what the response identified of it stays so."""
         self.settings = replace(self.settings, taken=(*self.settings.taken, taken.effect))
         self.added[taken.effect] = Missing(taken.effect, taken.probability)
         if taken.seen:

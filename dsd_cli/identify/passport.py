@@ -113,7 +113,7 @@ class Passport:
 
     @property
     def failed(self) -> bool:
-        """Whether it cannot be signed: a limit does not hold, or the newest log does not tell whether it does."""
+        """Whether it cannot be signed: a limit does not hold, or the newest log does not show whether it does."""
         return self.verdict in (Verdict.OUTSIDE, Verdict.NOT_IDENTIFIED)
 
     @property

@@ -21,12 +21,12 @@ class Policy:
 
     # -- which way round --
     much_better_inverse: float = 10.0  # times the share left of u that is left of the acceleration: u is friction then
-    unanswered: float = 0.02  # share of u beside functions of the motion that the acceleration tells; less: no inertia
+    unanswered: float = 0.02  # share of u that the acceleration explains beside functions of motion; less: no inertia
 
     # -- rows --
     least_free: float = 0.3  # share of a row in which friction's direction is known
     unsure_share: float = 0.005  # of a row in which the axis may rest or turn, from which on it is weighed down
-    sure_part: float = 0.3  # of the rows that count, in which the direction is sure: those tell what is missing
+    sure_part: float = 0.3  # of the rows that count, in which the direction is sure: those decide what is missing
     harmless_lean: float = 0.1  # of a row's noise, by which the friction in its unsure share may lean
     rows_per_value: int = 10  # of which the direction is sure, for each value; with fewer all rows count alike
     incomplete: float = 1.3  # of the noise's power; a fit that leaves more misses something, and its values err by it
@@ -56,7 +56,7 @@ class Policy:
     pulse_price: float = 14.0  # nats for a pulse in time: its level and two edges, found among all rows
     least_gain: float = 6.0  # nats beyond its price that a step must gain, without its best block, too
     most_lost: float = 0.3  # of what blocks gain, that others may lose: a gain must not be that of a few blocks
-    most_effects: int = 8  # added in one search; a rig tells no more apart
+    most_effects: int = 8  # added in one search; a rig distinguishes no more
     most_steps: int = 10  # of a ladder; nobody believes a model with more parts from one rig
     least_cycles: float = 3.0  # in a stretch, for its motion to be called one that repeats
     cycle_left: float = 0.5  # correlation of the speed with itself, below which it has gone elsewhere in between
@@ -74,8 +74,8 @@ class Policy:
     same_level: float = 0.2  # share of a level by which neighbours differ that are one pulse
     forgotten_travel: float = 0.25  # of the travel, after which the first state of effects with memory has no influence
     pulses_fall: float = 0.1  # share of the held-out error that pulses take off: something unknown is there, if no push
-    of_place: float = 0.35  # of the pushes' variance that the position tells, and the share of other times at which
-    place_by_chance: float = 0.01  # as much of it is told: both are met by no true pushes
+    of_place: float = 0.35  # of the pushes' variance that the position explains, and the share of other times at which
+    place_by_chance: float = 0.01  # as much of it is explained: both are met by no true pushes
 
     # -- what matters in practice --
     least_fall: float = 0.015  # share of the held-out error that a step takes off
@@ -117,7 +117,7 @@ class Policy:
     response_damping: float = 0.25  # of the free vibration; above, nothing swings
     response_correlated: float = 6.0  # rows over which what a swinging load leaves is correlated; more: play may rattle
     response_fall: float = 0.5  # of the output error that it takes off: less, and it leaves something correlated
-    response_in_band: float = 0.8  # of the band's end; a resonance below is told by the balance itself
+    response_in_band: float = 0.8  # of the band's end; a resonance below is identified by the balance itself
     load_leaves: float = 3.0  # times the floor, at most, with a load that the balance alone finds
     load_takes: float = 3.0  # times as much must be left without it; by following the sensor's noise it can halve that
 
@@ -142,13 +142,13 @@ class Policy:
     rival_deviations: float = 2.5  # standard errors over the blocks below which a lead is uncertain
     rival_share_in_misfit: float = 0.9  # of the winner's explained power that suffices where something unknown is left
     cheaper_rival_share: float = 0.95  # and that suffices with fewer shape parameters
-    changed_for_name: float = 2.0  # factor on the told values, beyond the winner's change, with which it is not named
+    changed_for_name: float = 2.0  # factor on the given values, beyond the winner's change, with which it is not named
     rival_error: float = 2.0  # times the winner's error; a rival that leaves more is none
     most_inflation: float = 3.0  # rows of autocorrelation time; above, something unknown is left
 
     # -- probability --
     tempering: float = 0.5  # exponent on likelihoods: blocks are neither independent nor alike
-    least_told_direction: float = 0.9  # of the samples in motion; a sensor that tells fewer cannot tell friction
+    least_told_direction: float = 0.9  # of the samples in motion; a sensor that shows fewer cannot identify friction
     surest: float = 0.99  # no verdict is surer: the catalogue is not the world
     surest_in_part: float = 0.8  # where some effects could not be tested, or rows are few
     surest_unnamed: float = 0.5  # a member of a set of which the verdict names none
@@ -179,7 +179,7 @@ class Policy:
     narrow_band_hz: float = 10.0  # a band that ends below hides fast effects: "nothing" is then less sure
 
     # -- motion --
-    resolved_deviations: float = 10.0  # of the position's noise (three counts of an encoder) in the shortest way told
+    resolved_deviations: float = 10.0  # of the position's noise (three counts of an encoder) in the shortest way
     least_rest_samples: int = 5  # slow samples in a row that may be a rest
     resting_most: float = 0.3  # of the rms speed: no faster is at rest, however loud the noise
     resting_share: float = 0.5  # of the rest speed: what mean and change of the speed may be over a rest

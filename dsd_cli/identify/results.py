@@ -31,7 +31,7 @@ class Estimate:
     pull : standard deviations by which the log alone is off the prior; NaN without one.
     told : "identified", "weak" or "not" by the relative error, "held"; "" where nobody asked.
     correlations : of its error with those of the values of this fit that stand before it, by their names; none with
-        those that are held or that the log does not tell.
+        those that are held or that the log does not identify.
     """
 
     value: float
@@ -77,7 +77,8 @@ class Candidate:
     untestable : why it could not be tested on this log; then the numbers are NaN and `model` is None.
     note : what to know about the fit: a value on its bound, a fit that did not converge.
     model, score, all_values : of the model with the effect in it and everything fitted.
-    seen : {parameter: (value, standard error)} that the response above the band told; the balance may not show it.
+    seen : {parameter: (value, standard error)} that the response above the band identified; the balance may not show
+        it.
     """
 
     effect: str
@@ -143,8 +144,8 @@ class Diagnosis:
     depends_on : channels on which an unknown remainder depends. nearest : the effect that comes nearest to what is
         unknown, or beside "none" to what is left in creeping, though the log does not confirm it; "" if none does.
     at_stops : most of what is left is from stops and creeping, where it is not judged. blocked : what must be mended
-        before anything that is missing can be told, "" if nothing. stand_ins : effect that was found, or taken
-        before -> values for which it may only stand in, because the user told them otherwise than the log has them.
+        before anything that is missing can be identified, "" if nothing. stand_ins : effect that was found, or taken
+        before -> values for which it may only stand in, because the user gave them otherwise than the log has them.
     held_out : logs that no fit saw; the held-out errors are theirs.
     noise : rms of r that no smooth function of anything explains, unit of u.
     found : the whole set of effects that the search found; the verdict is the one of them that is worth most alone.

@@ -10,7 +10,7 @@ from dsd_cli.plant.predictor import Believed, StatePredictor
 
 
 class Feedback(Protocol):
-    """What tells the controller which plant it has; times in s."""
+    """What lets the controller know which plant it has; times in s."""
 
     @property
     def longest_delay(self) -> float: ...

@@ -89,7 +89,7 @@ def _parameter_json(one: Parameter) -> dict[str, Any]:
 
 
 def _together(results: Sequence[CheckResult]) -> list[dict[str, Any]]:
-    """Each parameter as the log has it that tells it best."""
+    """Each parameter as the log that identifies it best has it."""
     best: dict[str, Parameter] = {}
     for one in (p for result in results for p in result.parameters):
         if one.name not in best or _rank(one) < _rank(best[one.name]):

@@ -93,14 +93,14 @@ def headline(plan: Plan) -> str:
     logs = ", ".join(plan.logs)
     if plan.motion is None:
         return f"{logs}: no motion is written: " + (
-            "none within the limits tells what is open" if plan.pairs or plan.values else "nothing is left open"
+            "none within the limits settles what is open" if plan.pairs or plan.values else "nothing is left open"
         )
     kinds = list(dict.fromkeys(s.kind for s in plan.stages))
     told = [p for p in plan.pairs if p.nats_expected > TOLD]
-    words = [f"tells {len(told)} of {len(plan.pairs)} pairs of explanations apart"] if plan.pairs else []
+    words = [f"distinguishes {len(told)} of {len(plan.pairs)} pairs of explanations"] if plan.pairs else []
     lost = {one.what for one in plan.impossible}
     better = [v.name for v in plan.values if v.name not in lost]
-    words += [f"tells {listed(better)} better"] if better else []
+    words += [f"identifies {listed(better)} better"] if better else []
     return (
         f"{logs}: {plan.motion.seconds:.3g} s of {listed(kinds)}, from rest at {plan.limits.start:.3g}, {listed(words)}"
     )
@@ -125,7 +125,7 @@ def nats_text(nats: float) -> str:
 
 def _closing(plan: Plan) -> list[str]:
     limits, units = plan.limits, plan.units
-    lines = [f"cannot be told by motion: {one.what}: {one.remedy}" for one in plan.impossible]
+    lines = [f"no motion settles: {one.what}: {one.remedy}" for one in plan.impossible]
     if plan.motion is None:
         return lines
     if len(plan.cost) > 1:

@@ -1,4 +1,4 @@
-"""The picture of `dsd check --plot`: the channels, what is wrong with them, and which values the logs tell."""
+"""The picture of `dsd check --plot`: the channels, what is wrong with them, and which values the logs identify."""
 
 from __future__ import annotations
 

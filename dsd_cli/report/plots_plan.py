@@ -1,4 +1,4 @@
-"""The picture of `dsd plan --plot`: the motion, and what is told before and after it."""
+"""The picture of `dsd plan --plot`: the motion, and what is identified before and after it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LEAST = 0.1
 
 
 def draw(plan: Plan) -> Any:
-    """The figure; without a motion only what is told now."""
+    """The figure; without a motion only what is identified now."""
     bars = _bars(plan)
     figure = sheet(11.0, 1.6 + (5.4 if plan.motion is not None else 0.0) + 0.34 * len(bars))
     heights = [1.3, 1.0, 1.0] if plan.motion is not None else []
@@ -77,6 +77,6 @@ def _draw_bars(axis: Any, bars: list[tuple[str, float, float]]) -> None:
     axis.axvline(TOLD, color=LIMIT, lw=0.9, ls=":")
     axis.set_yticks(range(len(bars)), [name for name, *_ in bars])
     axis.invert_yaxis()
-    axis.set_xlabel("nats by which the true one leads; of a value (value / standard error)^2 / 2; dotted: told")
+    axis.set_xlabel("nats by which the true one leads; of a value (value / standard error)^2 / 2; dotted: enough")
     if bars:
         legend_above(axis, 2)

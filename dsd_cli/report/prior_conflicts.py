@@ -1,4 +1,4 @@
-"""What a log says against what the user told of values."""
+"""What a log says against what the user gave of values."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def first_of_all(result: Diagnosis) -> str:
 
 
 def against_json(result: Diagnosis) -> list[dict[str, Any]]:
-    """Values that the log has otherwise than they were told, and the effects that may only stand in for them."""
+    """Values that the log has otherwise than they were given, and the effects that may only stand in for them."""
     found = once(one for one in result.warnings if isinstance(one, Contradiction))
     return [
         {
@@ -47,6 +47,6 @@ def against_json(result: Diagnosis) -> list[dict[str, Any]]:
 
 
 def no_confirmation(result: Diagnosis) -> str:
-    """An end for a line on parts of the data, asked with the same values told; "" where that is no matter."""
+    """An end for a line on parts of the data, asked with the same values given; "" where that is no matter."""
     names = kept_values(result.warnings)
     return f", all with {listed(names)} as given: no confirmation of that" if names else ""

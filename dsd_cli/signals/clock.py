@@ -76,7 +76,7 @@ def stamp_rounding(magnitude: Array | float) -> Array | float:
 
 
 def _plain(value: float, rounding: float) -> float:
-    """0.001 instead of 0.00099999999999988: the shorter number where the stamps cannot tell the two apart."""
+    """0.001 instead of 0.00099999999999988: the shorter number where the stamps cannot distinguish the two."""
     short = float(f"{value:.6g}")
     return short if abs(short - value) <= rounding + 1e-12 * value else value
 

@@ -1,4 +1,4 @@
-"""How large a channel usually gets, told from its own past, and the values that are none of the channel's.
+"""How large a channel usually gets, by its own past, and the values that are none of the channel's.
 
 Causal, row by row: the result depends on the rows, never on how they were cut into chunks.
 """
@@ -34,7 +34,7 @@ class Standout(NamedTuple):
 class Level:
     """The largest power of two that |x| reached in 8 of 64 successive rows, anywhere so far; 0 before.
 
-    A power of two tells well enough what stands out, and seldom changes: most chunks cost a look at their largest.
+    A power of two shows well enough what stands out, and seldom changes: most chunks cost a look at their largest.
     """
 
     def __init__(self) -> None:

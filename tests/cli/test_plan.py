@@ -131,7 +131,7 @@ def test_what_no_motion_tells_is_not_said_to_be_told() -> None:
     motion = Motion(0.001, *np.zeros((4, 1001)))
     lost = (Impossible("delay", "take a finer sensor"),)
     line = headline(Plan(("a.csv",), "none", motion, (Stage("chirp", 0.0, 1.0, {}),), (), values, limits, lost))
-    assert line.endswith("tells inertia better")
+    assert line.endswith("identifies inertia better")
 
 
 def test_where_the_logs_may_have_misled_both_ways_are_said() -> None:
@@ -145,7 +145,7 @@ def test_where_the_logs_may_have_misled_both_ways_are_said() -> None:
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (("-o", "next.txt"), "cannot tell how to write the motion"),
+        (("-o", "next.txt"), "unknown kind of file for a motion"),
         (("-o", "next.csv", "--limit", "speed=3"), "no limit 'speed'"),
         (("-o", "next.csv", "--limit", "velocity=fast"), "not a number"),
         (("-o", "next.csv", "--limit", "u=0"), "must be above 0"),

@@ -28,7 +28,7 @@ class Adaptation:
     """Feeds an engine, one sample at a time, and says what the controller is to believe.
 
     - A label is adopted when it has been confident and the same for `dwell`.
-    - What is adopted stays, also while nothing is confident (a quiet loop tells nothing).
+    - What is adopted stays, also while nothing is confident (a quiet loop says nothing).
     - It is given up when it leaves more than twice rho unexplained and another state explains the window of the
       detector much better: at most half of the rms, and the lead that `confident` asks for. A burst of noise, which
       every state explains as badly, is no reason. In its place comes the cautious plant until a label stands again:

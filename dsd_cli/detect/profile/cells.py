@@ -19,7 +19,8 @@ class Estimates(NamedTuple):
     ----------
     delay, delay_std : s.
     inertia, inertia_std : unit of the nominal inertia.
-    delay_confident, inertia_confident : whether this window tells the value, to better than the candidates' spacing.
+    delay_confident, inertia_confident : whether this window identifies the value, to better than the candidates'
+        spacing.
     """
 
     delay: Array

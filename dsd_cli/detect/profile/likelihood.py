@@ -39,7 +39,7 @@ class Fit(NamedTuple):
 
     Attributes
     ----------
-    lag, lag_std : delay in steps above the first of the lattice; infinite std where the window tells nothing of it.
+    lag, lag_std : delay in steps above the first of the lattice; infinite std where the window says nothing of it.
     alpha, alpha_std : Jn / J.
     combination : index of the effect values.
     square : residual sum of squares at the best fit.

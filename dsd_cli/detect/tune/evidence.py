@@ -1,4 +1,4 @@
-"""What a log tells about every state, sample by sample: the inputs of the engine, and the squared errors they make."""
+"""What a log says of every state, sample by sample: the inputs of the engine, and the squared errors they make."""
 
 from __future__ import annotations
 

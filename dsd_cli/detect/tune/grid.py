@@ -94,7 +94,7 @@ def _span(grid: Grid) -> float:
 
 
 def _away(value: float, others: tuple[float, ...], error: float, apart: float) -> bool:
-    """Whether it is another value than all of these, by what the log can tell and by what is worth a candidate."""
+    """Whether it is another value than all of these, by what the log can identify and by what is worth a candidate."""
     return min(abs(value - x) for x in others) > max(SIGMAS * error, apart)
 
 

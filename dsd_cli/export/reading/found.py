@@ -21,7 +21,7 @@ class Found:
     ----------
     name : as the file has it. linear : it slides. model : what was understood.
     notes : how it was taken. missed : what was not understood, or is nothing of a single joint.
-    units : of u and of positions, as far as the file tells them.
+    units : of u and of positions, as far as the file names them.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What drives a joint of a compiled MuJoCo model, and which of its forces nothing has told yet."""
+"""What drives a joint of a compiled MuJoCo model, and which of its forces nothing has named yet."""
 
 from __future__ import annotations
 

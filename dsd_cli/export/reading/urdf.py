@@ -30,7 +30,7 @@ class Robot(NamedTuple):
 
 
 class Hanging(NamedTuple):
-    """Mass, first moment and inertia about the origin of the frame that they are told in."""
+    """Mass, first moment and inertia about the origin of the frame that they are given in."""
 
     mass: float
     moment: Array
@@ -123,7 +123,7 @@ def _of_link(robot: Robot, link: str) -> Hanging:
 
 
 def _moved(one: Hanging, turn: Array, shift: Array) -> Hanging:
-    """Told in a frame in which its own frame is turned and shifted (Steiner)."""
+    """Given in a frame in which its own frame is turned and shifted (Steiner)."""
     moment, inertia = turn @ one.moment, turn @ one.inertia @ turn.T
     if one.mass > 0.0:
         centre = moment / one.mass

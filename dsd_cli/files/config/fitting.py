@@ -164,7 +164,7 @@ class Fit(Section):
                 raise at.child("prior").child(name).wrong(value, f"within its bounds, {low:g} to {high:g}")
 
     def known(self, model: PlantModel, file: str) -> PriorKnowledge:
-        """What a fit is told.
+        """What a fit is given.
 
         Raises
         ------

@@ -36,7 +36,7 @@ class Sampled(NamedTuple):
 
     @property
     def rate(self) -> float:
-        """Samples per unit of time, where it was sampled; 0 where there is no telling."""
+        """Samples per unit of time, where it was sampled; 0 where there is no knowing."""
         steps = np.diff(self.t[np.isfinite(self.t)])
         steps = steps[steps > 0.0]
         steps = steps[steps <= PAUSE * steps.mean()] if steps.size else steps

@@ -45,7 +45,7 @@ def seconds_of(log: Log, restarts: Sequence[int]) -> float:
 def stamps_are_true(log: Log, restarts: Sequence[int]) -> float:
     """By how many standard errors the position (or velocity) is smoother over the stamps than over an even clock.
 
-    Above 0: the samples were taken at their stamps; below: evenly, and the stamps are noise; about 0: not to be told.
+    Above 0: the samples were taken at their stamps; below: evenly, and the stamps are noise; about 0: not identifiable.
     """
     name = next((name for name in ("position", "velocity") if name in log), None)
     if name is None:

@@ -2,7 +2,7 @@
 
 By eq. 13 u + Q^-1 d_hat is Jn a, the net force. Where it is (Jn/J) u(t - L) + ..., a log with a wrong sign of u or of
 d_hat gives 2 u(t) - (Jn/J) u(t - L) - ...: a share of exactly 2 that acts at once, and the rest against it. Where the
-delay is too short for the band, or friction is most of u, nothing tells the two apart and nothing is said.
+delay is too short for the band, or friction is most of u, nothing distinguishes the two and nothing is said.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Is u held from sample to sample, or sampled from a continuous signal? Decided in the upper half of the spectrum.
 
-Between the samples the two differ by (w T)^2 and less, so that only a fast drive and a fine sensor tell. Cross spectra
-of u and the acceleration are compared with what each kind makes of them; J and the delay are free in both.
+Between the samples the two differ by (w T)^2 and less, so that only a fast drive and a fine sensor show it. Cross
+spectra of u and the acceleration are compared with what each kind makes of them; J and the delay are free in both.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ def _key(channel: str, factor: float, applied: float) -> str:
 
 @dataclass(frozen=True)
 class Parameter:
-    """Whether this log can tell a value of the model.
+    """Whether this log can identify a value of the model.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Parameter:
     value : what a fit in the band gives; NaN where it gives nothing.
     std_error : of the value, with correlated errors counted; infinite where the log says nothing.
     unit : with {u}, {v}, {q} for the units of the channels.
-    tied_to : parameters that this log cannot tell from it (correlation above 0.98).
+    tied_to : parameters that this log cannot distinguish from it (correlation above 0.98).
     beside : the value with friction, weight and springs of any size beside the model, where a force that the model
         lacks bends it so far that it is less well known; `std_error` counts the difference. Else None.
     """

@@ -69,7 +69,7 @@ def _blamed(ratio: float, source: str, off: float | None) -> str:
 def times_too_large(
     view: View, model: PlantModel | None, d_hat: Observed | None, observer: ObserverSettings | None
 ) -> float | None:
-    """What the inertia that the motion shows is, over the one that it should be; None where nothing tells."""
+    """What the inertia that the motion shows is, over the one that it should be; None where nothing shows it."""
     if observer is not None and d_hat is not None and d_hat.clear:
         return abs(d_hat.motion / d_hat.drive)
     if model is not None and view.forward is not None and view.forward.explained > 0.5:

@@ -47,7 +47,7 @@ class Comparison:
     residual : tests on d_hat.
     conclusion : channel on which the error depends most ("direction", "velocity x position"), or one of `BIAS`
         (a constant), `MEMORY` (its own past), `COMMAND` (u, but not as a function of it: dynamics), `NOISE`, `EXACT`
-        (rounding); `SHORT` where the log cannot tell.
+        (rounding); `SHORT` where the log is too short to say.
     provenance : channel -> where it is from, of the first log.
     """
 

@@ -1,6 +1,6 @@
 """Is the residual noise? Correlation with its own past and with u, each with what chance alone would give.
 
-At 1 kHz everything is significant; so each answer comes with its size: the share of the residual's variance at stake.
+At 1 kHz everything is significant; so each answer comes with its size: the share of the residual's variance.
 """
 
 from __future__ import annotations

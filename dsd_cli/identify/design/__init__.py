@@ -1,1 +1,1 @@
-"""The next experiment: which motion tells explanations of a log apart, and how well."""
+"""The next experiment: which motion distinguishes explanations of a log, and how well."""

@@ -1,4 +1,4 @@
-"""Each explanation as the plant under the loop: does the motion keep its limits there, and what does it tell?"""
+"""Each explanation as the plant under the loop: does the motion keep its limits there, and what does it identify?"""
 
 from __future__ import annotations
 

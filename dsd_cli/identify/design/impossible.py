@@ -1,4 +1,4 @@
-"""What no motion tells, found by trying: the best of all that were tried would need more time than anyone has."""
+"""What no motion identifies, found by trying: the best of all that were tried would need more time than anyone has."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _GAIN_TOLD = "weigh a mass, mount it and hold its inertia in the next fit (--fix
 
 
 def not_by_motion(search: Search, targets: Targets, diagnosis: Diagnosis | None) -> list[Impossible]:
-    """What a motion cannot tell by the form of the balance, or for want of a channel.
+    """What a motion cannot identify by the form of the balance, or for want of a channel.
 
     u = J a - forces: with all of J and the forces a times as large, and u too, it is the same balance. So the gain of
-    the drive is told only where one of them is known without u.
+    the drive is identifiable only where one of them is known without u.
     """
     found = []
     held = set(search.solver.known.fixed) | set(search.solver.known.priors)
@@ -36,7 +36,7 @@ def not_by_motion(search: Search, targets: Targets, diagnosis: Diagnosis | None)
 
 
 def told_by_none(measure: Measure, library: Sequence[Sized]) -> tuple[list[Impossible], Measure]:
-    """Targets that no motion of the library tells in two minutes, and the measure without them."""
+    """Targets that no motion of the library identifies in two minutes, and the measure without them."""
     best: dict[str, float] = {}
     for one in library:
         times = max(_PATIENCE / one.part.seconds, 1.0)
@@ -62,12 +62,12 @@ def _said(name: str, lost: Sequence[str]) -> tuple[str, str]:
     if len(sides) == 2 and _turned(name) in lost:
         return " or ".join(sides), _remedy(sides)
     if len(sides) == 2:
-        return name, f"{sides[1]} can take a form that is {sides[0]} within the limits; the other way round it is told"
+        return name, f"{sides[1]} can take a form that is {sides[0]} within the limits; not the other way round"
     return name, _remedy(sides)
 
 
 def _remedy(names: Sequence[str]) -> str:
-    """What would tell it: the experiment of the effect's own file, where it knows one."""
+    """What would settle it: the experiment of the effect's own file, where it knows one."""
     sides = [[kind_of(part) for part in side.split(" + ") if find_effect(part)] for side in names]
     if len(sides) == 2:
         for a, b in product(*sides):

@@ -85,7 +85,7 @@ def actuated(model: PlantModel, u: Array, step: float) -> Array:
 def as_recording(template: Recording, path: Path, u: Array, rest_speed: float = 0.0) -> Recording:
     """A motion as the sensor of the template would show it, but for its noise.
 
-    Where friction may hold the axis is told no better than by that sensor.
+    Where friction may hold the axis is known no better than by that sensor.
     """
     step, q = path.step, path.position
     if template.sensor.two_intervals:

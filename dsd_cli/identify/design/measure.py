@@ -1,4 +1,4 @@
-"""What a motion is expected to tell: nats for each pair of explanations, standard errors of values.
+"""What a motion is expected to identify: nats for each pair of explanations, standard errors of values.
 
 If A is the plant, B explains a motion but for |(I - P_B) x_A|^2 / 2 s^2 nats: x_A is what A does on it, P_B projects on
 all that B may fit (its own columns, inertia, delay, the other effects, slopes over its shapes), s the noise of the rows
@@ -188,8 +188,8 @@ class Measure:
         return ", not ".join(apart(*names))
 
     def told_apart(self, expected: Expected, a: int, b: int) -> float:
-        """Nats of the smaller direction of a pair; a direction that no motion tells, or whose truth the logs have ruled
-        out, is not counted beside the other."""
+        """Nats of the smaller direction of a pair; a direction that no motion identifies, or whose truth the logs
+        have ruled out, is not counted beside the other."""
         found = {self._name(*p): expected.nats[p] for p in ((a, b), (b, a)) if p in expected.nats}
         told = {name: nats for name, nats in found.items() if name in self.open}
         return min((told or found).values())
@@ -211,7 +211,7 @@ class Measure:
         return Measure(self.search, self.targets, self.draws, self.open - set(names)) if names else self
 
     def smallest(self, planned: Array) -> float:
-        """Expected nats of the target that is told least."""
+        """Expected nats of the target that is identified least."""
         nats = self.nats(planned)
         return min(nats[name] for name in self.open)
 
@@ -223,7 +223,8 @@ class Measure:
 
 
 def _within(explanations: Sequence[Explanation], truth: int, rival: int) -> bool:
-    """Whether the rival has all effects of the truth: then it explains any motion as well, and only its price tells."""
+    """Whether the rival has all effects of the truth: then it explains any motion as well, and only its price
+    decides."""
     ids = [{t.id for t in explanations[i].fit.terms} for i in (truth, rival)]
     return ids[0] <= ids[1]
 

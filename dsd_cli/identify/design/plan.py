@@ -1,4 +1,4 @@
-"""From a search over logs to the motion that tells what they leave open: optimised, run under the loop, judged."""
+"""From a search over logs to the motion that identifies what they leave open: optimised, run under the loop, judged."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ class PlannedValue:
 
 @dataclass(frozen=True)
 class Impossible:
-    """What no motion within the limits tells, and what would."""
+    """What no motion within the limits identifies, and what would."""
 
     what: str
     remedy: str
@@ -71,10 +71,10 @@ class Stage:
 
 @dataclass(frozen=True)
 class Plan:
-    """The motion that tells what the logs leave open.
+    """The motion that identifies what the logs leave open.
 
-    motion : None where nothing is left to be told by one. stages : what it is made of. reached : largest size of what
-    is limited, over all plants that were simulated. cost : (s, smallest nats) of shorter and longer motions.
+    motion : None where nothing is left to be identified by one. stages : what it is made of. reached : largest size
+    of what is limited, over all plants that were simulated. cost : (s, smallest nats) of shorter and longer motions.
     """
 
     logs: tuple[str, ...]

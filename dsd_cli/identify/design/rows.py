@@ -134,7 +134,7 @@ class MotionRows:
 def equations_like(known: Equations, recording: Recording, delay: float, held: bool) -> Equations:
     """Rows of a planned motion in the band, the spacing and the whitening of a log's.
 
-    held : there may be friction: rows in which the direction is not sure tell nothing. Where few are sure, as of a
+    held : there may be friction: rows in which the direction is not sure say nothing. Where few are sure, as of a
         short part in a narrow band, those count in which it is known for a large enough share: as in the search.
     """
     band, step = known.band, recording.sample_time

@@ -1,4 +1,4 @@
-"""What the next experiment shall tell: explanations that the logs leave open, and values that they hardly tell."""
+"""What the next experiment is for: explanations that the logs leave open, and weakly identifiable values."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Value:
-    """A value that is to be told better: `slope` of it over coefficients and shapes of an explanation, shape (m,).
+    """A value to identify better: `slope` of it over coefficients and shapes of an explanation, shape (m,).
 
     error : its standard error now, by the logs; `size` : what it is to be small against.
     """
@@ -65,7 +65,7 @@ class Value:
 
 @dataclass(frozen=True)
 class Targets:
-    """explanations : each once. pairs : of their places, to be told apart. values : of the first explanation.
+    """explanations : each once. pairs : of their places, to be distinguished. values : of the first explanation.
     asked : names that the user gave."""
 
     explanations: tuple[Explanation, ...]

@@ -2,8 +2,8 @@
 
 What each block pulls at the coefficients, by the fit that did not see it, is what they scatter by: nothing has to be
 white, or of one size, within a block; and a block that decides a value by itself makes it uncertain, which a plain
-sandwich would not see (CR3 of Bell and McCaffrey, 2002; MacKinnon and White, 1985). Where few blocks tell a value, its
-scatter is known from few: the error is then as much larger as Student's t is with that many.
+sandwich would not see (CR3 of Bell and McCaffrey, 2002; MacKinnon and White, 1985). Where few blocks identify a
+value, its scatter is known from few: the error is then as much larger as Student's t is with that many.
 
 No scatter shows what all blocks share: what noise that a controller has put into u may add to a delay (`returned`).
 """
@@ -116,7 +116,8 @@ class Information:
 
 
 def _wider(telling: Array, count: int) -> Array:
-    """By how much 95 % of Student's t reach further with so many blocks that tell a value than with all, shape (q,)."""
+    """By how much 95 % of Student's t reach further with so many blocks that identify a value than with all, shape
+    (q,)."""
     from scipy.special import stdtrit
 
     few = np.clip(telling - 1.0, _FEWEST, count - 1.0)

@@ -3,7 +3,7 @@
 Forces that no model follows stand in u. The forward form finds what is missing as long as J a is a fair part of u,
 however noisy the sensor. Where friction, weight or cogging is nearly all of u, J a drowns in them: whatever is added,
 hardly any of the acceleration is explained. The inverse form then leaves a small share of u, and is evidence. In it
-nothing that acts on u can be told, nor a push: it would explain u by u, or by the time at which u was so, and the
+nothing that acts on u can be identified, nor a push: it would explain u by u, or by the time at which u was so, and the
 acceleration, in which it had to show, says nothing.
 """
 
@@ -20,7 +20,7 @@ from dsd_cli.identify.policy import POLICY
 
 #: Why an effect cannot be told in the inverse form.
 NEEDS_ACCELERATION = (
-    "friction, weight or cogging is nearly all of u here: the acceleration, in which it would show, tells too little"
+    "friction, weight or cogging is nearly all of u here: the acceleration, in which it would show, says too little"
 )
 
 
@@ -54,7 +54,7 @@ def _answered(solver: Solver, beside: Terms, most_tap: int) -> float:
 
 
 def needs_acceleration(effect_id: str) -> bool:
-    """Whether an effect can be told by the forward form alone: one on u, of u, of time, or a mass."""
+    """Whether an effect can be identified by the forward form alone: one on u, of u, of time, or a mass."""
     effect = get_effect(effect_id)
     of_time = not effect.needs and (effect.listed or effect.searched > 0)
     return effect.role in (Role.INPUT, Role.STRUCTURE) or "u" in effect.needs or of_time

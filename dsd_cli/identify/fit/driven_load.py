@@ -1,7 +1,7 @@
 """A load on the motor driven by what the model says, not by what a noisy sensor measured.
 
 The acceleration of a load follows from the motor's motion. A coarse sensor's noise moves a simulated load that no motor
-ever moved: it would pick up play at every count; and of a stiff contact samples of any motion tell too little. So a
+ever moved: it would pick up play at every count; and of a stiff contact samples of any motion say too little. So a
 model that has a load already may also drive it by its own force,
 
     F = u(t - L) + forces,    the load by `effects.memory.driven_load` of F / (s_m J),

@@ -279,7 +279,7 @@ def _motion(log: Log, weights: Array) -> IntervalChannels:
 
 
 def direction(speed: Array, noise: Array) -> Array:
-    """Mean of sgn v over each interval, shape (n,), as far as a noisy speed tells it: between -1 and 1.
+    """Mean of sgn v over each interval, shape (n,), as far as a noisy speed shows it: between -1 and 1.
 
     noise : standard deviation of the speed's, shape (n,).
     """

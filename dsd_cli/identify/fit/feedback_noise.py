@@ -7,7 +7,7 @@ min(D / J, w) r^2 in a row, w the end of the band. Where the motion gives du/dt 
 blocks alike. D is seen above the motion, where noise is all that the sensor has.
 
 Of simulated axes with D / J of 50 and 100 rad/s and encoders of 4200 to 17,000 counts D / J is found within 4 %; where
-their slow motion tells the delay worst, it came out 6 to 14 ms off, and this says 4 to 11 ms.
+their slow motion identifies the delay worst, it came out 6 to 14 ms off, and this says 4 to 11 ms.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Where only u and d_hat are logged, white noise on d_hat makes a random walk of the integrated speed, whose start is not
 known, nor is the zero of the position. Gravity, springs and cogging come back at the same place, so a set of effects
-tells where the axis truly was. The drift of the speed is a line between knots; its steps from knot to knot have the
+shows where the axis truly was. The drift of the speed is a line between knots; its steps from knot to knot have the
 variance of that random walk, so that no more is explained by drift than the noise of d_hat allows. The coefficients of
 the effects are free beside it: a shift of the position must not be paid for by a drift.
 """
@@ -156,7 +156,7 @@ class _Path:
 
     @cached_property
     def position(self) -> Array:
-        """rad; where it would drift too far to be one, what the speed adds up to tells the size of the motion."""
+        """rad; where it would drift too far to be one, what the speed adds up to gives the size of the motion."""
         there = "position" in self.piece
         return self.piece["position"] if there else np.cumsum(self.piece["velocity"]) * self.piece.sample_time
 

@@ -25,7 +25,8 @@ class PriorKnowledge:
     bounds : smallest and largest value.
     priors : value and standard deviation: one more equation.
     events : effects all of whose values are held as the model has them, lists of events too.
-    seen : of those that are fixed, the ones that the response told, with their standard errors (`search.response`).
+    seen : of those that are fixed, the ones that the response has identified, with their standard errors
+        (`search.response`).
     """
 
     fixed: Mapping[str, float] = field(default_factory=dict)
@@ -56,7 +57,7 @@ class PriorKnowledge:
         return model.changed(self.fixed.get(DELAY), self.fixed.get(INERTIA), effects)
 
     def seeing(self, effect_id: str, values: Mapping[str, tuple[float, float]]) -> PriorKnowledge:
-        """With the values (and standard errors) of an effect that the response told."""
+        """With the values (and standard errors) of an effect that the response has identified."""
         fixed = {f"{effect_id}.{name}": value for name, (value, _) in values.items()}
         errors = {f"{effect_id}.{name}": error for name, (_, error) in values.items()}
         return replace(self, fixed={**self.fixed, **fixed}, seen={**self.seen, **errors})

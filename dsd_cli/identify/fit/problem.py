@@ -39,7 +39,7 @@ class Problem:
     Attributes
     ----------
     base : effects that the model has; they stay. candidates : effects that may be added.
-    untestable : effect -> why these recordings cannot tell it.
+    untestable : effect -> why it cannot be tested on these recordings.
     solver : on whitened rows. errors : in the unit of u.
     most_tap : steps of delay that are tried at most; tap : those that the last fit had.
     """
@@ -264,7 +264,7 @@ def _laid_out(
     """(solver on rows that are not whitened, most steps of delay, first fit) for delays of up to `longest` s.
 
     found : the best delay on fewer rows, s. given : the inertia that the user believes, where the inverse form is
-    evidence: beside functions of the motion it is told as well as it can be; else 0.
+    evidence: beside functions of the motion it is known as well as it can be; else 0.
     """
     bank, most_tap = _bank(recordings, longest, settings.band)
     blocks = lay_blocks(bank.equations.lengths, POLICY.gap_rows, recordings[0].name)

@@ -1,6 +1,6 @@
 """Rows in which friction's direction is sure decide the values; the others count as far as they agree.
 
-Where an axis stops, starts or turns, a sensor tells the direction late or not at all, and dry friction may hold for a
+Where an axis stops, starts or turns, a sensor shows the direction late or not at all, and dry friction may hold for a
 moment that nobody sees. What is left of the balance there is no noise: it leans to one side and, low-passed, reaches
 into the neighbouring rows. Rows of that kind are weighed by what they leave, as generalised least squares does with
 rows of two variances.

@@ -188,7 +188,7 @@ def fitted_values(
 
 
 def _found_only(estimates: Mapping[str, Estimate], fit: Fit, known: PriorKnowledge) -> Mapping[str, Estimate]:
-    """Where a fit finds no inertia what is given stays, and nothing is told of it."""
+    """Where a fit finds no inertia what is given stays, and nothing is said of it."""
     if whole_inertia(fit) > 0.0 or INERTIA in known.fixed:
         return estimates
     return {**estimates, INERTIA: replace(estimates[INERTIA], std_error=math.nan, told="not")}

@@ -83,7 +83,7 @@ def curves_of(fit: LawFit, judge: Judge, names: Sequence[str], finer: LawFit | N
 def _smoothed(fit: LawFit, finer: LawFit | None, at: int) -> Array | float:
     """Squared distance of the finer curve from that of law `at`, at its knots: what is lost by being smooth.
 
-    A mean over neighbours, for one crossing of the two tells of no agreement.
+    A mean over neighbours, for one crossing of the two is no agreement.
     """
     if finer is None or not isinstance(fit.laws[at].law, Table) or len(fit.laws[at].law.channels) > 1:
         return 0.0

@@ -86,7 +86,7 @@ def formula_of(chosen: Choice) -> Found | None:
 
 
 def identified(estimates: Mapping[str, Estimate]) -> bool:
-    """Whether the strength of a term is told from 0: else its shape lies where it hardly acts."""
+    """Whether the strength of a term is distinguished from 0: else its shape lies where it hardly acts."""
     strengths = [estimates[name] for name in ("coefficient", "amplitude") if name in estimates]
     return all(abs(e.value) > _LEAST_SIGMAS * e.std_error for e in strengths)
 

@@ -76,7 +76,7 @@ class Balance:
 
     @property
     def answered(self) -> bool:
-        """Whether u makes the axis accelerate enough for its motion to tell a law of u: where u is nearly all friction,
+        """Whether u makes the axis accelerate enough for its motion to show a law of u: where u is nearly all friction,
         weight or cogging, the acceleration is noise, and any law of u would explain u by itself."""
         kept = self.equations.kept
         moved, driven = (float(np.sum(x[kept] ** 2)) for x in (self.inertia * self.acceleration, self.u))
@@ -89,7 +89,7 @@ class Balance:
 
     @cached_property
     def inertia(self) -> float:
-        """J where a law has it as well, so that no log tells the two apart: as given, or as u is on the motion."""
+        """J where a law has it as well, so that no log distinguishes the two: as given, or as u is on the motion."""
         given = self.problem.model.inertia
         x = np.stack([self.white(x) for x in (*self.all_own, self.later)])
         found = float(np.linalg.lstsq(x.T, self.white(self.u), rcond=1e-12)[0][0])

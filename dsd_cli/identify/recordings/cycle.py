@@ -16,8 +16,8 @@ _SAMPLES = 20_000
 def cycle_of(speed: Array, sample_time: float) -> float:
     """s after which a speed is about the same again, throughout; by its correlation with itself at each lag.
 
-    Infinite where the motion does not repeat itself. What is a cycle later is the same again: so such a motion tells no
-    delay beyond it, and no line in time at one of its harmonics from a force that depends on the motion.
+    Infinite where the motion does not repeat itself. What is a cycle later is the same again: so such a motion
+    identifies no delay beyond it, and no line in time at one of its harmonics from a force that depends on the motion.
     """
     step = -(-len(speed) // _SAMPLES)
     speed = speed[: len(speed) // step * step].reshape(-1, step).mean(axis=1)

@@ -1,9 +1,9 @@
 """The speed at the start of a log that has neither speed nor position.
 
-Integrating u and d_hat gives the speed but for a constant, and the position but for a ramp. Forces are what tells them:
+Integrating u and d_hat gives the speed but for a constant, and the position but for a ramp. Forces are what shows them:
 friction jumps where the speed is truly zero, and springs, gravity and cogging come back at the same place only if the
 position does not creep. So the constant (and a slow drift) is the one with which functions of speed and position
-explain the net force best. Where the axis often rests, the rests themselves tell it, from one to the next: noise of
+explain the net force best. Where the axis often rests, the rests themselves show it, from one to the next: noise of
 d_hat makes the integrated speed a random walk, and friction taken to drive an axis that sticks is a large error.
 """
 
@@ -35,7 +35,7 @@ NEAR, WALKS, STEADY, RESTS, SPANNED = 0.1, 4.0, 2e-3, 0.1, 0.5
 
 
 def drift(speed: Array, force: Array, piece: Log, walk: float) -> Array:
-    """What is to be taken off an integrated speed, shape (n,): a constant and a slow ramp, or what the rests tell.
+    """What is to be taken off an integrated speed, shape (n,): a constant and a slow ramp, or what the rests show.
 
     walk : standard deviation by which noise makes the speed wander in 1 s.
     """
@@ -49,7 +49,7 @@ def drift(speed: Array, force: Array, piece: Log, walk: float) -> Array:
 
 
 def _by_forces(speed: Array, force: Array, quiet: NDArray[np.bool_], piece: Log, rms: float) -> Array:
-    """The constant with which functions of speed and position explain the force best; a ramp where rests tell it."""
+    """The constant with which functions of speed and position explain the force best; a ramp where rests show it."""
     n = len(speed)
     rows = _Rows(speed, force, piece)
     grid = float(np.mean(speed)) + rms * np.linspace(-REACH, REACH, GRID)

@@ -43,7 +43,7 @@ class Recording:
     provenance : channel -> "logged", "smoothed", "from position", "reconstructed from u and d_hat" or "computed
         from velocity" (d_hat).
     missing : channel -> why it cannot be had.
-    rest_speed : speed up to which the plant may be at rest, as far as the measurement can tell.
+    rest_speed : speed up to which the plant may be at rest, as far as the measurement can show.
     pushed : (effect, share of the inertia) of the load that "push" of the pieces drives (`fit.driven`); None where the
         motion drives every load. levels : (effect, column, coefficient) of forces that act in this log alone.
     """

@@ -1,4 +1,4 @@
-"""When the axis rests, as far as a noisy speed can tell."""
+"""When the axis rests, as far as a noisy speed can show."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def resting(velocity: Array, rest_speed: ArrayLike) -> NDArray[np.bool_]:
     is a small part of the usual one, for noise alone may tilt a rest. A mere reversal is no rest: friction's direction
     is known on either side of it. Noise may exceed the band for a moment, so that runs in wider bands count, too.
     An axis that creeps, by a fine sensor, far below its usual speed, sticks: friction holds it up to its level, and its
-    direction tells nothing.
+    direction says nothing.
     """
     usual_speed = float(np.sqrt(np.mean(velocity**2)))
     most = POLICY.resting_most * usual_speed

@@ -1,6 +1,6 @@
 """What each channel of an unknown log is, by what it does: the clock, what moves, what makes it move.
 
-found = guess_roles(channels, named)     # named: roles that names and units have told already
+found = guess_roles(channels, named)     # named: roles that names and units have given already
 """
 
 from dsd_cli.identify.roles.facts import Channel, Facts, facts_of

@@ -1,4 +1,4 @@
-"""Further effects of a kind whose values no log tells are not there, whatever they gain."""
+"""Further effects of a kind whose values no log identifies are not there, whatever they gain."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from dsd_cli.identify.search.sets import Search
 
 
 def identified_only(search: Search, whole: Fit) -> Fit:
-    """The set without further effects of a kind of which no force is told: what is left at stops and turns repeats with
-    the motion, and is a sum of lines to any accuracy, but the rows that tell values do not have it."""
+    """The set without further effects of a kind of which no force is identified: what is left at stops and turns
+    repeats with the motion, and is a sum of lines to any accuracy, but the rows that identify values do not have it."""
     while (told := _told(search, whole)) is not whole:
         whole = search.settled(told)
     return whole

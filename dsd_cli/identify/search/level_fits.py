@@ -65,7 +65,8 @@ class Asked:
     # -- what is asked of a level ------------------------------------------------------------------------------------
 
     def told(self, key: Key) -> bool:
-        """Whether the motion leaves enough of its columns: logs at other places tell no levels. u itself has them."""
+        """Whether the motion leaves enough of its columns: logs at other places identify no levels. u itself has
+        them."""
         motion = self._motion if self.fit.inverse else [0, *self._motion]
         return all(
             self._squares(self._white, motion, i) > POLICY.level_own_share * self._white.total[i, i]
@@ -91,14 +92,15 @@ class Asked:
         return most > POLICY.value_deviations and self._of_use(key, names)
 
     def alike(self, key: Key, names: Sequence[Key]) -> tuple[str, ...]:
-        """Effects whose levels would do in its place: motion in one direction tells no friction from a load."""
+        """Effects whose levels would do in its place: motion in one direction does not distinguish friction from a
+        load."""
         used, rest = self._used(key, names)
         least = self._losses(self._white, used).sum() + POLICY.least_gain * self._nats
         others = [one for one in self.columns if one not in names]
         return tuple(one[0] for one in others if self._losses(self._white, [*rest, *self.columns[one]]).sum() < least)
 
     def _of_use(self, key: Key, names: Sequence[Key]) -> bool:
-        """See `Problem.falls`; of all rows, for the blocks have told that it is there."""
+        """See `Problem.falls`; of all rows, for the blocks have shown that it is there."""
         count = max(int(self.search.equations.kept.sum()), 1)
         was, now = (math.sqrt(self._squares(self._plain, which) / count) for which in reversed(self._used(key, names)))
         return self.search.problem.falls(was, now, self.fit)

@@ -1,4 +1,4 @@
-"""Several effects of one kind in a set: which name the next one has, and whether a log tells two of them apart."""
+"""Several effects of one kind in a set: which name the next one has, and whether a log distinguishes two of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dsd_cli.identify.policy import POLICY
 
 def names_to_try(allowed: Iterable[str], here: Collection[str], ranges: Ranges) -> Iterator[str]:
     """Effects that may be added to those that are `here`: one that is there already under its next name, if it repeats
-    and the log may tell one more of it."""
+    and the log may distinguish one more of it."""
     tried = set()
     for name in allowed:
         kind, repeats = kind_of(name), get_effect(name).repeats
@@ -24,7 +24,7 @@ def names_to_try(allowed: Iterable[str], here: Collection[str], ranges: Ranges) 
 
 
 def apart(one: Term, others: Iterable[Term], ranges: Ranges) -> bool:
-    """Whether an effect differs from those of its kind by as many periods in the log as it takes to tell two apart."""
+    """Whether an effect differs from those of its kind by as many periods in the log as it takes to distinguish two."""
     periods = one.effect.periods
     if periods is None:
         return True

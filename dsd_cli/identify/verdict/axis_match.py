@@ -1,7 +1,8 @@
 """Whether u and the motion are of one axis: u of another one, or of another time, has little in common with it.
 
 Asked of u by the motion: with its acceleration, the effects that were found and any functions of speed and position, a
-fit to one part of the log must tell u in the others. Effects can be found for any u; they do not tell it elsewhere.
+fit to one part of the log must explain u in the others. Effects can be found for any u; they do not explain it
+elsewhere.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ _LEAST_IN_COMMON = 0.45
 
 @dataclass(frozen=True)
 class AxisMatch:
-    """share : of u, that the motion tells in parts of the log that were not fitted. rows : independent equations."""
+    """share : of u, that the motion explains in parts of the log that were not fitted. rows : independent equations."""
 
     share: float
     rows: int

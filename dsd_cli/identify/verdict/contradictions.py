@@ -32,9 +32,9 @@ Kind = Literal["held", "bound", "prior"]
 
 
 class Contradiction(str):
-    """A sentence about a value that the log has otherwise than it was told.
+    """A sentence about a value that the log has otherwise than it was given.
 
-    value : its name. kind : how it was told: "held", by its "bound", or by a "prior". hard : whether the value is kept
+    value : its name. kind : how it was given: "held", by its "bound", or by a "prior". hard : whether the value is kept
     from where the log would have it; most priors give way.
     """
 
@@ -118,7 +118,7 @@ def _said(alone: Estimate) -> str:
 
 
 def _alone(problem: Problem, fit: Fit) -> Estimates:
-    """The values of the same effects where nothing is told of any."""
+    """The values of the same effects where nothing is given of any."""
     free = freed(problem)
     return free.values(_loose(Search(free), fit.terms, fit.tap)).estimates
 
@@ -130,7 +130,7 @@ def against_told(found: Diagnosis, search: Search, whole: Fit, asked: Settings) 
     What is unknown beside such a value may be that value, and nothing is missing only as long as it is believed.
 
     asked : with the effects of the model that were taken in this climb, which may stand in as well, and with what the
-    first look found against what was told.
+    first look found against what was given.
     """
     if not search.solver.known or found.blocked:
         return found
@@ -205,7 +205,7 @@ def _loose(free: Search, terms: Terms, tap: int) -> Fit:
 def told_far_off(
     known: PriorKnowledge, estimates: Estimates, sample_time: float, levels: Sequence[LogLevels] = ()
 ) -> tuple[Contradiction, ...]:
-    """What estimates of logs alone say of values of which something is told, where a fit is kept far from that.
+    """What estimates of logs alone say of values of which something is given, where a fit is kept far from that.
 
     levels : of single logs; a value that is held is held in each of them.
     """
@@ -234,7 +234,7 @@ def _told_otherwise(
     least: float = 0.0,
     said: str = "",
 ) -> Contradiction | None:
-    """What a log says by itself of a value, where that is not what was told, by so many deviations and `least`.
+    """What a log says by itself of a value, where that is not what was given, by so many deviations and `least`.
 
     said : what several logs say by themselves, `alone` being that of the one that is off most.
     """

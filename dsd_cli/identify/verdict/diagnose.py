@@ -55,7 +55,7 @@ def diagnose(
     holdout : recordings that no fit sees; the held-out errors are then those of them.
     progress : called with what is being done and the share that is done.
     stability : ask again with half of the data, and with half and twice the band.
-    on_told : called before the search, if the log is against what the user told. on_found : with search and whole set.
+    on_told : called before the search, if the log is against what the user gave. on_found : with search and whole set.
 
     Raises
     ------

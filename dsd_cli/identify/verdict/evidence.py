@@ -31,7 +31,7 @@ class Membership:
 
     probabilities : effect (or `NOTHING`) -> share of belief. rivals : effects that explain the recordings as well;
     alike : those of them whose likelihood is less, but by no more than the model misfits anyway, and that change what
-    the model told as little. surest : no verdict on it may be surer.
+    the model had given as little. surest : no verdict on it may be surer.
     """
 
     effect: str
@@ -111,7 +111,7 @@ def _told(search: Search, whole: Fit, effect_id: str) -> bool:
 
 
 def _changed(search: Search, fit: Fit) -> float:
-    """The largest |log| of the factors by which a fit changes what the model told of its effects' sizes, infinite where
+    """The largest |log| of the factors by which a fit changes the sizes of the model's effects, infinite where
     it takes a force away or turns it round: with a spring in place of a cubic one, a known weight would have to be six
     times what it was believed to be."""
     given, found = search.problem.model.effects, search.problem.scale.model(fit).effects

@@ -19,21 +19,21 @@ from dsd_cli.identify.verdict.unacted_command import UnactedCommand, idle_part
 @dataclass(frozen=True)
 class Limits:
     """common : what u and the motion have in common. idle : a part of u that did not act. time : whether u is late or
-    smoothed. told : share of the samples in motion whose direction the sensor tells, 0 to 1."""
+    smoothed. direction : share of the samples in motion whose direction the sensor shows, 0 to 1."""
 
     common: AxisMatch
     idle: UnactedCommand | None
     time: CommandTime
-    told: float
+    direction: float
 
     @property
     def surest(self) -> float:
         """Upper bound on the probability of any verdict."""
-        return POLICY.surest if self.told >= POLICY.least_told_direction else POLICY.surest_untold
+        return POLICY.surest if self.direction >= POLICY.least_told_direction else POLICY.surest_untold
 
     @property
     def blocked(self) -> str:
-        """What must be mended before anything that is missing can be told; "" if nothing."""
+        """What must be mended before anything that is missing can be identified; "" if nothing."""
         if self.common.lacking:
             return self.common.lacking
         if self.idle is not None:
@@ -57,10 +57,11 @@ class Limits:
             )
         elif self.time.smoothed:
             found.append(_said_of_filter(self.time))
-        if self.told < POLICY.least_told_direction:
+        if self.direction < POLICY.least_told_direction:
             found.append(
-                f"the sensor shows the direction of the motion in {100.0 * self.told:.0f} % of the samples in which the"
-                " axis moves: friction is indistinguishable from other forces; a finer encoder or faster moves would do"
+                f"the sensor shows the direction of the motion in {100.0 * self.direction:.0f} % of the samples in"
+                " which the axis moves: friction is indistinguishable from other forces; a finer encoder or faster"
+                " moves would do"
             )
         return tuple(found)
 
@@ -82,6 +83,6 @@ def limits_of(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
     stretches = search.equations.stretches
     sign, free = (np.concatenate(x) for x in zip(*((s.sign, s.free) for s in stretches), strict=True))
     moving = free > 0.0
-    told = float(np.mean(np.abs(sign[moving]))) if moving.any() else 1.0
+    direction = float(np.mean(np.abs(sign[moving]))) if moving.any() else 1.0
     idle = idle_part(search, whole, settings, seen)
-    return Limits(axis_match(search, whole), idle, command_time(search, whole, settings), told)
+    return Limits(axis_match(search, whole), idle, command_time(search, whole, settings), direction)

@@ -1,8 +1,8 @@
-"""What the user told, held against the log before any long search: a value that is told wrongly makes that search add
+"""What the user gave, held against the log before any long search: a value that is given wrongly makes that search add
 one effect after the other in its place, each of them found, none of them there.
 
-So the search is first made with nothing told. Where that explains the log, and the log is then against what was told,
-only the effects of that search are asked with it: what they leave is the told value's.
+So the search is first made with nothing given. Where that explains the log, and the log is then against what was given,
+only the effects of that search are asked with it: what they leave is the given value's.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def prior_check(
     settings: Settings,
     report: Report = lambda _what, _share: None,
 ) -> tuple[Settings, tuple[Contradiction, ...]]:
-    """(settings with the effects that are worth a search, what the log says against what was told).
+    """(settings with the effects that are worth a search, what the log says against what was given).
 
     Raises
     ------
@@ -61,7 +61,7 @@ def prior_check(
 
 
 def _free(parts: tuple[Recording, ...], model: PlantModel, settings: Settings, report: Report) -> Levelled:
-    """What the logs say with nothing told; a level that differs between them would look like a value told wrongly."""
+    """What the logs say with nothing given; a level that differs between them would look like a value given wrongly."""
     if may_differ(parts):
         return levelled(parts, model, settings, (), report)
     search = Search(pose(parts, model, settings))
@@ -75,7 +75,7 @@ def _to_mend(free: Search, whole: Fit, settings: Settings) -> bool:
 
 
 def _as_good(told: Search, whole: Fit) -> set[str]:
-    """The effect that alone, beside the set that was found with nothing told, does what the freed values do."""
+    """The effect that alone, beside the set that was found with nothing given, does what the freed values do."""
     known = told.solver.known
     pinned = tuple(Term.of(t.id, known.pinned(t.id, t.shape)) for t in whole.terms)
     free = Search(freed(told.problem))

@@ -121,8 +121,8 @@ def law_of_pushes(search: Search, fit: Fit) -> str:
     """What the pushes of a fit are a function of, "position" or "time"; "" where they come as pushes do.
 
     Pushes that follow each other without a pause are a force that changes in time. Pushes that come wherever the axis
-    is at one place are an end stop or the like: their force is told by the position better than that of the same pushes
-    at other times would be. Of an outside rig's true pushes (48 logs of 3 and 20 s) none are taken for such.
+    is at one place are an end stop or the like: their force is explained by the position better than that of the same
+    pushes at other times would be. Of an outside rig's true pushes (48 logs of 3 and 20 s) none are taken for such.
     """
     event = next((t for t in fit.terms if t.effect.listed), None)
     if event is None:
@@ -165,7 +165,7 @@ def _a_drift(levels: Sequence[float]) -> bool:
 
 
 def _of_place(force: Array, place: Array) -> bool:
-    """Whether a force is told by the position, and better than if it came at any other time."""
+    """Whether a force is explained by the position, and better than if it came at any other time."""
     if not np.ptp(force) > 0.0:
         return False
     shares = [_told_by(np.roll(force, round(k * len(force) / _DELAYS)), place) for k in range(_DELAYS)]

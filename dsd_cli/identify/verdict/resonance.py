@@ -1,4 +1,4 @@
-"""A load that the response shows above the band of the balance becomes the answer, with the values told there."""
+"""A load that the response shows above the band of the balance becomes the answer, with the values identified there."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ RATTLES = (
 )
 LINE = (
     "something pushes at {hz:.3g} Hz, above {band:.3g} Hz where the balance of forces ends for this sensor: it cannot "
-    "tell what (a finer sensor could)"
+    "show what (a finer sensor could)"
 )
 
 
@@ -66,7 +66,7 @@ def with_response(
     doubtful: bool,
     report: Report,
 ) -> Resonance:
-    """The search as it is, or with the load that only the response tells.
+    """The search as it is, or with the load that only the response identifies.
 
     Where the balance finds the load itself, its resonance lies within the band and the response knows no better values,
     nothing changes; where the response shows no load, the balance's is dropped. Effects that are found beside the load
@@ -144,18 +144,19 @@ def _without_load(
 
 
 def _better(found: Resonance, beside: Search, whole: Fit) -> bool:
-    """Whether the values that the response tells leave less than those of the balance, by what is of use."""
+    """Whether the values that the response identifies leave less than those of the balance, by what is of use."""
     before, after = found.search.problem.errors.rmse(found.whole), beside.problem.errors.rmse(whole)
     return after < (1.0 - POLICY.least_fall) * before
 
 
 def _in_band(seen: Seen, search: Search) -> bool:
-    """Whether the balance itself can tell this load."""
+    """Whether the balance itself can identify this load."""
     return seen.resonance_hz < POLICY.response_in_band * search.equations.band.hz
 
 
 def response_settings(search: Search, effect_id: str, settings: Settings) -> Settings | None:
-    """Settings with the values of an effect that only the response tells; None where the balance itself tells them."""
+    """Settings with the values of an effect that only the response identifies; None where the balance itself
+    identifies them."""
     if effect_id not in SHOWN or settings.known.concerns(effect_id):
         return None
     response = response_of(search, search.refit, (effect_id,), doubtful=True)

@@ -25,8 +25,8 @@ def with_stability(
 ) -> Diagnosis:
     """The diagnosis with its variants; a verdict that changes in one of them is at most 90 % sure.
 
-    "unknown" and wrong values of the model are left as they are: a search alone does not tell them; nor does a search
-    in the band tell what the response above it shows.
+    "unknown" and wrong values of the model are left as they are: a search alone does not identify them; nor does a
+    search in the band identify what the response above it shows.
     """
     if found.verdict in (UNKNOWN, INERTIA, DELAY) or found.verdict in model.effects:
         return found

@@ -1,4 +1,4 @@
-"""What the data cannot tell, the config that results, and how to repeat it."""
+"""What the data cannot identify, the config that results, and how to repeat it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The next motion, at what the data cannot tell."""
+"""The next motion, at what the data cannot identify."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def plan_part(story: Story) -> Html | None:
     ]
     return joined(
         [
-            tag("h3", "The motion that would tell it (dsd plan)"),
+            tag("h3", "The motion that would identify it (dsd plan)"),
             tag("p", f"{headline(plan)}."),
             table(("distinguished, nats", "by these logs", "with it"), pairs) if pairs else None,
             table(("standard error of", "by these logs", "with it", "unit"), values) if values else None,

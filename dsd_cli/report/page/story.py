@@ -1,4 +1,4 @@
-"""What a page tells: results of the other commands, each of them there or missing for a reason."""
+"""What a page says: results of the other commands, each of them there or missing for a reason."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Labels:
 
 @dataclass(frozen=True)
 class SourceFile:
-    """A file that was read, so that a reader can tell whether he has the same."""
+    """A file that was read, so that a reader can see whether he has the same."""
 
     name: str
     size: int
