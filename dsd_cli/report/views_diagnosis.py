@@ -29,7 +29,8 @@ _CHANNELS = {"velocity": "velocity", "direction": "velocity", "position": "posit
 
 @dataclass(frozen=True)
 class ResidualView:
-    """What the model leaves of the balance of forces (unit of u, in the band), against one channel; shape (n,).
+    """The force that the model lacks (unit of u, in the band), against one channel; shape (n,). Friction is below 0
+    where v is above.
 
     `explained` : what `effect` takes of it, None without one; `together` : what the whole set that was found takes,
     None where that is the effect alone. `way` : sign of the speed, None without one. `beside` : the effects that are in
@@ -113,11 +114,11 @@ class Rows:
         return np.asarray(self.equations.of_rows([stretch.log[channel] for stretch in stretches])[self.kept])
 
     def balance(self, model: PlantModel) -> Array:
-        """r of the rows that count."""
+        """r = J a - u_eff(t - L) - sum f_k of the rows that count: a force that is missing with the sign that it has."""
         terms = terms_of(model)
         tap, theta = coefficients_of(model, terms, self.bank.tap_time)
         drive, *columns = self.bank.design(terms, tap).rows
-        return np.asarray(drive - theta @ np.stack(columns))[self.kept]
+        return np.asarray(theta @ np.stack(columns) - drive)[self.kept]
 
     def view(self, on: str, residual: Array, **more: object) -> ResidualView:
         """Against that channel."""

@@ -183,13 +183,13 @@ def test_a_long_ranking_is_cut_on_the_screen_only() -> None:
 
 
 def test_the_residual_is_the_force_that_is_missing_and_the_effect_explains_it() -> None:
-    """Where the axis is fast, 0.52 of friction is missing; with it, the noise of 0.3 below the band's end is left."""
+    """Where the axis is fast, 0.52 of friction against it is missing; with it, noise of 0.3 below the band's end."""
     view = residual_view(DIAGNOSIS, GIVEN, [recording(), recording()])
     assert (view.on, view.effect) == ("velocity", "coulomb_friction")
     for side in (-1.0, 1.0):
         fast = side * view.x > 2.0
-        np.testing.assert_allclose(view.residual[fast].mean(), side * 0.52, atol=0.02)
-        np.testing.assert_allclose(view.explained[fast].mean(), side * 0.52, atol=0.01)
+        np.testing.assert_allclose(view.residual[fast].mean(), -side * 0.52, atol=0.02)
+        np.testing.assert_allclose(view.explained[fast].mean(), -side * 0.52, atol=0.01)
     fast = np.abs(view.x) > 2.0
     alone = residual_view(DIAGNOSIS, GIVEN, [recording()])
     assert len(view.residual) == 2 * len(alone.residual) == len(view.x) == len(view.explained)
@@ -207,7 +207,7 @@ def test_without_a_winner_the_residual_is_against_what_it_depends_on() -> None:
     named = replace(DIAGNOSIS, verdict="inertia", ranking=(replace(RANKING[3], model=heavier),))
     view = residual_view(named, GIVEN, [recording()])
     assert view.on == "u"
-    assert np.corrcoef(view.x, view.explained)[0, 1] > 0.99  # 0.3 a, and u is a but for friction
+    assert np.corrcoef(view.x, view.explained)[0, 1] < -0.99  # -0.3 a, and u is a but for friction
 
 
 def test_a_log_too_short_for_a_picture_is_one_line() -> None:

@@ -156,9 +156,9 @@ def test_each_effect_of_the_set_has_its_own_view() -> None:
     first, beside = residual_views(result, GIVEN, [recording()])
     assert (beside.effect, beside.beside, beside.on) == ("constant_load", ("coulomb_friction",), "t")
     fast = np.abs(beside_speed := first.x) > 2.0
-    np.testing.assert_allclose(beside.explained[fast], -0.2, atol=0.02)
+    np.testing.assert_allclose(beside.explained[fast], 0.2, atol=0.02)
     extra = first.together - first.explained
-    np.testing.assert_allclose(extra[fast], -0.2, atol=0.02)
+    np.testing.assert_allclose(extra[fast], 0.2, atol=0.02)
     assert np.array_equal(np.sign(beside_speed), first.way)
 
 
@@ -166,8 +166,8 @@ def test_what_an_effect_that_is_added_takes_is_its_own_force() -> None:
     view = addition_view(ADDITION, GIVEN, [recording()])
     assert (view.on, view.effect, view.together) == ("velocity", "coulomb_friction", None)
     fast = np.abs(view.x) > 2.0
-    np.testing.assert_allclose(view.explained[fast], 0.52 * np.sign(view.x[fast]), atol=0.02)
-    assert np.median((view.residual * np.sign(view.x))[fast]) == pytest.approx(0.52, abs=0.03)
+    np.testing.assert_allclose(view.explained[fast], -0.52 * np.sign(view.x[fast]), atol=0.02)
+    assert np.median((view.residual * np.sign(view.x))[fast]) == pytest.approx(-0.52, abs=0.03)
 
 
 def test_the_values_that_moved() -> None:

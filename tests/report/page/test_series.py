@@ -71,7 +71,7 @@ def test_residual_is_measured_less_predicted_and_falls_with_the_right_model(foun
 
 
 def test_the_force_residual_of_a_missing_damper_is_its_force(found):
-    """r = u - J a of an axis with friction of 0.5 v is 0.5 v."""
+    """r = J a - u of an axis whose friction is -0.5 v is that."""
     cloud = next(c for c in found.clouds if c.on == "velocity")
     assert set(cloud.medians) == {"forward, median", "backward, median"}
     for curves in cloud.medians.values():
@@ -79,7 +79,7 @@ def test_the_force_residual_of_a_missing_damper_is_its_force(found):
         x, r = x[np.isfinite(r)], r[np.isfinite(r)]
         inner = np.abs(x) < 0.95 * np.abs(x).max()  # at the top speed u jumps, which a band smears
         assert inner.sum() > 10
-        assert np.abs(r - 0.5 * x)[inner].max() < 0.01
+        assert np.abs(r + 0.5 * x)[inner].max() < 0.01
         later = curves[1][1][np.isfinite(curves[1][1])]
         assert np.abs(later)[inner].max() < 0.01
     assert cloud.x.size <= CLOUD
