@@ -125,7 +125,7 @@ def _print_in_full(effect: Effect) -> None:
 def _in_full(effect: Effect) -> list[str]:
     lines = [effect.id, f"  {effect.summary}", f"  law       {effect.law}  ({effect.role.value})"]
     lines += [
-        f"  parameter {p.name} [{in_words(p.unit)}], {_range(p)}: {p.meaning}{'' if p.linear else ' (shape)'}"
+        f"  parameter {p.name}{_in_brackets(p)}, {_range(p)}: {p.meaning}{'' if p.linear else ' (shape)'}"
         for p in effect.parameters
     ]
     lines += [f"  needs     {_channels(effect)}", f"  pattern   {effect.pattern}", "", "  in dsd.toml:"]
@@ -133,6 +133,10 @@ def _in_full(effect: Effect) -> list[str]:
     lines += [f"  {p.name} = ..." for p in effect.parameters]
     lines += ["", f"  {_several(effect)}"] if effect.repeats is not None else []
     return [*lines, "", LEGEND]
+
+
+def _in_brackets(parameter: Parameter) -> str:
+    return f" [{in_words(parameter.unit)}]" if parameter.unit else ""
 
 
 def _print_json(chosen: list[Effect]) -> None:

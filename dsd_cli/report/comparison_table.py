@@ -73,7 +73,7 @@ def _print_force(console: Any, result: Comparison) -> None:
         columns: list[tuple[str, Force]] = [("all" if len(result.logs) > 1 else "log", view.log)]
         if result.holdout is not None and view.holdout is not None:
             columns.append((f"holdout {_short(result.holdout.log)}", view.holdout))
-        title = f"{force_error(view.log.band_hz)}, r = u - (J a - forces)"
+        title = f"{force_error(view.log.band_hz)}, r = J a - u - forces"
         table = _table(title, "", *(name for name, _ in columns), "unit")
         rows = (
             ("rmse", "rmse", result.units.force),

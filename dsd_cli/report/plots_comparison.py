@@ -27,6 +27,7 @@ from dsd_cli.report.figure import (
     sheet,
     shortened,
 )
+from dsd_cli.report.names import error, force_error
 from dsd_cli.report.plots_residual import draw_correlation, draw_dependence, draw_regimes
 from dsd_cli.report.timeline import Part, Timeline, timeline, zero
 from dsd_cli.report.views_comparison import Curve, curves_over, spectrum_of
@@ -50,7 +51,7 @@ def draw(result: Comparison, series: Series) -> Any:
         ],
         height_ratios=_ROWS,
     )
-    headline(figure, f"{_title(result)}\n{conclusion(result)}", 115)
+    headline(figure, f"{title(result)}\n{conclusion(result)}", 115)
     evaluation = series.evaluation
     _draw_time([axes[name] for name in _TIME], evaluation, series.aside, result.units)
     for channel in ("velocity", "position"):
@@ -62,15 +63,16 @@ def draw(result: Comparison, series: Series) -> Any:
     return figure
 
 
-def _title(result: Comparison) -> str:
-    fit = result.accuracy.fit_percent
-    fitted = "" if fit is None else f", fit {fit:.1f} %"
+def title(result: Comparison) -> str:
+    """The error that the tables begin with: of the forces, without one of d_hat."""
+    force, aside = result.force.log, result.force.holdout
+    shown, held = (result.accuracy, result.holdout and result.holdout.accuracy) if force is None else (force, aside)
+    what = "rmse of d_hat" if force is None else force_error(force.band_hz)
+    fitted = "" if shown.fit_percent is None else f", fit {shown.fit_percent:.1f} %"
     names = [shortened(Path(log).name, 36) for log in result.logs]
     logs = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
-    title = f"{logs}: rmse of d_hat {result.accuracy.rmse:.3g} {result.units.force}{fitted}"
-    if result.holdout is not None:
-        title += f"; hold-out {result.holdout.accuracy.rmse:.3g}"
-    return title
+    text = f"{logs}: {what} {error(shown.rmse)} {result.units.force}{fitted}"
+    return f"{text}; hold-out {error(held.rmse)}" if held else text
 
 
 def _draw_time(panels: list[Any], evaluation: Evaluation, aside: Evaluation | None, units: Units) -> None:

@@ -114,7 +114,7 @@ class Rows:
         return np.asarray(self.equations.of_rows([stretch.log[channel] for stretch in stretches])[self.kept])
 
     def balance(self, model: PlantModel) -> Array:
-        """r = J a - u_eff(t - L) - sum f_k of the rows that count: a force that is missing with the sign that it has."""
+        """r = J a - u_eff(t - L) - sum f_k of the rows that count: a missing force with its own sign."""
         terms = terms_of(model)
         tap, theta = coefficients_of(model, terms, self.bank.tap_time)
         drive, *columns = self.bank.design(terms, tap).rows

@@ -73,6 +73,34 @@ def test_eighty_columns_cut_no_word(rig, command):
     assert lost == set(), shown[0]
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        "check raw.csv",
+        "compare raw.csv",
+        "compare raw.csv --horizon simulation",
+        "diagnose raw.csv --to 1",
+        "add raw.csv coulomb_friction --to 1 -o added.toml",
+        "improve raw.csv --to 1 --auto",
+        "learn raw.csv --to 1 -o learnt.toml",
+        "plan raw.csv -o next.csv --seconds 4",
+        "detect raw.csv",
+        "detect raw.csv --method dsd,average",
+        "tune raw.csv",
+        "observe raw.csv -o seen.csv",
+    ],
+)
+def test_the_unit_of_u_is_named_where_the_config_names_it(rig, command):
+    ran = dsd(*command.split(), cwd=rig)
+    assert ran.returncode == 0, ran.stderr
+    assert not re.search(r"(?<!per )unit of u", ran.stdout + ran.stderr)  # "per unit of u" is of the gain of a drive
+
+
+def test_no_unit_is_no_empty_bracket():
+    for effect in catalogue():
+        assert "[]" not in done("effects", effect, cwd=ROOT).stdout
+
+
 def test_the_nearest_config_upward_is_taken_and_said(rig):
     ran = done("compare", "../../raw.csv", "--format", "json", cwd=rig / "runs/today")
     assert ran.stderr.splitlines()[0] == "dsd: config: ../../dsd.toml"

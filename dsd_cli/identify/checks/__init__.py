@@ -111,8 +111,7 @@ def _bent(parameters: Sequence[Parameter]) -> list[Finding]:
         return []
     texts = [f"{one.name} is {one.value:.3g} with this model and {one.beside:.3g}" for one in bent]
     what = f"{', '.join(texts)} with friction, weight and springs of any size beside it: it lacks a force that bends "
-    severity: Severity = "warning" if any(one.identified == "not" for one in bent) else "note"
-    return [Finding(what + ("it" if len(bent) == 1 else "them"), "log", severity, 0.9, "dsd diagnose says which")]
+    return [Finding(what + ("it" if len(bent) == 1 else "them"), "log", "note", 0.9, "dsd diagnose says which")]
 
 
 def _not_told(parameters: Sequence[Parameter]) -> list[Finding]:
