@@ -20,8 +20,8 @@ class Policy:
     flattest: float = 1e-3  # least noise density over its mean: no row is trusted more than 30 times another
 
     # -- which way round --
-    much_better_inverse: float = 10.0  # times the share left of u that is left of the acceleration: u is friction then
-    unanswered: float = 0.02  # share of u that the acceleration explains beside functions of motion; less: no inertia
+    fair_part: float = 0.2  # rms of J a over that of u; with less, u is friction, weight or cogging nearly all through
+    believed_inertia: float = 4.0  # factor within which an inertia is believed where the log leaves it open
 
     # -- rows --
     least_free: float = 0.3  # share of a row in which friction's direction is known

@@ -7,8 +7,10 @@ import pytest
 
 from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION
 from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.fit.values import whole_inertia
 from dsd_cli.identify.improve import improve
 from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
@@ -105,3 +107,51 @@ def test_friction_in_one_direction_is_named_by_its_commonest_name():
     log = recorded(level, speed + 1e-3 * random.normal(size=t.size), place)
     found = climbed(log, inertia)
     assert {"viscous_friction", "coulomb_friction"} == {step.effect for step in found.steps[1:]} - {"refit"}
+
+
+def swing_up() -> list:
+    """A pendulum of 0.15 kg m2 and 3 N m, pushed along its motion with 0.25 N m: u follows the speed as friction
+    does: beside functions of the motion no inertia is seen."""
+    random, count, fine = np.random.default_rng(8), round(12.0 / STEP), 20
+    place, speed, q, v = np.zeros(count), np.zeros(count), 0.05, 0.0
+    u = np.zeros(count)
+    for k in range(count):
+        u[k] = 0.25 * (1.0 if v >= 0.0 else -1.0) * (-1.0 if abs(q) > 3.0 else 1.0)
+        place[k], speed[k] = q, v
+        for _ in range(fine):
+            v += STEP / fine * (u[k] - 3.0 * math.sin(q) - 0.05 * np.sign(v)) / 0.15
+            q += STEP / fine * v
+    return recorded(u, speed + 2e-3 * random.normal(size=count), place + 1e-4 * random.normal(size=count))
+
+
+@pytest.mark.parametrize("effects", [{}, {"coulomb_friction": {"level": 0.1}}], ids=["bare", "friction believed"])
+def test_a_controller_that_pushes_along_the_motion_is_no_friction(effects):
+    model, logs = PlantModel(0.15, 0.0, effects), swing_up()
+    assert not pose(logs, model, Settings()).solver.inverse
+    assert diagnose(logs, model, OBSERVER, Settings()).verdict == "gravity"
+
+
+@pytest.mark.parametrize("factor", [0.1, 0.3, 3.0, 10.0])
+def test_a_wrong_belief_in_the_inertia_turns_nothing_round(factor):
+    """J a is 0.02 of u on the slow drive, 0.9 of it with a heavy load: far from a fifth, on both sides."""
+    drive, heavy = slow_drive(), slow_drive(inertia=2.0, viscous=0.5, coulomb=0.2)
+    assert pose(drive, PlantModel(factor * INERTIA, 0.0, {}), Settings()).solver.inverse
+    assert not pose(heavy, PlantModel(factor * 2.0, 0.0, {}), Settings()).solver.inverse
+
+
+def test_which_way_round_does_not_depend_on_what_is_asked():
+    heavy = slow_drive(inertia=2.0, viscous=0.5, coulomb=8.0)
+    asked = [pose(heavy, PlantModel(2.0, 0.0, {}), Settings(effects=names)) for names in ((), ("gravity",), None)]
+    assert len({problem.solver.inverse for problem in asked}) == 1
+
+
+def test_where_no_inertia_is_found_the_held_out_error_is_that_of_the_one_given():
+    """As it would be written: residuals of u - J a - friction by hand, friction by the folds' own least squares."""
+    model = PlantModel(0.15, 0.0, {"coulomb_friction": {"level": 0.1}})
+    search = Search(pose(swing_up(), model, Settings()))
+    problem, fit = search.problem, search.refit
+    assert whole_inertia(fit) == 0.0
+    u, acceleration, later, sign = problem.errors.bank.design(fit.terms, fit.tap).rows
+    fold, kept = problem.blocks.fold[problem.blocks.block_of_rows()], problem.errors.equations.kept
+    left = u - 0.15 * acceleration - fit.folds[fold, 1] * later - fit.folds[fold, 2] * sign
+    assert problem.score(fit).heldout_rmse == pytest.approx(float(np.sqrt(np.mean(left[kept] ** 2))))

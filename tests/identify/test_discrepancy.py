@@ -51,12 +51,7 @@ LAWS = {
 }
 
 
-#: Beside the missing law the acceleration tells nothing of u here, and the inverse form judges: it reaches 13 % less.
-KNOWN_LOSS = pytest.mark.xfail(reason="u on the motion is evidence in this log, its ceiling is higher", strict=True)
-MARKED = [pytest.param(name, marks=KNOWN_LOSS) if name == "a power of the speed" else name for name in LAWS]
-
-
-@pytest.mark.parametrize("name", MARKED)
+@pytest.mark.parametrize("name", LAWS)
 def test_a_law_without_a_name_is_seen_with_what_it_depends_on(name):
     law, on = LAWS[name]
     search = disturbed(law)

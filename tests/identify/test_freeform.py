@@ -82,8 +82,6 @@ def test_a_function_of_nothing_is_as_stiff_as_it_must_be(hidden):
 def test_without_a_function_it_is_the_forward_fit(hidden):
     """Held-out squares of least squares for J0 a on explicit rows, fold by fold."""
     problem, bare, _, channel = hidden
-    if problem.solver.inverse:
-        pytest.skip("the acceleration tells nothing of u beside functions of the motion: the inverse form is evidence")
     rows = np.stack(problem.solver.bank.design(bare.terms, bare.tap).rows)
     target, columns, blocks = problem.solver.inertia * rows[1], np.delete(rows, 1, axis=0), problem.blocks
     block_of, weight = blocks.block_of_rows(), np.zeros(blocks.rows)

@@ -506,9 +506,6 @@ def test_coulomb_or_load_friction_is_a_tie_that_is_stated(tmp_path):
     assert other in named(result, result["verdict"])["indistinguishable_from"]
 
 
-@pytest.mark.xfail(
-    reason="presliding friction is named first since u on the motion may judge: a known loss", strict=True
-)
 def test_swing_up_lacks_gravity_and_shows_its_frequency(tmp_path):
     """J and m g l grow together by what the gear loses; their ratio is the pendulum's."""
     result, written = improve(tmp_path, [swing_up(tmp_path)], PENDULUM)
@@ -530,9 +527,6 @@ def test_swing_up_of_a_bare_mass_cannot_separate_inertia_and_gravity(commanded):
     assert not_separated(commanded)
 
 
-@pytest.mark.xfail(
-    reason="presliding friction is named first since u on the motion may judge: a known loss", strict=True
-)
 @pytest.mark.parametrize("config", [PENDULUM, COMMANDED], ids=["measured", "commanded"])
 def test_swing_up_with_friction_cannot_separate_inertia_and_gravity(config, tmp_path):
     """The controller pushes along the motion: Coulomb friction is the same as less u, hence as more J and more G."""

@@ -9,13 +9,11 @@ acceleration, in which it had to show, says nothing.
 
 from __future__ import annotations
 
-import numpy as np
-
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import INERTIA, Terms
-from dsd_cli.identify.fit.delay import best_delay
-from dsd_cli.identify.fit.gram import solve, squares, total_gram
+from dsd_cli.identify.fit.gram import total_gram, without_noise
 from dsd_cli.identify.fit.solve import Solver
+from dsd_cli.identify.fit.values import whole_inertia
 from dsd_cli.identify.policy import POLICY
 
 #: Why an effect cannot be told in the inverse form.
@@ -24,33 +22,23 @@ NEEDS_ACCELERATION = (
 )
 
 
-def inverse_is_evidence(solver: Solver, beside: Terms, most_tap: int) -> bool:
-    """Whether functions of the motion explain u so much better than the acceleration (`POLICY.much_better_inverse`), or
-    u has so little to do with the acceleration (`POLICY.unanswered`), that only the inverse form is evidence.
+def inverse_is_evidence(solver: Solver, beside: Terms, inertia: float, tap: int) -> bool:
+    """Whether J a, without the sensor's noise, is too small a part of u (`POLICY.fair_part`) to be evidence.
 
-    beside : effects that are functions of the motion without a shape, and those of the model.
+    J is that of the log beside functions of the motion, as far as it is to be believed (`POLICY.believed_inertia`): a
+    controller that follows the motion leaves any inertia open, down to none at all.
+
+    Parameters
+    ----------
+    solver : on rows in the unit of u. beside : all effects that are functions of the motion without a shape, whether
+        asked for or not. inertia, tap : those of the model.
     """
-    left = [_left(solver, beside, most_tap, inverse) for inverse in (False, True)]
-    return left[0] > POLICY.much_better_inverse * left[1] or _answered(solver, beside, most_tap) < POLICY.unanswered
-
-
-def _left(solver: Solver, beside: Terms, most_tap: int, inverse: bool) -> float:
-    """Share of the power of the acceleration (of u) that u (the acceleration) and functions of the motion leave."""
-    one = Solver(solver.bank, solver.blocks, solver.inertia, solver.known, inverse=inverse)
-    tap = best_delay(one, beside, most_tap)
-    target = one.bank.drive((), tap) if inverse else one.inertia * one.bank.acceleration
-    return one.squares(beside, tap) / max(float(target @ target), 1e-300)
-
-
-def _answered(solver: Solver, beside: Terms, most_tap: int) -> float:
-    """Share of what functions of the motion leave of u that the acceleration explains, with an inertia above 0."""
-    tap = best_delay(solver, beside, most_tap)
-    drive, acceleration, _, *columns = solver.bank.design(beside, tap).rows
-    gram = total_gram([drive, acceleration, *columns])
-    theta = solve(gram[None])[0]
-    without = np.delete(np.delete(gram, 1 + INERTIA, 0), 1 + INERTIA, 1)
-    left = squares(without, solve(without[None])[0])
-    return 1.0 - squares(gram, theta) / max(left, 1e-300) if theta[INERTIA] > 0.0 else 0.0
+    one = Solver(solver.bank, solver.blocks, solver.inertia, solver.known, inverse=True)
+    fitted = whole_inertia(one.fit(beside, tap))
+    likely = min(max(fitted, inertia / POLICY.believed_inertia), inertia * POLICY.believed_inertia)
+    design = solver.bank.design((), tap)
+    gram = without_noise(total_gram(design.rows), design.noise, len(design.rows[0]))
+    return likely**2 * float(gram[1 + INERTIA, 1 + INERTIA]) < POLICY.fair_part**2 * float(gram[0, 0])
 
 
 def needs_acceleration(effect_id: str) -> bool:

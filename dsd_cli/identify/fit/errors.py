@@ -7,11 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
-from dsd_cli.identify.fit.bank import Bank, Design, Terms, has_friction
+from dsd_cli.identify.fit.bank import INERTIA, Bank, Design, Terms, has_friction
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.values import Scale, coefficients_of, terms_of
+from dsd_cli.identify.fit.values import Scale, coefficients_of, terms_of, whole_inertia
 from dsd_cli.identify.results import Score
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
@@ -72,6 +72,8 @@ class Errors:
         if self._aside is not None:
             return _score(errors, _rms(_errors(self._aside, model)[0]), u)
         rows, theta = self.bank.design(fit.terms, fit.tap).rows, fit.folds[self._fold]
+        if not whole_inertia(fit) > 0.0:  # then the inertia as given is what is written
+            theta[:, INERTIA] = scale.inertia
         held = rows[0] - np.einsum("ni,in->n", theta, np.stack(rows[1:]))
         return _score(errors, _rms(held[self._keep]), u)
 

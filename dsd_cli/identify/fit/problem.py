@@ -169,7 +169,10 @@ def pose(
     bank, most_tap = _bank(recordings, longest, settings.band)
     solver = Solver(bank, lay_blocks(bank.equations.lengths, 1, recordings[0].name), known=known)
     about = None if near is None else round(near / bank.tap_time)
-    inverse = not _drifts(recordings) and inverse_is_evidence(solver, beside, most_tap)
+    every, _ = candidates_of(recordings, holdout, model, replace(settings, effects=None))
+    inverse = not _drifts(recordings) and inverse_is_evidence(
+        solver, (*base, *_functions_of_motion(every)), model.inertia, min(round(model.delay / bank.tap_time), most_tap)
+    )
     if inverse:
         solver = Solver(bank, solver.blocks, known=known, inverse=True)
         untestable |= {name: NEEDS_ACCELERATION for name in candidates if needs_acceleration(name)}
