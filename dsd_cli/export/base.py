@@ -18,14 +18,17 @@ from dsd_cli.signals.units import Units
 #: Parts of every model that are no effects.
 INERTIA, DELAY = "inertia", "delay"
 
-_IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}")
-#: Words that open or end something in Modelica or MATLAB, where the name stands by itself.
+#: Two _ in a row, or one at the end, are no name in IEC 61131-3.
+_IDENTIFIER = re.compile(r"(?=.{1,63}$)[A-Za-z](_?[A-Za-z0-9])*", re.ASCII)
+#: Words that mean something in Modelica or MATLAB, where the name stands by itself, or in the world of a simulator.
 _WORDS = re.compile(
     r"algorithm|and|annotation|block|break|case|catch|class|connect|constant|constrainedby|continue|der|"
     r"discrete|each|else|elseif|elsewhen|encapsulated|end|enumeration|equation|expandable|extends|external|"
     r"false|final|flow|for|function|global|if|import|impure|in|initial|inner|input|loop|model|not|operator|or|"
     r"otherwise|outer|output|package|parameter|parfor|partial|persistent|protected|public|pure|record|redeclare|"
-    r"replaceable|return|spmd|stream|switch|then|true|try|type|when|while|within",
+    r"replaceable|return|spmd|stream|switch|then|true|try|type|when|while|within|"
+    r"boolean|integer|real|string|pre|sample|world|"
+    r"abs|atan2?|cosh?|expm?1?|log1?p?|sinh?|sqrt|tanh?|zeros|ones",
     re.IGNORECASE,
 )
 #: What a comment of any target may hold: nothing that ends a comment, a string or a line.
@@ -54,7 +57,7 @@ class Joint:
         if _WORDS.fullmatch(self.name):
             raise UsageError(f"--name {self.name}", "that word means something in a target; take another")
         if not _IDENTIFIER.fullmatch(self.name):
-            raise UsageError(f"--name {self.name!r}", "letters, digits and _, beginning with a letter, at most 63")
+            raise UsageError(f"--name {self.name!r}", "letters, digits and _ between them, beginning with a letter")
         if not (math.isfinite(self.sample_time) and self.sample_time > 0.0):
             raise UsageError(f"sample time {self.sample_time:g} s", "must be above 0")
 

@@ -9,17 +9,13 @@ import pytest
 from dsd_cli.errors import UsageError
 from dsd_cli.export.base import Joint, Motion, NotRun, comment, number
 from dsd_cli.export.computing import ran as ran_program
-from dsd_cli.export.making import MOST_PERCENT, cost, make, percent, verify
+from dsd_cli.export.making import cost, make, percent, verify
 from dsd_cli.export.motion import built_in, simulated
 from dsd_cli.export.targets import get_target, targets
 from dsd_cli.plant.model import PlantModel
-from tests.export.cases import ALONE, EFFECTS, TOGETHER, VALUES, joint, motion
+from tests.export.cases import EFFECTS, TOGETHER, VALUES, joint, motion
 
 GCC = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
-#: What runs in a moment is run with every effect alone, fmu and modelica with models that have several.
-QUICK = ("c", "python")
-#: What cannot be run here though it is written, and why.
-NOT_RUN = {("modelica", "backlash"): "rumoca has no loop within an if"}
 
 
 def test_every_effect_is_a_case() -> None:
@@ -39,40 +35,6 @@ def test_each_effect_is_carried_or_refused_with_a_reason(effect: str, target: st
         return
     if found.judge(one, "delay").carried:
         assert found.write(one) == found.write(one)
-
-
-@GCC
-@pytest.mark.parametrize("target", QUICK)
-@pytest.mark.parametrize("effect", ALONE)
-def test_the_axis_is_that_of_the_simulator(effect: str, target: str) -> None:
-    one, given = joint(effect), motion()
-    ran = get_target(target).run(get_target(target).write(one), one, given)
-    wanted = simulated(one.model, given).velocity
-    assert np.abs(ran - wanted).max() <= 1e-12 * np.abs(wanted).max()
-
-
-@pytest.mark.parametrize("target", ["fmu", "modelica"])
-@pytest.mark.parametrize("effects", TOGETHER, ids=lambda names: names[0])
-def test_models_of_several_effects_run(effects: tuple[str, ...], target: str) -> None:
-    found = get_target(target)
-    if (target, effects[0]) in NOT_RUN:
-        pytest.skip(NOT_RUN[target, effects[0]])
-    one, given = joint(*effects), motion()
-    kept = make(found, one, given, drop=True)
-    checked = verify(found, kept, given)
-    if not checked.ran and "not installed" in checked.how:
-        pytest.skip(checked.how)
-    assert checked.ran, checked.how
-    assert checked.rms_percent <= MOST_PERCENT
-
-
-@GCC
-@pytest.mark.parametrize("effects", TOGETHER, ids=lambda names: names[0])
-def test_models_of_several_effects_are_those_of_the_simulator_in_c(effects: tuple[str, ...]) -> None:
-    one, given = joint(*effects), motion()
-    ran = get_target("c").run(get_target("c").write(one), one, given)
-    wanted = simulated(one.model, given).velocity
-    assert np.abs(ran - wanted).max() <= 1e-12 * np.abs(wanted).max()
 
 
 @pytest.mark.parametrize("effect", [e for e in EFFECTS if e not in ("saturation", "dead_zone")])

@@ -4,14 +4,13 @@ import csv
 import io
 import json
 import math
-import re
 
 import numpy as np
 import pytest
 
 from dsd_cli.export.emit import statements
 from dsd_cli.export.targets import get_target
-from tests.export.cases import TOGETHER, joint
+from tests.export.cases import joint
 
 
 def test_the_table_is_the_force_that_keeps_a_speed() -> None:
@@ -38,34 +37,6 @@ def test_the_table_is_the_force_that_keeps_a_speed() -> None:
 def test_the_table_has_nothing_that_is_no_function_of_the_speed(effect: str, why: str) -> None:
     verdict = get_target("table").judge(joint(effect), effect)
     assert (verdict.carried, verdict.how) == (False, why)
-
-
-@pytest.mark.parametrize("effects", TOGETHER, ids=lambda names: names[0])
-def test_structured_text_is_balanced_and_declares_what_it_uses(effects: tuple[str, ...]) -> None:
-    text = get_target("st").write(joint(*effects)).decode()
-    code = re.sub(r"\(\*.*?\*\)", " ", text, flags=re.S)
-    for begin, end in (("IF", "END_IF"), ("FOR", "END_FOR"), ("VAR_INPUT|VAR_OUTPUT|VAR", "END_VAR")):
-        assert len(re.findall(rf"\b(?:{begin})\b", code)) == len(re.findall(rf"\b{end}\b", code))
-    blocks = code.split("END_FUNCTION_BLOCK")[:-1]
-    assert len(blocks) == 4
-    for block in blocks:
-        declared = {
-            name
-            for line in re.findall(r"^\s*([a-z][\w,\s]*?) :(?!=)", block, re.M)
-            for name in re.findall(r"\w+", line)
-        }
-        assigned = set(re.findall(r"^\s*(?:FOR )?([a-z]\w*)(?:\[[^]]*\])? :=", block, re.M))
-        used = set(re.findall(r"(?<![\w.])([a-z]\w*)", re.sub(r"\d\.?\d*E-?\d+", "0.0", block.split("END_VAR")[-1])))
-        assert assigned <= declared
-        assert used <= declared | {"joint"}
-
-
-@pytest.mark.parametrize("effects", TOGETHER, ids=lambda names: names[0])
-def test_matlab_ends_what_it_begins(effects: tuple[str, ...]) -> None:
-    lines = get_target("matlab").write(joint(*effects)).decode().splitlines()
-    begins = sum(line.split()[0] in ("if", "for", "function") for line in lines if line.strip())
-    assert begins == sum(line.strip() == "end" for line in lines)
-    assert lines[0] == "function [dx, y] = joint(~, x, u, varargin)"
 
 
 def test_values_are_read_back_as_they_were() -> None:

@@ -57,7 +57,7 @@ def read(path: Path, text: str) -> Found:
 def _units(text: str) -> Units:
     """Those of the inertia in the table of `dsd export`."""
     rows = csv.reader(text.splitlines()) if text.startswith("part,parameter,value,unit") else ()
-    return next((Units.of_inertia(row[3]) for row in rows if len(row) > 3 and row[0] == INERTIA), Units())
+    return next((Units.of_inertia(row[3].strip()) for row in rows if len(row) > 3 and row[0] == INERTIA), Units())
 
 
 def _table(path: Path, text: str) -> Iterator[tuple[str, str, Any]]:

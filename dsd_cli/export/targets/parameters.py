@@ -17,7 +17,7 @@ def _write(joint: Joint) -> bytes:
     out, words = io.StringIO(), joint.units.words
     rows = csv.writer(out, lineterminator="\n")
     rows.writerow(["part", "parameter", "value", "unit", "meaning"])
-    rows.writerow([INERTIA, "", number(joint.model.inertia), words("{u}/({v}/s)"), "J of the whole axis"])
+    rows.writerow([INERTIA, "", number(joint.model.inertia), _plain(words("{u}/({v}/s)")), "J of the whole axis"])
     rows.writerow([DELAY, "", number(joint.model.delay), "s", "L of the command"])
     for name, values in joint.model.effects.items():
         effect = joint.effect(name)
@@ -26,8 +26,13 @@ def _write(joint: Joint) -> bytes:
             unit, meaning = words(parameter.unit), parameter.meaning
             value = values[parameter.name]
             text = number(value) if parameter.numeric else json.dumps(value, allow_nan=False)
-            rows.writerow([name, parameter.name, text, unit, meaning])
+            rows.writerow([name, parameter.name, text, _plain(unit), meaning])
     return out.getvalue().encode()
+
+
+def _plain(unit: str) -> str:
+    """A unit that a spreadsheet takes for no formula."""
+    return f" {unit}" if unit.startswith(("=", "+", "-", "@")) else unit
 
 
 TARGET = Target(
