@@ -19,7 +19,7 @@ from dsd_cli.effects.base import Effect
 from dsd_cli.effects.general import GENERAL
 from dsd_cli.errors import UsageError
 
-_NOT_EFFECTS = {"base", "catalogue", "general", "joint_terms", "memory", "_memory", "tables", "user"}
+_NOT_EFFECTS = {"base", "catalogue", "general", "joint_terms", "lagging", "memory", "_memory", "tables", "user"}
 
 #: Effects of the user, by id: the one registry, written only by `register` and `unregister`.
 _REGISTERED: dict[str, Effect] = {}

@@ -15,6 +15,7 @@ import numpy as np
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, Values
 from dsd_cli.effects.joint_terms import JointTerms, Ramps, Stop, speed_dependent
+from dsd_cli.effects.lagging import LAGGED
 from dsd_cli.effects.tables import Table, table_of, values_of
 from dsd_cli.errors import UsageError
 from dsd_cli.signals.log import Array
@@ -290,4 +291,4 @@ HYSTERESIS = Effect(
 )
 
 #: All of them.
-GENERAL = {effect.id: effect for effect in (CURVE, FRICTION_CURVE, INERTIA_CURVE, HYSTERESIS)}
+GENERAL = {effect.id: effect for effect in (CURVE, FRICTION_CURVE, INERTIA_CURVE, HYSTERESIS, LAGGED)}

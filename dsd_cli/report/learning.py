@@ -148,7 +148,7 @@ def _print_curve(console: Any, curve: Curve, units: Units) -> None:
         size = " x ".join(str(len(one)) for one in curve.knots)
         console.print(escaped(f"{curve.effect}: a table over {' and '.join(curve.channels)}, {size} knots"))
         return
-    over = curve.channels[0] if curve.channels else "radius"
+    over = curve.channels[0]
     times = "" if curve.factor == "one" else f", times {curve.factor}"
     table = plain_table(f"{curve.effect} over {over}{times}", over, units.words(curve.unit) or "factor", "95 % band")
     knots = curve.knots[0]
@@ -172,7 +172,7 @@ def curve_csv(result: Learnt) -> str:
     """All curves as one table: effect, channels, knots, value, band; a row for each knot."""
     lines = ["effect,channel_1,knot_1,channel_2,knot_2,value,low,high,unit,factor"]
     for curve in result.curves:
-        names = [*curve.channels, ""][:2] if curve.channels else ["radius", ""]
+        names = [*curve.channels, ""][:2]
         second = curve.knots[1] if len(curve.knots) > 1 else (math.nan,)
         places = [(a, b) for a in curve.knots[0] for b in second]
         unit = result.units.words(curve.unit)

@@ -44,11 +44,10 @@ def _draw_law(axis: Any, curve: Curve, view: View, result: Learnt) -> None:
     if len(curve.channels) == 2:
         _draw_table(axis, curve, unit)
         return
-    if curve.channels:
-        for side, color, name in ((1.0, FORWARD, "forward"), (-1.0, BACKWARD, "backward")):
-            own = (view.direction == side) & np.isfinite(view.points)
-            if own.any() and view.channel == curve.channels[0]:
-                axis.plot(view.at[own], view.points[own], ".", ms=2, color=color, alpha=0.35, label=f"missing, {name}")
+    for side, color, name in ((1.0, FORWARD, "forward"), (-1.0, BACKWARD, "backward")):
+        own = (view.direction == side) & np.isfinite(view.points)
+        if own.any() and view.channel == curve.channels[0]:
+            axis.plot(view.at[own], view.points[own], ".", ms=2, color=color, alpha=0.35, label=f"missing, {name}")
     knots, values = np.array(curve.knots[0]), np.array(curve.values)
     low, high = np.array(curve.low), np.array(curve.high)
     known = np.isfinite(low)
@@ -56,8 +55,8 @@ def _draw_law(axis: Any, curve: Curve, view: View, result: Learnt) -> None:
     axis.plot(knots[known], values[known], "-", color="k", lw=1.6, label="law")
     _limit(axis, [*view.points, *values[known]])
     zero(axis)
-    over = curve.channels[0] if curve.channels else "radius of the spring"
-    axis.set_xlabel(over)
+    over = curve.channels[0]
+    axis.set_xlabel({"radius": "radius of the spring", "time constant": "time constant (s)"}.get(over, over))
     axis.set_ylabel(f"{curve.effect.replace('_', ' ')} ({unit})")
     axis.legend(loc="best")
 

@@ -21,6 +21,7 @@ LAWS = {
     "friction_curve": {**OVER_Q, "channels": ["speed"], "scale": 0.5},
     "inertia_curve": {**OVER_Q, "scale": 1.0},
     "hysteresis": {"radii": [0.05, 0.3], "stiffnesses": [2.0, 1.0], "scale": 1.0},
+    "lagged_friction": {"of": "velocity", "time_constants": [0.004, 0.05], "levels": [2.0, -1.0], "scale": 3.0},
 }
 N = 60
 
@@ -86,6 +87,23 @@ def test_a_spring_that_slips_is_a_loop_with_the_area_that_friction_takes():
     assert -float(found[cycle] @ moved[cycle]) == pytest.approx(4 * 5.0 * 0.3 * (1.0 - 0.3), rel=1e-6)
 
 
+def test_a_spring_and_a_damper_in_series_relax():
+    """After a rest, held at speed v for a time t, the force is c v (1 - exp(-t/T)); then at rest it dies away."""
+    c, lag, v, step = 4.0, 0.2, 1.5, 1e-3
+    t = step * np.arange(1001)
+    speed = np.where((t > 0.0) & (t <= 0.5), v, 0.0)
+    at = Channels(t, 0.0 * t, speed, 0.0 * t, np.full(len(t), step))
+    one = {"of": "velocity", "time_constants": [lag], "levels": [c], "scale": 1.0}
+    found, _ = get_effect("lagged_friction").force(at, one)
+    moved, rested = np.minimum(t, 0.5), np.maximum(t - 0.5, 0.0)
+    last = -np.expm1(-0.5 / lag)
+    area = c * v * (moved + lag * np.expm1(-moved / lag) - lag * last * np.expm1(-rested / lag))  # of force over time
+    np.testing.assert_allclose(found[1:], -np.diff(area) / step, atol=1e-11)
+    assert found[0] == 0.0
+    built, _ = get_effect("lagged_friction").force(at, {**one, "of": "direction"})
+    np.testing.assert_allclose(built, found / v, atol=1e-12)
+
+
 def test_an_inertia_that_changes_over_the_position_keeps_its_energy():
     """(J + D(q)) v^2 / 2 stays while nothing pushes."""
     table = {"channels": ["position"], "knots": [[0.0, 1.0, 2.0]], "values": [0.0, 0.4, 0.0], "factor": "one"}
@@ -119,6 +137,9 @@ def test_friction_of_a_table_sticks():
         ("curve", {"factor": "w"}, "must be one of one"),
         ("hysteresis", {"radii": [0.0, 1.0]}, "above 0"),
         ("hysteresis", {"stiffnesses": [1.0]}, "must be 2 numbers"),
+        ("lagged_friction", {"of": "u"}, "must be one of velocity, direction"),
+        ("lagged_friction", {"time_constants": [0.0, 1.0]}, "above 0"),
+        ("lagged_friction", {"levels": [1.0]}, "must be 2 numbers"),
     ],
 )
 def test_what_is_no_table_is_refused(effect, change, said):

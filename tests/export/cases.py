@@ -33,6 +33,7 @@ VALUES = {
     "inertia_curve": {"channels": ["position"], "knots": [[0.0, 1.0, 3.0]], "values": [0.05, 0.02, 0.06],
                       "factor": "one", "scale": 1.0},
     "hysteresis": {"radii": [0.1, 0.2], "stiffnesses": [1.0, 2.0], "scale": 1.0},
+    "lagged_friction": {"of": "velocity", "time_constants": [0.01, 0.3], "levels": [0.2, 0.4], "scale": 1.0},
 }  # fmt: skip
 EFFECTS = list(named_effects())
 #: Learnt tables over other channels than those above: name in a model -> values.
@@ -66,7 +67,7 @@ TOGETHER = (
         "curve",
         "coulomb_friction",
     ),
-    ("friction_curve", "periodic_disturbance", "stiffness", "cubic_stiffness", "inertia_curve"),
+    ("friction_curve", "periodic_disturbance", "stiffness", "cubic_stiffness", "inertia_curve", "lagged_friction"),
 )
 
 

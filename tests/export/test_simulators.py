@@ -44,9 +44,10 @@ VALUES = {
     "friction_curve": {"channels": ["speed"], "knots": [[0.0, 1.0, 3.0]], "values": [0.2, 0.1, 0.2], **TABLE},
     "hysteresis": {"radii": [0.05, 0.2], "stiffnesses": [2.0, 1.0], "scale": 1.0},
     "inertia_curve": {"channels": ["position"], "knots": [[0.0, 1.0]], "values": [0.0, 0.002], **TABLE},
+    "lagged_friction": {"of": "velocity", "time_constants": [0.1], "levels": [0.1], "scale": 1.0},
 }
 #: What no joint of MuJoCo has.
-NOT_IN_MUJOCO = {"external_force", "inertia_curve", "load_friction", "periodic_disturbance"}
+NOT_IN_MUJOCO = {"external_force", "inertia_curve", "lagged_friction", "load_friction", "periodic_disturbance"}
 
 
 def joint(effects: dict, delay: float = 0.0, linear: bool = False) -> Joint:

@@ -107,6 +107,30 @@ def test_channels_formula_and_a_falling_error(law, channels, effects):
         assert found.formula.effects == effects
 
 
+def _relaxing(s, q, v, h):
+    s.z = s.z * math.exp(-h / s.tau) + v * s.tau * -math.expm1(-h / s.tau)
+
+
+RELAXING = Law(
+    "",
+    lambda s: {"z": 0.0, "tau": s.between(0.08, 0.4)},
+    lambda s, t, q, v, u: -4.0 * s.size * s.z,
+    ("memory",),
+    after=_relaxing,
+)
+
+
+def test_one_spring_that_relaxes_has_one_time_constant_and_the_level_of_its_damper():
+    """A spring of 4 size behind a damper (Maxwell): the lag of the velocity times 4 size tau."""
+    log, recording, model = asked("relaxing", seed=3, laws={"relaxing": RELAXING})
+    found = learn([recording], model)
+    (curve,) = found.curves
+    assert (curve.channels, found.family) == (("time constant",), "springs that relax")
+    assert curve.knots[0] == pytest.approx((log.values["tau"],), rel=0.03)
+    assert curve.values == pytest.approx((4.0 * log.values["size"] * log.values["tau"],), rel=0.05)
+    assert found.model.effects["lagged_friction"]["levels"] == pytest.approx(curve.values, rel=0.03)
+
+
 CUSPS = Law(
     "",
     lambda s: {"n": s.between(4.0, 8.0)},
@@ -160,3 +184,25 @@ def test_a_force_over_time_is_no_law_of_the_motion():
     assert found.verdict == "not a function of the motion"
     assert "time" in found.why
     assert found.model.effects.keys() == model.effects.keys()
+
+
+@pytest.mark.parametrize(("true", "dry"), [("inertia", 0.0), ("inertia", 5.0), ("gain", 25.0)])
+def test_a_gain_over_time_is_said_to_be_an_inertia_as_well_where_nothing_tells(true, dry):
+    """J falls by a quarter, or the gain of u rises by a third, in the middle of the log. Without friction the two are
+    one law, and both are said; dry friction, which a gain does not leave alone, tells them apart."""
+    rng = np.random.default_rng(3)
+    t = 1e-3 * np.arange(20_000)
+    hz, phase = np.array([0.3, 0.7, 1.3, 1.9]), rng.uniform(0.0, 6.0, 4)
+    w, size = 2.0 * np.pi * hz, 0.3 / hz
+    middle = np.outer(t + 5e-4, w) + phase  # of the interval in which u is held
+    q, v, a = np.sin(np.outer(t, w) + phase) @ size, np.cos(middle) @ (size * w), -np.sin(middle) @ (size * w**2)
+    changed = np.where(t < 10.0, 1.0, 0.75)
+    u = changed * a + dry * np.sign(v) if true == "inertia" else changed * (a + dry * np.sign(v))
+    log = Log({"t": t, "u": u, "position": q + 1e-5 * rng.standard_normal(len(q))}, 1e-3, "log")
+    own = {"coulomb_friction": {"level": dry}} if dry else {}
+    found = learn([prepare(log, ObserverSettings(1.0, 0.01))], PlantModel(1.0, 0.0, own))
+    assert (found.verdict, found.family) == ("learnt", "a gain of u over time")
+    named = {one.family: one for one in found.ties}
+    assert ("an inertia that changes over time" in named) == (true == "inertia")
+    if true == "inertia":
+        assert "early and late" in named["an inertia that changes over time"].separate

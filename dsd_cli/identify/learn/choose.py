@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dsd_cli.effects.lagging import LAGGED
 from dsd_cli.identify.fit.blocks import spread_over_blocks
-from dsd_cli.identify.learn.families import FAMILIES, Columns, Family, columns_of
+from dsd_cli.identify.fit.golden import golden_section
+from dsd_cli.identify.learn.families import FAMILIES, INERTIA_OVER_TIME, MEMORY, Columns, Family, columns_of, lags_of
 from dsd_cli.identify.learn.formula import AS_GOOD
 from dsd_cli.identify.learn.judge import Judge, LawFit
 from dsd_cli.identify.learn.rows import Balance
@@ -20,6 +22,8 @@ from dsd_cli.signals.log import Array
 MOST_LAWS, _ROUNDS = 3, 2
 #: Laws whose loss is so many times the best one's are no ties, whatever the standard error.
 _TIED = 1.5
+#: Steps in which one time constant is narrowed down: to 1 % of the way between two.
+_NARROWED = 10
 #: Times as many knots as a family begins with, one after the other.
 FINER = (2, 4, 8)
 
@@ -68,6 +72,7 @@ def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -
     if not fits:
         return Choice(judge, base, base, (), base, base, "the log has no channel that a law could depend on")
     first, tied = simplest(fits)
+    tied += also_an_inertia(judge, first)
     refused = why_not(judge, base, first)
     if refused:
         return Choice(judge, base, base, (), richest, first, refused)
@@ -77,8 +82,24 @@ def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -
         if following is None:
             break
         fit = following
-    fit, finer = refined(judge, fit)
+    fit, finer = refined(judge, with_one_lag(judge, fit))
     return Choice(judge, base, fit, tied, min(richest, fit, key=lambda f: f.loss), first, "", finer)
+
+
+def also_an_inertia(judge: Judge, gain: LawFit) -> tuple[LawFit, ...]:
+    """An inertia over time, where a gain of u over time was found and it explains the log as well.
+
+    The two differ by the model's own forces alone, which a gain of u does not scale: where these are small no log
+    distinguishes them.
+    """
+    if set(gain.laws[0].family.on) != {"u", "time"}:
+        return ()
+    columns = columns_of(INERTIA_OVER_TIME, judge.balance)
+    if columns is None:
+        return ()
+    other = judge.fit((columns,))
+    near = other.loss - gain.loss <= max(standard_error(other, gain), AS_GOOD * gain.loss)
+    return (other,) if near else ()
 
 
 def refined(judge: Judge, fit: LawFit) -> tuple[LawFit, LawFit | None]:
@@ -101,6 +122,32 @@ def refined(judge: Judge, fit: LawFit) -> tuple[LawFit, LawFit | None]:
     return fit, coarser
 
 
+def with_one_lag(judge: Judge, fit: LawFit) -> LawFit:
+    """The fit with one time constant in the place of each law's several, where that explains the log as well: many lags
+    beside each other are large and opposite, and another motion does not have them so."""
+    for i, law in enumerate(fit.laws):
+        if law.family.effect is not LAGGED:
+            continue
+        one = _one_lag(judge, fit, i)
+        fit = one if one.loss - fit.loss <= standard_error(fit, one) else fit
+    return fit
+
+
+def _one_lag(judge: Judge, fit: LawFit, at: int) -> LawFit:
+    """The fit with the best single lag as law `at`."""
+    law = fit.laws[at]
+    times = np.log(law.law.time_constants)
+
+    def alone(time: float) -> LawFit:
+        one = lags_of(law.family, judge.balance, (math.exp(time),))
+        assert one is not None
+        return judge.fit((*fit.laws[:at], one, *fit.laws[at + 1 :]))
+
+    apart = float(times[1] - times[0])
+    near = min(times.tolist(), key=lambda time: alone(time).loss)
+    return alone(golden_section(lambda time: alone(time).loss, near - apart, near + apart, _NARROWED))
+
+
 def _following(judge: Judge, fit: LawFit, all_of_them: Sequence[Columns]) -> LawFit | None:
     """One law more, if it is certain and of use; no law of u beside one of the motion: it would follow its noise."""
     others = [
@@ -120,9 +167,13 @@ def _following(judge: Judge, fit: LawFit, all_of_them: Sequence[Columns]) -> Law
 
 def contains(family: Family, other: Family) -> bool:
     """Whether a law of the first may be one of the second as well: beside each other the two are collinear, large and
-    opposite."""
+    opposite. So are two that remember: each imitates what the other does after a turn."""
     both = len(family.over) > 1 and "u" not in other.on
-    return family.name == other.name or (both and set(other.on) <= {*family.on, "direction"})
+    return (
+        family.name == other.name
+        or (family.on == other.on == (MEMORY,))
+        or (both and set(other.on) <= {*family.on, "direction"})
+    )
 
 
 def simplest(fits: Sequence[LawFit]) -> tuple[LawFit, tuple[LawFit, ...]]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from dsd_cli.effects import Role, Values, free_name
 from dsd_cli.effects.general import HYSTERESIS, INERTIA_CURVE
+from dsd_cli.effects.lagging import LAGGED
 from dsd_cli.effects.tables import Table
 from dsd_cli.identify.learn.families import Columns
 from dsd_cli.identify.learn.judge import Judge, LawFit
@@ -58,7 +59,7 @@ def effects_of(fit: LawFit, model: PlantModel) -> dict[str, Values]:
 
 def with_scale_in(values: Mapping[str, Any]) -> dict[str, Any]:
     """The same law with a scale of 1."""
-    numbers = "stiffnesses" if "stiffnesses" in values else "values"
+    numbers = next(name for name in ("stiffnesses", "levels", "values") if name in values)
     return {**values, numbers: _times(values[numbers], float(values["scale"])), "scale": 1.0}
 
 
@@ -97,7 +98,10 @@ def _curve(law: Columns, name: str, theta: Array, half: Array, judge: Judge) -> 
     weight = np.abs(law.matrix) @ np.array([float(np.sum(judge.white(x) ** 2)) for x in law.rows])
     known = weight > _VISITED * float(np.mean(weight))
     if law.family.effect is HYSTERESIS:
-        return Curve(name, (), (law.law.radii,), *_flat(theta, half, known), "{u}/({q})")
+        return Curve(name, ("radius",), (law.law.radii,), *_flat(theta, half, known), "{u}/({q})")
+    if law.family.effect is LAGGED:
+        unit = "{u}/({v})" if law.family.factor == "velocity" else "{u}"
+        return Curve(name, ("time constant",), (law.law.time_constants,), *_flat(theta, half, known), unit)
     table: Table = law.law
     unit = {"one": "{u}", "velocity": "{u}/({v})", "u": "1"}[table.factor]
     unit = "{u}/({v}/s)" if law.family.effect is INERTIA_CURVE else unit

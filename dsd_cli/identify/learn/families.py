@@ -14,6 +14,7 @@ import numpy as np
 
 from dsd_cli.effects import Effect, Values
 from dsd_cli.effects.general import CURVE, FRICTION_CURVE, HYSTERESIS, INERTIA_CURVE, Stops
+from dsd_cli.effects.lagging import LAGGED, Lags
 from dsd_cli.effects.tables import Table
 from dsd_cli.identify.learn.rows import Balance
 from dsd_cli.signals.log import Array
@@ -24,6 +25,8 @@ KNOTS, FINE, IN_PAIR, ROWS_PER_KNOT = 17, 41, 8, 8
 BLOCKS_PER_KNOT = 3
 #: Radii of the springs that slip, shares of the travel.
 RADII = tuple(float(x) for x in np.geomspace(0.003, 0.4, 14))
+#: Lags of the friction that acts late, from what the band shows to what a log has often enough to tell.
+LAGS, TIMES_IN_LOG = 7, 10
 #: Least distance of two knots, as a share of the channel's range.
 _APART = 0.012
 #: Knots from which on a curve is smooth between them.
@@ -41,7 +44,7 @@ class Family:
     Attributes
     ----------
     name : in words. on : the channels it depends on, "direction", "acceleration" and "memory" among them.
-    effect : the general effect that has it. over : channels of the table. factor : see `Table`.
+    effect : the general effect that has it. over : channels of the table. factor : see `Table`; of lags what lags.
     rank : the smaller, the simpler.
     """
 
@@ -55,7 +58,7 @@ class Family:
     @property
     def of_u(self) -> bool:
         """Whether it looks at u, so that it is judged in the forward form."""
-        return "u" in self.on
+        return "u" in (*self.over, self.factor)
 
     @property
     def of_motion(self) -> bool:
@@ -78,12 +81,20 @@ _KINDS: tuple[tuple[str, str, Effect, str, str], ...] = (
     ("a gain of u over the velocity", "u velocity", CURVE, "velocity", "u"),
     ("friction that depends on u", "direction u", FRICTION_CURVE, "u", "one"),
     ("hysteresis", "memory", HYSTERESIS, "", "one"),
+    ("springs that relax", "memory", LAGGED, "", "velocity"),
+    ("friction that builds up over time", "memory", LAGGED, "", "direction"),
     ("a function of velocity and position", "velocity position", FRICTION_CURVE, "velocity position", "one"),
     ("a force over time", "time", CURVE, "time", "one"),
 )
 FAMILIES = tuple(
     Family(name, tuple(on.split()), effect, tuple(over.split()), factor, rank)
     for rank, (name, on, effect, over, factor) in enumerate(_KINDS)
+)
+
+
+#: What a gain of u over time may be as well: J a = (1 + g(t)) (u + forces of the model), and u alone is not scaled.
+INERTIA_OVER_TIME = Family(
+    "an inertia that changes over time", (ACCELERATION, TIME), CURVE, (TIME,), "u", len(FAMILIES)
 )
 
 
@@ -105,8 +116,8 @@ class Columns:
 
 def columns_of(family: Family, balance: Balance, finer: int = 1) -> Columns | None:
     """None where the log lacks a channel, or it does not vary; `finer` times as many knots over one channel."""
-    if family.effect is HYSTERESIS:
-        return _stops(family, balance)
+    if family.effect in (HYSTERESIS, LAGGED):
+        return _stops(family, balance) if family.effect is HYSTERESIS else lags_of(family, balance)
     channels = [samples_of(name, balance) for name in family.over]
     if not all(len(x) and np.ptp(x) > 0.0 for x in channels):
         return None
@@ -116,7 +127,8 @@ def columns_of(family: Family, balance: Balance, finer: int = 1) -> Columns | No
     inner, matrix = _smooth(knots)
     empty = np.zeros([len(k) for k in inner]).tolist()
     table = Table(family.over, inner, _frozen(empty), family.factor)
-    rows = tuple(balance.columns(family.effect, {"table": table.holding(one)})[0] for one in matrix.T)
+    net = family is INERTIA_OVER_TIME
+    rows = tuple(balance.columns(family.effect, {"table": table.holding(one)}, net)[0] for one in matrix.T)
 
     def values(found: Array) -> Values:
         return family.effect.from_columns((1.0,), {"table": table.holding(found)})
@@ -142,6 +154,23 @@ def _stops(family: Family, balance: Balance) -> Columns | None:
         return family.effect.from_columns((1.0,), {"stops": Stops(radii, tuple(found.tolist()))})
 
     return Columns(family, rows, np.eye(len(radii)), stops, np.diag(1.0 / np.array(radii)), values)
+
+
+def lags_of(family: Family, balance: Balance, times: tuple[float, ...] = ()) -> Columns | None:
+    """First-order lags of the velocity or of its direction; `times`: time constants, s, of a log's whole range if none
+    are given."""
+    if not len(samples_of("velocity", balance)):
+        return None
+    equations = balance.equations
+    longest = equations.sample_time * max(len(s.log) for s in equations.stretches) / TIMES_IN_LOG
+    times = times or tuple(np.geomspace(0.5 / (np.pi * equations.band.hz), longest, LAGS).tolist())
+    lags = Lags(family.factor, times, (0.0,) * len(times))
+    rows = tuple(balance.columns(family.effect, {"lags": lags.unit(i)})[0] for i in range(len(times)))
+
+    def values(found: Array) -> Values:
+        return family.effect.from_columns((1.0,), {"lags": Lags(family.factor, times, tuple(found.tolist()))})
+
+    return Columns(family, rows, np.eye(len(times)), lags, np.eye(len(times)), values)
 
 
 def samples_of(name: str, balance: Balance) -> Array:

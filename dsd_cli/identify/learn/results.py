@@ -21,7 +21,7 @@ NOT_OF_MOTION: Verdict = "not a function of the motion"
 class Curve:
     """A law at its knots, with a band of 95 %.
 
-    effect : of the model, that has it. channels : of its table; () for springs that slip, whose knots are their radii.
+    effect : of the model, that has it. channels : of its table; "radius" of springs that slip, "time constant" of lags.
     knots : for each channel. values, low, high : at the knots, flat; a band of NaN where the log never was.
     unit : of the values, with {u}, {v}, {q}. factor : what the table is multiplied by.
     """

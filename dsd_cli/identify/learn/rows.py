@@ -100,9 +100,21 @@ class Balance:
         """The delayed u per interval, by stretch: what laws of u look at."""
         return drive(self.equations, (), self.tap * self.problem.solver.bank.tap_time)
 
-    def columns(self, effect: Effect, shape: Shape) -> list[Array]:
-        """Rows of what an effect with this shape takes of u, one for each coefficient; minus the unit force."""
-        pairs = zip(self.equations.stretches, self.drive, strict=True)
+    @cached_property
+    def net_drive(self) -> list[Array]:
+        """The same with the forces of the model's own effects added: what accelerates the axis."""
+        found, acting = [], [t for t in self.problem.base if t.effect.role is not Role.INPUT]
+        for stretch, u in zip(self.equations.stretches, self.drive, strict=True):
+            taken = [x for t in acting for x in effect_columns(stretch, t.effect, t.shape, u)]
+            found.append(u - sum(c * x for c, x in zip(self.given, taken, strict=True)))
+        return found
+
+    def columns(self, effect: Effect, shape: Shape, net: bool = False) -> list[Array]:
+        """Rows of what an effect with this shape takes of u, one for each coefficient; minus the unit force.
+
+        net : it looks at what accelerates the axis in the place of u.
+        """
+        pairs = zip(self.equations.stretches, self.net_drive if net else self.drive, strict=True)
         by_stretch = [effect_columns(s, effect, shape, u) for s, u in pairs]
         smooth = effect.role is not Role.FRICTION
         return [self.equations.acting(list(x), smooth, True) for x in zip(*by_stretch, strict=True)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dsd_cli.identify.learn.families import ACCELERATION, MEMORY, TIME, Family
+from dsd_cli.identify.learn.families import ACCELERATION, INERTIA_OVER_TIME, MEMORY, TIME, Family
 
 
 def of_several(families: Sequence[Family]) -> str:
@@ -26,5 +26,7 @@ _SHOWS = {
 
 def separating(one: Family, other: Family) -> str:
     """The motion that would separate two laws."""
+    if other is INERTIA_OVER_TIME:
+        return "a load held, or a crawl, early and late: a gain changes the u of this, an inertia does not"
     apart = [name for name in _SHOWS if (name in one.on) != (name in other.on)]
     return "; ".join(_SHOWS[name] for name in apart) or _SHOWS["velocity"]
