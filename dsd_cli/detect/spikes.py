@@ -2,7 +2,8 @@
 
 A delay of 0 with the nominal inertia predicts d_hat = 0 for any u. One wrong value of u therefore speaks, with all the
 weight of its square, for that state and against every other, and d_hat cannot contradict. A state whose prediction
-would show the spike is another matter: if it explains its window with the spike in it, the spike was there.
+would show the spike is another matter: if it explains its window with the spike in it, the spike was there. Before the
+spike reaches that state by its delay, and after it has left, the window says of it only that other states are wrong.
 """
 
 from __future__ import annotations
@@ -36,9 +37,10 @@ class Spikes:
         self._rho = spec.settings.rho
         self._decay = spec.time_constant / spec.sample_time if spec.pole > 0.0 else 0.0
         longest = max(whole for whole, _ in spec.taps())
-        self._memory = window + longest + spec.aperture + 2
+        self._span, self._longest = window + spec.aperture + 2, longest
+        self._delays = np.repeat([whole for whole, _ in spec.taps()], self._shown.size // len(spec.taps()))
         self._level = Level()
-        self._active: list[tuple[int, float, int]] = []  # sample, size, first sample that is free of it
+        self._active: list[tuple[int, float, int]] = []  # sample, size, samples for which a window holds it
 
     @property
     def level(self) -> float:
@@ -58,35 +60,41 @@ class Spikes:
 
     def unfounded(self, u: Array, state: NDArray[np.int32]) -> NDArray[np.bool_] | None:
         """Which labels of the next samples, shape (n,), rest on a spike; None: none does."""
-        sizes = self._spike_behind(u)
-        return None if sizes is None else (sizes > 0.0) & (sizes < self._shown[state])
+        sizes = self._spike_behind(u, self._delays[state])
+        return None if sizes is None else sizes < self._shown[state]
 
-    def _spike_behind(self, u: Array) -> Array | None:
-        """Per sample the smallest spike that its window holds, 0 for none; None: there is none in all of them.
+    def _spike_behind(self, u: Array, delays: NDArray[np.int64]) -> Array | None:
+        """Per sample the smallest spike that a window holds, infinite for none; None: there is none in all of them.
 
-        A value is no spike any more from the sample on that shows it to be the level of u.
+        Where the window of the sample's own delay holds none of it, its size is 0. A value is no spike any more from
+        the sample on that shows it to be the level of u.
         """
         start = self._level.rows
         found = self._level.follow(u, FACTOR)
         if not found and not self._active:
             return None
-        sizes = np.zeros(u.size)
+        sizes = np.full(u.size, np.inf)
         for row, size, level in found:
-            self._cover(sizes, start, row, level)
+            self._cover(sizes, delays, start, row, level)
             if size < FACTOR * level:
                 continue
             self.largest = max(self.largest, size)
-            reach = self._memory + self._decay * max(math.log(size) - math.log(self._rho), 0.0)
-            self._active.append((row, size, row + math.ceil(reach)))
-        self._cover(sizes, start, start + u.size, self._level.value)
-        self._active = [one for one in self._active if one[2] > start + u.size]
+            span = self._span + self._decay * max(math.log(size) - math.log(self._rho), 0.0)
+            self._active.append((row, size, math.ceil(span)))
+        self._cover(sizes, delays, start, start + u.size, self._level.value)
+        self._active = [one for one in self._active if one[0] + one[2] + self._longest > start + u.size]
         return sizes
 
-    def _cover(self, sizes: Array, start: int, now: int, level: float) -> None:
+    def _cover(self, sizes: Array, delays: NDArray[np.int64], start: int, now: int, level: float) -> None:
         """Write down what the spikes act on before `now`, and let those go that are no spikes at this level."""
-        for row, size, free in self._active:
-            part = sizes[max(row - start, 0) : max(min(free, now) - start, 0)]
-            part[:] = np.where(part > 0.0, np.minimum(part, size), size)
+        for row, size, span in self._active:
+            first, end = max(row, start), min(row + span + self._longest, now)
+            part = slice(first - start, max(end - start, first - start))
+            since = np.arange(first, first + len(sizes[part])) - row
+            late = since - delays[part]
+            own = (since < span) | ((late >= 0) & (late < span))
+            others = since < self._span + self._longest  # what Q has left of it later tells no states apart
+            sizes[part] = np.minimum(sizes[part], np.where(others & ~own, 0.0, size))
         self._active = [one for one in self._active if one[1] >= FACTOR * level]
 
 

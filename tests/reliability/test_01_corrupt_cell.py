@@ -108,3 +108,18 @@ def test_observe_writes_no_value_that_is_not_finite(tmp_path):
     extreme = ("--set", "observer.nominal_inertia=1e10")
     refused(dsd("observe", "log.csv", "-o", "extreme.csv", *extreme, cwd=tmp_path), 1, "d_hat", "finite")
     assert not (tmp_path / "extreme.csv").exists()
+
+
+@pytest.mark.parametrize("row", [900, 1650, 2400])
+@pytest.mark.parametrize("name", ["paper-step", "paper-delay-change"])
+def test_no_label_is_confident_because_only_others_have_the_spike(folder, name, row):
+    """It reaches the states of a quiet log one after the other: one that it has not reached yet, or has left, is no
+    better for that. 108 labels were confident and wrong."""
+    log = {name: column.copy() for name, column in read_labels(SAMPLES / f"{name}.csv").items()}
+    log["u"][row] = 1e3
+    write(folder, "spike.csv", log)
+    done("detect", "spike.csv", "-c", SAMPLES / f"{name}.toml", "-o", "labels.csv", cwd=folder)
+    labels = read_labels(folder / "labels.csv")
+    wrong = (labels["delay"] != log["true_delay"]) | (labels["inertia"] != log["true_inertia"])
+    near = np.arange(wrong.size) - row
+    assert not (labels["confident"] & wrong)[(near >= 0) & (near < 600)].any()
