@@ -75,6 +75,7 @@ def check_log(
         parameters = unknown_parameters(model)
     else:
         parameters = check_parameters(view, model, observer)
+        found += _leaning(parameters)
         found += [*_bent(parameters), *_not_told(parameters)] if model is not None else []
     worded = [one.worded(factors or {}, u_shift) for one in found]
     return CheckResult(
@@ -102,6 +103,20 @@ def _unusable(view: View) -> list[Finding]:
         what = "neither d_hat nor velocity nor position"
         found.append(Finding(what, "log", "error", 1.0, "name one of their columns in [signals]"))
     return found
+
+
+def _leaning(parameters: Sequence[Parameter]) -> list[Finding]:
+    """Where noise of the sensor comes back through the controller, and a fit takes that for the axis."""
+    leaning = [one for one in parameters if one.leaning is not None]
+    if not leaning:
+        return []
+    texts = [
+        f"{one.name} is {one.leaning:.3g} by least squares and {one.value:.3g} by the reference" for one in leaning
+    ]
+    what = f"{', '.join(texts)}: the controller answers noise of the sensor, which bends a fit of u on the motion"
+    held = [f"--fix {one.name}={max(one.value, 0.0):.4g}" for one in leaning if one.identified != "not"]
+    remedy = f"hold what the reference says: dsd diagnose {' '.join(held)}" if held else "a finer encoder"
+    return [Finding(what, "log", "warning", 0.9, remedy)]
 
 
 def _bent(parameters: Sequence[Parameter]) -> list[Finding]:

@@ -13,6 +13,9 @@ from dsd_cli.identify.checks.view import View
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.signals.log import Array
 
+#: An axis follows its reference within this, s.
+_FOLLOWS = 0.25
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -42,6 +45,21 @@ def motion_of(s: Stretch, view: View, observer: ObserverSettings | None) -> Moti
     velocity = keep(np.gradient(measured, s.T) if view.band.source == "position" else measured)
     position = s.position if s.position is not None else np.cumsum(velocity) * s.T
     return Motion(keep(difference(measured, s.T, view.band.source)), velocity, keep(position), view.cutoff)
+
+
+def along_reference(s: Stretch, keep: LowPass) -> Motion:
+    """The motion that was asked for, as late as the axis follows: it has nothing of the sensor's noise."""
+    assert s.reference is not None
+    lag = 0 if s.position is None else _lag(s.reference, s.position, min(s.t.size // 4, round(_FOLLOWS / s.T)))
+    position = np.concatenate([np.full(lag, s.reference[0]), s.reference[: s.t.size - lag]])
+    return Motion(
+        keep(difference(position, s.T, "position")), keep(np.gradient(position, s.T)), keep(position), keep.cutoff
+    )
+
+
+def _lag(first: Array, then: Array, most: int) -> int:
+    """Samples by which one channel follows another, 0 to `most`."""
+    return min(range(most + 1), key=lambda k: float(np.mean((then[k:] - first[: first.size - k]) ** 2)))
 
 
 def _from_disturbance(s: Stretch, keep: LowPass, observer: ObserverSettings) -> Motion | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from dsd_cli.effects import get_effect
 from dsd_cli.errors import UsageError
 from dsd_cli.identify.checks.balance import REST, motion_columns, orthonormal, without
+from dsd_cli.identify.checks.instruments import asked_for, in_two_stages
 from dsd_cli.identify.checks.lowpass import LowPass
 from dsd_cli.identify.checks.motion import Motion, motion_of
 from dsd_cli.identify.checks.results import Identified, Parameter
@@ -72,11 +74,16 @@ def check_parameters(view: View, model: PlantModel | None, observer: ObserverSet
     rows = _rows(view, given, values, observer)
     if rows is None:
         return unknown_parameters(given)
-    left, slopes, others, drive = rows
-    T, basis = view.log.sample_time, orthonormal(others)
-    beside = _judged(values, without(basis, left), without(basis, slopes), drive, T)
-    alone = beside if model is None else _judged(values, left, slopes, drive, T)
+    T = view.log.sample_time
+    both = [_estimates(values, rows, others, T) for others in (rows.others[:, : 0 if model else None], rows.others)]
+    leans = any(one.leans for one in both)
+    alone, beside = (one.by_instruments if leans else one.least_squares for one in both)
     found = tuple(_bent(*pair, T) for pair in zip(alone, beside, strict=True))
+    if leans:
+        found = tuple(
+            replace(one, leaning=None if "." in one.name else plain.value)
+            for one, plain in zip(found, both[0].least_squares, strict=True)
+        )
     return found if view.band is not None else tuple(_drifting(one) for one in found)
 
 
@@ -127,13 +134,20 @@ def _unknown(value: _Value) -> Parameter:
     return Parameter(value.name, "not", math.nan, math.inf, value.unit)
 
 
-def _rows(
-    view: View, model: PlantModel, values: Sequence[_Value], observer: ObserverSettings | None
-) -> tuple[Array, Array, Array, float] | None:
-    """(what the model leaves, its slopes by the values, other forces of the motion, rms of u); None: too few rows.
+@dataclass(frozen=True)
+class _Rows:
+    """What the model leaves, shape (rows,), its slopes by the values, (rows, values), other forces of the motion,
+    (rows, 6), both along the reference, (rows, values + 6), NaN where a log has none, and the deviation of u."""
 
-    Shapes (rows,), (rows, values), (rows, 6).
-    """
+    left: Array
+    slopes: Array
+    others: Array
+    along: Array
+    drive: float
+
+
+def _rows(view: View, model: PlantModel, values: Sequence[_Value], observer: ObserverSettings | None) -> _Rows | None:
+    """None: too few."""
     parts = []
     for s in view.stretches:
         motion = motion_of(s, view, observer)
@@ -147,15 +161,26 @@ def _rows(
             parts.append(_stretch_rows(s, motion, keep, rows[moving], model, values))
     if not parts:
         return None
-    left, slopes, others, u = (np.concatenate(x) for x in zip(*parts, strict=True))
-    if left.size < 4 * len(values):
-        return None
-    return left, slopes, others, float(np.std(u))
+    left, slopes, others, along, u = (np.concatenate(x) for x in zip(*parts, strict=True))
+    return _Rows(left, slopes, others, along, float(np.std(u))) if left.size >= 4 * len(values) else None
 
 
 def _stretch_rows(
     s: Stretch, motion: Motion, keep: LowPass, rows: NDArray[np.int64], model: PlantModel, values: Sequence[_Value]
-) -> tuple[Array, Array, Array, Array]:
+) -> tuple[Array, ...]:
+    assert s.u is not None
+    found = _columns(s, motion, keep, rows, model, values)
+    if s.reference is None:
+        along = np.full((rows.size, found[1].shape[1] + found[2].shape[1]), np.nan)
+    else:
+        along = np.column_stack(_columns(*asked_for(s, model, keep), keep, rows, model, values)[1:])
+    return *found, along, keep(s.u)[rows]
+
+
+def _columns(
+    s: Stretch, motion: Motion, keep: LowPass, rows: NDArray[np.int64], model: PlantModel, values: Sequence[_Value]
+) -> tuple[Array, Array, Array]:
+    """What the model leaves of u along a motion, its slopes by the values, other forces of that motion."""
     frame = Frame(Log(motion.channels(s), s.T))
     mean = 0.5 * (motion.acceleration + np.concatenate([motion.acceleration[:1], motion.acceleration[:-1]]))
 
@@ -167,27 +192,63 @@ def _stretch_rows(
     for value in values:
         changed, step = value.stepped(model)
         slopes.append((left(changed) - here) / step)
-    others = motion_columns(motion.velocity, motion.position, keep, rows)
-    assert s.u is not None
-    return here, np.column_stack(slopes), others, keep(s.u)[rows]
+    return here, np.column_stack(slopes), motion_columns(motion.velocity, motion.position, keep, rows)
 
 
-def _judged(values: Sequence[_Value], left: Array, slopes: Array, drive: float, T: float) -> tuple[Parameter, ...]:
-    """Least squares around the model; errors that are correlated within a block are counted."""
+class _Estimates(NamedTuple):
+    """Values by least squares, and by instruments; `leans`: inertia or delay differ by more than chance, and by more
+    than an identified value may be off."""
+
+    least_squares: tuple[Parameter, ...]
+    by_instruments: tuple[Parameter, ...] = ()
+    leans: bool = False
+
+
+def _estimates(values: Sequence[_Value], rows: _Rows, others: Array, T: float) -> _Estimates:
+    """With `others` beside the model, shape (rows, m).
+
+    Hausman's test (1978): least squares is the surer of both and right unless noise comes back through a controller;
+    instruments are right in any loop. Their difference scatters by what each block pulls at it, and by no less than
+    the one is less sure than the other.
+    """
+    basis = orthonormal(others) if others.shape[1] else others
+    slopes = without(basis, rows.slopes)
+    found, pulls = _judged(values, without(basis, rows.left), slopes, slopes, rows.drive, T)
+    if not np.isfinite(rows.along).all():
+        return _Estimates(found)
+    along = rows.along[:, : len(values) + others.shape[1]]
+    right, pulled = _judged(values, *in_two_stages(rows.left, rows.slopes, others, along), rows.drive, T)
+    leans = False
+    for one, by, spread in zip(found, right, np.linalg.norm(pulled - pulls, axis=0).tolist(), strict=True):
+        moved, step = abs(by.value - one.value), T if one.name == "delay" else math.nan
+        chance = max(spread, math.sqrt(max(by.std_error**2 - one.std_error**2, 0.0)))
+        leans |= "." not in one.name and moved > _BENT * chance and grade(abs(by.value), moved, step) != "identified"
+    return _Estimates(found, right, leans)
+
+
+def _judged(
+    values: Sequence[_Value], left: Array, slopes: Array, hat: Array, drive: float, T: float
+) -> tuple[tuple[Parameter, ...], Array]:
+    """Least squares around the model; errors that are correlated within a block are counted.
+
+    hat : what instruments explain of the slopes, shape (rows, values); without instruments these themselves. Also by
+    how much each block pulls at each value, shape (blocks, values).
+    """
     sizes = np.sqrt(np.mean(slopes**2, axis=0))
     weights = np.array([value.value or 1.0 for value in values])
     seen = sizes * np.abs(weights) > _NOTHING * max(drive, 1e-300)
     found: dict[int, Parameter] = {}
     columns = np.flatnonzero(seen).tolist()
+    starts = block_starts(left.size)
+    pulls = np.zeros((len(starts), len(values)))
     if columns:
-        x = slopes[:, columns] / sizes[columns]
-        inverse = np.linalg.inv(x.T @ x / left.size + 1e-12 * np.eye(len(columns)))
-        change = -inverse @ (x.T @ left) / left.size
+        x, h = slopes[:, columns] / sizes[columns], hat[:, columns] / sizes[columns]
+        inverse = np.linalg.inv(h.T @ h / left.size + 1e-12 * np.eye(len(columns)))
+        change = -inverse @ (h.T @ left) / left.size
         rest = left + x @ change
-        scores = np.add.reduceat(x * rest[:, None], block_starts(left.size)) / left.size
-        spread = inverse @ (scores.T @ scores) @ inverse
-        plain = inverse * float(np.mean(rest**2)) / left.size
-        errors = np.sqrt(np.maximum(np.diag(spread), np.diag(plain))) / sizes[columns]
+        pulls[:, columns] = np.add.reduceat(h * rest[:, None], starts) / left.size @ inverse / sizes[columns]
+        plain = np.diag(inverse) * float(np.mean(rest**2)) / left.size / sizes[columns] ** 2
+        errors = np.sqrt(np.maximum(np.sum(pulls[:, columns] ** 2, axis=0), plain))
         scale = np.sqrt(np.diag(inverse))
         correlation = inverse / np.outer(scale, scale)
         for i, column in enumerate(columns):
@@ -197,7 +258,7 @@ def _judged(values: Sequence[_Value], left: Array, slopes: Array, drive: float, 
             found[column] = Parameter(
                 values[column].name, grade, value, float(errors[i]), values[column].unit, tuple(tied)
             )
-    return tuple(found.get(i) or _unknown(value) for i, value in enumerate(values))
+    return tuple(found.get(i) or _unknown(value) for i, value in enumerate(values)), pulls
 
 
 def _grade(value: _Value, fitted: float, error: float, small: float, T: float) -> Identified:

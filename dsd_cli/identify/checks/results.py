@@ -68,6 +68,8 @@ class Parameter:
     tied_to : parameters that this log cannot distinguish from it (correlation above 0.98).
     beside : the value with friction, weight and springs of any size beside the model, where a force that the model
         lacks bends it so far that it is less well known; `std_error` counts the difference. Else None.
+    leaning : what least squares makes of it where noise that the controller answers bends that, so that `value` is by
+        the reference as instrument. Else None.
     """
 
     name: str
@@ -77,6 +79,7 @@ class Parameter:
     unit: str = ""
     tied_to: tuple[str, ...] = ()
     beside: float | None = None
+    leaning: float | None = None
 
 
 #: Moves that are needed for each effect that is asked for.

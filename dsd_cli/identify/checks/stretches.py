@@ -14,6 +14,8 @@ from dsd_cli.signals.log import Array, Log
 
 #: Samples of the shortest stretch that is looked at.
 SHORTEST = 50
+#: In the order of `Stretch`.
+_CHANNELS = ("u", "position", "velocity", "d_hat", "reference")
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,7 @@ class Stretch:
     position: Array | None
     velocity: Array | None
     d_hat: Array | None
+    reference: Array | None = None
     wraps: int = 0
     turn: float = 0.0
 
@@ -53,7 +56,7 @@ def stamps_of(log: Log) -> Array:
 
 
 def _stretch(log: Log, a: int, b: int, true_stamps: bool) -> Stretch:
-    channels = {name: np.array(log[name][a:b]) for name in ("u", "position", "velocity", "d_hat") if name in log}
+    channels = {name: np.array(log[name][a:b]) for name in _CHANNELS if name in log}
     t, T = stamps_of(log)[a:b], log.sample_time
     wraps, turn = 0, 0.0
     if "position" in channels:
@@ -63,8 +66,8 @@ def _stretch(log: Log, a: int, b: int, true_stamps: bool) -> Stretch:
         grid = t[0] + T * np.arange(int((t[-1] - t[0]) / T) + 1)
         channels = {name: _on_grid(x, t, grid, T, name == "u" and log.u_hold == "held") for name, x in channels.items()}
         t = grid
-    u, position, velocity, d_hat = (channels.get(name) for name in ("u", "position", "velocity", "d_hat"))
-    return Stretch(T, t, u, position, velocity, d_hat, wraps, turn)
+    u, position, velocity, d_hat, reference = (channels.get(name) for name in _CHANNELS)
+    return Stretch(T, t, u, position, velocity, d_hat, reference, wraps, turn)
 
 
 def _on_grid(x: Array, t: Array, grid: Array, T: float, held: bool) -> Array:

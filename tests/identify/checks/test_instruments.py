@@ -1,0 +1,84 @@
+"""The reference as instrument: a loop whose controller answers the error of its sensor, and one that has none."""
+
+import numpy as np
+import pytest
+
+from dsd_cli.identify.checks import check_log
+from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.log import Log
+
+T, J, WEIGHT, LEVEL, DAMPING = 0.002, 0.2, 3.7, 0.15, 0.02
+BELIEVED = PlantModel(
+    0.15,
+    0.0,
+    {
+        "gravity": {"amplitude": 3.0, "phase": 0.0},
+        "coulomb_friction": {"level": 0.1},
+        "viscous_friction": {"coefficient": 0.01},
+    },
+)
+
+
+def pendulum(seed: int, error: float, steps: int = 8) -> dict[str, np.ndarray]:
+    """10 s under PD of position and speed, whose sensor is off by noise below 15 Hz of that size, rad."""
+    rng, n = np.random.default_rng(seed), 5000
+    t = T * np.arange(n)
+    hz, phase, size = rng.uniform(0.1, 0.7, 4), rng.uniform(0.0, 2.0 * np.pi, 4), rng.uniform(0.3, 0.8, 4)
+    angle = 2.0 * np.pi * np.multiply.outer(t, hz) + phase
+    wanted, wanted_speed = (np.sin(angle) - np.sin(phase)) @ size, np.cos(angle) @ (2.0 * np.pi * hz * size)
+    off = np.fft.irfft(np.fft.rfft(rng.standard_normal(n)) / (1.0 + 1j * np.fft.rfftfreq(n, T) / 15.0) ** 2, n)
+    off *= error / np.std(off)
+    off_speed = np.gradient(off, T)
+    q, v, shown = wanted[0], wanted_speed[0], np.empty((3, n))
+
+    def acceleration(q: float, v: float, u: float) -> float:
+        return (u - WEIGHT * np.sin(q) - LEVEL * np.tanh(v / 0.02) - DAMPING * v) / J
+
+    for k in range(n):
+        seen, seen_speed = q + off[k], v + off_speed[k]
+        u = 40.0 * (wanted[k] - seen) + 2.0 * (wanted_speed[k] - seen_speed)
+        shown[:, k] = u, seen_speed, seen
+        h = T / steps
+        for _ in range(steps):  # midpoint rule
+            a = acceleration(q, v, u)
+            q, v = q + h * (v + 0.5 * h * a), v + h * acceleration(q + 0.5 * h * v, v + 0.5 * h * a, u)
+    return {"t": t, **dict(zip(("u", "velocity", "position"), shown, strict=True)), "reference": wanted}
+
+
+def checked(channels):
+    result = check_log(Log(channels, T, "log"), BELIEVED)
+    return {one.name: one for one in result.parameters}, [one for one in result.findings if "reference" in one.what]
+
+
+def without_reference(channels):
+    return {name: x for name, x in channels.items() if name != "reference"}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_the_controller_answers_bends_least_squares_and_not_the_instruments(seed):
+    channels = pendulum(seed, 0.003)
+    bent, nothing = checked(without_reference(channels))
+    assert bent["inertia"].value < 0.5 * J
+    assert nothing == []
+    found, (said,) = checked(channels)
+    assert found["inertia"].value == pytest.approx(J, rel=0.06)
+    assert abs(found["inertia"].value - J) < 2.0 * found["inertia"].std_error
+    assert found["gravity.amplitude"].value == pytest.approx(WEIGHT, rel=0.05)
+    assert found["inertia"].leaning == pytest.approx(bent["inertia"].value)
+    assert said.severity == "warning"
+    assert f"--fix inertia={found['inertia'].value:.4g}" in said.remedy
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_sensor_that_is_hardly_off_leaves_least_squares_alone(seed):
+    """Both are right, and least squares is the surer one."""
+    channels = pendulum(seed, 1e-6)
+    assert checked(channels) == checked(without_reference(channels))
+    assert checked(channels)[0]["inertia"].value == pytest.approx(J, rel=0.01)
+
+
+def test_a_reference_that_the_axis_does_not_follow_changes_nothing():
+    """Instruments that explain no motion have errors so large that they contradict nothing."""
+    channels = pendulum(0, 0.003)
+    channels["reference"] = np.zeros_like(channels["t"])
+    assert checked(channels) == checked(without_reference(channels))
