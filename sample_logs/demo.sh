@@ -62,7 +62,7 @@ if can report html; then
 fi
 
 if can plan run-with; then
-    say "6. An arm that made only short moves: gravity, or a constant load? Plan the motion that tells, run it, ask again."
+    say "7. An arm that made only short moves: gravity, or a constant load? Plan the motion that tells, run it, ask again."
     run dsd simulate -c sample_logs/servo-arm.toml -o out/short.csv --quiet
     begin 1 out/tie.txt dsd diagnose out/short.csv -c sample_logs/servo-arm-bare.toml
     rm -f out/next-*
@@ -73,7 +73,7 @@ fi
 say "B. WHICH STATE NOW? The paper's delayed plant follows a sine; at 1.5 s its delay jumps from 0.3 s to 0.4 s."
 run dsd simulate -c sample_logs/demo.toml -o out/log.csv
 
-say "7. Detect: which of 3 delays x 3 inertias explains u and d_hat, sample by sample?"
+say "8. Detect: which of 3 delays x 3 inertias explains u and d_hat, sample by sample?"
 if can detect '[-]-plot'; then
     run dsd detect out/log.csv -c sample_logs/demo.toml -o out/labels.csv --plot out/detect.png
 else
@@ -88,7 +88,7 @@ How to read it:
     before and after: the delay label follows within some 30 ms, the inertia label passes through 2 until the window is clean.
   - What the labels leave unexplained is below rho: these candidates explain the log. Every label is in out/labels.csv.
 
-8. Check, as in a pipeline: the exit code is 0 if 95 % of the labels are as expected, else 3.
+9. Check, as in a pipeline: the exit code is 0 if 95 % of the labels are as expected, else 3.
 TEXT
 expect() {
     printf '\n$ dsd detect out/log.csv -c sample_logs/demo.toml --after 1.6 --expect %s\n' "$1"

@@ -131,6 +131,44 @@ def test_a_robot_of_mjcf_by_hand(tmp_path: Path) -> None:
     assert knee.model.inertia == pytest.approx(0.02 + 0.002 + 0.04, rel=1e-9)
 
 
+#: As robots are written: an included file with classes, degrees, limits by the range alone.
+CLASSES = """<mujocoinclude><default><default class="arm">
+  <joint axis="0 1 0" damping="1.5" armature="0.1" range="-120 120" stiffness="2" springref="10"/>
+  <general forcerange="-87 87"/>
+  <default class="wrist"><joint damping="0.2" frictionloss="0.3"/>{motor}</default>
+</default></default></mujocoinclude>"""
+WITH_CLASSES = """<mujoco><compiler angle="degree" autolimits="true"/><include file="classes.xml"/>
+  <worldbody><body childclass="arm"><joint name="wrist" class="wrist"/>
+    <inertial pos="0 0.2 0" mass="1" diaginertia="0.01 0.01 0.01"/></body></worldbody>
+  <actuator><general name="drive" joint="wrist" class="wrist"/></actuator>
+</mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("motor", "limit", "missed"),
+    [
+        ('<motor gear="20" ctrlrange="-1 1"/>', 20.0, ""),  # 87 N m before the gear is never reached
+        ('<motor gear="20" ctrlrange="-90 90"/>', 87.0 * 20.0, ""),
+        ('<motor gear="1" ctrlrange="0 1"/>', 87.0, "actuator drive: limits of the command, 0 and 1: not alike"),
+        ('<general gear="1" dyntype="filter" dynprm="0.01" ctrlrange="-90 90"/>', 87.0,
+         "the limit of the command at 90, ahead of a narrower one of the force"),
+    ],
+)  # fmt: skip
+def test_classes_degrees_and_several_limits(motor: str, limit: float, missed: str, tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", minversion="4.0", reason="dsd-cli[sim] is not installed")
+    written(tmp_path, CLASSES.format(motor=motor), "classes.xml")
+    found = read_joint(written(tmp_path, WITH_CLASSES), None)
+    effects = found.model.effects
+    assert found.model.inertia == pytest.approx(0.1 + 0.01, rel=1e-9)
+    assert effects["viscous_friction"]["coefficient"] == 0.2
+    assert effects["coulomb_friction"]["level"] == 0.3
+    assert effects["stiffness"]["coefficient"] == 2.0
+    assert effects["constant_load"]["force"] == pytest.approx(2.0 * math.radians(10.0), rel=1e-6)
+    assert effects["saturation"]["limit"] == pytest.approx(limit)
+    others = [one for one in found.missed if not one.startswith("end stops at -2.09")]
+    assert [missed in one for one in others] == ([True] if missed else [])
+
+
 def test_lines_of_a_parameter_file(tmp_path: Path) -> None:
     lines = ["% grey box", "p.inertia = 0.02;  % kg m2", "p.delay = 0.003;",
              "p.viscous_friction.coefficient = 0.4; % N m s", "Kt = 0.1;", "nonsense"]  # fmt: skip
@@ -191,7 +229,8 @@ def test_compare_says_what_the_simulators_joint_lacks(tmp_path: Path) -> None:
     ran = done("import", "arm.urdf", "--joint", "shoulder", "-o", "model.toml", cwd=tmp_path)
     assert "arm.urdf: not taken: end stops at -2 and 2 rad" in ran.stderr
     assert "# not taken: end stops" in (tmp_path / "model.toml").read_text()
-    compared = done("compare", SAMPLES / "servo-friction.csv", "-c", "model.toml", "--format", "json", cwd=tmp_path)
+    given = ("-c", "model.toml", "--set", "model.inertia=0.01", "--format", "json")  # the arm is five times heavier
+    compared = done("compare", SAMPLES / "servo-friction.csv", *given, cwd=tmp_path)
     dependence = {one["on"]: one["explains"] for one in json.loads(compared.stdout)["dependence"]}
     assert dependence["direction"] > 0.3
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,7 +13,14 @@ from dsd_cli.effects.joint_terms import Bristle, Hung, JointTerms, Shaping, Sine
 from dsd_cli.effects.memory import Coupling
 from dsd_cli.errors import DataError
 from dsd_cli.export.reading.found import Found, chosen, model_of
-from dsd_cli.export.reading.mjcf_forces import Actuator, actuators_of, passive_damping, remaining
+from dsd_cli.export.reading.mjcf_forces import (
+    Actuator,
+    actuators_of,
+    passive_damping,
+    remaining,
+    symmetric,
+    uneven,
+)
 from dsd_cli.signals.log import Array
 
 
@@ -59,7 +67,8 @@ def _found(path: Path, name: str, axis: Axis, load: int | None) -> Found:
     model, missed = axis.model, list[str]()
     actuators = actuators_of(axis)
     delay, command, said = _command(actuators, axis)
-    terms = _of_joint(axis, missed) + _of_tendons(axis) + _of_motors(actuators) + JointTerms(command=command)
+    terms = _of_joint(axis, missed) + _of_tendons(axis) + _of_motors(actuators)
+    terms += JointTerms(command=_one_limit(command, missed))
     inertia = float(model.dof_M0[axis.dof])
     notes = list(said)
     if load is not None and load != axis.joint:
@@ -68,7 +77,8 @@ def _found(path: Path, name: str, axis: Axis, load: int | None) -> Found:
         notes.append("inertia with all other joints held where the file has them")
     terms += JointTerms(linear_damping=passive_damping(actuators))
     rest = remaining(axis, actuators, terms)
-    missed += [f"actuator {a.name}: {a.servo}" for a in actuators if a.servo]
+    missed += [f"actuator {a.name}: {why}" for a in actuators for why in ([a.servo] if a.servo else _uneven(a))]
+    missed += uneven("actuators' force", _force_range(axis))
     if model.jnt_limited[axis.joint]:
         low, high = model.jnt_range[axis.joint]
         missed.append(f"end stops at {low:g} and {high:g} {'m' if axis.linear else 'rad'}")
@@ -139,12 +149,39 @@ def _command(actuators: list[Actuator], axis: Axis) -> tuple[float, tuple[Shapin
     command = _stage(drive.ctrl_limit, dead.ctrl_limit if dead else None, factor)
     command += [Shaping("lag", drive.lag)] * (drive.lag > 0.0)
     command += _stage(drive.force_limit, dead.force_limit if dead else None, force)
-    own = float(model.jnt_actfrcrange[axis.joint, 1]) if model.jnt_actfrclimited[axis.joint] else 0.0
-    command += [Shaping("limit", own)] * (own > 0.0)
+    if (own := symmetric(_force_range(axis))) is not None:
+        command.append(Shaping("limit", own))
     delay = drive.delay
     if delay > 0.0 and drive.between and int(model.opt.integrator) == int(axis.mujoco.mjtIntegrator.mjINT_RK4):
         delay = max(delay - 0.5 * float(model.opt.timestep), 0.0)  # see `targets/mjcf.py`
     return delay, tuple(command), said
+
+
+def _uneven(actuator: Actuator) -> tuple[str, ...]:
+    """Of one that gives a force by its command; the pieces of a table have such limits by their nature."""
+    return () if actuator.passive else actuator.uneven
+
+
+def _force_range(axis: Axis) -> tuple[float, ...]:
+    """Of all actuators of the joint together."""
+    if not axis.model.jnt_actfrclimited[axis.joint]:
+        return -math.inf, math.inf
+    return tuple(map(float, axis.model.jnt_actfrcrange[axis.joint]))
+
+
+def _one_limit(command: Sequence[Shaping], missed: list[str]) -> tuple[Shaping, ...]:
+    """With the narrowest limit alone, for a model has one. What comes behind it is never reached: a lag and a dead zone
+    let through less than they are given. One ahead of these that is wider is, and is said.
+    """
+    limits = [one for one in command if one.kind == "limit"]
+    if len(limits) < 2:
+        return tuple(command)
+    kept = min(limits, key=lambda one: one.value)
+    at = next(i for i, one in enumerate(command) if one is kept)
+    for i, one in enumerate(command[:at]):
+        if one.kind == "limit" and any(other.kind != "limit" for other in command[i:at]):
+            missed.append(f"the limit of the command at {one.value:g}, ahead of a narrower one of the force")
+    return tuple(one for one in command if one.kind != "limit" or one is kept)
 
 
 def _stage(limit: float | None, dead: float | None, factor: float) -> list[Shaping]:

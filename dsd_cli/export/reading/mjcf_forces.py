@@ -25,7 +25,7 @@ class Actuator:
 
     lag, delay : s. ctrl_limit, force_limit : symmetric ones, None without. force_range : any, infinite without.
     between : it reads the line between two commands. passive : its control does nothing. servo : why it is a
-    controller; "".
+    controller; "". uneven : of its limits those that are not alike on either side, in words.
     """
 
     index: int
@@ -43,6 +43,7 @@ class Actuator:
     motor: bool
     passive: bool
     servo: str
+    uneven: tuple[str, ...]
 
 
 def actuators_of(axis: Any) -> list[Actuator]:
@@ -70,6 +71,7 @@ def _actuator(mujoco: Any, model: Any, i: int) -> Actuator:
         servo = f"dynamics {dynamics.removeprefix('mjDYN_').lower()}"
     limited = bool(model.actuator_forcelimited[i])
     low, high = map(float, model.actuator_forcerange[i]) if limited else (-math.inf, math.inf)
+    ctrl = (-math.inf, math.inf) if motor else _ctrl_range(model, i)
     history = getattr(model, "actuator_history", None)
     return Actuator(
         index=i,
@@ -81,8 +83,9 @@ def _actuator(mujoco: Any, model: Any, i: int) -> Actuator:
         lag=float(model.actuator_dynprm[i, 0]) if "FILTER" in dynamics else 0.0,
         delay=float(model.actuator_delay[i]) if history is not None else 0.0,
         between=history is not None and int(history[i][1]) == 1,
-        ctrl_limit=None if motor else _symmetric(_ctrl_range(model, i)),
-        force_limit=_symmetric((low, high)),
+        ctrl_limit=symmetric(ctrl),
+        force_limit=symmetric((low, high)),
+        uneven=(*uneven("command", ctrl), *uneven("force", (low, high))),
         force_range=(low, high),
         motor=motor,
         passive=passive,
@@ -98,9 +101,16 @@ def _ctrl_range(model: Any, i: int) -> tuple[float, ...]:
     return tuple(map(float, model.actuator_ctrlrange[k])) if limited else (-math.inf, math.inf)
 
 
-def _symmetric(limits: tuple[float, ...]) -> float | None:
+def symmetric(limits: tuple[float, ...]) -> float | None:
+    """The limit on either side; None where there is none, or it is another on one side."""
     low, high = limits
     return high if math.isfinite(high) and math.isclose(-low, high, rel_tol=1e-9) else None
+
+
+def uneven(what: str, limits: tuple[float, ...]) -> list[str]:
+    """That limits are not alike on either side, which no effect is."""
+    one_sided = any(map(math.isfinite, limits)) and symmetric(limits) is None
+    return [f"limits of the {what}, {limits[0]:g} and {limits[1]:g}: not alike on either side"] * one_sided
 
 
 def passive_damping(actuators: list[Actuator]) -> float:
