@@ -173,7 +173,7 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
     with Progress(not quiet) as progress, widening(settings.signals):
         given = load_given(settings, wanted.logs, wanted.holdout, progress)
         ladder = in_units(_run(given, wanted.auto, quiet, progress), settings.signals.units)
-        ladder = with_learnt(ladder, given, progress) if wanted.learn else ladder
+        ladder = with_learnt(ladder, given, progress)[0] if wanted.learn else ladder
         held_out = validated(given, ladder) if given.holdout else ()
     moved = transferred(settings, ladder) if wanted.transfer else ()
     report = LadderReport(ladder, wanted.logs, output, given.dropped, given.warnings, held_out, moved)

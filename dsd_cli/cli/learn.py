@@ -152,25 +152,26 @@ def learnt_from(given: Given, progress: object) -> Learnt:
     return replace(found, units=units, estimates=in_units(found.estimates, units), formula=formula)
 
 
-def with_learnt(ladder: Ladder, given: Given, progress: object) -> Ladder:
-    """The ladder with one rung more, where it ends in `unknown` and a law lowers the held-out error further."""
+def with_learnt(ladder: Ladder, given: Given, progress: object) -> tuple[Ladder, Learnt | None]:
+    """(the ladder with one rung more, where it ends in `unknown` and a law lowers the held-out error further; what was
+    learnt, None where that was not asked)."""
     from dataclasses import replace
 
     from dsd_cli.identify.results import UNKNOWN
 
     top = ladder.steps[-1]
     if ladder.verdict != UNKNOWN:
-        return ladder
+        return ladder, None
     found = learnt_from(replace(given, model=top.model), progress)
     steps = found.steps()
     if not steps or not steps[0].score.heldout_rmse < top.score.heldout_rmse:
-        return replace(
-            ladder, stopped=f"{ladder.stopped}; no law was learnt ({found.why or 'the error does not fall'})"
-        )
+        why = found.why or "the error does not fall"
+        return replace(ladder, stopped=f"{ladder.stopped}; no law was learnt ({why})"), found
     rung = replace(steps[0], step=top.step + 1)
     said = found.family if found.formula is None else f"{found.family}, {found.formula.text}"
     stopped = f"learnt: {said}, which no effect of the catalogue is"
-    return replace(ladder, steps=(*ladder.steps, rung), values=found.estimates, correlations=(), stopped=stopped)
+    steps = (*ladder.steps, rung)
+    return replace(ladder, steps=steps, values=found.estimates, correlations=(), stopped=stopped), found
 
 
 def put_files(found: Learnt, given: Given, files: Files, origin: Origin, logs: tuple[str, ...]) -> LearnReport:

@@ -31,6 +31,10 @@ PageOption = Annotated[
 HoldOption = Annotated[
     bool, typer.Option("--hold", help="Fit nothing that [model] has: a known machine. Also: fit.hold.")
 ]
+LearnOption = Annotated[
+    bool,
+    typer.Option("--learn", help="Where the ladder ends in unknown: learn the law, show it, put it into the config."),
+]
 
 
 def report(
@@ -39,6 +43,7 @@ def report(
     output: PageOption = None,
     holdout: HoldoutOption = None,
     hold: HoldOption = False,
+    learn: LearnOption = False,
     fix: FixOption = None,
     bounds: BoundsOption = None,
     prior: PriorOption = None,
@@ -70,7 +75,7 @@ def report(
     check_logs(log, apart, settings.signals)
     _checked_output(output, settings.files)
     _refuse_streams([*log, *apart])
-    story = tell(settings, origin, log, apart, [*settings.files, *(effects_from or ())], quiet)
+    story = tell(settings, origin, log, apart, [*settings.files, *(effects_from or ())], quiet, learn)
     _put(page, render(story), quiet)
 
 

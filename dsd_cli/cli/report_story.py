@@ -24,6 +24,7 @@ from dsd_cli.cli.identification import Given, load_given, warn
 from dsd_cli.cli.improve import validated
 from dsd_cli.cli.improve_loop import follow, with_steps
 from dsd_cli.cli.labels_out import ESTIMATES
+from dsd_cli.cli.learn import with_learnt
 from dsd_cli.cli.plan_loop import left_open
 from dsd_cli.cli.plan_request import plan_for, request
 from dsd_cli.cli.progress import Progress
@@ -39,6 +40,7 @@ from dsd_cli.files.config.values_edit import merged, with_keys
 from dsd_cli.identify.compare.comparison import compare
 from dsd_cli.identify.design.results import Plan
 from dsd_cli.identify.improve import improve
+from dsd_cli.identify.learn.results import Learnt
 from dsd_cli.identify.results import Diagnosis, Ladder, Step, in_units
 from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.report.comparison import Report
@@ -58,9 +60,19 @@ _LIBRARIES = ("numpy", "scipy", "pyarrow")
 
 
 def tell(
-    config: Config, origin: Origin, logs: Sequence[str], holdout: Sequence[str], others: Sequence[Path], quiet: bool
+    config: Config,
+    origin: Origin,
+    logs: Sequence[str],
+    holdout: Sequence[str],
+    others: Sequence[Path],
+    quiet: bool,
+    learn: bool = False,
 ) -> Story:
     """Everything that these logs say under this config.
+
+    Parameters
+    ----------
+    others : files that were read beside the logs. learn : a law too, where the ladder ends in `unknown`.
 
     Raises
     ------
@@ -71,7 +83,7 @@ def tell(
         known_values(config)  # what is asked wrongly is no matter of this log
     with Progress(not quiet) as progress:
         looked = [checked_log(path, config, quiet, progress) for path in logs]
-    teller = _Teller(config, tuple(logs), tuple(holdout), quiet)
+    teller = _Teller(config, tuple(logs), tuple(holdout), quiet, learn)
     given = teller.attempt("the model", lambda: load_given(config, logs, holdout))
     comparison, ladder, diagnosis, curves = teller.identified(given, 2 * _axes(config))
     plan = teller.planned(given, diagnosis)
@@ -89,6 +101,7 @@ def tell(
         ladder=ladder,
         views=curves,
         plan=plan,
+        law=teller.law,
         config_name=str(origin.path),
         config_text=text,
         detected_with=with_what,
@@ -128,7 +141,9 @@ class _Teller:
     logs: tuple[str, ...]
     holdout: tuple[str, ...]
     quiet: bool
+    learn: bool = False
     warnings: list[str] = field(default_factory=list)
+    law: Learnt | None = None
 
     def attempt(self, what: str, run: Callable[[], T]) -> Part[T]:
         """The result, or why there is none; that is said on stderr too."""
@@ -210,8 +225,10 @@ class _Teller:
                 on_step=on_step,
                 progress=progress,
             )
+            ladder: Ladder = in_units(found, given.settings.signals.units)
+            if self.learn:
+                ladder, self.law = with_learnt(ladder, given, progress)
         first[:] = [first[0] if first else found.last]
-        ladder: Ladder = in_units(found, given.settings.signals.units)
         held_out = validated(given, ladder) if given.holdout else ()
         return LadderReport(ladder, self.logs, None, given.dropped, given.warnings, held_out)
 

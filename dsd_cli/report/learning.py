@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from dsd_cli.identify.learn.results import LEARNT, Curve, Formula, Learnt
+from dsd_cli.identify.learn.results import LEARNT, Curve, Formula, Learnt, Tie
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import plain_table, score_json
 from dsd_cli.report.head import head
@@ -124,6 +124,11 @@ def learn_line(result: Learnt) -> str:
     return f"learnt: {result.family}; {held} ({change_text(before, after)})"
 
 
+def tie_line(one: Tie) -> str:
+    """Another law that explains the log as well."""
+    return f"as good: {one.family} ({error(one.heldout_rmse)}); to distinguish them: {one.separate}"
+
+
 def print_learnt(report: LearnReport, file: Any) -> None:
     """For a person: what, the curve, the formula, the values, what else could be."""
     console, result = terminal.console(file), report.result
@@ -133,8 +138,7 @@ def print_learnt(report: LearnReport, file: Any) -> None:
     if result.formula is not None:
         _print_formula(console, result.formula)
     for one in result.ties:
-        line = f"as good: {one.family} ({error(one.heldout_rmse)}); to distinguish them: {one.separate}"
-        console.print(escaped(line))
+        console.print(escaped(tie_line(one)))
     for note in result.notes:
         console.print(escaped(note))
     if result.verdict == LEARNT:

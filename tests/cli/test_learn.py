@@ -1,6 +1,7 @@
 """`dsd learn` as a user runs it: a law that no effect has, from the log to a config whose error falls."""
 
 import csv
+import html
 import json
 
 import pytest
@@ -154,3 +155,32 @@ def test_what_cannot_be_written_is_said_before_anything_is_computed(spot, argume
     ran = dsd("learn", "log.csv", "-c", "model.toml", *arguments, cwd=folder)
     assert (ran.returncode, ran.stdout, len(ran.stderr.splitlines())) == (2, "", 1)
     assert line in ran.stderr
+
+
+def test_the_report_shows_the_law_and_its_rung(spot):
+    """The page has the same law and rung as `improve --learn`, the curve's picture, and without --learn neither."""
+    folder, _ = spot
+    done("report", "log.csv", "-c", "model.toml", "--learn", "-o", "page.html", cwd=folder)
+    improved = json.loads(
+        done("improve", "log.csv", "-c", "model.toml", "--auto", "--learn", "--format", "json", cwd=folder).stdout
+    )
+    page = (folder / "page.html").read_text("utf-8")
+    results, drawn = (
+        json.loads(page.split(f'type="application/json" id="{name}">')[1].split("</script>")[0])
+        for name in ("results", "data")
+    )
+    assert results["improve"]["ladder"] == improved["ladder"]
+    assert results["improve"]["ladder"][-1]["kind"] == "learnt"
+    assert results["learn"]["verdict"] == "learnt"
+    assert results["learn"]["formula"]["text"] in html.unescape(page)
+    assert "[model.effects.friction_curve]" in drawn["copies"]["config"]
+    law, left = drawn["charts"]["law-0"], drawn["charts"]["left-0"]
+    knots, low, high = law["series"][2]["data"][0][0], *(law["series"][i]["data"][0][1] for i in (2, 3))
+    curve = results["learn"]["curve"]
+    assert knots == pytest.approx(
+        [k for k, x in zip(curve["knots"][0], curve["low"], strict=True) if x is not None], rel=1e-4, abs=1e-4
+    )
+    assert all(a <= b for a, b in zip(low, high, strict=True))
+    size = [sum(x * x for x in one["data"][0][1]) for one in left["series"]]
+    assert size[1] < 0.1 * size[0]
+    assert 'data-chart="law-0"' in page

@@ -10,6 +10,7 @@ from dsd_cli.report.diagnosis import stability_line
 from dsd_cli.report.ladder import brought
 from dsd_cli.report.names import error, estimate_text, fall_text, force_error, in_words
 from dsd_cli.report.page.html import Html, bar, joined, left, listing, name, table, tag, typeset
+from dsd_cli.report.page.learnt_part import learnt_part
 from dsd_cli.report.page.parts import GRADES, badge, missing, panel, panels, section
 from dsd_cli.report.page.story import Story
 from dsd_cli.report.validation import validation_lines
@@ -46,6 +47,7 @@ def ladder_section(story: Story) -> Html:
         _chooser(result),
         *(_chosen(result, i) for i in range(len(result.steps))),
         *charts,
+        learnt_part(story),
     )
 
 

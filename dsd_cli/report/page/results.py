@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dsd_cli.report import checks, comparison, detection, diagnosis, ladder, planning
+from dsd_cli.report import checks, comparison, detection, diagnosis, ladder, learning, planning
 from dsd_cli.report.page.story import Part, Story
 
 #: Segments of one label that are kept; `segments_total` has their number.
@@ -29,6 +29,7 @@ def results(story: Story) -> dict[str, Any]:
         "diagnose": story.diagnosis.value and diagnosis.to_json(story.diagnosis.value),
         "improve": story.ladder.value and ladder.improve_json(story.ladder.value),
         "plan": story.plan.value and planning.to_json(story.plan.value),
+        "learn": story.law and learning.learn_json(learning.LearnReport(story.law, story.logs)),
         "missing": {name: part.missing for name, part in parts.items() if part.value is None}
         | {f"detect {log}": part.missing for log, part in story.detections if part.value is None},
     }

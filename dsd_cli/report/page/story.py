@@ -8,6 +8,7 @@ from typing import Any, Generic, TypeVar
 
 from dsd_cli.identify.checks import CheckResult
 from dsd_cli.identify.design.results import Plan
+from dsd_cli.identify.learn.results import Learnt
 from dsd_cli.report.comparison import Report
 from dsd_cli.report.detection import Detection
 from dsd_cli.report.diagnosis import DiagnosisReport
@@ -60,6 +61,7 @@ class Story:
     command : as it was typed, quoted for a shell. files : what was read. versions : what it was made with.
     config_name, config_text : the config that results; "" without a ladder.
     detected_with : what the labels are of that the config as given does not have; "" if nothing.
+    law : what was learnt where the ladder ended in `unknown`; None where nothing was asked.
     plan : the motion that settles what is left open; missing where nothing is.
     warnings : of reading the logs, and values of [model] beyond what is known of them.
     """
@@ -82,6 +84,7 @@ class Story:
     versions: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     plan: Part[Plan] = Part()
+    law: Learnt | None = None
 
     def why_not(self, part: Part[Any]) -> str:
         """Why a later part is missing; not twice the same line."""
