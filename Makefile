@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup demo test lint check figures bench bench-hidden beyond clean
+.PHONY: setup demo test lint check wheels figures bench bench-hidden beyond clean
 
 setup: $(STAMP)
 
@@ -32,6 +32,12 @@ lint: setup
 # quick: the layers and the docs, without all other tests
 check: lint
 	$(BIN)/python -m pytest tests/architecture tests/docs
+
+# dist: the wheel of this machine, with what its compiler makes; dist/pure: the one that runs anywhere, on NumPy
+wheels: setup
+	$(BIN)/python -m pip install -q --disable-pip-version-check build
+	$(BIN)/python -m build --outdir dist
+	DSD_PURE=1 $(BIN)/python -m build --wheel --outdir dist/pure
 
 bench: setup
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[bench]"

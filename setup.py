@@ -1,12 +1,20 @@
 """Only the compiled detection kernels, recursions of effects and text of CSV live here; the rest is in pyproject.toml.
 
-All are optional: without a compiler `dsd` runs on their Python twins, and `dsd --version` says so.
+All are optional: without a compiler `dsd` runs on their Python twins, and `dsd --version` says so. DSD_PURE=1 leaves
+them out: the wheel is one for any machine.
 """
+
+import os
 
 from setuptools import Extension, setup
 
+PURE = os.environ.get("DSD_PURE") == "1"
+
 setup(
-    ext_modules=[
+    options={} if PURE else {"bdist_wheel": {"py_limited_api": "cp311"}},
+    ext_modules=[]
+    if PURE
+    else [
         Extension(
             "dsd_cli.detect._kernel",
             sources=["dsd_cli/detect/_kernel.c"],
@@ -40,5 +48,5 @@ setup(
             py_limited_api=True,
             optional=True,
         ),
-    ]
+    ],
 )
