@@ -96,7 +96,9 @@ def _record(step: Step, before: Score, logs: Sequence[str], units: Units) -> His
             name: rounded(e.std_error, e.std_error) for name, e in step.estimates.items() if number_or_none(e.std_error)
         },
         fitted_correlations={
-            name: {other: round(r, CORRELATION_DIGITS) for other, r in e.correlations.items()}
+            name: {
+                other: round(r, CORRELATION_DIGITS) for other, r in e.correlations.items() if other in step.estimates
+            }
             for name, e in step.estimates.items()
             if e.correlations
         },

@@ -131,6 +131,19 @@ def test_a_robot_of_mjcf_by_hand(tmp_path: Path) -> None:
     assert knee.model.inertia == pytest.approx(0.02 + 0.002 + 0.04, rel=1e-9)
 
 
+def test_what_goes_with_a_joint_of_urdf_is_said(tmp_path: Path) -> None:
+    gear = """<transmission name="t"><joint name="shoulder"/>
+      <actuator name="m"><mechanicalReduction>100</mechanicalReduction></actuator></transmission></robot>"""
+    text = ARM.replace("</robot>", gear).replace(
+        '<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><mimic joint="shoulder" multiplier="2"/>'
+    )
+    path = written(tmp_path, text, "arm.urdf")
+    missed = read_joint(path, "shoulder").missed
+    assert "elbow, which follows it (<mimic>)" in missed
+    assert "<transmission>, a reduction of 100" in missed
+    assert "<mimic>" in read_joint(path, "elbow").missed
+
+
 #: As robots are written: an included file with classes, degrees, limits by the range alone.
 CLASSES = """<mujocoinclude><default><default class="arm">
   <joint axis="0 1 0" damping="1.5" armature="0.1" range="-120 120" stiffness="2" springref="10"/>
@@ -191,6 +204,7 @@ BOMB = '<?xml version="1.0"?><!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">
         ("<robot/>", "no joint that turns or slides"),
         (ARM.replace('mass value="2"', 'mass value="two"'), 'mass value="two">: must be a number'),
         (ARM.replace('mass value="2"', 'mass value="nan"'), "must be a number"),
+        (ARM.replace('mass value="2"', 'mass value="${m}"'), "must be a number; `xacro FILE` writes the URDF"),
         (ARM.replace('<child link="lower"/>', '<child link="upper"/>'), "hangs on itself"),
         (ARM.replace('<child link="lower"/>', '<child link="none"/>'), "there is no link none"),
         (ARM.replace('xyz="0 0.6 0.8"', 'xyz="0 0 0"'), "has an axis of length 0"),

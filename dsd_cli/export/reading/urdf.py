@@ -57,6 +57,7 @@ def read(path: Path, root: Element, wanted: str | None) -> Found:
         raise DataError(f"{path}: nothing with an inertia hangs on joint {name}", "its links have no <inertial>")
     terms, missed = _forces(robot, joint, linear)
     terms += _weight(_down(robot, joint), axis, hanging, linear)
+    missed += _coupled(root, robot, name)
     notes = [f"inertia with {', '.join(held)} held where the file has them"] if held else []
     notes.append("u is the force on the joint; URDF says nothing of delays and lags")
     return Found(name, linear, model_of(inertia, 0.0, terms, f"{path}: joint {name}"), tuple(notes), tuple(missed))
@@ -79,6 +80,19 @@ def _forces(robot: Robot, joint: Element, linear: bool) -> tuple[JointTerms, lis
             missed.append(f"end stops at {low:g} and {high:g} {'m' if linear else 'rad'}")
     missed += [f"<{tag}>" for tag in ("mimic", "safety_controller") if joint.find(tag) is not None]
     return JointTerms(linear_damping=damping, dry_friction=friction, command=command), missed
+
+
+def _coupled(root: Element, robot: Robot, name: str) -> list[str]:
+    """Joints that follow this one, and gears between it and its motor: the inertia of both is not in the joint's."""
+    mimics = {n: e.find("mimic") for n, e in robot.joints.items()}
+    said = [
+        f"{n}, which follows it (<mimic>)" for n, one in mimics.items() if one is not None and one.get("joint") == name
+    ]
+    for one in root.findall("transmission"):
+        if any(joint.get("name") == name for joint in one.findall("joint")):
+            reduction = (one.findtext(".//mechanicalReduction") or "").strip()
+            said.append(f"<transmission>{f', a reduction of {reduction}' if reduction else ''}")
+    return said
 
 
 def _weight(down: Array, axis: Array, hanging: Hanging, linear: bool) -> JointTerms:

@@ -66,5 +66,6 @@ def numbers(path: Path, element: Xml.Element, key: str, default: str, count: int
         found = []
     if not found or not all(map(math.isfinite, found)) or (count is not None and len(found) != count):
         wanted = "a number" if count == 1 else f"{count or 'some'} numbers"
-        raise DataError(f'{path}: <{element.tag} {key}="{text[:40]}">', f"must be {wanted}")
+        hint = "; `xacro FILE` writes the URDF that this stands for" if "$" in text else ""
+        raise DataError(f'{path}: <{element.tag} {key}="{text[:40]}">', f"must be {wanted}{hint}")
     return found
