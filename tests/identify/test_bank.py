@@ -47,6 +47,18 @@ def test_what_lies_between_two_steps_of_delay_is_a_mix_of_both():
         assert np.abs(late - exact).max() > 0.05 * np.abs(exact).max(), "else delays do not matter here"
 
 
+def test_what_looks_at_u_does_so_at_the_very_delay_of_the_drive(equations):
+    """Load friction at a whole step, beside a drive between two, leant the delay by its own share of the rest."""
+    term, bank = Term("load_friction"), Bank(equations)
+    for around in (0.4, 0.0):
+        *_, column = bank.between(around).design((term,), 3).rows
+        raw = raw_columns(equations, term, (3 + around) * bank.tap_time)[0]
+        np.testing.assert_allclose(column, equations.acting(raw, smooth=False, held=True), atol=1e-12)
+    *_, column = bank.design((term,), 3).rows
+    raw = raw_columns(equations, term, 3 * bank.tap_time)[0]
+    np.testing.assert_allclose(column, equations.acting(raw, smooth=False, held=True), atol=1e-12)
+
+
 def test_a_dead_zone_changes_the_drive_before_its_delay(equations):
     term = Term.of("dead_zone", {"width": 0.1})
     for stretch, found in zip(equations.stretches, drive(equations, (term,), 2 * T), strict=True):

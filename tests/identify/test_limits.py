@@ -108,8 +108,8 @@ def test_usual_sensors_tell_the_direction(sensing):
     search, whole = searched([recording], model, Settings(), ())
     limits = limits_of(search, whole, Settings(), None)
     moving = [np.abs(s.sign[s.free > 0.0]) for s in search.equations.stretches]
-    assert limits.told == pytest.approx(np.concatenate(moving).mean())
-    assert limits.told > 0.98
+    assert limits.direction == pytest.approx(np.concatenate(moving).mean())
+    assert limits.direction > 0.98
     assert limits.said == ()
 
 

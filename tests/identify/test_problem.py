@@ -20,6 +20,8 @@ from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.simulation import Measurement, SimulationSettings, simulate
 from dsd_cli.signals.log import Log
 from tests.identify.comparison_rig import BELIEVED, CONTROLLER, OBSERVER, SINES, T, recorded
+from tests.oracle import machines
+from tests.oracle.machine_cases import cases
 
 VISCOUS = {"viscous_friction": {"coefficient": 0.02}}
 
@@ -43,6 +45,25 @@ def _log(sensor, effects=None, duration=8.0, seed=0, noise=None, delay=BELIEVED.
 @pytest.fixture(scope="module")
 def problem():
     return pose([prepare(_log("velocity", duration=40.0), OBSERVER)], BELIEVED, Settings())
+
+
+# -- values -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sensing", ["all", "position"])
+def test_load_friction_leaves_the_delay_alone(sensing):
+    """Its u at a whole step of delay, beside a drive between two, cost the delay 7 % and eight standard errors."""
+    (case,) = cases("load_friction", [80001], sensing=sensing)
+    (made,) = machines.run([case])
+    effects = {name: dict(values) for name, values in (*case.base, *case.hidden) if name not in ("inertia", "delay")}
+    truth = PlantModel(case.inertia, case.delay, effects)
+    log = Log(dict(made.channels), float(np.median(np.diff(made.channels["t"]))), "rig")
+    recording = prepare(log, ObserverSettings(case.nominal_inertia, case.observer_time_constant))
+    posed = pose([recording], truth, Settings(effects=()))
+    found = posed.values(Search(posed).refit).estimates
+    assert found["delay"].value == pytest.approx(case.delay, rel=0.01)
+    assert found["inertia"].value == pytest.approx(case.inertia, rel=0.002)
+    assert found["load_friction.coefficient"].value == pytest.approx(effects["load_friction"]["coefficient"], rel=0.002)
 
 
 # -- noise ------------------------------------------------------------------------------------------------------------

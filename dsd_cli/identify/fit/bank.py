@@ -88,8 +88,8 @@ class Bank:
     plain : a bank of the same rows in the unit of u, whose rows this one whitens; None: the rows are as `equations`
         has them without whitening.
     variance : of the sensor's noise in a row of the acceleration. It would pull the inertia down (errors in variables).
-    around : share of a step of delay at which the drive is exact, and linear beside it; None mixes two whole steps,
-        which takes up to an eighth of (w step)^2 off the drive.
+    around : share of a step of delay at which the drive is exact, and linear beside it, and so are columns of u; None
+        mixes two whole steps, which takes up to an eighth of (w step)^2 off the drive.
     delay_step : samples from one whole-step delay ("tap") to the next.
     """
 
@@ -117,9 +117,9 @@ class Bank:
         """The equations of these effects at a delay of `tap` steps; `keep` caches new columns."""
         inputs, held = inputs_of(terms), has_friction(terms)
         drive, step = self._drive_and_step(inputs, tap, keep, held)
-        rows, signed, widths = [drive, self.acceleration, step], [True, True], []
+        rows, signed, widths, at = [drive, self.acceleration, step], [True, True], [], tap + (self._around or 0.0)
         for term in terms:
-            columns = [] if term.effect.role is Role.INPUT else self.columns(term, tap, keep, held)
+            columns = [] if term.effect.role is Role.INPUT else self.columns(term, at, keep, held)
             rows += columns
             signed += [not_negative(term, len(columns))] * len(columns)
             widths.append(len(columns))
@@ -208,13 +208,13 @@ class Bank:
             self._last_commands = inputs, commands(self.equations, inputs)
         return self._last_commands[1]
 
-    def columns(self, term: Term, tap: int, keep: bool = True, held: bool = False) -> list[Array]:
+    def columns(self, term: Term, tap: float, keep: bool = True, held: bool = False) -> list[Array]:
         """An effect on the plant, a column per coefficient; `tap`: delay of the u that reaches it, steps."""
         key = (term, tap if "u" in term.effect.needs else None, held)
         if key in self._known:
             return self._known[key]
         if self._plain is not None:
-            made = [self.equations.whitened(x) for x in self._plain.columns(term, tap, keep, held)]
+            made = [*map(self.equations.whitened, self._plain.columns(term, tap, keep and self._around is None, held))]
         else:
             made = columns_of(self.equations, term, tap * self.tap_time, held)
         if keep:
