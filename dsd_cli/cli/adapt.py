@@ -23,6 +23,11 @@ def adaptation(config: Config, plant: SimulationSettings) -> Adaptation:
     """
     if plant.controller.kind == "open_loop":
         raise UsageError(f'{config.name}: --adapt with controller.kind = "open_loop"', "there is no loop to adapt")
+    if plant.feedforward is not None:
+        raise UsageError(
+            f"{config.name}: --adapt with a motion of dsd plan, whose feedforward is computed for one plant",
+            'follow its position alone: simulate.reference kind = "column"',
+        )
     if config.model.effects or config.require(States).effects:
         raise UsageError("--adapt cannot take effects in [model] or [states] yet", "leave them out")
     plan = detection_plan(config, {"u": "u", "d_hat": "d_hat"}, _source(plant), config.name)

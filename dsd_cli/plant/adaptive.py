@@ -25,7 +25,7 @@ class Feedback(Protocol):
 class AdaptiveController:
     """The nominal law (`Controller`) until a plant is believed; then the same PD with that inertia and delay.
 
-    - gains times J/Jn, as the coefficient diagram method would design them for J;
+    - gains, that of the integral too, times J/Jn, as the coefficient diagram method would design them for J;
     - position and velocity one delay ahead (`StatePredictor`) in place of the measured ones, or of those that the
       network disturbance observer corrects;
     - with kind = "observer", d_hat less what the believed inertia and delay explain, (J/Jn)(d_hat + Q u) - Q u(t - L):
@@ -70,9 +70,10 @@ class AdaptiveController:
         """u of this sample."""
         self._seen_u += (1.0 - self._pole) * (self._u - self._seen_u)
         self._seen_arrived += (1.0 - self._pole) * (self._predictor.arrived() - self._seen_arrived)
-        u = self._nominal.step(m)  # always: its integrals are those of the whole past
+        u, ratio = self._nominal.law(m), 1.0  # always: its integrals are those of the whole past
         if self.believed is not None:
-            u = self._adapted(m, self.believed)
+            u, ratio = self._adapted(m, self.believed), self.believed.inertia / self._inertia
+        u = self._nominal.completed(u, m, ratio)
         if self._changed:
             self._bump, self._left, self._changed = self._u - u, 1.0, False
         self._left = max(self._left - self._fade, 0.0)

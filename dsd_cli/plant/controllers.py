@@ -94,19 +94,27 @@ class Controller:
 
     def step(self, m: Measured) -> float:
         """u of this sample."""
+        return self.completed(self.law(m), m)
+
+    def law(self, m: Measured) -> float:
+        """u by gains and observer alone; once a sample."""
         kind = self.settings.kind
         if kind == "open_loop":
-            u = m.reference
-        elif kind == "network_observer":
+            return m.reference
+        if kind == "network_observer":
             self._integrate(m.d_hat)
-            u = self._pd(m, m.position - self._position_lost, m.velocity - self._velocity_lost)
-        else:
-            u = self._pd(m, m.position, m.velocity)
-            if kind == "observer":
-                u -= m.d_hat
+            return self._pd(m, m.position - self._position_lost, m.velocity - self._velocity_lost)
+        u = self._pd(m, m.position, m.velocity)
+        return u - m.d_hat if kind == "observer" else u
+
+    def completed(self, u: float, m: Measured, scale: float = 1.0) -> float:
+        """u of a law with what is added to it and the integral of the error, within the limit; once a sample.
+
+        scale : of the integral's gain, as of the others.
+        """
         limit, u = self.settings.limit, u + m.feedforward
         if self.settings.integral > 0.0:
-            u += self.settings.integral * self._error_sum
+            u += scale * self.settings.integral * self._error_sum
             if abs(u) < limit:
                 self._error_sum += self._sample_time * (m.reference - m.position)
         return min(max(u, -limit), limit)

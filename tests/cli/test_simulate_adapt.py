@@ -31,6 +31,12 @@ def test_a_loop_that_learns_nothing_says_so(tmp_path):
     assert "nothing was adopted" in said
 
 
+def test_a_feedforward_that_is_for_one_plant_is_refused(tmp_path):
+    (tmp_path / "next.csv").write_text("t,position,velocity,acceleration,u_feedforward\n0,0,0,0,0\n0.001,0,0,0,0\n")
+    refused(dsd(*RUN, "--adapt", "--reference", "next.csv", "-o", "with.csv", cwd=tmp_path), 2, "feedforward")
+    assert not (tmp_path / "with.csv").exists()
+
+
 def test_a_burst_of_noise_is_an_event(tmp_path):
     events = ("--set", "simulate.events=[{time = 1.0, noise = 2.0}, {time = 1.5, noise = 0.0}]")
     done("simulate", "--template", "paper-step", *events, "-o", "log.csv", cwd=tmp_path)

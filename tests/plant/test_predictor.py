@@ -81,6 +81,19 @@ def test_a_right_belief_makes_the_loop_that_of_the_undelayed_plant():
     np.testing.assert_allclose(q[100:], expected, atol=1e-9)
 
 
+@pytest.mark.parametrize(("integral", "left"), [(0.0, -0.3 / (0.6 * 4.0)), (2.0, 0.0)])
+def test_the_integral_takes_off_what_a_constant_load_leaves(integral, left):
+    """Statics: kp J/Jn e = load without an integral; with one, e = 0."""
+    settings = ControllerSettings("pd", Gains(4.0, 3.0), integral=integral)
+    controller = AdaptiveController(settings, ObserverSettings(1.0, 0.0), T, 0.0, ramp=0.0)
+    controller.adopt(Believed(0.6, 0.0))
+    plant = Plant(PlantModel(0.6, 0.0, {"constant_load": {"force": -0.3}}))
+    for k in range(30_000):
+        u = controller.step(Measured(1.0, 0.0, plant.position, plant.velocity, 0.0))
+        plant.advance(k * T, u, T)
+    assert plant.position - 1.0 == pytest.approx(left, abs=1e-6)
+
+
 def test_with_the_standard_observer_only_what_the_belief_does_not_explain_is_fed_back():
     """kind = "observer": under a right belief the compensation is the load alone, though L and J are wrong by far."""
     settings, observer = ControllerSettings("observer", Gains(4.0, 3.0)), ObserverSettings(1.0, 0.01)
