@@ -1,4 +1,4 @@
-"""The options of the commands that fit: `diagnose`, `add` and `improve` read, hold out and know values alike."""
+"""The options of the commands that fit: they read logs, hold some out and know values alike."""
 
 from __future__ import annotations
 
@@ -35,11 +35,10 @@ StatesOption = Annotated[
 
 
 @dataclass(frozen=True)
-class FitOptions:
-    """What such a command is given beside its logs."""
+class ReadOptions:
+    """What a command that fits all of its logs is given beside them."""
 
     config: ConfigOption = CONFIG_FILE
-    holdout: HoldoutOption = None
     plot: PlotOption = None
     form: FormatOption = Format.TABLE
     fix: FixOption = None
@@ -50,11 +49,6 @@ class FitOptions:
     override: SetOption = None
     effects_from: EffectsFromOption = None
     quiet: QuietOption = False
-
-    @property
-    def apart(self) -> tuple[str, ...]:
-        """Logs that no fit sees."""
-        return tuple(self.holdout or ())
 
     def settings(self, hold: bool = False) -> Config:
         """The config with all of these in place; effects of the user are known from now on.
@@ -72,4 +66,20 @@ class FitOptions:
 
     def files(self, settings: Config) -> tuple[str | Path, ...]:
         """What is read beside the logs that are fitted: no output may be one of these."""
-        return (*self.apart, *settings.files, *(self.effects_from or ()))
+        return (*settings.files, *(self.effects_from or ()))
+
+
+@dataclass(frozen=True)
+class FitOptions(ReadOptions):
+    """The same, and logs that are held out."""
+
+    holdout: HoldoutOption = None
+
+    @property
+    def apart(self) -> tuple[str, ...]:
+        """Logs that no fit sees."""
+        return tuple(self.holdout or ())
+
+    def files(self, settings: Config) -> tuple[str | Path, ...]:
+        """With those that are held out."""
+        return (*self.apart, *super().files(settings))

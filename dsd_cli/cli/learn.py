@@ -8,22 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dsd_cli.cli.identification import HoldoutOption, LogsArgument
-from dsd_cli.cli.options import (
-    CONFIG_FILE,
-    BoundsOption,
-    ConfigOption,
-    EffectsFromOption,
-    FixOption,
-    Format,
-    FormatOption,
-    FromOption,
-    PriorOption,
-    QuietOption,
-    SetOption,
-    ToOption,
-)
-from dsd_cli.cli.pictures import PlotOption
+from dsd_cli.cli.fit_options import FitOptions
+from dsd_cli.cli.identification import LogsArgument
+from dsd_cli.cli.options import Format
+from dsd_cli.cli.sharing import spread
 
 if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
@@ -45,23 +33,13 @@ CurveOption = Annotated[
 ]
 
 
+@spread
 def learn(
     log: LogsArgument,
-    config: ConfigOption = CONFIG_FILE,
+    options: FitOptions,
     output: OutputOption = None,
     law_file: LawFileOption = None,
     curve: CurveOption = None,
-    holdout: HoldoutOption = None,
-    plot: PlotOption = None,
-    form: FormatOption = Format.TABLE,
-    fix: FixOption = None,
-    bounds: BoundsOption = None,
-    prior: PriorOption = None,
-    start: FromOption = None,
-    end: ToOption = None,
-    override: SetOption = None,
-    effects_from: EffectsFromOption = None,
-    quiet: QuietOption = False,
 ) -> None:
     """Learn the law that [model] lacks and no effect of the catalogue has: its channels, its curve, its formula.
 
@@ -75,18 +53,15 @@ def learn(
     from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.plan import widening
     from dsd_cli.cli.progress import Progress
-    from dsd_cli.cli.user_effects import use_effects
-    from dsd_cli.files.config import load_config
     from dsd_cli.files.config.edit import read_origin
     from dsd_cli.report.learning import learn_json, print_learnt
     from dsd_cli.report.plots_learning import draw
 
-    apart = holdout or []
-    use_effects(effects_from)
+    config, apart, plot, form, quiet = options.config, options.apart, options.plot, options.form, options.quiet
     origin = read_origin(config)
-    settings = load_config(config, override or ()).within(start, end).knowing(fix or (), bounds or (), prior or ())
+    settings = options.settings()
     check_logs(log, apart, settings.signals)
-    read = [*log, *apart, *settings.files, *(effects_from or ())]
+    read = [*log, *options.files(settings)]
     check_outputs(output, form, read)
     files = Files(output, law_file, curve).checked([config, *read])
     check_plot(plot, [config, *read, *files.paths])

@@ -8,22 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from dsd_cli.cli.fit_options import ReadOptions
 from dsd_cli.cli.identification import LogsArgument
-from dsd_cli.cli.options import (
-    CONFIG_FILE,
-    BoundsOption,
-    ConfigOption,
-    EffectsFromOption,
-    FixOption,
-    Format,
-    FormatOption,
-    FromOption,
-    PriorOption,
-    QuietOption,
-    SetOption,
-    ToOption,
-)
-from dsd_cli.cli.pictures import PlotOption
+from dsd_cli.cli.options import Format
+from dsd_cli.cli.sharing import spread
 
 if TYPE_CHECKING:
     from dsd_cli.cli.plan_request import Answer, Request
@@ -64,7 +52,7 @@ LimitOption = Annotated[
         "reached. Repeatable.",
     ),
 ]
-StartOption = Annotated[
+RestOption = Annotated[
     float | None, typer.Option("--start", metavar="Q", help="Position of rest at begin and end; default the middle.")
 ]
 RateOption = Annotated[
@@ -85,29 +73,20 @@ ExperimentsOption = Annotated[
 ]
 
 
+@spread
 def plan(
     log: LogsArgument,
     output: MotionOption,
-    config: ConfigOption = CONFIG_FILE,
+    options: ReadOptions,
     wanted: ForOption = None,
     diagnosis: DiagnosisOption = None,
     seconds: SecondsOption = None,
     limit: LimitOption = None,
-    start: StartOption = None,
+    rest_at: RestOption = None,
     rate: RateOption = None,
     joint: JointOption = "joint",
     run_with: RunOption = None,
     experiments: ExperimentsOption = 3,
-    plot: PlotOption = None,
-    form: FormatOption = Format.TABLE,
-    fix: FixOption = None,
-    bounds: BoundsOption = None,
-    prior: PriorOption = None,
-    since: FromOption = None,
-    until: ToOption = None,
-    override: SetOption = None,
-    effects_from: EffectsFromOption = None,
-    quiet: QuietOption = False,
 ) -> None:
     """Plan the motion whose log distinguishes what LOG leaves open, within the limits of the axis.
 
@@ -118,16 +97,14 @@ def plan(
     from dsd_cli.cli.identification import check_logs
     from dsd_cli.cli.pictures import check_plot
     from dsd_cli.cli.plan_request import names_of, request, told_by
-    from dsd_cli.cli.user_effects import use_effects
-    from dsd_cli.files.config import load_config
 
-    use_effects(effects_from)
-    settings = load_config(config, override or ()).within(since, until).knowing(fix or (), bounds or (), prior or ())
+    plot, form, quiet = options.plot, options.form, options.quiet
+    settings = options.settings()
     check_logs(log, (), settings.signals)
-    read = [config, *log, *settings.files, *(effects_from or ()), *([diagnosis] if diagnosis else [])]
+    read = [options.config, *log, *options.files(settings), *([diagnosis] if diagnosis else [])]
     _check_output(output, form, read)
     check_plot(plot, [*read, output])
-    numbers = (seconds, limit or (), start, rate)
+    numbers = (seconds, limit or (), rest_at, rate)
     asked: Request = request(settings, names_of(wanted, diagnosis), numbers, told_by(diagnosis))
     if run_with is None:
         answer = _once(settings, log, asked, quiet)
