@@ -121,6 +121,7 @@ def one(case: RigCase, kind: str) -> Row | None:
         return {**row, "error": str(error)}
     if plan.motion is None:
         return {**row, "error": "no motion"}
+    row["pairs"] = len(plan.pairs)
     row["parts"] = sorted({s.kind for s in plan.stages})
     t = np.arange(len(plan.motion.position)) * plan.motion.step
     next_log, exact = machine.moved(t, (plan.motion.position, plan.motion.velocity, plan.motion.u), 1)
@@ -148,7 +149,7 @@ def _realised(machine: Machine, plan: Plan) -> list[tuple[float, float]]:
     fits = {o.effect: o.fit for o in search.options(search.refit)} | {"none": search.refit}
     for pair in plan.pairs:
         for truth, rival, expected in ((pair.a, pair.b, pair.nats_if_a), (pair.b, pair.a, pair.nats_if_b)):
-            if truth == what and rival in fits and truth in fits and np.isfinite(expected):
+            if truth == what and rival in fits and truth in fits and np.isfinite(expected) and expected > 0.0:
                 lead = (
                     search.converged(fits[rival]).squares - search.converged(fits[truth]).squares
                 ) / search.noise.nats
@@ -156,13 +157,18 @@ def _realised(machine: Machine, plan: Plan) -> list[tuple[float, float]]:
     return found
 
 
-def looped(case: RigCase, kind: str) -> Row:
-    """Plan, run, ask, up to three times."""
+def looped(case: RigCase, kind: str) -> Row | None:
+    """Plan, run, ask, up to three times; None where the first log settles it, or cannot be asked."""
     machine = Machine(case)
     first, _ = machine.moved(*poor_reference(machine.trial, kind, DURATION), 0)
     logs, row = [first], {"what": case.what[0], "seed": case.seed, "kind": kind}
     try:
         said = machine.asked(logs)
+    except DsdError:
+        return None
+    if machine.settled(said):
+        return None
+    try:
         for k in range(MOST + 1):
             if machine.settled(said) or k == MOST:
                 return row | {"settled": machine.settled(said), "experiments": k, "verdict": said.verdict}
@@ -177,9 +183,70 @@ def looped(case: RigCase, kind: str) -> Row:
     raise AssertionError("the loop ends above")
 
 
-def cases() -> Iterator[tuple[RigCase, str]]:
+def kept(case: RigCase, kind: str) -> Row | None:
+    """How often plans of one log break a limit on the rig: what is open, in shorter, longer, narrower ones."""
+    machine = Machine(case)
+    first, _ = machine.moved(*poor_reference(machine.trial, kind, DURATION), 0)
+    try:
+        said = machine.asked([first])
+    except DsdError:
+        return None
+    limits = machine.limits
+    middle = 0.5 * sum(limits["position"])
+    narrow = {n: (0.5 * a, 0.5 * b) for n, (a, b) in limits.items()}
+    narrow["position"] = tuple(0.5 * (x + middle) for x in limits["position"])  # type: ignore[assignment]
+    asked = [Wanted(limits=limits, seconds=(s,)) for s in (4.0, 10.0, 20.0)]
+    asked += [Wanted(limits=narrow), Wanted(("inertia",), limits=limits)]
+    row: Row = {"what": case.what[0], "seed": case.seed, "kind": kind, "plans": 0, "broken": [], "refused": 0}
+    for k, wanted in enumerate(asked):
+        try:
+            plan = plan_next(*machine.kept[-1], said, machine.observer, wanted)
+        except DsdError:
+            row["refused"] += 1
+            continue
+        if plan.motion is not None:
+            t = np.arange(len(plan.motion.position)) * plan.motion.step
+            _, exact = machine.moved(t, (plan.motion.position, plan.motion.velocity, plan.motion.u), k + 1)
+            row["plans"] += 1
+            row["broken"] += [broken] if (broken := _broken(plan, exact)) else []
+    return row
+
+
+#: Share of the friction that the inertial force may reach where load friction is to be identified: a sixtieth.
+_SLOW_PUSH = 1.0 / 60.0
+
+
+def impossible(seed: int) -> Row:
+    """Coulomb friction in a good log: load friction is distinguished from it only where u changes beside it, the gain
+    of the drive never. True: said so where it is so, and not where it is not."""
+    machine = Machine(RigCase(what=("coulomb_friction",), seed=seed, sensing="enc4096", duration=10.0))
+    plan, on = machine.trial.design, machine.trial.design.t >= 0.0
+    t = plan.t[on]
+    q = np.asarray(plan.wanted.q)[on]
+    v = np.gradient(q, t)
+    first, _ = machine.moved(t - t[0], (q, v, 0.8 * plan.inertia * np.gradient(v, t)), 0)
+    said = machine.asked([first])
+    level = machine.trial.machine.effects["coulomb_friction"]["level"]
+    names, limits = ("coulomb_friction", "load_friction"), machine.limits
+    slow = {**limits, "acceleration": (0.0, _SLOW_PUSH * level / plan.inertia)}
+
+    def lost(names: tuple[str, ...], limits: dict[str, tuple[float, float]], what: str) -> bool:
+        wanted = Wanted(names, limits=limits)
+        found = plan_next(*machine.kept[-1], said, machine.observer, wanted).impossible
+        return any(what in one.what for one in found)
+
+    return {
+        "seed": seed,
+        "base": list(machine.trial.base),
+        "gain": lost(("gain",), limits, "gain"),
+        "load friction, pushed hardly": lost(names, slow, "load_friction"),
+        "load friction, pushed": not lost(names, limits, "load_friction"),
+    }
+
+
+def cases(first: int = 0) -> Iterator[tuple[RigCase, str]]:
     """Logs in the order in which they are asked."""
-    for k in range(MOST_CASES):
+    for k in range(first, first + MOST_CASES):
         what, kind = HIDDEN[k % len(HIDDEN)], POOR[(k + k // len(HIDDEN)) % len(POOR)]
         yield RigCase(what=(what,), seed=FROM + k, sensing=SENSORS[k // len(HIDDEN) % 2], duration=10.0), kind
 
@@ -214,21 +281,30 @@ def page(known: dict[str, list[Row]]) -> list[str]:
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m bench plan", description=__doc__)
     parser.add_argument("--loops", type=int, default=0, help="ask so many loops, in place of plans")
+    parser.add_argument("--limits", type=int, default=0, help="ask so many logs for five plans each, and their limits")
+    parser.add_argument("--impossible", type=int, default=0, help="ask so many machines what no motion identifies")
     parser.add_argument("--most", type=int, default=40, help="logs")
+    parser.add_argument("--first", type=int, default=0, help="number of the first log")
     parser.add_argument("--page", action="store_true", help="print the figures of what was asked")
     options = parser.parse_args(arguments)
     if options.page:
         print("\n".join(page(json.loads(RESULTS.read_text()))))
         return
+    asked, most = one, options.most
+    for name in ("loops", "limits", "impossible"):
+        if count := getattr(options, name):
+            asked, most = {"loops": looped, "limits": kept, "impossible": lambda c, _: impossible(c.seed)}[name], count
+            break
+    else:
+        name = "plans"
     rows: list[Row] = []
-    wanted = options.loops or options.most
-    for case, kind in cases():
-        row = looped(case, kind) if options.loops else one(case, kind)
+    for case, kind in cases(options.first):
+        row = asked(case, kind)
         if row is not None:
             rows.append(row)
-            _keep("loops" if options.loops else "plans", rows)
+            _keep(name, rows)
             print(json.dumps(row), flush=True)
-        if len(rows) >= wanted:
+        if len(rows) >= most:
             break
 
 

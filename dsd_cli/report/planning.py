@@ -101,6 +101,7 @@ def headline(plan: Plan) -> str:
     lost = {one.what for one in plan.impossible}
     better = [v.name for v in plan.values if v.name not in lost]
     words += [f"identifies {listed(better)} better"] if better else []
+    words = words or ["shows whatever effect of the catalogue is there"]
     return (
         f"{logs}: {plan.motion.seconds:.3g} s of {listed(kinds)}, from rest at {plan.limits.start:.3g}, {listed(words)}"
     )

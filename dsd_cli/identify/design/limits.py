@@ -96,6 +96,13 @@ def _reached(recordings: Sequence[Recording]) -> dict[str, float]:
     return found
 
 
+def narrowed(limits: Limits, share: float) -> Limits:
+    """The same with this share of each size, and of the way from the start to either end."""
+    low, high = (limits.start + share * (end - limits.start) for end in (limits.low, limits.high))
+    velocity, acceleration, jerk, u = (share * size for size in limits.sizes.values())
+    return Limits(low, high, velocity, acceleration, jerk, u, limits.start, limits.given)
+
+
 def with_u(limits: Limits, u: float) -> Limits:
     """The same with another limit of u."""
     return replace(limits, u=u)

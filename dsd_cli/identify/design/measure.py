@@ -9,42 +9,40 @@ take another shape altogether: the least over these counts. The mean over plants
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from copy import copy
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from dsd_cli.effects import get_effect
+from dsd_cli.identify.design.cases import Case, cases_of
 from dsd_cli.identify.design.inverse import Path, as_recording, command_for
+from dsd_cli.identify.design.reach import Reach
 from dsd_cli.identify.design.rows import Model, MotionRows, equations_like, left
-from dsd_cli.identify.design.targets import Explanation, Targets, apart
-from dsd_cli.identify.fit.bank import Term, has_friction
+from dsd_cli.identify.design.targets import Targets, apart
+from dsd_cli.identify.fit.bank import INERTIA, has_friction
 from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array
 
-#: Other shapes that a rival may take.
-_MOST_SHAPES = 3
-#: Nats below which all is nothing, and from which on (of a value: (value / standard error)^2 / 2) nothing is open.
-LEAST, ENOUGH = 1e-3, 50.0
+#: Nats below which all is nothing, and from which on (of a value: (value / standard error)^2 / 2) nothing is open; ten
+#: times that is plenty: what is expected may be wrong by so much, and more than that decides nothing.
+LEAST, ENOUGH, PLENTY = 1e-3, 50.0, 500.0
+#: Weight of a factor in the nats of an effect of the catalogue, against one in those of what is open.
+_WIDE = 1.0
+#: Nats of an effect of the catalogue below which a motion does not show it at all.
+_UNSEEN = 1e-6
 
 
 @dataclass(frozen=True)
 class Expected:
-    """nats : (truth, rival) -> lead of the truth, by the places of explanations. errors : of values, by name."""
+    """nats : (truth, rival) -> lead of the truth, by the places of explanations. of_use : its power over the least one
+    that is of use: below 1 the two explain the same, however many nats there are. errors : of values, by name."""
 
     nats: Mapping[tuple[int, int], float]
+    of_use: Mapping[tuple[int, int], float]
     errors: Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class Case:
-    """Inner products that are asked for: plant number `draw` of an explanation, under the effects of another."""
-
-    truth: int
-    draw: int
-    rival: int
-    model: Model
 
 
 class Measure:
@@ -57,9 +55,12 @@ class Measure:
 
     def __init__(self, search: Search, targets: Targets, draws: int, only: frozenset[str] | None = None) -> None:
         self.search, self.targets, self.draws, self._only = search, targets, draws, only
-        self.cases = self._cases(targets.explanations)
+        self.cases = cases_of(search, targets, draws)
         self.held = any(has_friction(e.fit.terms) for e in targets.explanations)
-        self._size = max(case.model.size for case in self.cases)
+        self.reach = Reach.beside(search, targets.explanations[0].model)
+        #: Of all inner products: the cases', and at the end those of the reach.
+        self._asked = [*self.cases, Case(0, 0, 0, self.reach.model)]
+        self._size = max(case.model.size for case in self._asked)
         self.template = search.problem.recordings[0]
         self.longest_delay = max(m.delay for e in targets.explanations for m in e.draws)
 
@@ -68,42 +69,19 @@ class Measure:
         """Rows of the logs."""
         return self.search.equations
 
-    def _cases(self, explanations: Sequence[Explanation]) -> list[Case]:
-        pairs = {p for a, b in self.targets.pairs for p in ((a, b), (b, a)) if not _within(explanations, *p)}
-        pairs |= {(a, a) for p in pairs for a in p} | {(0, 0)}
-        shapes = [self._shapes(e) for e in explanations]
-        return [
-            Case(a, d, b, model)
-            for a, b in sorted(pairs)
-            for d in range(min(self.draws, len(explanations[a].draws)))
-            for model in (shapes[b] if a != b else (explanations[b].model,))
-        ]
-
-    def _shapes(self, rival: Explanation) -> tuple[Model, ...]:
-        """Of a rival: as fitted, and its added effects at other starting shapes."""
-        added, found = self.search.added(rival.fit.terms), [rival.model]
-        for term in added:
-            if not term.effect.searched or term.effect.listed:
-                continue
-            starts = get_effect(term.id).starts(self.search.ranges)
-            for shape in starts[:: max(len(starts) // _MOST_SHAPES, 1)][:_MOST_SHAPES]:
-                terms = tuple(Term.of(t.id, shape) if t == term else t for t in rival.fit.terms)
-                found.append(replace(rival.model, terms=terms))
-        return tuple(found)
-
     @cached_property
     def of_logs(self) -> Array:
-        """Inner products of the logs, shape (cases, P, P)."""
+        """Inner products of the logs, shape (cases + 1, P, P): of the reach at the end."""
         rows, made = MotionRows(self.known), dict[Model, Array]()
-        for case in self.cases:
+        for case in self._asked:
             if case.model not in made:
                 made[case.model] = rows.gram(case.model)
-        return self._filled([made[case.model] for case in self.cases])
+        return self._filled([made[case.model] for case in self._asked])
 
     @property
     def nothing(self) -> Array:
         """Inner products of no motion."""
-        return np.zeros((len(self.cases), self._size, self._size))
+        return np.zeros((len(self._asked), self._size, self._size))
 
     def most_u(self, path: Path, most: float) -> float:
         """Largest |u| that a plant needs for a motion, up to `most`."""
@@ -128,7 +106,7 @@ class Measure:
         return self._filled(
             [
                 rows.gram(case.model) if rows.equations.stretches else np.zeros((case.model.size,) * 2)
-                for case in self.cases
+                for case in self._asked
                 for rows in [made[case.truth, case.draw]]
             ]
         )
@@ -145,24 +123,60 @@ class Measure:
         return found
 
     def expected(self, planned: Array) -> Expected:
-        """Of the logs and a motion with these inner products."""
-        grams = self.of_logs + planned
-        squares = self.search.solver.inertia**2 * left(grams)
-        own = {(c.truth, c.draw): s for c, s in zip(self.cases, squares, strict=True) if c.truth == c.rival}
-        least: dict[tuple[int, int, int], float] = {}
+        """Of the logs and a motion with these inner products.
+
+        Leads of both are added: the rival may take other values in the motion than in the logs, so that it is no more
+        than the rival could do with one choice, and a likely plant need not be the one that fits the logs best.
+        """
+        leads, before = self._leads(planned), self.now
+        nats, of_use, u_of_logs = {}, {}, float(self.of_logs[0, 0, 0])
+        for pair, some in leads.items():
+            nats[pair] = before[pair] + float(np.mean([self._in_nats(*one) for one in some]))
+            already = before[pair] * self.search.noise.nats
+            of_use[pair] = min(self._of_use(already + lead, u_of_logs + u) for lead, u in some)
+        return Expected(nats, of_use, self._errors(planned))
+
+    def _of_use(self, lead: float, u: float) -> float:
+        """A lead in squares over the least that is of use, where u has so large ones (`Problem.least_of_use`)."""
+        least = POLICY.least_force_at_turns if self.held else POLICY.least_force
+        return lead / (least**2 * u)
+
+    @cached_property
+    def now(self) -> dict[tuple[int, int], float]:
+        """(truth, rival) -> nats by which the logs prefer the truth."""
+        nats = self.search.noise.nats
+        return {pair: float(np.mean([lead / nats for lead, _ in some])) for pair, some in self._leads().items()}
+
+    def _leads(self, planned: Array | None = None) -> dict[tuple[int, int], list[tuple[float, float]]]:
+        """(truth, rival) -> of each draw, the lead of the truth and all of u, in squares; by default of the logs."""
+        grams = self.of_logs if planned is None else planned
+        squares = self._squares(grams[:-1])
+        own = {(c.truth, c.draw): i for i, c in enumerate(self.cases) if c.truth == c.rival}
+        least: dict[tuple[int, int, int], tuple[float, float]] = {}
         for case, s in zip(self.cases, squares, strict=True):
             if case.truth != case.rival:
-                key = (case.truth, case.rival, case.draw)
-                least[key] = min(least.get(key, np.inf), float(s - own[case.truth, case.draw]))
-        leads: dict[tuple[int, int], list[float]] = {}
-        for (a, b, _), lead in least.items():
-            leads.setdefault((a, b), []).append(lead / self.search.noise.nats)
-        nats = {pair: float(np.mean(some)) for pair, some in leads.items()}
-        return Expected(nats, self._errors(grams))
+                key, i = (case.truth, case.rival, case.draw), own[case.truth, case.draw]
+                least[key] = min(least.get(key, (np.inf, 0.0)), (float(s - squares[i]), float(grams[i, 0, 0])))
+        leads: dict[tuple[int, int], list[tuple[float, float]]] = {}
+        for (a, b, _), found in least.items():
+            leads.setdefault((a, b), []).append(found)
+        return leads
 
-    def _errors(self, grams: Array) -> dict[str, float]:
+    def _in_nats(self, lead: float, u: float) -> float:
+        """Of a lead in squares, where u has so large ones: what the logs leave unexplained may stand against it, as it
+        does against the belief in an effect."""
+        against = self.targets.unexplained**2 * u
+        return lead / self.search.noise.nats * (lead / (lead + against) if lead > 0.0 else 1.0)
+
+    def _squares(self, grams: Array) -> Array:
+        """Sums of squares of the form that is evidence in the search, shape (cases,)."""
+        solver = self.search.solver
+        return left(grams, 0) if solver.inverse else solver.inertia**2 * left(grams, 1 + INERTIA)
+
+    def _errors(self, planned: Array) -> dict[str, float]:
         if not self.targets.values:
             return {}
+        grams = self._with_logs(planned)
         own = [i for i, c in enumerate(self.cases) if c.truth == c.rival == 0]
         size = self.targets.explanations[0].model.size
         before = self.of_logs[own[0], 1:size, 1:size]
@@ -176,12 +190,17 @@ class Measure:
         return found
 
     def nats(self, planned: Array) -> dict[str, float]:
-        """Of every target: "a, not b" where a is true, and of a value (value / error)^2 / 2."""
+        """Of every target: "a, not b" where a is true, and of a value (value / error)^2 / 2; what is just of use counts
+        as no more than enough."""
         found = self.expected(planned)
-        nats = {self._name(*pair): lead for pair, lead in found.nats.items()}
+        nats = {self._name(*pair): min(lead, ENOUGH * found.of_use[pair]) for pair, lead in found.nats.items()}
         for v in self.targets.values:
             nats[v.name] = 0.5 * (v.size / max(found.errors[v.name], 1e-300)) ** 2
         return nats
+
+    def _names(self) -> frozenset[str]:
+        pairs = {(c.truth, c.rival) for c in self.cases if c.truth != c.rival}
+        return frozenset(self._name(*p) for p in pairs) | {v.name for v in self.targets.values}
 
     def _name(self, truth: int, rival: int) -> str:
         names = [self.targets.explanations[i].name for i in (truth, rival)]
@@ -197,36 +216,54 @@ class Measure:
     @cached_property
     def open(self) -> frozenset[str]:
         """Targets that count."""
-        names = frozenset(self.nats(self.nothing)) - self.ruled_out
+        names = self._names() - self.ruled_out
         return names if self._only is None else names & self._only
 
     @cached_property
     def ruled_out(self) -> frozenset[str]:
-        """Directions "a, not b" with b so far ahead of a by the logs that a is not the truth: no motion is for them."""
-        now = self.expected(self.nothing).nats
-        return frozenset(self._name(*pair) for pair, lead in now.items() if lead < -ENOUGH)
+        """Directions "a, not b" with b so far ahead of a by the logs, and by so much force, that a is not the truth: no
+        motion is for them."""
+        nats, leads = self.search.noise.nats, ((pair, some[0]) for pair, some in self._leads().items())
+        return frozenset(
+            self._name(*pair) for pair, (lead, u) in leads if lead / nats < -ENOUGH and self._of_use(lead, u) < -1.0
+        )
 
     def without(self, names: Sequence[str]) -> Measure:
         """The same without these targets."""
         return Measure(self.search, self.targets, self.draws, self.open - set(names)) if names else self
 
     def smallest(self, planned: Array) -> float:
-        """Expected nats of the target that is identified least."""
-        nats = self.nats(planned)
-        return min(nats[name] for name in self.open)
+        """Expected nats of the target that is identified least; of the catalogue's effects where there is no target."""
+        if self.open:
+            nats = self.nats(planned)
+            return min(nats[name] for name in self.open)
+        return float(min(self._shown(planned), default=0.0))
 
     def worth(self, planned: Array) -> float:
-        """Logarithm of the smallest expected nats; a little of their mean."""
-        nats = self.nats(planned)
-        logs = np.log(np.maximum([nats[name] for name in self.open], LEAST))
-        return float(logs.min() + 0.05 * np.minimum(logs, 8.0).mean())
+        """Logarithm of the smallest expected nats, as long as they are not plenty; a part of the mean one of those by
+        which the catalogue's other effects are distinguished."""
+        least = min(self.smallest(planned), PLENTY) if self.open else PLENTY
+        shown = self._shown(planned)
+        wide = float(np.mean(np.log(np.clip(shown, _UNSEEN, PLENTY)))) if len(shown) else 0.0
+        return float(np.log(max(least, LEAST))) + _WIDE * wide
 
+    def _shown(self, planned: Array) -> Array:
+        """Nats by which each of the catalogue's effects is distinguished from any other, shape (m,)."""
+        return self.reach.shown(self._reached(self._with_logs(planned))) / self.search.noise.nats
 
-def _within(explanations: Sequence[Explanation], truth: int, rival: int) -> bool:
-    """Whether the rival has all effects of the truth: then it explains any motion as well, and only its price
-    decides."""
-    ids = [{t.id for t in explanations[i].fit.terms} for i in (truth, rival)]
-    return ids[0] <= ids[1]
+    def _with_logs(self, planned: Array) -> Array:
+        """Information of both; of the motion alone, where none of the explanations may hold for the logs."""
+        return planned if self.targets.unknown else self.of_logs + planned
+
+    def _reached(self, grams: Array) -> Array:
+        size = self.reach.model.size
+        return grams[-1, :size, :size]
+
+    def sized_by(self, motions: Sequence[Array]) -> Measure:
+        """The same, the catalogue's effects as large as is of use in the motions with these inner products."""
+        found = copy(self)
+        found.reach = self.reach.sized([self._reached(grams) for grams in motions])
+        return found
 
 
 def _variance(normal: Array, slope: Array) -> float:

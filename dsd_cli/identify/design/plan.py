@@ -12,9 +12,9 @@ from dsd_cli.errors import DataError
 from dsd_cli.identify.design.closed_loop import Loop, Run, run_loop, usual_loop
 from dsd_cli.identify.design.impossible import not_by_motion, told_by_none
 from dsd_cli.identify.design.inverse import Path, command_for
-from dsd_cli.identify.design.limits import Limits, limits_of
+from dsd_cli.identify.design.limits import Limits, limits_of, narrowed, with_u
 from dsd_cli.identify.design.measure import ENOUGH, Expected, Measure
-from dsd_cli.identify.design.motions import Part, Room, generator_values, position_of
+from dsd_cli.identify.design.motions import ROOM, Part, Room, generator_values, position_of
 from dsd_cli.identify.design.optimise import Sized, joined, library_of, optimised
 from dsd_cli.identify.design.results import Impossible, Motion, Plan, PlannedPair, PlannedValue, Stage
 from dsd_cli.identify.design.rows import planning_step
@@ -72,27 +72,57 @@ def plan_next(
     UsageError : limits or names that make no sense. DataError : the axis cannot be held within the limit of u.
     """
     band = search.equations.band
-    targets = targets_of(search, whole, diagnosis, wanted.names)
     limits = limits_of(search.problem.recordings, wanted.limits, wanted.start, band.hz)
-    room = Room(limits, band.hz, planning_step(band))
-    targets = _able_to_move(targets, room)
-    report("looking at motions", 0.1)
-    impossible = list(not_by_motion(search, targets, diagnosis))
-    measure = Measure(search, targets, _DRAWS_IN_SEARCH)
-    empty = _Answer(search, targets, limits, diagnosis)
-    if not (targets.pairs or targets.values):
-        return empty.plan(None, measure, measure.expected(measure.nothing), impossible)
-    library = library_of(measure, room, wanted.seconds[0], lambda x: report("looking at motions", 0.1 + 0.4 * x))
-    if not library:
-        raise DataError("no motion keeps the limits", "widen them; holding the axis may need more u than allowed")
-    more, measure = told_by_none(measure, library)
-    impossible += more
-    if not measure.open:
-        return empty.plan(None, measure, measure.expected(measure.nothing), impossible)
-    parts, cost = _enough(measure, room, wanted, library, report)
-    report("under the loop", 0.8)
-    loop = _loop(targets, observer, wanted, room)
-    return _verified(measure, empty, parts, (room, loop, wanted), (impossible, cost))
+    asked = _Asked(search, observer, wanted, Room(limits, band.hz, planning_step(band)), diagnosis)
+    targets = targets_of(search, whole, diagnosis, wanted.names)
+    try:
+        return asked.planned(targets, report)
+    except DataError:
+        if diagnosis is None or wanted.names or targets.unknown:
+            raise
+    # effects that no motion can be planned for are none, as forces a hundred times u that cancel out in a slow log
+    return asked.planned(targets_of(search, whole, diagnosis, doubted=True), report)
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What a plan is made of, but for its targets."""
+
+    search: Search
+    observer: ObserverSettings
+    wanted: Wanted
+    room: Room
+    diagnosis: Diagnosis | None
+
+    def planned(self, targets: Targets, report: Report) -> Plan:
+        """The plan for these targets.
+
+        Raises
+        ------
+        DataError : u cannot move the axis, or no motion keeps the limits.
+        """
+        search, wanted, room, limits = self.search, self.wanted, self.room, self.room.limits
+        targets = _able_to_move(targets, room)
+        if targets.unknown:  # the plant is none of those that will be simulated
+            room = replace(room, limits=narrowed(limits, ROOM))
+        report("looking at motions", 0.1)
+        impossible = list(not_by_motion(search, targets, self.diagnosis))
+        measure = Measure(search, targets, _DRAWS_IN_SEARCH)
+        empty = _Answer(search, targets, limits, self.diagnosis)
+        if not (targets.pairs or targets.values or targets.unknown):
+            return empty.plan(None, measure, measure.expected(measure.nothing), impossible)
+        library = library_of(measure, room, wanted.seconds[0], lambda x: report("looking at motions", 0.1 + 0.4 * x))
+        if not library:
+            raise DataError("no motion keeps the limits", "widen them; holding the axis may need more u than allowed")
+        more, measure = told_by_none(measure, library)
+        impossible += more
+        if not (measure.open or targets.unknown):
+            return empty.plan(None, measure, measure.expected(measure.nothing), impossible)
+        measure = measure.sized_by([one.grams for one in library])
+        parts, cost = _enough(measure, room, wanted, library, report)
+        report("under the loop", 0.8)
+        loop = _loop(targets, self.observer, wanted, room)
+        return _verified(measure, empty, parts, (room, loop, wanted), (impossible, cost))
 
 
 def _able_to_move(targets: Targets, room: Room) -> Targets:
@@ -104,7 +134,7 @@ def _able_to_move(targets: Targets, room: Room) -> Targets:
     """
     gentle = position_of(Part("harmonics", 4.0, (0.0, 1.0, 0.5, 0.0), scale=_GENTLE), room)
     path, most = Path.of(gentle, room.step), room.limits.u
-    able = [float(np.abs(command_for(e.fitted, path, 3.0 * most)).max()) < most for e in targets.explanations]
+    able = [float(np.abs(command_for(e.fitted, path, 3.0 * most)).max()) < ROOM * most for e in targets.explanations]
     if not able[0]:
         raise DataError(f"u within {most:.3g} does not move this axis", "widen --limit u, or take another --start")
     return within_reach(targets, able)
@@ -146,16 +176,18 @@ def _verified(
     DataError : however small, a plant breaks a limit.
     """
     room, loop, wanted = how
+    # noise of the sensor, and other gains, take their share of u in a loop that nobody described
+    allowed = room.limits if loop.described else with_u(room.limits, ROOM * room.limits.u)
     first = Measure(measure.search, measure.targets, _DRAWS_IN_LOOP, measure.open)
     plants = _plants(measure.targets, joined(parts, room), room)
-    order, broken = list(plants), dict[str, float]()
-    for _ in range(_SHRINKS):
+    wide, order, broken = parts, list(plants), dict[str, float]()
+    for _ in range(_SHRINKS * len(measure.targets.explanations)):
         position = joined(parts, room)
         path = Path.of(position, room.step)
         planned, runs = (path, command_for(measure.targets.explanations[0].fitted, path)), dict[tuple[int, int], Run]()
         for key in order:
-            runs[key] = run_loop(plants[key], loop, planned, room.limits)
-            if broken := runs[key].exceeded(room.limits):
+            runs[key] = run_loop(plants[key], loop, planned, allowed)
+            if broken := runs[key].exceeded(allowed):
                 order = [key, *(k for k in order if k != key)]  # who broke one is asked first
                 break
         if not broken:
@@ -165,6 +197,11 @@ def _verified(
             return replace(found, stages=_stages(parts, room), cost=said[1], reached=_reached(list(runs.values())))
         scale = max(_SHRINK_MOST, min(_SHRINK, 0.97 / (1.0 + max(broken.values()))))
         parts = tuple(replace(p, scale=scale * p.scale) for p in parts)
+        if parts[0].scale < _GENTLE * wide[0].scale:
+            if not (measure.targets.unknown and order[0][0] > 0):
+                break
+            # what runs away on any motion is not the axis that made the logs
+            parts, order = wide, [k for k in order if k[0] != order[0][0]]
     names = ", ".join(f"{name} ({100.0 * by:.0f} % beyond)" for name, by in broken.items())
     raise DataError(f"no motion keeps the limits with every likely plant: {names}", "widen that limit, or move --start")
 
@@ -224,7 +261,7 @@ class _Answer:
         """With what is expected of the motion."""
         targets, none = self.targets, [e.name for e in self.targets.explanations]
         before = Measure(self.search, targets, 1)
-        now = before.expected(before.nothing).nats
+        now = before.now
         pairs = tuple(
             PlannedPair(
                 *apart(none[a], none[b]),

@@ -148,7 +148,7 @@ def equations_like(known: Equations, recording: Recording, delay: float, held: b
     return replace(found, row_weight=(found.kept if sure is None else sure).astype(np.float64))
 
 
-def left(grams: Array, target: int = 1 + INERTIA) -> Array:
+def left(grams: Array, target: int) -> Array:
     """Sum of squares of the target row that the other rows do not explain; `grams` of shape (K, P, P) -> (K,).
 
     Rows that are 0 in a matrix, as those that only fill it up, explain nothing.

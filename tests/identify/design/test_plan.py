@@ -91,6 +91,31 @@ def test_a_tie_falls(tied: Asked) -> None:
     assert not named.indistinguishable_from
 
 
+@pytest.mark.parametrize(
+    ("what", "kind", "seed"),
+    [
+        # two seconds of a hardening spring: nothing is found, and nothing explains it alone
+        ("cubic_stiffness", "short", 81003),
+        # a crawl under a constant load: five effects are found, of which two are 250 N m and cancel
+        ("constant_load", "slow", 81001),
+    ],
+)
+def test_where_nobody_knows_what_is_missing_the_motion_is_for_the_whole_catalogue(
+    what: str, kind: str, seed: int
+) -> None:
+    asked = poor(what, kind, seed)
+    assert asked.diagnosis.verdict != what
+    plan = asked.plan()
+    assert plan.motion is not None
+    assert not plan.pairs
+    t = np.arange(len(plan.motion.position)) * plan.motion.step
+    log, exact = follow(asked.case, asked.trial, t, (plan.motion.position, plan.motion.velocity, plan.motion.u), take=1)
+    assert plan.limits.low < exact.q.min() < exact.q.max() < plan.limits.high
+    next_log = prepare(Log(log, asked.case.sample_time, "next"), asked.observer)
+    after = diagnose([asked.recording, next_log], asked.model, asked.observer, Settings())
+    assert after.found == (what,)
+
+
 def test_the_motion_begins_and_ends_at_rest_within_the_limits(tied: Asked) -> None:
     plan = tied.plan(names=("inertia",), seconds=(3.0,))
     motion, limits = plan.motion, plan.limits
@@ -132,3 +157,12 @@ def test_limits_that_leave_no_room_are_refused(tied: Asked) -> None:
     for given, start in (({"position": (1.0, 1.0)}, 1.0), ({"velocity": (0.0, 0.0)}, 0.0), ({}, 99.0)):
         with pytest.raises(UsageError):
             limits_of([tied.recording], given, start, 10.0)
+
+
+def test_what_the_logs_already_say_is_what_the_search_says(tied: Asked) -> None:
+    """Here only u on the motion is evidence: friction and weight are nearly all of u."""
+    targets = targets_of(tied.search, tied.whole, tied.diagnosis, ("constant_load", "gravity"))
+    first, second = (tied.search.converged(e.fit).squares for e in targets.explanations)
+    assert tied.search.solver.inverse
+    lead = Measure(tied.search, targets, 1).now[0, 1]
+    assert lead == pytest.approx((second - first) / tied.search.noise.nats, rel=0.01)

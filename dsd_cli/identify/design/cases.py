@@ -1,0 +1,60 @@
+"""Which inner products are asked for: each likely plant of an explanation, under each form of its rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from dsd_cli.effects import get_effect
+from dsd_cli.identify.design.explanations import Explanation
+from dsd_cli.identify.design.rows import Model
+from dsd_cli.identify.design.targets import Targets
+from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.search.sets import Search
+
+#: Other shapes that a rival may take.
+_MOST_SHAPES = 3
+
+
+@dataclass(frozen=True)
+class Case:
+    """Inner products that are asked for: plant number `draw` of an explanation, under the effects of another."""
+
+    truth: int
+    draw: int
+    rival: int
+    model: Model
+
+
+def cases_of(search: Search, targets: Targets, draws: int) -> list[Case]:
+    """Of all pairs in both directions, and of the truth under itself; the first explanation in any case."""
+    explanations = targets.explanations
+    pairs = {p for a, b in targets.pairs for p in ((a, b), (b, a)) if not _within(explanations, *p)}
+    pairs |= {(a, a) for p in pairs for a in p} | {(0, 0)}
+    shapes = [_shapes(search, e) for e in explanations]
+    return [
+        Case(a, d, b, model)
+        for a, b in sorted(pairs)
+        for d in range(min(draws, len(explanations[a].draws)))
+        for model in (shapes[b] if a != b else (explanations[b].model,))
+    ]
+
+
+def _shapes(search: Search, rival: Explanation) -> tuple[Model, ...]:
+    """Of a rival: as fitted, and its added effects at other starting shapes."""
+    added, found = search.added(rival.fit.terms), [rival.model]
+    for term in added:
+        if not term.effect.searched or term.effect.listed:
+            continue
+        starts = get_effect(term.id).starts(search.ranges)
+        for shape in starts[:: max(len(starts) // _MOST_SHAPES, 1)][:_MOST_SHAPES]:
+            terms = tuple(Term.of(t.id, shape) if t == term else t for t in rival.fit.terms)
+            found.append(replace(rival.model, terms=terms))
+    return tuple(found)
+
+
+def _within(explanations: Sequence[Explanation], truth: int, rival: int) -> bool:
+    """Whether the rival has all effects of the truth: then it explains any motion as well, and only its price
+    decides."""
+    ids = [{t.id for t in explanations[i].fit.terms} for i in (truth, rival)]
+    return ids[0] <= ids[1]
