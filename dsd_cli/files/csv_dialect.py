@@ -95,6 +95,11 @@ def is_comment(line: str) -> bool:
     return not line.strip() or line.lstrip().startswith(COMMENT)
 
 
+def uncommented(line: str) -> str:
+    """What a comment says: `%time,field.x` and `# t u q` are headers of many tools."""
+    return line.strip().lstrip("".join(COMMENT)).lstrip()
+
+
 def number(text: str) -> float:
     """The value of a field, NaN for a missing one; a decimal comma is understood.
 
@@ -157,18 +162,20 @@ def is_number(text: str) -> bool:
 
 
 def read_header(source: str, comment: str, line: str) -> Header:
-    """The header is `line`, or, when that is numbers already, the comment before it.
+    """The header is `line`, or, when that is mostly numbers already, the comment before it.
 
     Raises
     ------
     DataError : there are no names.
     """
     header = Header(*_names(line))
-    if not all(is_number(name) for name in header.names):
-        return header
-    names, delimiter = _names(comment.strip().lstrip("#%"))
-    if len(names) == len(split(line, delimiter)) and not any(is_number(name) for name in names):
+    numbers = sum(map(is_number, header.names))
+    names, delimiter = _names(uncommented(comment))
+    fits = len(names) == len(split(line, delimiter)) > 1 and not any(map(is_number, names))
+    if fits and 2 * numbers > len(header.names):
         return Header(names, delimiter, line_is_data=True)
+    if numbers < len(header.names):
+        return header
     raise DataError(f"{source}: has no header, its first line is numbers", "say so: [csv] header = 0")
 
 

@@ -21,6 +21,7 @@ from dsd_cli.files.csv_dialect import (
     find_header,
     is_number,
     number,
+    uncommented,
 )
 from dsd_cli.files.recognise import is_unit
 
@@ -62,6 +63,8 @@ def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
     at, first = rows[0]
     data = is_data(first, body.fields, body.numeric)
     if len(first) == body.fields and len(rows) > 1 and not data and (_is_text(first) or _names_of_units(first)):
+        if any(cell.strip() and not name for name, cell in zip(header.names, first, strict=True)):
+            return find_layout(source, lines, layout)  # a unit of no channel: the line above is a title
         shown = [text.strip().strip("[]()") for text in first]
         return Found(header, at + 1, shown, [f"line {at + 1} is taken as units, not data"])
     return Found(header, skip, None, [])
@@ -112,7 +115,8 @@ def find_layout(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
             "say where they are: [csv] header (the line with the names), delimiter, decimal",
         )
     body = body._replace(start=body.start + above)
-    rows = [(at, fields_of(lines[at], body.delimiter)) for at in range(skipped, body.start) if lines[at].strip()]
+    above_it = ((at, uncommented(lines[at])) for at in range(skipped, body.start))
+    rows = [(at, fields_of(line, body.delimiter)) for at, line in above_it if line]
     if layout.header is not None or layout.units_row is not None:
         return _as_told(lines, layout, body)
     keyed = _keyed(rows, body)

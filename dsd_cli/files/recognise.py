@@ -141,7 +141,7 @@ def unit_in(name: str, channel: str) -> str:
     The number of a column of a matrix is no part of it: pos_deg/1, pos_deg[1].
     """
     name = _NUMBER.sub("", name)
-    inside = _IN_BRACKETS.findall(name)
+    inside = [text for text in _IN_BRACKETS.findall(name) if not text.isdigit()]  # r79[0] is the number of a parameter
     if inside:
         return str(inside[-1])
     known: Collection[str] = TIME_UNITS if channel == "time" else OF_U if channel == "u" else NAMED.get(channel, {})

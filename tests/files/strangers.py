@@ -172,6 +172,30 @@ def records(folder: Path, a: dict) -> Path:
     return text(folder, "robot.jsonl", [json.dumps(record) for record in one])
 
 
+def rostopic(folder: Path, a: dict) -> Path:
+    """The header begins with a percent sign, and rows have words in them."""
+    head = "%time,field.header.seq,field.header.frame_id,field.name0,field.position0,field.velocity0,field.effort0"
+    body = [
+        f"{1_700_000_000_000_000_000 + round(1e9 * t)},{k},,j1,{q:.7g},{v:.7g},{u:.7g}"
+        for k, (t, q, v, u) in enumerate(zip(*(a[k].tolist() for k in "tqvu"), strict=True))
+    ]
+    return text(folder, "states.csv", [head, *body])
+
+
+def savetxt(folder: Path, a: dict) -> Path:
+    """NumPy: the header is a comment, of names that blanks separate."""
+    np.savetxt(folder / "log.txt", np.column_stack([a[k] for k in "tuqv"]), header="t[s] tau[Nm] q[rad] dq[rad/s]")
+    return folder / "log.txt"
+
+
+def titled(folder: Path, a: dict) -> Path:
+    """A title of two cells stands above the names, in as many columns as the numbers."""
+    head = ["Trace;Messung 2;", "Zeit [ms];r61[0] Drehzahlistwert [1/min];r79[0] Drehmomentsollwert [Nm]"]
+    turns = 60.0 / (2.0 * np.pi)
+    body = [";".join(map(german, row)) for row in zip(1e3 * a["t"], turns * a["v"], a["u"], strict=True)]
+    return text(folder, "starter.csv", head + body, encoding="latin-1")
+
+
 #: Every one of them, and the columns of u and of position or velocity in it.
 MADE: dict[str, tuple[Callable[[Path, dict], Path], str, str]] = {
     "twincat": (twincat, "ActTorque", "ActPos"),
@@ -193,4 +217,7 @@ MADE: dict[str, tuple[Callable[[Path, dict], Path], str, str]] = {
     "nameless": (nameless, "data/3", "data/2"),
     "sysid": (sysid, "voltage", "position"),
     "records": (records, "pwm", "state/pos"),
+    "rostopic": (rostopic, "field.effort0", "field.position0"),
+    "savetxt": (savetxt, "tau[Nm]", "q[rad]"),
+    "titled": (titled, "r79[0] Drehmomentsollwert [Nm]", "r61[0] Drehzahlistwert [1/min]"),
 }
