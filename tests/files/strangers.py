@@ -172,6 +172,15 @@ def records(folder: Path, a: dict) -> Path:
     return text(folder, "robot.jsonl", [json.dumps(record) for record in one])
 
 
+def codesys(folder: Path, a: dict) -> Path:
+    """One variable after the other, each with its stamps in ms."""
+    lines = ["[key]; [value]", "Version; 0x03050000", "Name; Application.Trace", "Comment; ", "Flags; 16"]
+    for at, (name, k) in enumerate((("fActPosition", "q"), ("fActVelocity", "v"), ("fActTorque", "u"))):
+        lines += [f"{at}.Variable; PLC_PRG.axis.{name}", f"{at}.Class; 14", f"{at}.Data; "]
+        lines += [f"; {1e3 * t:g}; {x:.7g}" for t, x in zip(a["t"], a[k], strict=True)]
+    return text(folder, "axis.trace.csv", lines)
+
+
 def rostopic(folder: Path, a: dict) -> Path:
     """The header begins with a percent sign, and rows have words in them."""
     head = "%time,field.header.seq,field.header.frame_id,field.name0,field.position0,field.velocity0,field.effort0"
@@ -217,6 +226,7 @@ MADE: dict[str, tuple[Callable[[Path, dict], Path], str, str]] = {
     "nameless": (nameless, "data/3", "data/2"),
     "sysid": (sysid, "voltage", "position"),
     "records": (records, "pwm", "state/pos"),
+    "codesys": (codesys, "PLC_PRG.axis.fActTorque", "PLC_PRG.axis.fActPosition"),
     "rostopic": (rostopic, "field.effort0", "field.position0"),
     "savetxt": (savetxt, "tau[Nm]", "q[rad]"),
     "titled": (titled, "r79[0] Drehmomentsollwert [Nm]", "r61[0] Drehzahlistwert [1/min]"),

@@ -36,10 +36,10 @@ MDF = Format("MDF", "mdf", "MdfFile", ("asammdf",), "mf4")
 TDMS = Format("TDMS", "tdms", "TdmsFile", ("nptdms",), "tdms")
 MCAP = Format("MCAP", "mcap_file", "McapFile", ("mcap",), "mcap")
 BAG = Format("a ROS bag", "ros_bag", "RosBag", ("rosbags",), "ros")
-
 JSON = Format("JSON", "json_file", "JsonFile")
+CODESYS = Format("a trace of CODESYS", "codesys", "CodesysTrace")
 
-FORMATS = (NUMPY, ARROW, MAT, MAT73, HDF5, MDF, TDMS, MCAP, BAG, JSON)
+FORMATS = (NUMPY, ARROW, MAT, MAT73, HDF5, MDF, TDMS, MCAP, BAG, JSON, CODESYS)
 
 _MAGIC = (
     (b"\x93NUMPY", NUMPY),
@@ -55,6 +55,7 @@ _MAGIC = (
     (b"\x89MCAP0\r\n", MCAP),
     (b"#ROSBAG V", BAG),
     (b"SQLite format 3\0", BAG),
+    (b"[key]; [value]", CODESYS),
 )
 
 
