@@ -180,6 +180,9 @@ def _draw_samples(
     if len(errors) > 1 and not together:
         lone = "[[history]] has no correlations of these errors, so each value is drawn by itself"
         warn(quiet, [f"--samples: {lone}; `dsd add` or `improve` write them"])
+    same = [part for part in made.joint.parts if not any(name.partition(".")[0] == part for name in errors)]
+    if errors and same:
+        warn(quiet, [f"--samples: [[history]] has no error of {', '.join(same)}: the same in all files"])
     path, drawn = Path(output), draw(model, errors, together, count, seed)
     names = [str(path.with_name(f"{path.stem}-{i:0{len(str(count))}d}{path.suffix}")) for i in range(1, count + 1)]
     return {name: target.write(replace(made.joint, model=one)) for name, one in zip(names, drawn, strict=True)}

@@ -51,7 +51,7 @@ def drawn(folder: Path, config: str, count: int) -> tuple[dict[str, np.ndarray],
     found: dict[str, list[float]] = {}
     for name in json.loads(ran.stdout)["samples"]:
         for part, _, value, *_ in csv.reader((folder / name).read_text().splitlines()[1:]):
-            found.setdefault(part, []).append(float(value))
+            found.setdefault(part, []).extend([] if part == "curve" else [float(value)])
     return {part: np.array(values) for part, values in found.items()}, ran.stderr
 
 
@@ -72,6 +72,14 @@ def test_without_correlations_each_is_drawn_by_itself_and_that_is_said(tmp_path:
     assert "no correlations of these errors, so each value is drawn by itself" in said
     together = np.corrcoef([values[name] for name in NAMES])
     assert np.abs(together - np.eye(3)).max() < 0.2
+
+
+def test_what_has_no_error_stays_and_is_named(tmp_path: Path) -> None:
+    table = "channels = ['velocity']\nknots = [[0.0, 1.0]]\nvalues = [0.0, -0.1]\nfactor = 'one'\nscale = 1.0\n"
+    first, _, history = (FITTED + TOGETHER).partition("[[history]]")
+    values, said = drawn(tmp_path, f"{first}[model.effects.curve]\n{table}\n[[history]]{history}", 5)
+    assert said == "dsd: warning: --samples: [[history]] has no error of curve: the same in all files\n"
+    assert len(set(values["inertia"])) == 5
 
 
 def test_correlations_hold_where_a_bound_cuts_the_values_off(tmp_path: Path) -> None:
