@@ -40,7 +40,7 @@ class Policy:
     noise_from_share: float = 0.5  # of half the sample rate, where motion has ended: the sensor's noise is read there
 
     # -- delays --
-    least_delay_range: float = 0.03  # s of delay that are tried at least
+    least_delay_range: float = 0.03  # s that are tried at least; each such distance from the believed delay costs a nat
     longest_delay: float = 1.0  # s of delay that are tried at most; no drive answers later
     longest_delay_share: float = 0.2  # of the longest stretch
 

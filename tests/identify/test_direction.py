@@ -155,3 +155,14 @@ def test_where_no_inertia_is_found_the_held_out_error_is_that_of_the_one_given()
     fold, kept = problem.blocks.fold[problem.blocks.block_of_rows()], problem.errors.equations.kept
     left = u - 0.15 * acceleration - fit.folds[fold, 1] * later - fit.folds[fold, 2] * sign
     assert problem.score(fit).heldout_rmse == pytest.approx(float(np.sqrt(np.mean(left[kept] ** 2))))
+
+
+def test_a_sine_motion_leaves_no_delay_of_a_part_of_its_period():
+    """At one frequency u of a quarter of a period ago stands for friction: J a + B v is a sine that is late."""
+    random, t, omega = np.random.default_rng(3), np.arange(0.0, 12.0, STEP), math.pi
+    speed, unknown = 0.5 * np.sin(omega * t + 0.3), np.interp(t, np.arange(0.0, 13.0, 0.4), random.normal(size=33))
+    u = 7.9 * 0.5 * omega * np.cos(omega * t + 0.3) + 7.5 * speed + 1.4 * np.sign(speed) + 0.3 * unknown
+    place = -0.5 / omega * np.cos(omega * t + 0.3)
+    logs = recorded(u, speed + 2e-3 * random.normal(size=t.size), place + 1e-5 * random.normal(size=t.size))
+    search = Search(pose(logs, PlantModel(7.9, 0.0, {}), Settings()))
+    assert search.problem.scale.model(search.refit).delay < 0.01

@@ -144,7 +144,7 @@ def test_an_effect_that_explains_much_less_is_no_rival_however_uncertain_the_lea
     """A spring explains 61 % of what gravity does, and gains as well; with noise so loud that the rest is no certain
     lead it would be a tie, but for its share."""
     search, whole = search
-    loud = Search(replace(search.problem, noise=replace(search.noise, inflation=5e4 * search.noise.inflation)))
+    loud = Search(replace(search.problem, noise=replace(search.noise, variance=5e4 * search.noise.variance)))
     rest = loud.fit(tuple(t for t in whole.terms if t.id != "gravity"), whole.tap)
     (spring,) = [o for o in loud.options(rest) if o.effect == "stiffness"]
     assert spring.evidence > loud.evidence(rest)
@@ -168,18 +168,33 @@ def test_an_effect_that_explains_as_much_is_a_rival_where_the_model_misfits():
 
 
 def test_a_nat_is_worth_as_many_squares_as_the_noise_is_loud_and_dependent(search):
-    """Rows of twice the variance, or of which two count as one, tell half as much; prices stay."""
+    """Of noise louder than what is left, rows of twice the variance, or of which two count as one, tell half as much;
+    prices stay."""
     search, whole = search
+    loud = replace(search.noise, variance=1e4 * search.noise.variance)
+    search = Search(replace(search.problem, noise=loud))
     gains, price = search.gains(search.refit, whole), search.price(whole.terms)
     assert (gains > 0.0).sum() > 0.8 * len(gains)
-    for louder in (
-        replace(search.noise, variance=2.0 * search.noise.variance),
-        replace(search.noise, inflation=2.0 * search.noise.inflation),
-    ):
+    np.testing.assert_allclose(gains, (search.refit.losses - whole.losses) / (2.0 * loud.variance * loud.inflation))
+    for louder in (replace(loud, variance=2.0 * loud.variance), replace(loud, inflation=2.0 * loud.inflation)):
         other = Search(replace(search.problem, noise=louder))
         np.testing.assert_allclose(other.gains(search.refit, whole), 0.5 * gains)
         gained = other.evidence(whole) - other.evidence(search.refit)
         assert gained == pytest.approx(0.5 * gains.sum() - price)
+
+
+def test_what_is_left_beyond_the_noise_is_of_unknown_size(search):
+    """Far above the noise a share of what is left counts, whatever the noise: N/2 ln of the ratio of squares."""
+    search, whole = search
+    quiet = replace(search.noise, variance=1e-6 * search.noise.variance)
+    before, rows = search.refit, search.problem.blocks.rows
+    expected = 0.5 * rows * np.log(before.loss / whole.loss)
+    for noise in (quiet, replace(quiet, variance=1e-3 * quiet.variance), replace(quiet, inflation=5.0)):
+        other = Search(replace(search.problem, noise=noise))
+        gains = other.gains(before, whole)
+        assert gains.sum() == pytest.approx(expected)
+        np.testing.assert_allclose(gains / gains.sum(), (before.losses - whole.losses) / (before.loss - whole.loss))
+        assert other.evidence(whole) - other.evidence(before) == pytest.approx(expected - other.price(whole.terms))
 
 
 def test_what_must_be_searched_and_what_happened_once_costs_more(search):

@@ -131,6 +131,16 @@ def test_the_cheaper_of_two_that_differ_by_nothing_of_use_is_preferred(pair):
     assert preferred(search, []) is None
 
 
+@pytest.mark.parametrize(("lead", "named"), [(5.9, "coulomb_friction"), (6.1, "constant_load")])
+def test_of_two_that_cost_the_same_the_commoner_is_taken_unless_the_lead_is_certain(pair, lead, named):
+    options = {o.effect: o for o in pair.options(pair.refit)}
+    search = Search(pair.problem)
+    search.practical = lambda before, after: True
+    commoner = replace(options["coulomb_friction"], evidence=0.0)
+    rarer = replace(options["constant_load"], evidence=lead)
+    assert preferred(search, [rarer, commoner]).effect == named
+
+
 def test_the_delay_is_walked_to_from_afar(pair):
     """To the least squares over all whole steps, found by brute force."""
     squares = [pair.solver.squares((), n) for n in range(min(pair.most_tap, 60))]

@@ -28,6 +28,8 @@ VISCOUS, COULOMB, LOAD, GRAVITY = (
 class Columns:
     """Stands for a bank: any columns under the names of effects; `variance` of the noise in each."""
 
+    tap_time = 1e-3
+
     def __init__(self, drives, acceleration, columns, variance=()):
         self.drives, self.acceleration, self.by_term, self.variance = drives, acceleration, columns, variance
 
@@ -174,6 +176,16 @@ def test_the_best_delay_is_the_one_with_least_squares():
     squares = [solver.squares((), tap) for tap in range(120)]
     assert best_delay(solver, (), 119) in (int(np.argmin(squares)), 56, 57)
     assert squares[best_delay(solver, (), 119)] <= 1.01 * min(squares)
+
+
+@pytest.mark.parametrize("believed", [0.0, 0.1])
+def test_of_delays_that_explain_as_much_the_one_that_is_believed_is_taken(believed):
+    """u repeats every 0.1 s, and so do delays that leave noise alone; shares of further steps make up for a few."""
+    noise, angle = np.random.default_rng(9), 2.0 * np.pi * np.arange(ROWS + 400) / 100.0
+    u = np.sin(angle) + 0.3 * np.sin(2.0 * angle)
+    drives = {tap: u[200 - tap : 200 - tap + ROWS] for tap in range(130)}
+    solver = Solver(Columns(drives, drives[10] + 0.1 * noise.normal(size=ROWS), {}), lay_blocks([ROWS], GAP, "x"))
+    assert best_delay(solver, (), 119, believed=believed) == pytest.approx(10 + 1e3 * believed, abs=4)
 
 
 @pytest.mark.parametrize("true", [0, 2, 57, 119])

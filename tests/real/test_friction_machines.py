@@ -14,6 +14,8 @@ from tests.recordings import recording
 WHEELS_COULOMB, WHEELS_VISCOUS = 0.806, 1.20
 MOTOR_INERTIA = 1.2e-4
 COGGING = (0.77, 0.89)
+#: The README's own regression with u 7 ms late: kg (24.7 weighed), N s/m, N, s.
+RACK = {"inertia": 25.1, "viscous_friction.coefficient": 54.0, "coulomb_friction.level": 14.5, "delay": 0.007}
 
 
 def improved(folder: Path, logs: list[Path], inertia: float, **signals: str) -> dict:
@@ -73,3 +75,11 @@ def test_a_crawl_through_cogging_tells_its_seven_periods_and_no_inertia(tmp_path
     assert COGGING[0] < found["values"]["cogging.amplitude"]["value"] < COGGING[1]
     assert found["values"]["inertia"]["identified"] == "not"
     assert found["values"]["inertia"]["value"] > 1e-9
+
+
+def test_half_a_second_of_a_rack_tells_its_mass_both_frictions_and_the_delay(tmp_path):
+    columns = {"time": "t_s", "u": "u_force_N", "velocity": "velocity_m_s", "position": ""}
+    found = improved(tmp_path, [recording("rack_pinion/merged_raw_clock.csv")], 24.7, **columns)
+    assert added(found) == {"viscous_friction", "coulomb_friction"}
+    for name, value in RACK.items():
+        assert found["values"][name]["value"] == pytest.approx(value, rel=0.05), name

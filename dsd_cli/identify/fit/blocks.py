@@ -22,13 +22,15 @@ from dsd_cli.signals.log import Array
 
 @dataclass(frozen=True)
 class Blocks:
-    """Segments of consecutive rows, three to a block: head, core, tail (head and tail are `gap` rows long).
+    """Segments of consecutive rows, three to a block: head, core, tail (head and tail are `gap` rows long; in a block
+    shorter than two gaps the core is what is within the gap of either neighbour).
 
     Attributes
     ----------
     starts : first row of each segment, shape (3 B,); a segment ends where the next begins.
     fold : of each block, shape (B,).
     before, after : whether the block before (after) is its neighbour in the same stretch, shape (B,).
+    short : whether it is shorter than two gaps, shape (B,).
     """
 
     starts: NDArray[np.int_]
@@ -36,6 +38,7 @@ class Blocks:
     fold: NDArray[np.int_]
     before: NDArray[np.bool_]
     after: NDArray[np.bool_]
+    short: NDArray[np.bool_]
 
     @property
     def count(self) -> int:
@@ -80,6 +83,7 @@ class Blocks:
         last_held = np.insert(held[:-1], 0, False) & self.before
         weight[next_held, 2] = 0.0
         weight[last_held, 0] = 0.0
+        weight[(next_held | last_held) & self.short, 1] = 0.0
         return weight.reshape(-1)
 
 
@@ -95,23 +99,27 @@ def lay_blocks(lengths: Sequence[int], gap: int, name: str, shortest: int = 0) -
     TooShort : too short for two folds.
     """
     total = sum(lengths)
-    long = max(POLICY.block_gaps * gap, total // POLICY.most_blocks, shortest, 1)
-    if total < 2 * long:
+    usual = POLICY.block_gaps * gap
+    if total < 2 * max(usual, shortest, 1):
         raise TooShort(
-            f"{name}: too short: {total} independent equations, held-out blocks need {2 * long}",
+            f"{name}: too short: {total} independent equations, held-out blocks need {2 * max(usual, shortest, 1)}",
             "a longer log, or a finer sensor",
         )
+    # as many as folds at least: of two halves one speeds up and the other slows down
+    long = max(min(usual, total // POLICY.folds), total // POLICY.most_blocks, shortest, 1)
     starts: list[int] = []
     before: list[bool] = []
     after: list[bool] = []
+    short: list[bool] = []
     row = 0
     for length in lengths:
         count = max(1, length // long)
         edges = [row + round(length * i / count) for i in range(count + 1)]
         for i in range(count):
             room = edges[i + 1] - edges[i]
-            border = min(gap, room // 2)
-            starts += [edges[i], edges[i] + border, edges[i + 1] - border]
+            first, last = sorted((min(gap, room), max(room - gap, 0)))
+            starts += [edges[i], edges[i] + first, edges[i] + last]
+            short.append(room < 2 * gap)
             before.append(i > 0)
             after.append(i + 1 < count)
         row += length
@@ -119,7 +127,7 @@ def lay_blocks(lengths: Sequence[int], gap: int, name: str, shortest: int = 0) -
     if blocks < 2:
         raise TooShort(f"{name}: too short: one held-out block only", "a longer log, or a finer sensor")
     fold = np.arange(blocks) % min(POLICY.folds, blocks)
-    return Blocks(np.array(starts), row, fold, np.array(before), np.array(after))
+    return Blocks(np.array(starts), row, fold, np.array(before), np.array(after), np.array(short))
 
 
 def spread_over_blocks(gains: Array) -> bool:

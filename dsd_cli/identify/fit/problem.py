@@ -177,11 +177,11 @@ def pose(
         solver = Solver(bank, solver.blocks, known=known, inverse=True)
         untestable |= {name: NEEDS_ACCELERATION for name in candidates if needs_acceleration(name)}
         candidates = tuple(name for name in candidates if name not in untestable)
-    found = best_delay(solver, beside, most_tap, about) * bank.tap_time
+    found = best_delay(solver, beside, most_tap, about, believed=model.delay) * bank.tap_time
     found = 0.0 if inverse else found  # a friction that hardly changes is as well explained by a u of seconds ago
     wanted = min(max(POLICY.least_delay_range, 2.0 * found, 2.0 * model.delay), longest)
     solver, most_tap, fit = _laid_out(
-        recordings, wanted, base, beside, settings, found, given=model.inertia if inverse else 0.0
+        recordings, wanted, base, beside, settings, found, believed=model.delay, given=model.inertia if inverse else 0.0
     )
     errors = Errors(solver.bank, solver.blocks, _aside(holdout, solver.bank.equations))
     problem = Problem(
@@ -262,17 +262,18 @@ def _laid_out(
     settings: Settings,
     found: float,
     *,
+    believed: float,
     given: float,
 ) -> tuple[Solver, int, Fit]:
     """(solver on rows that are not whitened, most steps of delay, first fit) for delays of up to `longest` s.
 
-    found : the best delay on fewer rows, s. given : the inertia that the user believes, where the inverse form is
-    evidence: beside functions of the motion it is known as well as it can be; else 0.
+    found : the best delay on fewer rows; believed : that of the model, s. given : the inertia that the user believes,
+    where the inverse form is evidence: beside functions of the motion it is known as well as it can be; else 0.
     """
     bank, most_tap = _bank(recordings, longest, settings.band)
     blocks = lay_blocks(bank.equations.lengths, POLICY.gap_rows, recordings[0].name)
     solver = Solver(bank, blocks, known=settings.known, inverse=given > 0.0)
-    tap = best_delay(solver, beside, most_tap, round(found / bank.tap_time))
+    tap = best_delay(solver, beside, most_tap, round(found / bank.tap_time), believed=believed)
     inertia = whole_inertia(solver.fit(beside if solver.inverse else base, tap))
     solver = Solver(bank, blocks, inertia or given or _inertia_by_size(bank), settings.known, inverse=solver.inverse)
     return solver, most_tap, solver.fit(base, tap)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -40,15 +39,13 @@ class Search(Protocol):
 
 
 def preferred(search: Search, options: Sequence[Option]) -> Option | None:
-    """The one with most evidence; a cheaper one if the difference does not matter in practice, and the commonest of
-    those that do the same."""
+    """The cheapest, and then the commonest, of those of which the one with most evidence leads by too little to be
+    certain, or to matter in practice."""
     if not options:
         return None
     best = max(options, key=lambda o: o.evidence)
-    cheaper = [o for o in options if search.price(o.fit.terms) < search.price(best.fit.terms)]
-    as_good = [o for o in cheaper if not search.practical(o.fit, best.fit)]
-    best = max(as_good, key=lambda o: o.evidence) if as_good else best
-    return min((o for o in options if _the_same(search, o, best)), key=lambda o: get_effect(o.effect).rarity)
+    as_good = [o for o in options if _as_good(search, o, best)]
+    return min(as_good, key=lambda o: (search.price(o.fit.terms), get_effect(o.effect).rarity, -o.evidence))
 
 
 def in_common_terms(search: Search, fit: Fit) -> Fit:
@@ -60,12 +57,13 @@ def in_common_terms(search: Search, fit: Fit) -> Fit:
         for effect in sorted((e for e in commoner if not (e.searched or e.listed)), key=lambda e: e.rarity):
             other = search.fit((*rest, Term(effect.id)), fit.tap)
             option = Option(effect.id, other, search.evidence(other))
-            if _the_same(search, option, Option(term.id, fit, search.evidence(fit))):
+            if _as_good(search, option, Option(term.id, fit, search.evidence(fit))):
                 return in_common_terms(search, other)
     return fit
 
 
-def _the_same(search: Search, one: Option, best: Option) -> bool:
-    """Whether they explain the same with as many parameters."""
-    near = one.evidence > best.evidence - POLICY.least_gain and not search.practical(one.fit, best.fit)
-    return one is best or (near and math.isclose(search.price(one.fit.terms), search.price(best.fit.terms)))
+def _as_good(search: Search, one: Option, best: Option) -> bool:
+    """Whether one that costs no more explains as much as the best, as far as a lead is certain and matters."""
+    lead = best.evidence - one.evidence
+    as_cheap = search.price(one.fit.terms) < search.price(best.fit.terms) + 1e-9
+    return as_cheap and (lead < POLICY.least_gain or not search.practical(one.fit, best.fit))

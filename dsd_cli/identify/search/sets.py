@@ -70,7 +70,17 @@ class Search:
 
     def evidence(self, fit: Fit) -> float:
         """Held-out log-likelihood (up to a constant) less the price of the effects beyond the model's, nats."""
-        return -fit.loss / self.noise.nats - self.price(fit.terms)
+        return -self._nats(fit.loss) - self.price(fit.terms)
+
+    def _nats(self, squares: float) -> float:
+        """Negative log-likelihood of a sum of squares; the variance is that of the noise, or what is left if more.
+
+        What is left beyond the noise is force that no effect describes, and what takes a hundredth off it is no surer
+        than if it were noise: N/2 ln of it, from where it exceeds the noise on.
+        """
+        rows = self.problem.blocks.rows
+        over = 2.0 * squares / (rows * self.noise.nats)
+        return 0.5 * rows * (over if over < 1.0 else 1.0 + math.log(over))
 
     def price(self, terms: Terms) -> float:
         """Nats for having chosen these effects and searched their shapes."""
@@ -83,8 +93,10 @@ class Search:
         )
 
     def gains(self, before: Fit, after: Fit) -> np.ndarray:
-        """Nats per block, shape (B,), without prices."""
-        return (before.losses - after.losses) / self.noise.nats
+        """Nats per block, shape (B,), without prices: shares of the whole gain as of what squares fall."""
+        fall = before.loss - after.loss
+        scale = (self._nats(before.loss) - self._nats(after.loss)) / fall if fall != 0.0 else 1.0 / self.noise.nats
+        return (before.losses - after.losses) * scale
 
     def matters(self, before: Fit, after: Fit) -> bool:
         """Whether going from one fit to the other is certain and of use."""
@@ -99,7 +111,9 @@ class Search:
     @cached_property
     def refit(self) -> Fit:
         """The model's own effects with all values free."""
-        delay = best_delay(self.solver, self.problem.beside, self.most_tap, self.problem.tap)
+        delay = best_delay(
+            self.solver, self.problem.beside, self.most_tap, self.problem.tap, believed=self.problem.model.delay
+        )
         return self.converged(self.fit(self.base, delay))
 
     def converged(self, fit: Fit) -> Fit:
@@ -232,8 +246,7 @@ class Search:
         ]
         if not pairs:
             return None
-        nats = self.noise.nats
-        ranked = sorted(pairs, key=lambda p: self.solver.squares(*p) / nats + self.price(p[0]))
+        ranked = sorted(pairs, key=lambda p: self._nats(self.solver.squares(*p)) + self.price(p[0]))
         return max((self.fit(terms, tap) for terms, tap in ranked[:MOST_PAIRS]), key=self.evidence)
 
     def settled(self, fit: Fit) -> Fit:
@@ -275,7 +288,7 @@ class Search:
             best = self.challenger(rest, term.id, rest.squares - fit.squares)
             if best is None or best.evidence < self.evidence(fit) + 1.0:
                 continue
-            if self.price(best.fit.terms) <= self.price(fit.terms) or self.practical(fit, best.fit):
+            if self.price(best.fit.terms) <= self.price(fit.terms) or self.matters(fit, best.fit):
                 return best.fit
         return fit
 
