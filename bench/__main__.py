@@ -34,6 +34,7 @@ RESULTS = Path(__file__).parent / "results" / "latest.json"
 STUDIES = {
     "hidden": "hidden",
     "learn": "learn",
+    "learn-machines": "learn_machines",
     "outside": "outside",
     "plan": "plan",
     "paired": "paired",

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.learn_page import put
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.testability import Settings
@@ -209,7 +210,8 @@ def table(rows: list[Row]) -> list[str]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """`python -m bench learn [--laws a,b] [--seeds 3] [--first 101] [--nothing 50] [--laws-from FILE.py] [-o FILE]`."""
+    """`python -m bench learn [--laws a,b] [--seeds 3] [--first 101] [--nothing 50] [--laws-from FILE.py] [-o FILE]`,
+    `--page FILE...`."""
     parser = argparse.ArgumentParser(prog="python -m bench learn", description=__doc__)
     parser.add_argument("--laws", help="some of them, with commas between")
     parser.add_argument("--laws-from", help="a Python file with a dictionary LAWS of tests.oracle.rig_strange_laws.Law")
@@ -218,7 +220,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--first", type=int, default=101)
     parser.add_argument("--nothing", type=int, default=50, help="seeds with nothing missing, behind each sensor")
     parser.add_argument("-o", "--output", default="out/learn.jsonl")
+    parser.add_argument("--page", nargs="+", help="ask nothing; these files of rows into docs/measured/learn.md")
     given = parser.parse_args(arguments)
+    if given.page:
+        rows = [Row(**json.loads(line)) for path in given.page for line in Path(path).read_text().splitlines()]
+        put("rig", [*(f"- {line}" for line in summary(rows)), "", *table(rows)])
+        return
     more = runpy.run_path(given.laws_from)["LAWS"] if given.laws_from else {}
     out = Path(given.output)
     out.parent.mkdir(parents=True, exist_ok=True)

@@ -143,10 +143,18 @@ def with_learnt(ladder: Ladder, given: Given, progress: object) -> tuple[Ladder,
         why = found.why or "the error does not fall"
         return replace(ladder, stopped=f"{ladder.stopped}; no law was learnt ({why})"), found
     rung = replace(steps[0], step=top.step + 1)
-    said = found.family if found.formula is None else f"{found.family}, {found.formula.text}"
-    stopped = f"learnt: {said}, which no effect of the catalogue is"
-    steps = (*ladder.steps, rung)
+    steps, stopped = (*ladder.steps, rung), in_short(found)
     return replace(ladder, steps=steps, values=found.estimates, correlations=(), stopped=stopped), found
+
+
+def in_short(found: Learnt) -> str:
+    """What was learnt, and whether the catalogue has it."""
+    formula = found.formula
+    if formula is None:
+        return f"learnt: {found.family}, which no effect of the catalogue is"
+    of_catalogue = formula.known and formula.replaces
+    known = f"which is {' and '.join(formula.effects)}" if of_catalogue else "which no effect of the catalogue is"
+    return f"learnt: {found.family}, {formula.text}, {known}"
 
 
 def put_files(found: Learnt, given: Given, files: Files, origin: Origin, logs: tuple[str, ...]) -> LearnReport:

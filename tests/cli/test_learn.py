@@ -3,9 +3,11 @@
 import csv
 import html
 import json
+from types import SimpleNamespace
 
 import pytest
 
+from dsd_cli.cli.learn import in_short
 from tests.cli.rig import done, dsd
 from tests.oracle.rig_strange import make
 
@@ -184,3 +186,15 @@ def test_the_report_shows_the_law_and_its_rung(spot):
     size = [sum(x * x for x in one["data"][0][1]) for one in left["series"]]
     assert size[1] < 0.1 * size[0]
     assert 'data-chart="law-0"' in page
+
+
+def test_a_law_that_the_catalogue_has_is_said_to_be_that():
+    learnt = SimpleNamespace(
+        family="friction over the position",
+        formula=SimpleNamespace(text="-2.088 sgn v", known=True, replaces=True, effects=("coulomb_friction",)),
+    )
+    assert in_short(learnt).endswith("-2.088 sgn v, which is coulomb_friction")
+    learnt.formula.replaces = False
+    assert in_short(learnt).endswith("which no effect of the catalogue is")
+    learnt.formula = None
+    assert in_short(learnt) == "learnt: friction over the position, which no effect of the catalogue is"

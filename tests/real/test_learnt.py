@@ -45,3 +45,57 @@ def test_a_law_that_helps_the_held_out_blocks_alone_is_not_learnt(tmp_path):
         rmse.append(json.loads(compared.stdout)["force"]["rmse"])
     assert result["verdict"] != "learnt" or rmse[1] < 0.97 * rmse[0]
     assert result["formula"] is None or result["verdict"] == "learnt"
+
+
+#: A crawl under ripple, as the ladder leaves it: u tells nothing of the inertia.
+CRAWL = """
+[signals]
+time = "t_s"
+u = "u_current_A"
+velocity = ""
+position = "position_rad"
+[observer]
+nominal_inertia = 0.00352
+time_constant = 0.02
+[model]
+inertia = 0.000202
+[model.effects.cogging]
+amplitude = 0.779
+periods = 7.03
+phase = 2.44
+"""
+
+
+def test_a_crawl_under_cogging_teaches_no_law_of_u(tmp_path):
+    """u on the motion gives 45 times the inertia there: by that one the motion would answer u, and any gain do."""
+    (tmp_path / "dsd.toml").write_text(CRAWL, encoding="utf-8")
+    log = recording("odrive_cogging/slow2_nocomp_0.csv")
+    done = warm.run("learn", log, "--to", "5", "-o", "learnt.toml", "--format", "json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "u" not in json.loads(done.stdout)["channels"]
+
+
+#: A rack's servo, a bare mass.
+RACK = """
+[signals]
+time = "t_s"
+u = "u_force_N"
+velocity = "velocity_m_s"
+position = ""
+[observer]
+nominal_inertia = 24.7
+time_constant = 0.01
+[model]
+inertia = 24.7
+"""
+
+
+def test_a_move_of_half_a_second_teaches_no_law(tmp_path):
+    """Forty independent equations: a limit of u at 78 N "explained" half of them and made the other half worse."""
+    (tmp_path / "dsd.toml").write_text(RACK, encoding="utf-8")
+    log = recording("rack_pinion/merged_raw_clock.csv")
+    done = warm.run("learn", log, "-o", "learnt.toml", "--format", "json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result["verdict"] == "none"
+    assert "too short" in result["why"]

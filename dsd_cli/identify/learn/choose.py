@@ -11,7 +11,16 @@ import numpy as np
 from dsd_cli.effects.lagging import LAGGED
 from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.fit.golden import golden_section
-from dsd_cli.identify.learn.families import FAMILIES, INERTIA_OVER_TIME, MEMORY, Columns, Family, columns_of, lags_of
+from dsd_cli.identify.learn.families import (
+    FAMILIES,
+    INERTIA_OVER_TIME,
+    LEAST_ROWS,
+    MEMORY,
+    Columns,
+    Family,
+    columns_of,
+    lags_of,
+)
 from dsd_cli.identify.learn.formula import AS_GOOD
 from dsd_cli.identify.learn.judge import Judge, LawFit
 from dsd_cli.identify.learn.rows import Balance
@@ -71,6 +80,9 @@ def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -
             balance = balance.beside(judge.residual(richest, held_out=False))
     if not fits:
         return Choice(judge, base, base, (), base, base, "the log has no channel that a law could depend on")
+    if balance.blocks.rows < LEAST_ROWS:
+        few = f"the log is too short: it has {balance.blocks.rows} independent equations, a curve needs {LEAST_ROWS}"
+        return Choice(judge, base, base, (), base, base, few)
     first, tied = simplest(fits)
     tied += also_an_inertia(judge, first)
     refused = why_not(judge, base, first)

@@ -21,6 +21,8 @@ from dsd_cli.signals.log import Array
 
 #: Knots over one channel, fine ones over the position, and over each of two channels; rows for each at least.
 KNOTS, FINE, IN_PAIR, ROWS_PER_KNOT = 17, 41, 8, 8
+#: Of a log, for the coarsest of the tables: with fewer, any law follows whatever is left.
+LEAST_ROWS = IN_PAIR * ROWS_PER_KNOT
 #: Knots over the time are wider than so many held-out blocks.
 BLOCKS_PER_KNOT = 3
 #: Radii of the springs that slip, shares of the travel.

@@ -177,12 +177,13 @@ def _nothing(chosen: Choice, scores: Scores, recordings: Sequence[Recording], ho
     left = min(chosen.rmse(chosen.base), chosen.rmse(chosen.base, sure) if sure.any() else math.inf)
     least = math.hypot(POLICY.floor_factor * problem.floor, POLICY.floor_excess * problem.errors.force)
     verdict, why = NOTHING, chosen.refused
+    undecided = "stops" in why or "too short" in why
     if not chosen.refused:
         verdict, why = NOT_OF_MOTION, "what is left is a force over time, not over the motion"
-    elif left > least and "stops" not in why:
+    elif left > least and not undecided:
         verdict = NOT_OF_MOTION
         why = f"{100.0 * left / max(problem.errors.force, 1e-300):.1f} % of u is left on blocks that no fit saw: {why}"
-    elif left <= least and "stops" not in why:
+    elif left <= least and not undecided:
         band = f"{problem.equations.band.hz:.1f} Hz"
         why = f"nothing is missing below {band}: what is left is no more than the sensor's noise"
     return Learnt(

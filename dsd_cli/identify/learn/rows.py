@@ -78,8 +78,9 @@ class Balance:
     def answered(self) -> bool:
         """Whether u makes the axis accelerate enough for its motion to show a law of u: where u is nearly all friction,
         weight or cogging, the acceleration is noise, and any law of u would explain u by itself."""
-        kept = self.equations.kept
-        moved, driven = (float(np.sum(x[kept] ** 2)) for x in (self.inertia * self.acceleration, self.u))
+        # in a crawl cogging makes the inertia of u on the motion large: the smaller of that and the given one counts
+        kept, inertia = self.equations.kept, min(self.inertia, self.problem.model.inertia)
+        moved, driven = (float(np.sum(x[kept] ** 2)) for x in (inertia * self.acceleration, self.u))
         return moved > _ANSWERED**2 * driven
 
     def taken(self, held: Sequence[int]) -> Array:

@@ -1,0 +1,17 @@
+"""docs/measured/learn.md: what the studies of `dsd learn` write between marks of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bench.engines import ROOT
+
+PAGE = ROOT / "docs" / "measured" / "learn.md"
+
+
+def put(part: str, lines: Sequence[str]) -> None:
+    """These lines in the place of what stood between the marks of that part."""
+    begin, end = f"<!-- {part} -->", f"<!-- end of {part} -->"
+    text = PAGE.read_text(encoding="utf-8")
+    before, rest = text.split(begin)
+    PAGE.write_text(f"{before}{begin}\n\n" + "\n".join(lines) + f"\n\n{end}{rest.split(end)[1]}", encoding="utf-8")
