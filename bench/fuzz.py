@@ -21,7 +21,8 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -43,6 +44,10 @@ OUTPUTS = ("out.csv", "out.csv.meta.json", "out.parquet", "out.toml", "out.png",
 RAW = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]|\xc2[\x80-\x9f]")
 
 
+#: Number of a run, its folder -> its arguments.
+Case = Callable[[int, Path], list[str]]
+
+
 class Outcome(NamedTuple):
     """What a run did; `finding` is empty where all is as promised."""
 
@@ -57,31 +62,39 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--seed", type=int, default=0, help="number of the first run")
     parser.add_argument("--only", type=int, help="repeat this run and show what it says")
+    parser.add_argument("--files", action="store_true", help="spoil files of every kind that libraries and tools write")
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory(prefix="dsd-fuzz-") as name:
         folder = Path(name)
+        case = _of_files(folder) if options.files else fuzz_cases.case
         if options.only is not None:
-            case = fuzz_cases.case(options.only, folder)
-            print(" ".join(["dsd", *case]))
-            print(_run(options.only, folder, show=True))
+            print(_run(options.only, folder, case, show=True))
             return
-        found = fuzz(folder, options.seed, options.seconds)
+        found = fuzz(folder, options.seed, options.seconds, case)
     sys.exit(1 if found else 0)
 
 
-def fuzz(folder: Path, seed: int, seconds: float) -> int:
+def _of_files(folder: Path) -> Case:
+    from bench import fuzz_files
+
+    (folder / "made").mkdir()
+    return partial(fuzz_files.case, files=fuzz_files.made(folder / "made"))
+
+
+def fuzz(folder: Path, seed: int, seconds: float, case: Case = fuzz_cases.case) -> int:
     """The number of findings."""
     warm_up()
+    again = "" if case is fuzz_cases.case else " --files"
     begin, number, codes, findings = time.monotonic(), seed, Counter[int](), 0
     commands, done = Counter[str](), Counter[str]()
     while time.monotonic() - begin < seconds:
-        outcome = _run(number, folder)
+        outcome = _run(number, folder, case)
         codes[outcome.code] += 1
         commands[outcome.command] += 1
         done[outcome.command] += outcome.code == 0
         if outcome.finding:
             findings += 1
-            print(f"{outcome.finding}\n  repeat: python -m bench fuzz --only {number}", flush=True)
+            print(f"{outcome.finding}\n  repeat: python -m bench fuzz --only {number}{again}", flush=True)
         number += 1
     listed = ", ".join(f"{count} x {code}" for code, count in sorted(codes.items()))
     print("runs (with exit code 0): " + ", ".join(f"{c} {n} ({done[c]})" for c, n in commands.most_common()))
@@ -99,12 +112,12 @@ def warm_up() -> None:
         importlib.import_module(module)
 
 
-def _run(number: int, parent: Path, show: bool = False) -> Outcome:
+def _run(number: int, parent: Path, case: Case, show: bool = False) -> Outcome:
     """One run in a folder of its own, in a process of its own."""
     folder = parent / f"run-{number}"
     folder.mkdir()
     try:
-        arguments = fuzz_cases.case(number, folder)
+        arguments = case(number, folder)
         before = {path.name for path in folder.iterdir()}
         process = multiprocessing.get_context("fork").Process(target=_child, args=(arguments, folder))
         process.start()
@@ -118,6 +131,7 @@ def _run(number: int, parent: Path, show: bool = False) -> Outcome:
             return Outcome(-9, f"no end after {PATIENCE} s: {arguments}", arguments[0])
         said = (folder / ".stderr").read_bytes()
         if show:
+            print(" ".join(["dsd", *arguments]))
             sys.stdout.write((folder / ".stdout").read_bytes().decode(errors="backslashreplace"))
             sys.stdout.write(said.decode(errors="backslashreplace"))
         finding = _finding(process.exitcode, said, folder, before, arguments)
@@ -198,7 +212,7 @@ def _wrong_output(code: int, folder: Path, arguments: list[str]) -> str:
     if RAW.search(page) or fuzz_cases.MARKUP.encode() in page:
         return "markup of the log on the page"
     to = arguments[arguments.index("-o") + 1] if "-o" in arguments else ""
-    if to.endswith(".toml") and (code == 0 or marked):
+    if code == 0 and to.endswith(".toml"):
         try:
             load_config(folder / to)
         except DsdError as error:

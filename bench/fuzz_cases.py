@@ -95,7 +95,7 @@ def case(number: int, folder: Path) -> list[str]:
         _write_log(folder, rng, spoiled=False)
         return [*_command(rng, command), "--set", f"{key}={value}"]
     if rng.random() < 0.15:
-        (folder / "dsd.toml").write_bytes(_spoiled(rng, CONFIG.encode()))
+        (folder / "dsd.toml").write_bytes(spoil(rng, CONFIG.encode()))
     command = rng.choice(COMMANDS)
     if command not in fuzz_commands.COMMANDS:
         _write_log(folder, rng, spoiled=True)
@@ -143,7 +143,7 @@ def _write_log(
         lines = rng.choice(CHANGES)(rng, lines)
     content = rng.choice(("\n", "\n", "\n", "\r\n", "\r")).join(lines).encode("utf-8", "surrogateescape")
     content += rng.choice((b"\n", b"", b"\0"))
-    (folder / "log.csv").write_bytes(_spoiled(rng, content) if rng.random() < 0.2 else content)
+    (folder / "log.csv").write_bytes(spoil(rng, content) if rng.random() < 0.2 else content)
 
 
 def _noise(rng: random.Random, rows: int) -> dict[str, Array]:
@@ -188,7 +188,7 @@ def _column(rng: random.Random, lines: list[str]) -> list[str]:
 CHANGES: tuple[Change, ...] = (_cell, _cell, _cell, _cell, _line, _line, _order, _column)
 
 
-def _spoiled(rng: random.Random, content: bytes) -> bytes:
+def spoil(rng: random.Random, content: bytes) -> bytes:
     """A few bytes other than they were, or the file cut."""
     data = bytearray(content)
     for _ in range(rng.choice((1, 3, 20))):

@@ -38,10 +38,13 @@ def lowpass_irregular(x: Array, poles: Array, initial: float) -> Array:
 
 
 def poles_of(intervals: Iterable[float], time_constant: float) -> Array:
-    """p_k = exp(-T_k / tau), by math.exp: np.exp may differ in the last bit, and step and run must not."""
+    """p_k = exp(-T_k / tau), by math.exp: np.exp may differ in the last bit, and step and run must not.
+
+    Where a stamp goes back, nothing passes.
+    """
     if time_constant <= 0.0:
         return np.zeros(len(list(intervals)))
-    return np.array([math.exp(-interval / time_constant) for interval in intervals], dtype=np.float64)
+    return np.array([math.exp(-max(interval, 0.0) / time_constant) for interval in intervals], dtype=np.float64)
 
 
 def delay_taps(delay: float, sample_time: float) -> tuple[int, float]:

@@ -176,3 +176,12 @@ def test_a_u_that_is_missing_is_named_with_set(tmp_path: Path) -> None:
     dsd("init", path.name, cwd=tmp_path)
     refused(dsd("check", path.name, cwd=tmp_path), 2, 'signals.u = "": no column given', "--set signals.u=NAME")
     done("check", path.name, "--set", "signals.u=beta", cwd=tmp_path)
+
+
+@pytest.mark.parametrize("stamp", ["-1e7", "1e9", "-1e300"])
+def test_one_stamp_that_is_wrong_does_not_end_init(stamp: str, tmp_path: Path) -> None:
+    lines = ["t,torque,position", *strangers.rows(AXIS, AXIS["t"], AXIS["u"], AXIS["q"])]
+    lines[1500] = f"{stamp},{lines[1500].partition(',')[2]}"
+    path = strangers.text(tmp_path, "a.csv", lines)
+    done("init", path.name, cwd=tmp_path)
+    assert load_config(tmp_path / "dsd.toml").model.inertia == pytest.approx(2.0, rel=0.1)

@@ -150,3 +150,18 @@ def test_control_characters_in_names_of_channels_are_shown(rig):
     asked = dsd("init", "log.npz", "-o", "new.toml", cwd=rig)
     assert "\x1b" not in asked.stdout + asked.stderr
     assert not (rig / "new.toml").exists() or "\x1b" not in (rig / "new.toml").read_text()
+
+
+@pytest.mark.parametrize("command", ["columns log.mcap", "init log.mcap -o out.toml"])
+def test_a_message_that_cannot_be_decoded_is_one_line(rig, command):
+    """Libraries find out in the middle of a file, after it was opened."""
+    writing = pytest.importorskip("mcap.writer", reason="mcap is not installed")
+    with open(rig / "log.mcap", "wb") as stream:
+        writer = writing.Writer(stream)
+        writer.start()
+        topic = writer.register_channel("/drive", "json", writer.register_schema("drive", "jsonschema", b"{}"))
+        for k in range(ROWS):
+            text = b'{"current": ?}' if k == ROWS // 2 else b'{"current": 1.5}'
+            writer.add_message(topic, 1_000_000 * k, text, 1_000_000 * k)
+        writer.finish()
+    refused(dsd(*command.split(), cwd=rig), 1, "log.mcap: cannot be read as MCAP", "write it again")

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from dsd_cli.errors import DataError, UsageError, how_to_install
 
 if TYPE_CHECKING:
-    from dsd_cli.files.formats.base import Container
+    from dsd_cli.files.formats.base import Container, Group
+    from dsd_cli.signals.log import Array
 
 #: Bytes that tell every format.
 HEAD_BYTES = 4096
@@ -127,4 +128,18 @@ def open_container(path: str | Path, found: Format) -> Container:
         opened: Container = getattr(import_module(f"dsd_cli.files.formats.{found.module}"), found.opener)(str(path))
     if not opened.groups:
         raise DataError(f"{path}: no channel with numbers in it", "; ".join(opened.notes))
-    return opened
+    return _Understood(opened, str(path), found.kind)
+
+
+class _Understood:
+    """A container whose library may find out late, in a row, that it cannot read the file."""
+
+    def __init__(self, container: Container, name: str, kind: str) -> None:
+        self.groups, self.metadata, self.notes = container.groups, container.metadata, container.notes
+        self._container, self._name, self._kind = container, name, kind
+
+    def read(self, group: Group, channels: Sequence[str], start: int, rows: int) -> dict[str, Array]:
+        from dsd_cli.files.formats.base import understanding
+
+        with understanding(self._name, self._kind):
+            return self._container.read(group, channels, start, rows)

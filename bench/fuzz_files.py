@@ -1,0 +1,59 @@
+"""What `bench fuzz --files` runs: files of every kind, as their libraries and tools write them, a few bytes spoiled."""
+
+from __future__ import annotations
+
+import random
+import shutil
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bench.fuzz_cases import CONFIG, spoil
+from tests.files import strangers
+from tests.files.formats import makers
+
+#: Rows of a file; a longer one is only slower to read.
+ROWS = 600
+KINDS = tuple(
+    name
+    for name in dir(makers)
+    if not name.startswith("_") and getattr(getattr(makers, name), "__annotations__", {}).get("return") is makers.Made
+)
+
+
+def made(folder: Path) -> list[Path]:
+    """One file of every kind whose library is installed, each in a folder of its own."""
+    data, axis, found = makers.channels(ROWS), strangers.axis(), []
+    jobs: dict[str, Callable[[Path], Path]] = {
+        kind: lambda here, kind=kind: getattr(makers, kind)(here, data).path
+        for kind in KINDS  # type: ignore[misc]
+    }
+    jobs |= {name: lambda here, make=make: make(here, axis) for name, (make, *_) in strangers.MADE.items()}  # type: ignore[misc]
+    for name, job in jobs.items():
+        here = folder / name
+        here.mkdir()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                found.append(job(here))
+            except (ImportError, pytest.skip.Exception):  # its library is not installed
+                continue
+    return found
+
+
+def case(number: int, folder: Path, files: list[Path]) -> list[str]:
+    """The arguments of a run; a spoiled copy of one of the files and a config are put into the folder."""
+    rng = random.Random(number)
+    source = rng.choice(files)
+    (folder / "dsd.toml").write_text(CONFIG, encoding="utf-8")
+    target = folder / source.name
+    if source.is_dir():
+        shutil.copytree(source, target)
+        victim = rng.choice([path for path in target.rglob("*") if path.is_file()])
+    else:
+        victim = Path(shutil.copy(source, target))
+    victim.write_bytes(spoil(rng, victim.read_bytes()))
+    to = rng.choice((["-o", "out.toml"], ["-o", "-"]))
+    return rng.choice((["init", target.name, *to], ["columns", target.name], ["detect", target.name]))
