@@ -5,10 +5,12 @@ import shlex
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from dsd_cli.identify.roles.causes import cause_of
 from tests.cli.rig import CONFIG, DSD, done, dsd, make_log, refused, write
 
 MODEL = "\n[model]\ninertia = 1.0\ndelay = 0.005\n"
@@ -107,3 +109,27 @@ def test_a_file_for_which_there_is_no_room_leaves_nothing(rig, name):
 
 def test_a_fleet_without_a_command_is_one_line(rig):
     refused(dsd("fleet", cwd=rig), 2, "Missing command", "dsd fleet --help")
+
+
+@pytest.mark.parametrize(("spoiled", "size"), [(1, 4.9e307), (2, 1e200)])
+@pytest.mark.parametrize("command", ["columns log.csv", "init log.csv -o -", "check log.csv -c axis.toml"])
+@pytest.mark.parametrize("names", ["t,velocity,u", "a,b,c"])
+def test_numbers_of_which_a_spoiled_file_is_full_have_no_powers(tmp_path, names, command, spoiled, size):
+    t = np.arange(3000) * 0.002
+    columns = np.column_stack([t, np.sin(7.0 * t), np.cos(7.0 * t)])
+    columns[1500, spoiled] = size
+    np.savetxt(tmp_path / "log.csv", columns, "%.17g", ",", header=names, comments="")
+    (tmp_path / "axis.toml").write_text(
+        f'[signals]\ntime = "{names[0]}"\nu = "{names[-1]}"\nvelocity = "{names[2:-2]}"\n\n[model]\ninertia = 0.1\n'
+    )
+    result = dsd(*command.split(), cwd=tmp_path)
+    assert result.returncode in (0, 1), result.stderr
+    assert "unexpected" not in result.stderr
+
+
+@pytest.mark.parametrize("kind", ["position", "velocity"])
+def test_a_channel_with_one_number_beyond_all_others_is_nobodys_cause(kind):
+    t = np.arange(3000) * 0.002
+    clean, spoiled = np.sin(7.0 * t), np.where(t == t[1500], 4.9e307, np.sin(7.0 * t))
+    for motion, u in ((clean, spoiled), (spoiled, clean)):
+        assert cause_of(0.002, motion, kind, u).share == 0.0

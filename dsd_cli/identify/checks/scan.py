@@ -109,7 +109,7 @@ class _Sums:
         possible = inertia * sign > 0.0
         if not possible.any():
             return None
-        rest = (self.uu.sum(axis=0) - inertia**2 * self.aa.sum()) / self.power
+        rest = (self.uu.sum(axis=0) - inertia * self.ua.sum(axis=0)) / self.power
         return int(np.where(possible, rest, np.inf).argmin())
 
 
@@ -118,7 +118,7 @@ def _best(sums: _Sums, sign: float, inside: bool) -> Scanned | None:
     if at is None:
         return None
     inertia, total = float(sums.inertia[at]), float(sums.uu[:, at].sum())
-    gained = inertia**2 * float(sums.aa.sum())
+    gained = inertia * float(sums.ua[:, at].sum())  # J^2 a a, whose square of J is no number for an axis at rest
     parts = [sums.without(block) for block in range(len(sums.aa))]
     inertias = np.array([part.inertia[at] for part in parts])
     others = [best for part in parts if (best := part.best(sign)) is not None]

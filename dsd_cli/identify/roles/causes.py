@@ -67,8 +67,11 @@ def cause_of(dt: float, x: Array, kind: str, u: Array) -> Cause:
 
 def _held_out(columns: Array, y: Array) -> float:
     """Share of the variance of y that the columns explain where they were not fitted, two ways; below 0 is 0."""
-    scale = np.sqrt(np.mean(columns**2, axis=0))
-    columns = columns[:, scale > 0.0] / scale[scale > 0.0]
+    # of what a spoiled file holds (1e307) a power is no number any more
+    scale, size = np.abs(columns).max(axis=0), float(np.abs(y).max())
+    if not (np.isfinite(scale).all() and 0.0 < size < np.inf):
+        return 0.0
+    columns, y = columns[:, scale > 0.0] / scale[scale > 0.0], y / size
     part = (np.arange(y.size) * PARTS // max(y.size, 1)) % 2
     left = total = 0.0
     for fitted in (0, 1):
