@@ -6,7 +6,6 @@ They are no candidates of a search, for they explain anything; a model has them 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -16,7 +15,7 @@ import numpy as np
 from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, Values
 from dsd_cli.effects.joint_terms import JointTerms, Ramps, Stop, speed_dependent
 from dsd_cli.effects.lagging import LAGGED
-from dsd_cli.effects.tables import Table, table_of, values_of
+from dsd_cli.effects.tables import Table, numbers_of, table_of, values_of
 from dsd_cli.errors import UsageError
 from dsd_cli.signals.log import Array
 
@@ -243,10 +242,8 @@ def _slip_columns(
 
 
 def _stops_of(values: Mapping[str, Any], _: float) -> tuple[tuple[float, ...], Shape]:
-    rows = {name: tuple(float(x) for x in values[name]) for name in ("radii", "stiffnesses")}
-    radii, stiffnesses = rows["radii"], rows["stiffnesses"]
-    if not radii or min(radii) <= 0.0 or not all(map(math.isfinite, (*radii, *stiffnesses))):
-        raise UsageError("hysteresis.radii", "must be numbers above 0, rad or m")
+    radii = numbers_of(values["radii"], "hysteresis.radii", "numbers above 0, rad or m", above=0.0)
+    stiffnesses = numbers_of(values["stiffnesses"], "hysteresis.stiffnesses")
     if len(radii) != len(stiffnesses):
         raise UsageError("hysteresis.stiffnesses", f"must be {len(radii)} numbers, one for each radius")
     return (float(values.get("scale", 1.0)),), {"stops": Stops(radii, stiffnesses)}

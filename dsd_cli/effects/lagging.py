@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 from dsd_cli.effects.base import Channels, Effect, Parameter, Role, Shape, Values, decay
 from dsd_cli.effects.joint_terms import JointTerms
 from dsd_cli.effects.memory import before_each, one_pole
+from dsd_cli.effects.tables import numbers_of
 from dsd_cli.errors import UsageError
 
 #: What may lag.
@@ -64,9 +64,8 @@ def _split(values: Values, _: float) -> tuple[tuple[float, ...], Shape]:
     of = values["of"]
     if of not in OF:
         raise UsageError(f"lagged_friction.of = {of!r}", f"must be one of {', '.join(OF)}")
-    times, levels = (tuple(float(x) for x in values[name]) for name in ("time_constants", "levels"))
-    if not times or min(times) <= 0.0 or not all(map(math.isfinite, (*times, *levels))):
-        raise UsageError("lagged_friction.time_constants", "must be numbers above 0, s")
+    times = numbers_of(values["time_constants"], "lagged_friction.time_constants", "numbers above 0, s", above=0.0)
+    levels = numbers_of(values["levels"], "lagged_friction.levels")
     if len(times) != len(levels):
         raise UsageError("lagged_friction.levels", f"must be {len(times)} numbers, one for each time constant")
     return (float(values.get("scale", 1.0)),), {"lags": Lags(of, times, levels)}

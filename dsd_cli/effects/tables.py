@@ -112,6 +112,11 @@ def _nested(values: Any) -> Any:
     return tuple(map(_nested, values)) if isinstance(values, list | tuple) else float(values)
 
 
+def _listed(values: Any) -> tuple[Any, ...]:
+    """Of a list what is in it; of anything else nothing."""
+    return tuple(values) if isinstance(values, list | tuple) else ()
+
+
 def table_of(values: Mapping[str, Any], effect: str) -> Table:
     """From the values of an effect as they stand in a config.
 
@@ -119,31 +124,37 @@ def table_of(values: Mapping[str, Any], effect: str) -> Table:
     ------
     UsageError : says what cannot be, and what must.
     """
-    channels, knots = tuple(values["channels"]), values["knots"]
-    if len(channels) not in (1, 2) or len(set(channels)) < len(channels) or set(channels) - set(OVER):
-        raise UsageError(f"{effect}.channels = {list(channels)}", f"must be one or two of {', '.join(OVER)}")
+    channels, knots = _listed(values["channels"]), _listed(values["knots"])
+    if len(channels) not in (1, 2) or any(name not in OVER or channels.count(name) > 1 for name in channels):
+        raise UsageError(f"{effect}.channels = {values['channels']}", f"must be one or two of {', '.join(OVER)}")
     if len(knots) != len(channels) or any(not isinstance(one, list | tuple) for one in knots):
         raise UsageError(f"{effect}.knots", "must be a list of numbers for each channel: [[0.0, 1.0, 2.0]]")
-    knots = tuple(_row(one, f"{effect}.knots") for one in knots)
+    knots = tuple(numbers_of(one, f"{effect}.knots") for one in knots)
     if any(a >= b for one in knots for a, b in pairwise(one)) or any(len(one) < len(channels) for one in knots):
         raise UsageError(f"{effect}.knots", "must increase, and be two at least over each of two channels")
     factor = values.get("factor", "one")
     if factor not in FACTORS:
         raise UsageError(f"{effect}.factor = {factor!r}", f"must be one of {', '.join(FACTORS)}")
-    rows = values["values"] if len(channels) == 2 else [values["values"]]
-    found = tuple(_row(one, f"{effect}.values") for one in rows)
+    rows = _listed(values["values"]) if len(channels) == 2 else [values["values"]]
+    found = tuple(numbers_of(one, f"{effect}.values") for one in rows)
     wanted = (len(knots[0]), len(knots[1])) if len(channels) == 2 else (1, len(knots[0]))
     if (len(found), *{len(one) for one in found}) != wanted:
         raise UsageError(f"{effect}.values", f"must be {wanted[1]} numbers" + f" in {wanted[0]} rows" * (wanted[0] > 1))
     return Table(channels, knots, found if len(channels) == 2 else found[0], factor)
 
 
-def _row(values: Any, what: str) -> tuple[float, ...]:
+def numbers_of(values: Any, what: str, kind: str = "finite numbers", above: float = -math.inf) -> tuple[float, ...]:
+    """A list of numbers of a config, each above `above`.
+
+    Raises
+    ------
+    UsageError : `what` is no list of one number at least, or one is not finite, or not above.
+    """
     numbers = isinstance(values, list | tuple) and all(
-        isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) for x in values
+        isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) and x > above for x in values
     )
     if not numbers or not values:
-        raise UsageError(what, "must be finite numbers")
+        raise UsageError(what, f"must be a list of {kind}")
     return tuple(float(x) for x in values)
 
 

@@ -131,15 +131,30 @@ def test_friction_of_a_table_sticks():
         ("curve", {"channels": ["speedo"]}, "must be one or two of velocity"),
         ("curve", {"knots": [[0.0, 0.0, 1.0]]}, "must increase"),
         ("curve", {"values": [1.0, 2.0]}, "must be 3 numbers"),
-        ("curve", {"values": [1.0, math.nan, 2.0]}, "must be finite numbers"),
+        ("curve", {"values": [1.0, math.nan, 2.0]}, "must be a list of finite numbers"),
+        ("curve", {"values": 3.0}, "curve.values: must be a list of finite numbers"),
+        ("curve", {"knots": 0.3}, "a list of numbers for each channel"),
+        ("curve", {"channels": 1}, "must be one or two of velocity"),
+        ("curve", {"channels": [["position"]]}, "must be one or two of velocity"),
         ("curve", {"knots": [1.0, 2.0, 3.0]}, "a list of numbers for each channel"),
         ("curve", {"channels": ["velocity", "position"]}, "for each channel"),
+        ("curve", {"channels": ["u", "position"], "knots": [[0, 1]] * 2, "values": 3.0}, "must be 2 numbers in 2 rows"),
         ("curve", {"factor": "w"}, "must be one of one"),
         ("hysteresis", {"radii": [0.0, 1.0]}, "above 0"),
         ("hysteresis", {"stiffnesses": [1.0]}, "must be 2 numbers"),
         ("lagged_friction", {"of": "u"}, "must be one of velocity, direction"),
         ("lagged_friction", {"time_constants": [0.0, 1.0]}, "above 0"),
         ("lagged_friction", {"levels": [1.0]}, "must be 2 numbers"),
+        *(
+            (effect, {name: bad}, f"{effect}.{name}: must be a list of {kind}")
+            for effect, name, kind in (
+                ("hysteresis", "radii", "numbers above 0, rad or m"),
+                ("hysteresis", "stiffnesses", "finite numbers"),
+                ("lagged_friction", "time_constants", "numbers above 0, s"),
+                ("lagged_friction", "levels", "finite numbers"),
+            )
+            for bad in (0.3, [[0.3]], ["a"], [], [math.nan, 1.0])
+        ),
     ],
 )
 def test_what_is_no_table_is_refused(effect, change, said):
