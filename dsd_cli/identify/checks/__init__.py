@@ -114,9 +114,15 @@ def _leaning(parameters: Sequence[Parameter]) -> list[Finding]:
         f"{one.name} is {one.leaning:.3g} by least squares and {one.value:.3g} by the reference" for one in leaning
     ]
     what = f"{', '.join(texts)}: the controller answers noise of the sensor, which bends a fit of u on the motion"
-    held = [f"--fix {one.name}={max(one.value, 0.0):.4g}" for one in leaning if one.identified != "not"]
+    held = [_held(one) for one in leaning if one.identified != "not"]
     remedy = f"hold what the reference says: dsd diagnose {' '.join(held)}" if held else "a finer encoder"
     return [Finding(what, "log", "warning", 0.9, remedy)]
+
+
+def _held(one: Parameter) -> str:
+    """As an option; what is known weakly enters a fit with its error."""
+    known = f"{one.name}={max(one.value, 0.0):.4g}"
+    return f"--fix {known}" if one.identified == "identified" else f"--prior {known}+-{one.std_error:.2g}"
 
 
 def _bent(parameters: Sequence[Parameter]) -> list[Finding]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -76,14 +77,11 @@ def check_parameters(view: View, model: PlantModel | None, observer: ObserverSet
         return unknown_parameters(given)
     T = view.log.sample_time
     both = [_estimates(values, rows, others, T) for others in (rows.others[:, : 0 if model else None], rows.others)]
-    leans = any(one.leans for one in both)
-    alone, beside = (one.by_instruments if leans else one.least_squares for one in both)
-    found = tuple(_bent(*pair, T) for pair in zip(alone, beside, strict=True))
-    if leans:
-        found = tuple(
-            replace(one, leaning=None if "." in one.name else plain.value)
-            for one, plain in zip(found, both[0].least_squares, strict=True)
-        )
+    leaning = {name: value for one in reversed(both) for name, value in one.leaning.items()}
+    alone, beside = (one.by_instruments if leaning else one.least_squares for one in both)
+    found = tuple(
+        replace(_bent(*pair, T), leaning=leaning.get(pair[0].name)) for pair in zip(alone, beside, strict=True)
+    )
     return found if view.band is not None else tuple(_drifting(one) for one in found)
 
 
@@ -196,12 +194,12 @@ def _columns(
 
 
 class _Estimates(NamedTuple):
-    """Values by least squares, and by instruments; `leans`: inertia or delay differ by more than chance, and by more
-    than an identified value may be off."""
+    """Values by least squares, and by instruments; `leaning`: those of inertia and delay by least squares that differ
+    from the instruments' by more than chance, and by more than an identified value may be off."""
 
     least_squares: tuple[Parameter, ...]
     by_instruments: tuple[Parameter, ...] = ()
-    leans: bool = False
+    leaning: Mapping[str, float] = MappingProxyType({})
 
 
 def _estimates(values: Sequence[_Value], rows: _Rows, others: Array, T: float) -> _Estimates:
@@ -218,12 +216,13 @@ def _estimates(values: Sequence[_Value], rows: _Rows, others: Array, T: float) -
         return _Estimates(found)
     along = rows.along[:, : len(values) + others.shape[1]]
     right, pulled = _judged(values, *in_two_stages(rows.left, rows.slopes, others, along), rows.drive, T)
-    leans = False
+    leaning = {}
     for one, by, spread in zip(found, right, np.linalg.norm(pulled - pulls, axis=0).tolist(), strict=True):
         moved, step = abs(by.value - one.value), T if one.name == "delay" else math.nan
         chance = max(spread, math.sqrt(max(by.std_error**2 - one.std_error**2, 0.0)))
-        leans |= "." not in one.name and moved > _BENT * chance and grade(abs(by.value), moved, step) != "identified"
-    return _Estimates(found, right, leans)
+        if "." not in one.name and moved > _BENT * chance and grade(abs(by.value), moved, step) != "identified":
+            leaning[one.name] = one.value
+    return _Estimates(found, right, leaning)
 
 
 def _judged(

@@ -66,7 +66,20 @@ def test_what_the_controller_answers_bends_least_squares_and_not_the_instruments
     assert found["gravity.amplitude"].value == pytest.approx(WEIGHT, rel=0.05)
     assert found["inertia"].leaning == pytest.approx(bent["inertia"].value)
     assert said.severity == "warning"
+    inertia = found["inertia"]
+    assert inertia.identified == "weak"  # so that no fit takes it for certain
+    assert said.remedy.endswith(f"dsd diagnose --prior inertia={inertia.value:.4g}+-{inertia.std_error:.2g}")
+    delay = found["delay"]  # by the reference 0.04 to 0.08 s uncertain: least squares need not be wrong
+    assert delay.leaning is None
+    assert "delay" not in said.what
+
+
+def test_what_the_reference_identifies_is_held():
+    found, (said,) = checked(pendulum(0, 0.0005))
+    assert found["inertia"].identified == "identified"
     assert f"--fix inertia={found['inertia'].value:.4g}" in said.remedy
+    assert found["delay"].leaning - 3.0 * found["delay"].std_error > 0.0  # the pendulum has none
+    assert "delay is" in said.what
 
 
 @pytest.mark.parametrize("seed", range(2))
