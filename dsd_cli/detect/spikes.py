@@ -2,8 +2,9 @@
 
 A delay of 0 with the nominal inertia predicts d_hat = 0 for any u. One wrong value of u therefore speaks, with all the
 weight of its square, for that state and against every other, and d_hat cannot contradict. A state whose prediction
-would show the spike is another matter: if it explains its window with the spike in it, the spike was there. Before the
-spike reaches that state by its delay, and after it has left, the window says of it only that other states are wrong.
+would show the spike is another matter: if it explains its window with the spike in it, the spike was there. A window
+holds a spike twice: as it is in d_hat, u(t), and as that state delays it, u(t - L). Between the two, and after both,
+the window says of the state only that others are wrong.
 """
 
 from __future__ import annotations

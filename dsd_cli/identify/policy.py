@@ -179,7 +179,7 @@ class Policy:
     narrow_band_hz: float = 10.0  # a band that ends below hides fast effects: "nothing" is then less sure
 
     # -- motion --
-    resolved_deviations: float = 10.0  # of the position's noise (three counts of an encoder) in the shortest way
+    resolved_deviations: float = 10.0  # of the position's noise (three counts of an encoder): the shortest way resolved
     least_rest_samples: int = 5  # slow samples in a row that may be a rest
     resting_most: float = 0.3  # of the rms speed: no faster is at rest, however loud the noise
     resting_share: float = 0.5  # of the rest speed: what mean and change of the speed may be over a rest

@@ -1,6 +1,7 @@
 """What the documentation says is what the program has."""
 
 import importlib.util
+import re
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,14 @@ def test_every_command_and_option_has_help(name: str) -> None:
 @pytest.mark.parametrize("name", COMMANDS)
 def test_readme_names_every_command(name: str) -> None:
     assert f"dsd {name}" in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_readme_has_the_figures_of_the_real_machines() -> None:
+    page = (ROOT / "docs/measured/machines.md").read_text(encoding="utf-8")
+    wanted = r"(\d+) of (\d+) that must be named; (\d+) named that must not be; (\d+ of \d+) published values"
+    named, known, wrong, values = re.search(wanted, page).groups()
+    row = f"{known} known effects | {named} named, {wrong} wrong ones named; {values} published values"
+    assert row in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def test_config_page_has_every_key_with_meaning_unit_and_default() -> None:

@@ -296,5 +296,5 @@ def effect_columns(stretch: Stretch, effect: Effect, shape: Shape, u: Array) -> 
 
 
 def _pushed_load(stretch: Stretch, coupling: Coupling, share: float) -> Array:
-    """Mean acceleration of a load behind a motor that the model's force drives (`fit.driven`)."""
+    """Mean acceleration of a load behind a motor that the model's force drives (`fit.driven_load`)."""
     return driven_load(stretch.log["push"], stretch.log.sample_time, coupling, share, _STEP)

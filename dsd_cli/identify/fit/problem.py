@@ -87,6 +87,11 @@ class Problem:
         noise = noisiest(self.recordings)
         return self.solver.inertia * math.sqrt(passed_variance(np.ones(1), self.equations.band, noise))
 
+    @property
+    def least_missing(self) -> float:
+        """rms of r from which on something is missing, if unknown; unit of u."""
+        return math.hypot(POLICY.floor_factor * self.floor, POLICY.floor_excess * self.errors.force)
+
     def reconstructed(self, channel: str) -> bool:
         """Whether that channel of any recording is put together from u and d_hat, so that it drifts."""
         return _drifts(self.recordings, channel)
@@ -211,11 +216,10 @@ def asked_of_all(problem: Problem, recordings: Sequence[Recording], holdout: Seq
     plain = Bank(equations, variance=passed_variance(np.ones(1), few.band, noisiest(recordings, sure=True)))
     blocks = lay_blocks(equations.lengths, POLICY.gap_rows, recordings[0].name)
     white = Bank(equations.with_whitening(few.whitening), plain, problem.solver.bank.variance)
-    solver = problem.solver.on(white, blocks=blocks)
-    left = solver.squares(fit.terms, fit.tap) / blocks.rows
+    left = problem.solver.on(white, blocks=blocks).squares(fit.terms, fit.tap) / blocks.rows
     ratio = max(left / max(fit.squares / problem.blocks.rows, 1e-300), 1.0)
     noise = replace(problem.noise, variance=ratio * problem.noise.variance)
-    solver = solver.on(white, noise.variance * noise.inflation)
+    solver = problem.solver.on(white, noise.variance * noise.inflation, blocks=blocks)
     errors = Errors(plain, blocks, _aside(holdout, equations))
     return replace(problem, recordings=tuple(recordings), solver=solver, errors=errors, noise=noise)
 
@@ -281,8 +285,7 @@ def _laid_out(
 
 def _inertia_by_size(bank: Bank) -> float:
     """rms of u over that of the acceleration: between the inertias of the inverse and of the forward form of a mass."""
-    drive, acceleration = float(np.linalg.norm(bank.drive((), 0))), float(np.linalg.norm(bank.acceleration))
-    return drive / max(acceleration, 1e-300)
+    return float(np.linalg.norm(bank.drive((), 0))) / max(float(np.linalg.norm(bank.acceleration)), 1e-300)
 
 
 def _with_noise(problem: Problem, fit: Fit) -> Problem:

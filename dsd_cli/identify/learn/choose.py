@@ -33,6 +33,8 @@ MOST_LAWS, _ROUNDS = 3, 2
 _TIED = 1.5
 #: Steps in which one time constant is narrowed down: to 1 % of the way between two.
 _NARROWED = 10
+#: Why nothing is learnt where the direction of the motion decides.
+AT_STOPS = "what is left lies at stops and turns, where the direction of the motion is not sure"
 #: Times as many knots as a family begins with, one after the other.
 FINER = (2, 4, 8)
 
@@ -42,7 +44,8 @@ class Choice:
     """What was chosen.
 
     base : the model alone. fit : with the laws, `base` where there is none. tied : other families as good as the first.
-    richest : the fit with the least held-out loss. refused : why the best law was not taken, "" if one was.
+    richest : the fit with the least held-out loss. refused : why the best law was not taken, "" if one was;
+    undecided : because the log cannot say of any.
     finer : the laws of `fit` with finer curves, which are no better: how far the two differ is what the curves smooth.
     """
 
@@ -54,6 +57,7 @@ class Choice:
     best: LawFit
     refused: str
     finer: LawFit | None = None
+    undecided: bool = False
 
     def rmse(self, fit: LawFit, rows: Array | None = None) -> float:
         """Held-out rms of r, of the rows that count or of these, unit of u."""
@@ -68,6 +72,11 @@ def left_of(judge: Judge, fit: LawFit, rows: Array | None = None) -> float:
 
 def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -> Choice:
     """The laws that stand beside the model's own effects."""
+    if balance.blocks.rows < LEAST_ROWS:
+        few = f"the log is too short: it has {balance.blocks.rows} independent equations, a curve needs {LEAST_ROWS}"
+        judge = Judge(balance)
+        base = judge.fit(())
+        return Choice(judge, base, base, (), base, base, few, undecided=True)
     asked = [f for f in FAMILIES if balance.answered or not f.of_u]
     all_of_them = [c for c in (columns_of(f, balance) for f in asked) if c is not None]
     for turn in range(_ROUNDS):
@@ -80,14 +89,11 @@ def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -
             balance = balance.beside(judge.residual(richest, held_out=False))
     if not fits:
         return Choice(judge, base, base, (), base, base, "the log has no channel that a law could depend on")
-    if balance.blocks.rows < LEAST_ROWS:
-        few = f"the log is too short: it has {balance.blocks.rows} independent equations, a curve needs {LEAST_ROWS}"
-        return Choice(judge, base, base, (), base, base, few)
     first, tied = simplest(fits)
     tied += also_an_inertia(judge, first)
     refused = why_not(judge, base, first)
     if refused:
-        return Choice(judge, base, base, (), richest, first, refused)
+        return Choice(judge, base, base, (), richest, first, refused, undecided=refused == AT_STOPS)
     fit = first
     while first.laws[0].family.of_motion and len(fit.laws) < MOST_LAWS:
         following = _following(judge, fit, all_of_them)
@@ -221,5 +227,5 @@ def why_not(judge: Judge, before: LawFit, after: LawFit) -> str:
     if sure.any() and not sure.all():
         was, now = left_of(judge, before, sure), left_of(judge, after, sure)
         if now > (1.0 - POLICY.unknown_fall) * was:
-            return "what is left lies at stops and turns, where the direction of the motion is not sure"
+            return AT_STOPS
     return ""

@@ -161,8 +161,7 @@ def _tie(chosen: Choice, other: LawFit) -> Tie:
 
 
 def _notes(chosen: Choice, problem: Problem, heldout: float) -> tuple[str, ...]:
-    least = math.hypot(POLICY.floor_factor * problem.floor, POLICY.floor_excess * problem.errors.force)
-    if heldout <= least:
+    if heldout <= problem.least_missing:
         return ()
     share = 100.0 * heldout / max(problem.errors.force, 1e-300)
     return (f"{share:.1f} % of u stays unexplained beside the law, more than the sensor leaves",)
@@ -175,15 +174,13 @@ def _nothing(chosen: Choice, scores: Scores, recordings: Sequence[Recording], ho
     refitted = _held_out(scores.refitted, chosen, chosen.base, holdout)
     sure = chosen.judge.balance.weight == 1.0
     left = min(chosen.rmse(chosen.base), chosen.rmse(chosen.base, sure) if sure.any() else math.inf)
-    least = math.hypot(POLICY.floor_factor * problem.floor, POLICY.floor_excess * problem.errors.force)
-    verdict, why = NOTHING, chosen.refused
-    undecided = "stops" in why or "too short" in why
+    verdict, why, least = NOTHING, chosen.refused, problem.least_missing
     if not chosen.refused:
         verdict, why = NOT_OF_MOTION, "what is left is a force over time, not over the motion"
-    elif left > least and not undecided:
+    elif left > least and not chosen.undecided:
         verdict = NOT_OF_MOTION
         why = f"{100.0 * left / max(problem.errors.force, 1e-300):.1f} % of u is left on blocks that no fit saw: {why}"
-    elif left <= least and not undecided:
+    elif left <= least and not chosen.undecided:
         band = f"{problem.equations.band.hz:.1f} Hz"
         why = f"nothing is missing below {band}: what is left is no more than the sensor's noise"
     return Learnt(

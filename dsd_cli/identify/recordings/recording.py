@@ -44,8 +44,8 @@ class Recording:
         from velocity" (d_hat).
     missing : channel -> why it cannot be had.
     rest_speed : speed up to which the plant may be at rest, as far as the measurement can show.
-    pushed : (effect, share of the inertia) of the load that "push" of the pieces drives (`fit.driven`); None where the
-        motion drives every load. levels : (effect, column, coefficient) of forces that act in this log alone.
+    pushed : (effect, share of the inertia) of the load that "push" of the pieces drives (`fit.driven_load`); None where
+        the motion drives every load. levels : (effect, column, coefficient) of forces that act in this log alone.
     """
 
     name: str

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
-from itertools import combinations
 
 from dsd_cli.effects import Ranges, free_name, get_effect, kind_of
 from dsd_cli.identify.fit.bank import Term, Terms
@@ -31,11 +30,6 @@ def apart(one: Term, others: Iterable[Term], ranges: Ranges) -> bool:
     kind, own = kind_of(one.id), periods(one.shape, ranges)
     alike = (t for t in others if t.id != one.id and kind_of(t.id) == kind)
     return all(abs(periods(t.shape, ranges) - own) >= POLICY.periods_apart for t in alike)
-
-
-def all_apart(terms: Terms, ranges: Ranges) -> bool:
-    """Whether that holds for every two of them."""
-    return all(apart(a, (b,), ranges) for a, b in combinations(terms, 2))
 
 
 def renamed(terms: Terms, alike: Terms) -> Terms:

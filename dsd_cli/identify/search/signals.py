@@ -206,7 +206,7 @@ def variance_of(rest: Array) -> float:
 
 def gains(worse: Array, better: Array) -> Array:
     """Nats per block that one residual gains over another, shape (BLOCKS,); blocks hold equal parts of what
-    distinguishes them apart, so that one quick move counts as much as a long record of slow ones."""
+    distinguishes them, so that one quick move counts as much as a long record of slow ones."""
     told = np.cumsum((worse - better) ** 2)
     edges = np.searchsorted(told, np.linspace(0.0, float(told[-1]), BLOCKS + 1)[1:-1])
     nats = (worse**2 - better**2) / (2.0 * variance_of(better))

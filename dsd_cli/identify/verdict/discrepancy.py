@@ -69,7 +69,7 @@ def above_floor(search: Search, fit: Fit) -> bool:
 
     Rows in which the direction of the motion is not sure do not count, if the others are many.
     """
-    return surely_left(search, fit) > _least(search)
+    return surely_left(search, fit) > search.problem.least_missing
 
 
 def surely_left(search: Search, fit: Fit) -> float:
@@ -79,13 +79,7 @@ def surely_left(search: Search, fit: Fit) -> float:
 
 def beside_stops(search: Search, fit: Fit) -> bool:
     """Whether a fit that leaves no more than noise was judged without stops and creeping, where it leaves more."""
-    return search.problem.errors.rmse(fit) > _least(search) or only_at_stops(search, fit)
-
-
-def _least(search: Search) -> float:
-    """rms of r from which on something is missing, if unknown; unit of u."""
-    problem = search.problem
-    return math.hypot(POLICY.floor_factor * problem.floor, POLICY.floor_excess * problem.errors.force)
+    return search.problem.errors.rmse(fit) > search.problem.least_missing or only_at_stops(search, fit)
 
 
 def only_at_stops(search: Search, fit: Fit) -> bool:
