@@ -63,7 +63,8 @@ def in_common_terms(search: Search, fit: Fit) -> Fit:
 
 
 def _as_good(search: Search, one: Option, best: Option) -> bool:
-    """Whether one that costs no more explains as much as the best, as far as a lead is certain and matters."""
-    lead = best.evidence - one.evidence
-    as_cheap = search.price(one.fit.terms) < search.price(best.fit.terms) + 1e-9
-    return as_cheap and (lead < POLICY.least_gain or not search.practical(one.fit, best.fit))
+    """Whether a lead of the best over one that costs no more is not certain, or over a cheaper one does not matter."""
+    saved = search.price(best.fit.terms) - search.price(one.fit.terms)
+    if best.evidence - one.evidence < POLICY.least_gain:
+        return saved > -1e-9
+    return saved > 1e-9 and not search.practical(one.fit, best.fit)
