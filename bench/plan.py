@@ -150,10 +150,8 @@ def _realised(machine: Machine, plan: Plan) -> list[tuple[float, float]]:
     for pair in plan.pairs:
         for truth, rival, expected in ((pair.a, pair.b, pair.nats_if_a), (pair.b, pair.a, pair.nats_if_b)):
             if truth == what and rival in fits and truth in fits and np.isfinite(expected) and expected > 0.0:
-                lead = (
-                    search.converged(fits[rival]).squares - search.converged(fits[truth]).squares
-                ) / search.noise.nats
-                found.append((float(expected), float(lead)))
+                left = [search.nats(search.converged(fits[name]).loss) for name in (rival, truth)]
+                found.append((float(expected), left[0] - left[1]))
     return found
 
 

@@ -128,12 +128,10 @@ class Measure:
         Leads of both are added: the rival may take other values in the motion than in the logs, so that it is no more
         than the rival could do with one choice, and a likely plant need not be the one that fits the logs best.
         """
-        leads, before = self._leads(planned), self.now
-        nats, of_use, u_of_logs = {}, {}, float(self.of_logs[0, 0, 0])
-        for pair, some in leads.items():
-            nats[pair] = before[pair] + float(np.mean([self._in_nats(*one) for one in some]))
-            already = before[pair] * self.search.noise.nats
-            of_use[pair] = min(self._of_use(already + lead, u_of_logs + u) for lead, u in some)
+        nats, of_use, u_of_logs = {}, {}, self._u_of_logs
+        for pair, some in self._leads(planned).items():
+            nats[pair] = self.now[pair] + float(np.mean([self._in_nats(pair[0], *one) for one in some]))
+            of_use[pair] = min(self._of_use(self._ahead(*pair) + lead, u_of_logs + u) for lead, u in some)
         return Expected(nats, of_use, self._errors(planned))
 
     def _of_use(self, lead: float, u: float) -> float:
@@ -143,13 +141,23 @@ class Measure:
 
     @cached_property
     def now(self) -> dict[tuple[int, int], float]:
-        """(truth, rival) -> nats by which the logs prefer the truth."""
-        nats = self.search.noise.nats
-        return {pair: float(np.mean([lead / nats for lead, _ in some])) for pair, some in self._leads().items()}
+        """(truth, rival) -> nats by which the logs prefer the truth: what the search says, but for prices."""
+        pairs = {(c.truth, c.rival) for c in self.cases if c.truth != c.rival}
+        left = [self.search.nats(e.fit.loss) for e in self.targets.explanations]
+        return {(truth, rival): left[rival] - left[truth] for truth, rival in sorted(pairs)}
 
-    def _leads(self, planned: Array | None = None) -> dict[tuple[int, int], list[tuple[float, float]]]:
-        """(truth, rival) -> of each draw, the lead of the truth and all of u, in squares; by default of the logs."""
-        grams = self.of_logs if planned is None else planned
+    def _ahead(self, truth: int, rival: int) -> float:
+        """The same in squares."""
+        explanations = self.targets.explanations
+        return explanations[rival].fit.squares - explanations[truth].fit.squares
+
+    @property
+    def _u_of_logs(self) -> float:
+        """Square of u in the rows of the logs."""
+        return float(self.of_logs[0, 0, 0])
+
+    def _leads(self, grams: Array) -> dict[tuple[int, int], list[tuple[float, float]]]:
+        """(truth, rival) -> of each draw, the lead of the truth in a motion and all of u, in squares."""
         squares = self._squares(grams[:-1])
         own = {(c.truth, c.draw): i for i, c in enumerate(self.cases) if c.truth == c.rival}
         least: dict[tuple[int, int, int], tuple[float, float]] = {}
@@ -162,11 +170,12 @@ class Measure:
             leads.setdefault((a, b), []).append(found)
         return leads
 
-    def _in_nats(self, lead: float, u: float) -> float:
-        """Of a lead in squares, where u has so large ones: what the logs leave unexplained may stand against it, as it
-        does against the belief in an effect."""
-        against = self.targets.unexplained**2 * u
-        return lead / self.search.noise.nats * (lead / (lead + against) if lead > 0.0 else 1.0)
+    def _in_nats(self, truth: int, lead: float, u: float) -> float:
+        """Of a lead in squares in a motion, where u has so large ones: nats as the search counts them, on top of what
+        the truth leaves in the logs and as large a share of u in the motion. Of as many rows as the logs have."""
+        nats = self.search.nats
+        left = self.targets.explanations[truth].fit.loss + self.targets.unexplained**2 * u
+        return nats(left + lead) - nats(left)
 
     def _squares(self, grams: Array) -> Array:
         """Sums of squares of the form that is evidence in the search, shape (cases,)."""
@@ -199,8 +208,7 @@ class Measure:
         return nats
 
     def _names(self) -> frozenset[str]:
-        pairs = {(c.truth, c.rival) for c in self.cases if c.truth != c.rival}
-        return frozenset(self._name(*p) for p in pairs) | {v.name for v in self.targets.values}
+        return frozenset(self._name(*p) for p in self.now) | {v.name for v in self.targets.values}
 
     def _name(self, truth: int, rival: int) -> str:
         names = [self.targets.explanations[i].name for i in (truth, rival)]
@@ -223,9 +231,11 @@ class Measure:
     def ruled_out(self) -> frozenset[str]:
         """Directions "a, not b" with b so far ahead of a by the logs, and by so much force, that a is not the truth: no
         motion is for them."""
-        nats, leads = self.search.noise.nats, ((pair, some[0]) for pair, some in self._leads().items())
+        u = self._u_of_logs
         return frozenset(
-            self._name(*pair) for pair, (lead, u) in leads if lead / nats < -ENOUGH and self._of_use(lead, u) < -1.0
+            self._name(*pair)
+            for pair, nats in self.now.items()
+            if nats < -ENOUGH and self._of_use(self._ahead(*pair), u) < -1.0
         )
 
     def without(self, names: Sequence[str]) -> Measure:

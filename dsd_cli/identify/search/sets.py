@@ -70,9 +70,9 @@ class Search:
 
     def evidence(self, fit: Fit) -> float:
         """Held-out log-likelihood (up to a constant) less the price of the effects beyond the model's, nats."""
-        return -self._nats(fit.loss) - self.price(fit.terms)
+        return -self.nats(fit.loss) - self.price(fit.terms)
 
-    def _nats(self, squares: float) -> float:
+    def nats(self, squares: float) -> float:
         """Negative log-likelihood of a sum of squares; the variance is that of the noise, or what is left if more.
 
         What is left beyond the noise is force that no effect describes, and what takes a hundredth off it is no surer
@@ -95,7 +95,7 @@ class Search:
     def gains(self, before: Fit, after: Fit) -> np.ndarray:
         """Nats per block, shape (B,), without prices: shares of the whole gain as of what squares fall."""
         fall = before.loss - after.loss
-        scale = (self._nats(before.loss) - self._nats(after.loss)) / fall if fall != 0.0 else 1.0 / self.noise.nats
+        scale = (self.nats(before.loss) - self.nats(after.loss)) / fall if fall != 0.0 else 1.0 / self.noise.nats
         return (before.losses - after.losses) * scale
 
     def matters(self, before: Fit, after: Fit) -> bool:
@@ -246,7 +246,7 @@ class Search:
         ]
         if not pairs:
             return None
-        ranked = sorted(pairs, key=lambda p: self._nats(self.solver.squares(*p)) + self.price(p[0]))
+        ranked = sorted(pairs, key=lambda p: self.nats(self.solver.squares(*p)) + self.price(p[0]))
         return max((self.fit(terms, tap) for terms, tap in ranked[:MOST_PAIRS]), key=self.evidence)
 
     def settled(self, fit: Fit) -> Fit:

@@ -12,6 +12,7 @@ from dsd_cli.identify.design.measure import Measure
 from dsd_cli.identify.design.plan import Wanted, plan_next
 from dsd_cli.identify.design.results import Plan
 from dsd_cli.identify.design.targets import targets_of
+from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.results import Diagnosis
@@ -19,6 +20,7 @@ from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
+from tests.identify.comparison_rig import BELIEVED, MOVES, recorded
 from tests.oracle.rig_cases import RigCase
 from tests.oracle.rig_given import follow, poor_reference
 from tests.oracle.rig_trials import Trial, find_trial
@@ -159,10 +161,37 @@ def test_limits_that_leave_no_room_are_refused(tied: Asked) -> None:
             limits_of([tied.recording], given, start, 10.0)
 
 
+def by_the_search(search: Search, better: Fit, worse: Fit) -> float:
+    """Nats, without prices."""
+    said = [search.evidence(fit) + search.price(fit.terms) for fit in (better, worse)]
+    return said[0] - said[1]
+
+
 def test_what_the_logs_already_say_is_what_the_search_says(tied: Asked) -> None:
     """Here only u on the motion is evidence: friction and weight are nearly all of u."""
     targets = targets_of(tied.search, tied.whole, tied.diagnosis, ("constant_load", "gravity"))
-    first, second = (tied.search.converged(e.fit).squares for e in targets.explanations)
+    fits = [tied.search.converged(e.fit) for e in targets.explanations]
     assert tied.search.solver.inverse
     lead = Measure(tied.search, targets, 1).now[0, 1]
-    assert lead == pytest.approx((second - first) / tied.search.noise.nats, rel=0.01)
+    assert lead == pytest.approx(by_the_search(tied.search, *fits), rel=0.01)
+
+
+def misfit(takes: int) -> tuple[Search, Fit, Fit]:
+    """(search, with viscous friction, with gravity) of logs in which Coulomb friction is missing."""
+    friction = {"coulomb_friction": {"level": 0.1}}
+    logs = [recorded(friction, reference=MOVES, duration=10.0, seed=seed) for seed in range(takes)]
+    search = Search(pose(logs, BELIEVED, Settings(effects=("gravity", "viscous_friction"))))
+    fits = {o.effect: o.fit for o in search.options(search.refit)}
+    return search, fits["viscous_friction"], fits["gravity"]
+
+
+def test_a_force_that_no_explanation_has_is_no_evidence_between_them() -> None:
+    """What is left is some hundred times the noise. Of the same motion again is expected what the search says of two
+    takes, but for what cross-validation makes of one and of two."""
+    search, *fits = misfit(1)
+    measure = Measure(search, targets_of(search, fits[0], None, ("viscous_friction", "gravity")), 1)
+    assert [e.name for e in measure.targets.explanations] == ["viscous_friction", "gravity"]
+    assert measure.now[0, 1] == pytest.approx(by_the_search(search, *fits))
+    assert measure.now[1, 0] == -measure.now[0, 1]
+    expected = measure.expected(measure.of_logs).nats[0, 1]
+    assert measure.now[0, 1] < expected == pytest.approx(by_the_search(*misfit(2)), rel=0.2)
