@@ -161,22 +161,38 @@ def is_number(text: str) -> bool:
     return True
 
 
-def read_header(source: str, comment: str, line: str) -> Header:
-    """The header is `line`, or, when that is mostly numbers already, the comment before it.
+def read_header(source: str, comment: str, line: str, below: str | None = None) -> Header:
+    """The header is `line`, or, when that is a row already, the comment before it.
+
+    `below`: the line after it; None: a stream, it has not come yet.
 
     Raises
     ------
     DataError : there are no names.
     """
     header = Header(*_names(line))
-    numbers = sum(map(is_number, header.names))
     names, delimiter = _names(uncommented(comment))
-    fits = len(names) == len(split(line, delimiter)) > 1 and not any(map(is_number, names))
-    if fits and 2 * numbers > len(header.names):
+    one_column = len(names) == 1 and not names[0].split()[1:]  # of several words it is a sentence
+    fits = len(names) == len(split(line, delimiter)) and not any(map(is_number, names))
+    under = None if below is None else split(below, header.delimiter)
+    if fits and (one_column or len(names) > 1) and _is_row(header.names, under):
         return Header(names, delimiter, line_is_data=True)
-    if numbers < len(header.names):
+    if not all(map(is_number, header.names)):
         return header
     raise DataError(f"{source}: has no header, its first line is numbers", "say so: [csv] header = 0")
+
+
+def _is_row(cells: Sequence[str], under: Sequence[str] | None) -> bool:
+    """Whether most of it are numbers, and its words are words in the next row too (`frame_id` of rostopic).
+
+    Before there is a next row, one that begins with a word is none: a row begins with its stamp.
+    """
+    words = [at for at, cell in enumerate(cells) if not is_number(cell)]
+    if 2 * len(words) >= len(cells):
+        return False
+    if under is None:
+        return 0 not in words
+    return not any(at < len(under) and under[at].strip() not in MISSING and is_number(under[at]) for at in words)
 
 
 def live_header(source: str, comment: str, line: str, delimiter: str | None, bare: bool) -> Header:
@@ -215,7 +231,8 @@ def find_header(source: str, lines: Sequence[str]) -> tuple[Header, int]:
         if is_comment(line):
             comment = line if line.strip() else comment
             continue
-        header = read_header(source, comment, line)
+        below = next((other for other in lines[count + 1 :] if not is_comment(other)), "")
+        header = read_header(source, comment, line, below)
         return header, count + (not header.line_is_data)
     raise DataError(f"{source}: is empty" if not any(lines) else f"{source}: has no header and no rows")
 
@@ -236,7 +253,8 @@ def look_at_rows(
 
     `units`: those that are known already.
     """
-    rows = [(at, fields_of(line, header.delimiter)) for at, line in enumerate(lines[skip:], start=skip) if line.strip()]
+    told = [(at, line) for at, line in enumerate(lines[skip:], start=skip) if not is_comment(line)]
+    rows = [(at, fields_of(line, header.delimiter)) for at, line in told]
     if units is None and len(rows) > 1 and is_units_row(rows[0][1], needed) and not is_units_row(rows[1][1], needed):
         units = [text.strip() for text in rows[0][1]]
         skip = rows[0][0] + 1

@@ -19,6 +19,7 @@ from dsd_cli.files.csv_dialect import (
     decode,
     fields_of,
     find_header,
+    is_comment,
     is_number,
     number,
     uncommented,
@@ -28,6 +29,14 @@ from dsd_cli.files.recognise import is_unit
 #: First cells of the rows of a preamble that has one column for each channel.
 NAME_KEYS = ("name", "channel name", "channel", "signal", "signal name", "symbol", "kanal", "signalname")
 UNIT_KEYS = ("unit", "units", "einheit", "y_unit_label")
+
+
+class Row(NamedTuple):
+    """The fields of a line, without the mark of a comment if it is one; `at` counts lines from 0."""
+
+    at: int
+    cells: list[str]
+    comment: bool
 
 
 class Found(NamedTuple):
@@ -56,18 +65,36 @@ def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
         header, skip = find_header(source, lines)
     except DataError:
         return find_layout(source, lines, layout)
-    rows = [(at, fields_of(line, header.delimiter)) for at, line in enumerate(lines) if at >= skip and line.strip()]
+    rows = [row for row in _rows(lines, header.delimiter, skip, len(lines)) if not row.comment or _units_of(row, body)]
     plain = body.delimiter == header.delimiter and body.fields == len(header.names)
-    if not plain or not any(is_data(fields, body.fields, body.numeric) for _, fields in rows[:2]):
+    if not plain or _names_of_units(header.names):  # units: the names may be above them
         return find_layout(source, lines, layout)
-    at, first = rows[0]
+    if not any(is_data(row.cells, body.fields, body.numeric) for row in rows[:2]):
+        return find_layout(source, lines, layout)
+    at, first, _ = rows[0]
     data = is_data(first, body.fields, body.numeric)
+    notes = [_COMMENTED.format(max(k for k in range(skip) if lines[k].strip()) + 1)] if header.line_is_data else []
     if len(first) == body.fields and len(rows) > 1 and not data and (_is_text(first) or _names_of_units(first)):
         if any(cell.strip() and not name for name, cell in zip(header.names, first, strict=True)):
             return find_layout(source, lines, layout)  # a unit of no channel: the line above is a title
         shown = [text.strip().strip("[]()") for text in first]
-        return Found(header, at + 1, shown, [f"line {at + 1} is taken as units, not data"])
-    return Found(header, skip, None, [])
+        return Found(header, at + 1, shown, [*notes, f"line {at + 1} is taken as units, not data"])
+    return Found(header, skip, None, notes)
+
+
+_COMMENTED = "the comment in line {} is taken as the header"
+
+
+def _rows(lines: Sequence[str], delimiter: str, start: int, stop: int) -> list[Row]:
+    """The lines from `start` to before `stop` in which something stands."""
+    of_lines = ((at, is_comment(lines[at]), lines[at]) for at in range(start, stop) if lines[at].strip())
+    said = ((at, comment, uncommented(line) if comment else line) for at, comment, line in of_lines)
+    return [Row(at, fields_of(line, delimiter), comment) for at, comment, line in said if line]
+
+
+def _units_of(row: Row, body: Body) -> bool:
+    """Whether it is a unit for every channel."""
+    return len(row.cells) == body.fields and _names_of_units(row.cells)
 
 
 def _is_text(fields: Sequence[str]) -> bool:
@@ -115,8 +142,7 @@ def find_layout(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
             "say where they are: [csv] header (the line with the names), delimiter, decimal",
         )
     body = body._replace(start=body.start + above)
-    above_it = ((at, uncommented(lines[at])) for at in range(skipped, body.start))
-    rows = [(at, fields_of(line, body.delimiter)) for at, line in above_it if line]
+    rows = _rows(lines, body.delimiter, skipped, body.start)
     if layout.header is not None or layout.units_row is not None:
         return _as_told(lines, layout, body)
     keyed = _keyed(rows, body)
@@ -128,22 +154,22 @@ def find_layout(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
 def _as_told(lines: Sequence[str], layout: CsvLayout, body: Body) -> Found:
     units = None
     if layout.units_row:
-        units = [text.strip().strip("[]()") for text in fields_of(lines[layout.units_row - 1], body.delimiter)]
+        shown = fields_of(uncommented(lines[layout.units_row - 1]), body.delimiter)
+        units = [text.strip().strip("[]()") for text in shown]
     names = _numbered(body.fields)
     if layout.header:
         names = _fitted([text.strip() for text in fields_of(lines[layout.header - 1], body.delimiter)], body)
     elif layout.header is None:
-        above = [(at, fields_of(lines[at], body.delimiter)) for at in range((layout.units_row or 1) - 1)]
-        names = _above(above, body).header.names
+        names = _above(_rows(lines, body.delimiter, 0, (layout.units_row or 1) - 1), body).header.names
     return Found(Header(names, body.delimiter), body.start, units, [])
 
 
-def _keyed(rows: Sequence[tuple[int, list[str]]], body: Body) -> Found | None:
+def _keyed(rows: Sequence[Row], body: Body) -> Found | None:
     """A preamble whose rows begin with what they say: `Name; a; Name; b`, `Unit; mm; Unit; V`."""
-    named = next((row for _, row in rows if _key(row) in NAME_KEYS and len(row) == body.fields), None)
+    named = next((row for _, row, _ in rows if _key(row) in NAME_KEYS and len(row) == body.fields), None)
     if named is None:
         return None
-    units = next((row for _, row in rows if _key(row) in UNIT_KEYS and len(row) == body.fields), None)
+    units = next((row for _, row, _ in rows if _key(row) in UNIT_KEYS and len(row) == body.fields), None)
     label, times, names = _key(named), 0, []
     for cell in named:
         is_time = cell.strip().casefold() == label
@@ -159,38 +185,50 @@ def _key(row: Sequence[str]) -> str:
     return row[0].strip().casefold() if row else ""
 
 
-def _above(rows: Sequence[tuple[int, list[str]]], body: Body) -> Found:
-    """Names and units from the rows right above the body that are as wide as it."""
-    wide: list[tuple[int, list[str]]] = []
-    for at, row in reversed(rows):
-        filled = sum(bool(cell.strip()) for cell in row)
-        if abs(len(row) - body.fields) > 1 or filled < max(1, (body.fields + 1) // 2) or all(map(is_number, row)):
-            break
-        wide.insert(0, (at, [cell.strip() for cell in row]))
-        if len(wide) == 2:
-            break
+def _above(rows: Sequence[Row], body: Body) -> Found:
+    """Names and units from the rows right above the body that are as wide as it; comments where nothing else is."""
+    wide = _wide([row for row in rows if not row.comment or _units_of(row, body)], body)
+    if all(row.comment or all(map(is_unit, row.cells)) for row in wide):  # no names but in a comment
+        said = [row for row in rows if row in wide or (row.comment and len(row.cells) == body.fields)]
+        wide = _wide(said, body) or wide
     notes: list[str] = []
     units = None
-    if len(wide) == 2 and not _names_of_units(wide[1][1]):
-        wide = wide[1:] if not _describes(wide[0][1], wide[1][1], body) else wide
+    if len(wide) == 2 and not _names_of_units(wide[1].cells):
+        wide = wide if _describes(wide[0], wide[1], body) else wide[1:]
     if not wide:
         notes.append("it has no header: its columns are called by their number, 1, 2, ...")
         return Found(Header(_numbered(body.fields), body.delimiter), body.start, None, notes)
-    at, names = wide[0]
+    at, names, comment = wide[0]
     if len(wide) == 2:
-        below = _fitted(wide[1][1], body)
+        below = _fitted(wide[1].cells, body)
         if _names_of_units(below):
             units = [text.strip("[]()") for text in below]
-            notes.append(f"line {wide[1][0] + 1} is taken as units, not data")
+            notes.append(f"line {wide[1].at + 1} is taken as units, not data")
         else:
             units = [cell.strip("[]()") if is_unit(cell) else "" for cell in below]
             names = [
                 name if is_unit(cell) or not cell else f"{name} {cell}"
                 for name, cell in zip(_fitted(names, body), below, strict=True)
             ]
-    if at > 0:
+    if comment:
+        notes.append(_COMMENTED.format(at + 1))
+    elif at > 0:
         notes.append(f"line {at + 1} is taken as the header, what is above it is left out")
     return Found(Header(_fitted(names, body), body.delimiter), body.start, units, notes)
+
+
+def _wide(rows: Sequence[Row], body: Body) -> list[Row]:
+    """The last two rows, or the last one, that are as wide as the body and text, by and large."""
+    wide: list[Row] = []
+    for row in reversed(rows):
+        filled = sum(bool(cell.strip()) for cell in row.cells)
+        off = abs(len(row.cells) - body.fields)
+        if off > 1 or filled < max(1, (body.fields + 1) // 2) or all(map(is_number, row.cells)):
+            break
+        wide.insert(0, row._replace(cells=[cell.strip() for cell in row.cells]))
+        if len(wide) == 2:
+            break
+    return wide
 
 
 def _names_of_units(row: Sequence[str]) -> bool:
@@ -199,9 +237,10 @@ def _names_of_units(row: Sequence[str]) -> bool:
     return bool(there) and sum(map(is_unit, there)) >= 0.5 * len(there)
 
 
-def _describes(names: Sequence[str], below: Sequence[str], body: Body) -> bool:
+def _describes(names: Row, below: Row, body: Body) -> bool:
     """Whether the lower of two rows of text adds to the names of the upper one, and the upper is none of a preamble."""
-    return len(names) == len(below) == body.fields and len(set(names)) == len(names) and all(names)
+    alike = len(names.cells) == len(below.cells) == body.fields and not (names.comment or below.comment)
+    return alike and below.at == names.at + 1 and len(set(names.cells)) == body.fields and all(names.cells)
 
 
 def _fitted(names: Sequence[str], body: Body) -> list[str]:

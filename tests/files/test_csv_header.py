@@ -1,0 +1,87 @@
+"""Which line above the numbers names the columns: comments, titles and rows of units are told from each other."""
+
+import pytest
+
+from dsd_cli.errors import DataError
+from dsd_cli.files.csv_dialect import read_header
+from dsd_cli.files.csv_layout import CsvLayout, Found, look
+
+TIME, OTHER, UNITS = ["t", "u", "q", "v"], ["time", "1", "2", "3"], ["ms", "Nm", "deg", "deg/s"]
+ROWS = [f"{k / 250},{0.5 + k / 8},{-k / 16},{k / 32}" for k in range(12)]
+WITH_WORDS = [f"{k / 250},,j1,{k / 32}" for k in range(12)]
+LOOSE = [row.replace(",", " ") for row in ROWS]
+
+
+def seen(*lines: str) -> Found:
+    return look("log.csv", lines, CsvLayout())
+
+
+@pytest.mark.parametrize("comment", ["# log of the arm", "# Servo log: run 3", "# made at lab on Tuesday", "# arm"])
+@pytest.mark.parametrize(("header", "rows"), [("t u q v", LOOSE), ("t,u,q,v", ROWS)])
+def test_a_sentence_above_a_header_is_none(comment: str, header: str, rows: list[str]) -> None:
+    assert seen(comment, header, *rows).header.names == TIME
+    assert seen("Log of run 3", comment, header, *rows).header.names == TIME
+    below = seen(header, comment, "# and more", *rows)
+    assert (below.header.names, below.units) == (TIME, None)
+
+
+def test_a_comment_of_more_or_fewer_words_names_no_columns() -> None:
+    found = seen("# made at lab on Tuesday", *LOOSE)
+    assert found.header.names == ["1", "2", "3", "4"]
+    assert any("no header" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(("comment", "rows"), [("# t u q v", LOOSE), ("# t,u,q,v", ROWS), ("%t,u,q,v", WITH_WORDS)])
+def test_a_comment_that_is_the_header_is_said(comment: str, rows: list[str]) -> None:
+    for lines, at in (((comment,), 1), (("# made by a tool", comment), 2)):
+        found = seen(*lines, *rows)
+        assert (found.header.names, found.skip) == (TIME, at)
+        assert f"the comment in line {at} is taken as the header" in found.notes
+
+
+@pytest.mark.parametrize("header", ["time,1,2,3", "1,2,3,time"])
+def test_a_header_of_numbers_and_a_word_is_the_header(header: str) -> None:
+    found = seen("# rig, arm, run, x", header, *ROWS)
+    assert (found.header.names, found.skip) == (header.split(","), 2)
+
+
+def test_of_a_stream_the_next_row_has_not_come() -> None:
+    comment = "# t,u,q,v"
+    assert read_header("-", comment, "time,1,2,3").names == OTHER
+    assert read_header("-", comment, WITH_WORDS[1]).names == TIME
+
+
+def test_one_column_is_named_by_one_word() -> None:
+    alone = [row.split(",")[1] for row in ROWS]
+    assert seen("#u", *alone).header.names == ["u"]
+    with pytest.raises(DataError, match="has no header"):
+        read_header("log.csv", "# made at lab", alone[0], alone[1])
+
+
+@pytest.mark.parametrize(
+    "above",
+    [
+        ("#t,u,q,v", "#ms,Nm,deg,deg/s"),
+        ("t,u,q,v", "# ms,Nm,deg,deg/s"),
+        ("# t,u,q,v", "ms,Nm,deg,deg/s"),
+        ("t,u,q,v", "ms,Nm,deg,deg/s"),
+        ("# made, with, a, tool", "t,u,q,v", "# [ms],[Nm],[deg],[deg/s]"),
+    ],
+)
+@pytest.mark.parametrize("loose", [False, True])
+def test_units_in_a_comment_are_units(above: tuple[str, ...], loose: bool) -> None:
+    lines = [*above, *ROWS]
+    found = seen(*(line.replace(", ", "_").replace(",", " ") if loose else line for line in lines))
+    assert (found.header.names, found.units) == (TIME, UNITS)
+
+
+def test_a_comment_behind_the_one_with_the_names() -> None:
+    assert seen("# t,u,q,v", "# made by tool", *ROWS).header.names == TIME
+    assert seen("t,u,q,v", "# made, with, a, tool", *ROWS).units is None
+
+
+def test_names_that_are_units_too() -> None:
+    """Position, velocity and acceleration: s, v, a."""
+    rows = [row.rpartition(",")[0] for row in ROWS]
+    assert seen("s,v,a", *rows).header.names == ["s", "v", "a"]
+    assert seen("# log of run 3", "s,v,a", *rows).header.names == ["s", "v", "a"]
