@@ -152,9 +152,11 @@ def in_short(found: Learnt) -> str:
     formula = found.formula
     if formula is None:
         return f"learnt: {found.family}, which no effect of the catalogue is"
-    of_catalogue = formula.known and formula.replaces
-    known = f"which is {' and '.join(formula.effects)}" if of_catalogue else "which no effect of the catalogue is"
-    return f"learnt: {found.family}, {formula.text}, {known}"
+    if formula.known and formula.replaces:
+        return f"learnt: {formula.words}, {formula.text}, which is {' and '.join(formula.effects)}"
+    if formula.replaces:
+        return f"learnt: {found.family}, {formula.text}, which no effect of the catalogue is"
+    return f"learnt: {found.family}, nearest formula {formula.text}, which explains less than the curve"
 
 
 def put_files(found: Learnt, given: Given, files: Files, origin: Origin, logs: tuple[str, ...]) -> LearnReport:

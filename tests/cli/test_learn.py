@@ -186,15 +186,22 @@ def test_the_report_shows_the_law_and_its_rung(spot):
     size = [sum(x * x for x in one["data"][0][1]) for one in left["series"]]
     assert size[1] < 0.1 * size[0]
     assert 'data-chart="law-0"' in page
+    assert "<h3>What was learnt (dsd learn)</h3>" in page
 
 
 def test_a_law_that_the_catalogue_has_is_said_to_be_that():
     learnt = SimpleNamespace(
         family="friction over the position",
-        formula=SimpleNamespace(text="-2.088 sgn v", known=True, replaces=True, effects=("coulomb_friction",)),
+        formula=SimpleNamespace(
+            text="-2.088 sgn v", words="friction", known=True, replaces=True, effects=("coulomb_friction",)
+        ),
     )
-    assert in_short(learnt).endswith("-2.088 sgn v, which is coulomb_friction")
+    assert in_short(learnt) == "learnt: friction, -2.088 sgn v, which is coulomb_friction"
     learnt.formula.replaces = False
-    assert in_short(learnt).endswith("which no effect of the catalogue is")
+    nearest = "nearest formula -2.088 sgn v, which explains less than the curve"
+    assert in_short(learnt) == f"learnt: friction over the position, {nearest}"
+    learnt.formula.known, learnt.formula.replaces = False, True
+    strange = "-2.088 sgn v, which no effect of the catalogue is"
+    assert in_short(learnt) == f"learnt: friction over the position, {strange}"
     learnt.formula = None
     assert in_short(learnt) == "learnt: friction over the position, which no effect of the catalogue is"

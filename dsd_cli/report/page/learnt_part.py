@@ -24,7 +24,7 @@ def learnt_part(story: Story) -> Html | None:
     law = story.law
     if law is None:
         return None
-    parts: list[Html | None] = [tag("h3", "The law that no effect has (dsd learn)"), tag("p", f"{learn_line(law)}.")]
+    parts: list[Html | None] = [tag("h3", "What was learnt (dsd learn)"), tag("p", f"{learn_line(law)}.")]
     if law.verdict == LEARNT:
         parts += [_formula(law.formula, law.units)] if law.formula is not None else []
         parts.append(panels(*law_charts(story)))
