@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -11,9 +11,12 @@ from dsd_cli.cli.options import EffectsFromOption, Format, FormatOption, QuietOp
 from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from dsd_cli.export.base import Joint, Motion, Target
     from dsd_cli.export.making import Made, Verified
     from dsd_cli.files.config import Config
+    from dsd_cli.plant.model import PlantModel
     from dsd_cli.report.export import ExportReport
 
 
@@ -104,7 +107,7 @@ def export(
     made = make(found, joint, motion, drop)
     _check_screen(output, made)
     warn(quiet, _lost(made))
-    drawn = {} if samples is None else _draw_samples(settings, found, made, output, samples, seed, quiet)
+    drawn = {} if samples is None else _draw_samples(settings, found, made, _Samples(output, samples, seed), quiet)
     checked = None if no_verify else held_against(found, made, motion)
     _check_holds(target, checked)
     warn(quiet, _not_run(target, verify, checked))
@@ -160,9 +163,21 @@ def _not_run(target: str, log: str | None, checked: Verified | None) -> list[str
     return [f"--verify {log}: {checked.how}; nothing of {target} is verified"]
 
 
-def _draw_samples(
-    settings: Config, target: Target, made: Made, output: str, count: int, seed: int, quiet: bool
-) -> dict[str, bytes]:
+class _Samples(NamedTuple):
+    """What --samples asks for: beside which file, how many, from which seed."""
+
+    output: str
+    number: int
+    seed: int
+
+    @property
+    def names(self) -> list[str]:
+        """Of the files."""
+        path, digits = Path(self.output), len(str(self.number))
+        return [str(path.with_name(f"{path.stem}-{i:0{digits}d}{path.suffix}")) for i in range(1, self.number + 1)]
+
+
+def _draw_samples(settings: Config, target: Target, made: Made, asked: _Samples, quiet: bool) -> dict[str, bytes]:
     """`joint-001.xml`, ... beside `joint.xml`: models drawn from the errors in [[history]] and their correlations."""
     from dataclasses import replace
 
@@ -180,12 +195,26 @@ def _draw_samples(
     if len(errors) > 1 and not together:
         lone = "[[history]] has no correlations of these errors, so each value is drawn by itself"
         warn(quiet, [f"--samples: {lone}; `dsd add` or `improve` write them"])
-    same = [part for part in made.joint.parts if not any(name.partition(".")[0] == part for name in errors)]
+    same = [name for part in made.joint.parts for name in _same(part, model, errors)]
     if errors and same:
         warn(quiet, [f"--samples: [[history]] has no error of {', '.join(same)}: the same in all files"])
-    path, drawn = Path(output), draw(model, errors, together, count, seed)
-    names = [str(path.with_name(f"{path.stem}-{i:0{len(str(count))}d}{path.suffix}")) for i in range(1, count + 1)]
-    return {name: target.write(replace(made.joint, model=one)) for name, one in zip(names, drawn, strict=True)}
+    drawn = draw(model, errors, together, asked.number, asked.seed)
+    return {name: target.write(replace(made.joint, model=one)) for name, one in zip(asked.names, drawn, strict=True)}
+
+
+def _same(part: str, model: PlantModel, errors: Mapping[str, float]) -> list[str]:
+    """Values of a part that have no error, numbers and tables; the part alone, where none of them has one."""
+    if part not in model.effects:
+        return [] if part in errors else [part]
+    values = model.effects[part]
+    names = [f"{part}.{name}" for name, value in values.items() if not _of_words(value)]
+    lacking = [name for name in names if name not in errors]
+    return [part] if lacking == names else lacking
+
+
+def _of_words(value: object) -> bool:
+    """A word, or a list of them: which law it is, and not how much of it."""
+    return isinstance(value, str) or (isinstance(value, (list, tuple)) and all(isinstance(x, str) for x in value))
 
 
 def _show(report: ExportReport, form: Format, quiet: bool) -> None:

@@ -29,6 +29,7 @@ TOGETHER = (
     'fitted_correlations = { "viscous_friction.coefficient" = { inertia = 0.2 }, '
     '"coulomb_friction.level" = { inertia = 0.0, "viscous_friction.coefficient" = -0.95 } }\n'
 )
+STRIBECK = "[model.effects.stribeck_friction]\nexcess = 0.2\nvelocity = 0.1\n"
 SPEED_LOGGED = """
 [signals]
 velocity = "velocity"
@@ -80,6 +81,19 @@ def test_what_has_no_error_stays_and_is_named(tmp_path: Path) -> None:
     values, said = drawn(tmp_path, f"{first}[model.effects.curve]\n{table}\n[[history]]{history}", 5)
     assert said == "dsd: warning: --samples: [[history]] has no error of curve: the same in all files\n"
     assert len(set(values["inertia"])) == 5
+
+
+def test_a_value_that_was_held_is_named_beside_one_that_was_fitted(tmp_path: Path) -> None:
+    """Stribeck's excess has an error, its velocity was held; of an inertia without one the name is said."""
+    held = (FITTED + TOGETHER).replace("[[history]]", STRIBECK + "\n[[history]]")
+    for values in ("fitted = {", "fitted_errors = {"):
+        held = held.replace(values, f'{values} "stribeck_friction.excess" = 0.2,')
+    held = held.replace("inertia = 0.02, ", "").replace("{ inertia = 0.2 }", "{}").replace("inertia = 0.0, ", "")
+    _, said = drawn(tmp_path, held, 5)
+    assert said == (
+        "dsd: warning: --samples: [[history]] has no error of inertia, stribeck_friction.velocity: "
+        "the same in all files\n"
+    )
 
 
 def test_correlations_hold_where_a_bound_cuts_the_values_off(tmp_path: Path) -> None:
