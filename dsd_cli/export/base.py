@@ -28,7 +28,15 @@ _WORDS = re.compile(
     r"otherwise|outer|output|package|parameter|parfor|partial|persistent|protected|public|pure|record|redeclare|"
     r"replaceable|return|spmd|stream|switch|then|true|try|type|when|while|within|"
     r"boolean|integer|real|string|pre|sample|world|"
-    r"abs|atan2?|cosh?|expm?1?|log1?p?|sinh?|sqrt|tanh?|zeros|ones",
+    # functions and variables that both have, those of Modelica, those of MATLAB
+    r"abs|acos|asin|atan2?|ceil|cosh?|cross|exp|expm1|floor|log|log10|log1p|max|min|mod|ones|rem|sign|sinh?|size|sqrt|"
+    r"sum|tanh?|zeros|"
+    r"actualstream|array|assert|assertionlevel|cardinality|cat|change|clock|connections|delay|diagonal|div|edge|"
+    r"externalobject|fill|getinstancename|homotopy|identity|instream|linspace|matrix|ndims|noevent|outerproduct|"
+    r"previous|product|promote|reinit|rooted|scalar|semilinear|skew|smooth|spatialdistribution|stateselect|"
+    r"symmetric|terminal|terminate|time|transpose|vector|"
+    r"classdef|ans|cumsum|diff|eps|fix|hypot|i|inf|interp1|isempty|isnan|isfinite|j|length|log2|mean|nan|nargin|"
+    r"nargout|numel|pi|power|prod|round|varargin|varargout",
     re.IGNORECASE,
 )
 #: What a comment of any target may hold: nothing that ends a comment, a string or a line.
@@ -57,7 +65,8 @@ class Joint:
         if _WORDS.fullmatch(self.name):
             raise UsageError(f"--name {self.name}", "that word means something in a target; take another")
         if not _IDENTIFIER.fullmatch(self.name):
-            raise UsageError(f"--name {self.name!r}", "letters, digits and _ between them, beginning with a letter")
+            how = "at most 63 letters, digits and _ between them, beginning with a letter"
+            raise UsageError(f"--name {self.name!r}", how)
         if not (math.isfinite(self.sample_time) and self.sample_time > 0.0):
             raise UsageError(f"sample time {self.sample_time:g} s", "must be above 0")
 

@@ -39,10 +39,36 @@ def test_no_cell_is_a_formula(unit: str) -> None:
         assert not [cell for cell in row if cell[:1] in ("=", "+", "-", "@")]
 
 
-@pytest.mark.parametrize("name", ["Real", "abs", "Sample", "world", "a__b", "a_", "ELSEIF"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *(
+            "Real",
+            "abs",
+            "Sample",
+            "world",
+            "a__b",
+            "a_",
+            "ELSEIF",
+            "classdef",
+            "floor",
+            "min",
+            "mod",
+            "time",
+            "noEvent",
+        ),
+        *("edge", "homotopy", "terminal", "pi", "i", "numel"),
+    ],
+)
 def test_a_name_that_means_something_in_a_target_is_refused(name: str) -> None:
     with pytest.raises(UsageError, match="--name"):
         Joint(MODEL, 2e-3, name)
+
+
+def test_a_name_that_is_too_long_is_told_how_long_it_may_be() -> None:
+    assert Joint(MODEL, 2e-3, "a" * 63).name == "a" * 63
+    with pytest.raises(UsageError, match="at most 63 letters"):
+        Joint(MODEL, 2e-3, "a" * 64)
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
