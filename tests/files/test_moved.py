@@ -42,3 +42,15 @@ def test_a_folder_behind_a_link_is_where_it_leads(tmp_path: Path) -> None:
     (tmp_path / "far" / "deep").mkdir(parents=True)
     (tmp_path / "near").symlink_to(tmp_path / "far" / "deep")
     assert '"../../A.csv"' in moved(TEXT, tmp_path, tmp_path / "near")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        """[effects]\nfrom = [\n  "/abs/one.py",  # "theirs", not ours\n  # next: "two.py"\n  'two.py',\n]\n""",
+        """[simulate]\nreference = { "file" = 'two.py', column = 'two.py' }  # 'two.py'\n""",
+    ],
+)
+def test_comments_and_other_texts_of_a_value_stay(tmp_path: Path, text: str) -> None:
+    (tmp_path / "out").mkdir()
+    assert moved(text, tmp_path, tmp_path / "out") == text.replace("'two.py'", '"../two.py"', 1)

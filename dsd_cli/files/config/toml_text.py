@@ -96,6 +96,11 @@ def _value_end(text: str, at: int) -> int:
     return end
 
 
+def strings(raw: str) -> list[tuple[int, int]]:
+    """Places of the strings in a value, with quotation marks, quoted keys with them; comments hold none."""
+    return [token.span() for token in _TOKEN.finditer(raw) if token[0][0] in "\"'"]
+
+
 def leaves(table: Mapping[str, Any], above: Path = ()) -> dict[Path, Any]:
     """Path -> value of everything in a table that is no table itself."""
     found: dict[Path, Any] = {}
