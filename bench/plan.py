@@ -265,7 +265,8 @@ def page(known: dict[str, list[Row]]) -> list[str]:
     ratios = [realised / expected for r in planned for expected, realised in r["realised"]]
     near = sum(0.5 <= x <= 2.0 for x in ratios)
     cpu = [r["cpu"] for r in planned]
-    loops = known.get("loops", [])
+    loops, limits, impossible = (known.get(name, []) for name in ("loops", "limits", "impossible"))
+    said = [r[k] for r in impossible for k in ("gain", "load friction, pushed hardly")]
     return [
         f"poor logs: {len(rows)}, planned {len(planned)}",
         f"settled after the planned motion: {sum(r['settled'] for r in planned)} of {len(rows)}",
@@ -276,6 +277,10 @@ def page(known: dict[str, list[Row]]) -> list[str]:
         f"a limit broken on the rig: {sum(bool(r['broken']) for r in planned)} of {len(planned)}",
         f"CPU of a plan: {np.median(cpu):.1f} s in the middle, {max(cpu):.1f} s at most" if cpu else "",
         f"loops settled: {sum(r['settled'] for r in loops)} of {len(loops)}",
+        f"a limit broken by one of five plans of a log: {sum(len(r['broken']) for r in limits)} of "
+        f"{sum(r['plans'] for r in limits)} plans",
+        f"what no motion identifies is said: {sum(said)} of {len(said)}; and where one does: "
+        f"{sum(not r['load friction, pushed'] for r in impossible)} of {len(impossible)}",
     ]
 
 
