@@ -29,10 +29,14 @@ def _recorded(name: str) -> Recorded:
     return next(one for one in RECORDED if one.name == name)
 
 
-def _of(name: str, folder: str, *logs: str) -> Recorded:
-    return replace(_recorded(name), logs=tuple(f"{folder}/{log}" for log in logs))
+def _of(name: str, used: str, *logs: str) -> Recorded:
+    """Some logs of a recording; `used` says which, after its folder."""
+    whole = _recorded(name)
+    folder = Path(whole.logs[0]).parts[0]
+    return replace(whole, name=f"{folder}, {used}", logs=tuple(f"{folder}/{log}" for log in logs))
 
 
+_STARTS = ("pos_0.06_1", "neg_0.04_1", "neg_0.045_1")
 _RUNS = ("sin_sin", "sin_time_square", "up_and_down")
 #: What is learnt from, and the logs that nothing saw; none: the second half of the same.
 CASES: tuple[tuple[Recorded, tuple[str, ...]], ...] = (
@@ -42,17 +46,15 @@ CASES: tuple[tuple[Recorded, tuple[str, ...]], ...] = (
     (_recorded("kuka_kr300 A"), ()),
     (_recorded("odrive_cogging slow2_nocomp_0"), ()),
     (
-        _of("bam_xl330, twelve runs", "bam_xl330", *(f"kp200_{run}.csv" for run in _RUNS)),
+        _of("bam_xl330, twelve runs", "three runs at kp 200", *(f"kp200_{run}.csv" for run in _RUNS)),
         tuple(f"bam_xl330/kp400_{run}.csv" for run in _RUNS),
     ),
     (
-        _of("frc_drivetrain, four tests", "frc_drivetrain", "slow_forward.csv", "fast_backward.csv"),
+        _of("frc_drivetrain, four tests", "two tests of four", "slow_forward.csv", "fast_backward.csv"),
         ("frc_drivetrain/slow_backward.csv", "frc_drivetrain/fast_forward.csv"),
     ),
     (
-        _of(
-            "hsm150 all five runs", "hsm150", *(f"idf_{r}.parquet" for r in ("pos_0.06_1", "neg_0.04_1", "neg_0.045_1"))
-        ),
+        _of("hsm150 all five runs", "three runs of five", *(f"idf_{run}.parquet" for run in _STARTS)),
         ("hsm150/idf_pos_0.065_1.parquet", "hsm150/idf_neg_0.045_2.parquet"),
     ),
     (_recorded("rack_pinion, as logged"), ()),
@@ -118,7 +120,10 @@ def ask(case: Recorded, unseen: Sequence[str], engine: Asked) -> Row:
         return row | {"before": _left(run("compare", *second, "-c", "before.toml" if learnt else "better.toml"))}
 
 
-def _left(compared: Row) -> float | None:
+def _left(compared: Row) -> float | str | None:
+    """Force error, or why `compare` failed; None where it gave none."""
+    if "error" in compared:
+        return f"failed: {compared['error']}"
     force = compared.get("force")
     return None if force is None else float(force["rmse"])
 
@@ -130,8 +135,12 @@ def table(rows: Sequence[Row]) -> list[str]:
         "|---|---|---|---|",
     ]
     for row in rows:
-        before, after = (
-            f"{row[k]:.4g} {row['unit']}".strip() if row[k] is not None else "-" for k in ("before", "after")
-        )
-        lines.append(f"| {row['name']} | {before} | {after} | {row['said'].replace('|', '/')} |")
+        cells = (row["name"], *(_cell(row[k], row["unit"]) for k in ("before", "after")), row["said"])
+        lines.append("| " + " | ".join(" ".join(cell.replace("|", "/").split()) for cell in cells) + " |")
     return lines
+
+
+def _cell(left: float | str | None, unit: str) -> str:
+    if left is None:
+        return "-"
+    return left if isinstance(left, str) else f"{left:.4g} {unit}"
