@@ -104,7 +104,8 @@ def test_emps_has_no_noise_that_comes_back():
         check_log(load("emps/emps_train.csv", **channels, **more).log, model).parameters
         for more in ({}, {"reference": "reference_m"})
     )
-    assert first == second
+    assert [replace(one, lacks_force=False) for one in second] == list(first)
+    assert second[0].lacks_force  # the offset of its drive, which Janot, Gautier and Brunot (2019) identify beside both
 
 
 def test_dfki_in_degrees():

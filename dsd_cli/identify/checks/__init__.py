@@ -126,13 +126,22 @@ def _held(one: Parameter) -> str:
 
 
 def _bent(parameters: Sequence[Parameter]) -> list[Finding]:
-    """What the model's values would be if it had the forces that it lacks."""
-    bent = [one for one in parameters if one.beside is not None]
-    if not bent:
-        return []
-    texts = [f"{one.name} is {one.value:.3g} with this model and {one.beside:.3g}" for one in bent]
-    what = f"{', '.join(texts)} with friction, weight and springs of any size beside it: it lacks a force that bends "
-    return [Finding(what + ("it" if len(bent) == 1 else "them"), "log", "note", 0.9, "dsd diagnose says which")]
+    """What the model's values would be if it had the forces that it lacks; without instruments it need not lack any."""
+    found = []
+    for lacks_force in (True, False):
+        bent = [one for one in parameters if one.beside is not None and one.lacks_force == lacks_force]
+        if not bent:
+            continue
+        if lacks_force:
+            cause = "it lacks a force that bends " + ("it" if len(bent) == 1 else "them")
+            remedy = "dsd diagnose says which"
+        else:
+            cause = "it lacks a force, or the controller answers noise of the sensor"
+            remedy = "a signals.reference that the axis follows closely decides"
+        texts = [f"{one.name} is {one.value:.3g} with this model and {one.beside:.3g}" for one in bent]
+        what = f"{', '.join(texts)} with friction, weight and springs of any size beside it: {cause}"
+        found.append(Finding(what, "log", "note", 0.9, remedy))
+    return found
 
 
 def _not_told(parameters: Sequence[Parameter]) -> list[Finding]:

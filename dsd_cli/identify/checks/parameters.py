@@ -79,24 +79,33 @@ def check_parameters(view: View, model: PlantModel | None, observer: ObserverSet
     both = [_estimates(values, rows, others, T) for others in (rows.others[:, : 0 if model else None], rows.others)]
     leaning = {name: value for one in reversed(both) for name, value in one.leaning.items()}
     alone, beside = (one.by_instruments if leaning else one.least_squares for one in both)
+    sure = {one.name for one, other in zip(*(x.by_instruments for x in both), strict=True) if _moved(one, other)}
     found = tuple(
-        replace(_bent(*pair, T), leaning=leaning.get(pair[0].name)) for pair in zip(alone, beside, strict=True)
+        replace(_bent(*pair, T, pair[0].name in sure), leaning=leaning.get(pair[0].name))
+        for pair in zip(alone, beside, strict=True)
     )
     return found if view.band is not None else tuple(_drifting(one) for one in found)
 
 
-def _bent(one: Parameter, beside: Parameter, T: float) -> Parameter:
+def _bent(one: Parameter, beside: Parameter, T: float, lacks_force: bool) -> Parameter:
     """An inertia or a delay that takes the place of a force that the model lacks is wrong by what that moves it.
 
     `beside` : the same with friction, weight and springs of any size beside the model. All other values are such forces
-    themselves.
+    themselves. Noise that a controller answers moves least squares likewise, as the motion that such forces leave has a
+    larger share of it; instruments it moves by chance alone.
     """
-    moved = abs(beside.value - one.value)
-    if "." in one.name or not moved > _BENT * beside.std_error:
+    if "." in one.name or not _moved(one, beside):
         return one
+    moved = abs(beside.value - one.value)
     error = math.hypot(one.std_error, moved)
     judged = grade(one.value, error, T) if one.name == "delay" else grade(abs(one.value), error)
-    return replace(one, identified=judged, std_error=error, beside=None if judged == one.identified else beside.value)
+    if judged == one.identified:
+        return replace(one, std_error=error)
+    return replace(one, identified=judged, std_error=error, beside=beside.value, lacks_force=lacks_force)
+
+
+def _moved(one: Parameter, beside: Parameter) -> bool:
+    return abs(beside.value - one.value) > _BENT * beside.std_error
 
 
 def _drifting(one: Parameter) -> Parameter:

@@ -66,8 +66,10 @@ class Parameter:
     std_error : of the value, with correlated errors counted; infinite where the log says nothing.
     unit : with {u}, {v}, {q} for the units of the channels.
     tied_to : parameters that this log cannot distinguish from it (correlation above 0.98).
-    beside : the value with friction, weight and springs of any size beside the model, where a force that the model
-        lacks bends it so far that it is less well known; `std_error` counts the difference. Else None.
+    beside : the value with friction, weight and springs of any size beside the model, where that is so far off that it
+        is less well known; `std_error` counts the difference. Else None.
+    lacks_force : the reference as instrument moves as far, so that a force is missing; otherwise noise that the
+        controller answers may be what `beside` is off by.
     leaning : what least squares makes of it where noise that the controller answers bends that, so that `value` is by
         the reference as instrument. Else None.
     """
@@ -79,6 +81,7 @@ class Parameter:
     unit: str = ""
     tied_to: tuple[str, ...] = ()
     beside: float | None = None
+    lacks_force: bool = False
     leaning: float | None = None
 
 

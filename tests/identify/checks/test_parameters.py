@@ -10,6 +10,7 @@ from dsd_cli.identify.checks import check_log
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Log
 from tests.identify.checks.rig import log_of, model_of, observer_of, recordings, servo
+from tests.identify.checks.test_instruments import DAMPING, LEVEL, WEIGHT, J, pendulum
 from tests.oracle import machines
 from tests.oracle.machine_cases import cases
 
@@ -25,6 +26,8 @@ def true_value(recording, name):
     return dict((*recording.truth.base, *recording.truth.hidden))[effect][parameter]
 
 
+WEIGHS = {"gravity": {"amplitude": WEIGHT, "phase": 0.0}}
+RUBS = {"coulomb_friction": {"level": LEVEL}, "viscous_friction": {"coefficient": DAMPING}}
 LAWS = ("coulomb_friction", "gravity", "cogging", "dead_zone", "actuator_lag")
 
 
@@ -132,11 +135,42 @@ def test_a_delay_that_missing_friction_bends_is_not_identified():
     assert found["delay"].identified != "identified"
     for name, true in (("inertia", inertia), ("delay", 0.003)):
         assert abs(found[name].value - true) < 2.0 * found[name].std_error
-    (bent,) = [one for one in bare.findings if "bends" in one.what]
-    assert bent.remedy == "dsd diagnose says which"
+    (bent,) = [one for one in bare.findings if "lacks a force, or" in one.what]  # nothing here decides
+    assert "signals.reference" in bent.remedy
 
 
 def test_no_complete_model_is_said_to_bend_a_value():
     for recording in recordings("motion")[:15]:
-        said = [one.what for one in check_log(log_of(recording), model_of(recording)).findings if "bends" in one.what]
+        said = lacking(check_log(log_of(recording), model_of(recording)))
         assert said == [], recording.truth.hidden
+
+
+#: rad
+NOISES = (1e-6, 1e-4, 5e-4, 3e-3, 1e-2)
+
+
+@pytest.mark.parametrize("error", NOISES)
+@pytest.mark.parametrize("seed", range(3))
+def test_no_complete_model_is_said_to_bend_a_value_where_the_controller_answers_noise(error, seed):
+    """With and without a reference, also where that is too weak an instrument to show the noise."""
+    channels = pendulum(seed, error, 4)
+    true = PlantModel(J, 0.0, {**WEIGHS, **RUBS})
+    for dropped in ((), ("reference",)):
+        log = Log({name: x for name, x in channels.items() if name not in dropped}, 0.002, "log")
+        assert lacking(check_log(log, true)) == []
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_reference_shows_that_a_force_is_missing(seed):
+    """Friction, of a controller whose sensor is hardly off."""
+    result = check_log(Log(pendulum(seed, 1e-6), 0.002, "log"), PlantModel(J, 0.0, WEIGHS))
+    found = by_name(result)
+    bends = {name for name in ("inertia", "delay") if found[name].lacks_force}
+    assert bends
+    (said,) = lacking(result)
+    assert all(f"{name} is" in said.what for name in bends)
+    assert said.remedy == "dsd diagnose says which"
+
+
+def lacking(result):
+    return [one for one in result.findings if "it lacks a force that bends" in one.what]
