@@ -32,6 +32,7 @@ def columns(
 
     from dsd_cli.cli.identification import print_json
     from dsd_cli.cli.init_ import as_file
+    from dsd_cli.errors import source_name
     from dsd_cli.files.config import parse_config
     from dsd_cli.files.sample import sample
     from dsd_cli.report.columns import print_table, to_json
@@ -41,9 +42,9 @@ def columns(
         found = sample(path, layout)
     listed = [one for table in found.tables for one in _described(table)]
     if form is Format.JSON:
-        print_json(to_json(log, listed, found.notes))
+        print_json(to_json(source_name(log), listed, found.notes))
     else:
-        print_table(log, listed, found.notes, sys.stdout)
+        print_table(source_name(log), listed, found.notes, sys.stdout)
 
 
 def _described(table: Table) -> list[Column]:

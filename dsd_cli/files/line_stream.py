@@ -13,6 +13,7 @@ import numpy as np
 from dsd_cli.errors import DataError
 from dsd_cli.files import csv_dialect as dialects
 from dsd_cli.files.csv_layout import CsvLayout
+from dsd_cli.files.formats.known import format_of
 from dsd_cli.files.table_source import Batch, choose_columns, read_sidecar
 
 CHUNK = 1 << 16
@@ -117,6 +118,8 @@ class LineStream:
         self._line += 1
         if self._line == 1:
             dialects.refuse_other_formats(self.name, raw)
+            if (kind := format_of(self.name, raw)) is not None:
+                raise DataError(f"{self.name}: is {kind.kind}, which is no stream of rows", "write it to a file first")
         line = dialects.decode(raw)
         told = self._layout
         if self._line <= max((told.header or 1) - 1, told.skip_rows or 0):

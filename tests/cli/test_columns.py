@@ -34,6 +34,13 @@ def test_constants_and_booleans_are_no_channels_of_the_axis(tmp_path: Path) -> N
     refused(dsd("columns", "none.csv", cwd=tmp_path), 1, "none.csv: no such file")
 
 
+def test_a_log_from_a_pipe_has_its_name(tmp_path: Path) -> None:
+    content = strangers.short_names(tmp_path, AXIS).read_text(encoding="utf-8")
+    assert done("columns", "-", stdin=content, cwd=tmp_path).stdout.startswith("<stdin>: ")
+    found = json.loads(done("columns", "-", "--format", "json", stdin=content, cwd=tmp_path).stdout)
+    assert found["logs"] == ["<stdin>"]
+
+
 def test_what_moves_with_a_clock_comes_first_and_constants_are_counted(tmp_path: Path) -> None:
     """A robot's parameters stand first in its file; the channel's number stays that of the file."""
     machine = {f"arm/inertia_{i}": np.eye(3)[0] * (i + 1.0) for i in range(9)}

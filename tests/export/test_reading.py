@@ -141,6 +141,8 @@ def test_what_goes_with_a_joint_of_urdf_is_said(tmp_path: Path) -> None:
     missed = read_joint(path, "shoulder").missed
     assert "elbow, which follows it (<mimic>)" in missed
     assert "<transmission>, a reduction of 100" in missed
+    direct = read_joint(written(tmp_path, text.replace(">100<", "> 1.0 <"), "direct.urdf"), "shoulder")
+    assert not any("<transmission>" in one for one in direct.missed)
     assert "<mimic>" in read_joint(path, "elbow").missed
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
@@ -91,6 +92,8 @@ def _coupled(root: Element, robot: Robot, name: str) -> list[str]:
     for one in root.findall("transmission"):
         if any(joint.get("name") == name for joint in one.findall("joint")):
             reduction = (one.findtext(".//mechanicalReduction") or "").strip()
+            if re.fullmatch(r"1(\.0*)?", reduction):  # the motor turns as the joint does
+                continue
             said.append(f"<transmission>{f', a reduction of {reduction}' if reduction else ''}")
     return said
 

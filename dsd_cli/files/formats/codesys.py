@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -31,14 +32,17 @@ class CodesysTrace(InMemory):
 
 
 def _variables(path: str, lines: list[str]) -> dict[str, Array]:
-    """Variable -> its stamps and values, shape (rows, 2)."""
+    """Variable -> its stamps and values, shape (rows, 2); one that stands there once more has a number, from 2."""
+    times: Counter[str] = Counter()
     found: dict[str, list[tuple[float, float]]] = {}
     rows: list[tuple[float, float]] = []
     for at, line in enumerate(lines, start=1):
         key, _, value = line.partition(";")
         if key.strip().endswith(".Variable"):
-            rows = found.setdefault(value.strip(), [])
-        elif not key.strip() and value.strip():
+            name = value.strip()
+            times[name] += 1
+            rows = found.setdefault(name if times[name] == 1 else f"{name} {times[name]}", [])
+        elif not key.strip() and value.strip(" \t;"):
             stamp, _, measured = value.partition(";")
             try:
                 rows.append((number(stamp.strip()), number(measured.strip())))

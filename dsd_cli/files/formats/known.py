@@ -56,7 +56,6 @@ _MAGIC = (
     (b"\x89MCAP0\r\n", MCAP),
     (b"#ROSBAG V", BAG),
     (b"SQLite format 3\0", BAG),
-    (b"[key]; [value]", CODESYS),
 )
 
 
@@ -76,14 +75,16 @@ def format_of(path: str | Path, head: bytes) -> Format | None:
         head[1:4] in (b"\0\0\0", b"\x03\0\0") or (head[:2] == b"\0\0" and head[2:3] in (b"\3", b"\4"))
     ):
         return MAT
-    if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"["):
-        return None if _is_units_first(head) else JSON
+    text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    if [cell.strip() for cell in text.partition(b"\n")[0].split(b";")] == [b"[key]", b"[value]"]:
+        return CODESYS
+    if text[:1] in (b"{", b"["):
+        return None if _is_units_first(text) else JSON
     return None
 
 
-def _is_units_first(head: bytes) -> bool:
+def _is_units_first(first: bytes) -> bool:
     """Whether a text that begins with a bracket is a table whose first column is called so, `[s],[V]`."""
-    first = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     return (
         first[:1] == b"["
         and first[1:].lstrip()[:1] not in (b"{", b"[", b"]", b'"', b"-", b"n", b"")[:-1]
