@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 
 from dsd_cli.identify.checks.band import difference
 from dsd_cli.identify.checks.lowpass import LowPass
@@ -59,7 +60,13 @@ def along_reference(s: Stretch, keep: LowPass) -> Motion:
 
 def _lag(first: Array, then: Array, most: int) -> int:
     """Samples by which one channel follows another, 0 to `most`."""
-    return min(range(most + 1), key=lambda k: float(np.mean((then[k:] - first[: first.size - k]) ** 2)))
+    middle, n = first.mean(), first.size
+    first, then = first - middle, then - middle  # or the squares of a position far from 0 round off their difference
+    size = next_fast_len(n + most, real=True)
+    products = irfft(rfft(first, size).conj() * rfft(then, size), size)[: most + 1]
+    head = np.cumsum(first**2)[n - most - 1 :][::-1]
+    tail = np.cumsum(then[::-1] ** 2)[n - most - 1 :][::-1]
+    return int(np.argmin((head + tail - 2.0 * products) / np.arange(n, n - most - 1, -1)))
 
 
 def _from_disturbance(s: Stretch, keep: LowPass, observer: ObserverSettings) -> Motion | None:
