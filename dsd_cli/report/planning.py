@@ -44,6 +44,7 @@ def to_json(plan: Plan, experiments: Sequence[Experiment] = (), output: str = ""
         "limits": {"position": [limits.low, limits.high], **limits.sizes, "start": limits.start},
         "limits_given": list(limits.given),
         "reached": dict(plan.reached),
+        "not_counted": list(plan.not_counted),
         "impossible": [asdict(one) for one in plan.impossible],
         "stages": [
             {"kind": s.kind, "start": s.start, "end": s.end, "values": {k: list(v) for k, v in s.values.items()}}
@@ -140,10 +141,13 @@ def _closing(plan: Plan) -> list[str]:
     )
     reached = plan.reached
     if reached:
+        which = "other" if plan.not_counted else "likely"
         lines.append(
-            f"every likely plant kept them under the simulated loop: position {reached['position_low']:.4g} to "
+            f"every {which} plant kept them under the simulated loop: position {reached['position_low']:.4g} to "
             f"{reached['position_high']:.4g}, velocity up to {reached['velocity']:.4g}, u up to {reached['u']:.4g}"
         )
+    if plan.not_counted:
+        lines.append(f"not counted, for it breaks a limit on every motion: {', '.join(plan.not_counted)}")
     lines.append("-> run it, and ask again with both logs: dsd diagnose OLD NEW")
     return lines
 

@@ -15,7 +15,7 @@ from dsd_cli.cli.plan_request import Told, _possible
 from dsd_cli.files.motion_out import COLUMNS, motion_text
 from dsd_cli.identify.design.limits import Limits
 from dsd_cli.identify.design.results import Impossible, Motion, Plan, PlannedPair, PlannedValue, Stage
-from dsd_cli.report.planning import headline, print_table
+from dsd_cli.report.planning import headline, print_table, to_json
 from tests.cli.rig import done, dsd, refused
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
@@ -139,6 +139,22 @@ def test_what_no_motion_tells_is_not_said_to_be_told() -> None:
     lost = (Impossible("delay", "take a finer sensor"),)
     line = headline(Plan(("a.csv",), "none", motion, (Stage("chirp", 0.0, 1.0, {}),), (), values, limits, lost))
     assert line.endswith("identifies inertia better")
+
+
+def test_who_was_not_counted_is_said() -> None:
+    limits = Limits(-1.0, 1.0, 3.0, 20.0, 400.0, 1.0, 0.0)
+    motion = Motion(0.001, *np.zeros((4, 1001)))
+    reached, stage = (
+        dict.fromkeys(("position_low", "position_high", "velocity", "u"), 0.5),
+        Stage("chirp", 0.0, 1.0, {}),
+    )
+    names = ("gravity", "drag")
+    plan = Plan(("a.csv",), "unknown", motion, (stage,), (), (), limits, reached=reached, not_counted=names)
+    file = io.StringIO()
+    print_table(plan, (), file)
+    assert "every likely plant" not in file.getvalue()
+    assert "not counted, for it breaks a limit on every motion: gravity, drag" in file.getvalue()
+    assert to_json(plan)["not_counted"] == ["gravity", "drag"]
 
 
 def test_where_the_logs_may_have_misled_both_ways_are_said() -> None:

@@ -81,7 +81,9 @@ def plan_next(
         if diagnosis is None or wanted.names or targets.unknown:
             raise
     # effects that no motion can be planned for are none, as forces a hundred times u that cancel out in a slow log
-    return asked.planned(targets_of(search, whole, diagnosis, doubted=True), report)
+    plan = asked.planned(targets_of(search, whole, diagnosis, doubted=True), report)
+    note = f"no motion keeps the limits if {targets.explanations[0].name} is right: planned as with unknown"
+    return replace(plan, warnings=(*plan.warnings, note))
 
 
 @dataclass(frozen=True)
@@ -102,13 +104,13 @@ class _Asked:
         DataError : u cannot move the axis, or no motion keeps the limits.
         """
         search, wanted, room, limits = self.search, self.wanted, self.room, self.room.limits
-        targets = _able_to_move(targets, room)
+        names, targets = tuple(e.name for e in targets.explanations), _able_to_move(targets, room)
         if targets.unknown:  # the plant is none of those that will be simulated
             room = replace(room, limits=narrowed(limits, ROOM))
         report("looking at motions", 0.1)
         impossible = list(not_by_motion(search, targets, self.diagnosis))
         measure = Measure(search, targets, _DRAWS_IN_SEARCH)
-        empty = _Answer(search, targets, limits, self.diagnosis)
+        empty = _Answer(search, targets, limits, self.diagnosis, names)
         if not (targets.pairs or targets.values or targets.unknown):
             return empty.plan(None, measure, measure.expected(measure.nothing), impossible)
         library = library_of(measure, room, wanted.seconds[0], lambda x: report("looking at motions", 0.1 + 0.4 * x))
@@ -194,7 +196,10 @@ def _verified(
             expected = first.expected(first.of_runs({key: (run.path, run.u) for key, run in runs.items()}))
             motion = _motion(measure, position, room, wanted)
             found = answer.plan(motion, first, expected, said[0])
-            return replace(found, stages=_stages(parts, room), cost=said[1], reached=_reached(list(runs.values())))
+            kept = {measure.targets.explanations[i].name for i, _ in order}
+            lost = tuple(name for name in answer.names if name not in kept)
+            reached = _reached(list(runs.values()))
+            return replace(found, stages=_stages(parts, room), cost=said[1], reached=reached, not_counted=lost)
         scale = max(_SHRINK_MOST, min(_SHRINK, 0.97 / (1.0 + max(broken.values()))))
         parts = tuple(replace(p, scale=scale * p.scale) for p in parts)
         if parts[0].scale < _GENTLE * wide[0].scale:
@@ -248,12 +253,13 @@ def _reached(runs: Sequence[Run]) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class _Answer:
-    """What all answers have."""
+    """What all answers have; `names` : of all explanations, with those that cannot move the axis."""
 
     search: Search
     targets: Targets
     limits: Limits
     diagnosis: Diagnosis | None
+    names: tuple[str, ...]
 
     def plan(
         self, motion: Motion | None, measure: Measure, expected: Expected, impossible: Sequence[Impossible]

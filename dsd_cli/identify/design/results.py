@@ -74,7 +74,8 @@ class Plan:
     """The motion that identifies what the logs leave open.
 
     motion : None where nothing is left to be identified by one. stages : what it is made of. reached : largest size
-    of what is limited, over all plants that were simulated. cost : (s, smallest nats) of shorter and longer motions.
+    of what is limited, over all plants that were simulated. not_counted : explanations that break a limit on every
+    motion, which were not. cost : (s, smallest nats) of shorter and longer motions.
     """
 
     logs: tuple[str, ...]
@@ -87,6 +88,7 @@ class Plan:
     impossible: tuple[Impossible, ...] = ()
     reached: Mapping[str, float] = field(default_factory=dict)
     cost: tuple[tuple[float, float], ...] = ()
+    not_counted: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     units: Units = field(default_factory=Units)
     band_hz: float = 0.0

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError, UsageError
+from dsd_cli.identify.design.closed_loop import Loop, Run, run_loop
 from dsd_cli.identify.design.impossible import told_by_none
-from dsd_cli.identify.design.limits import limits_of
+from dsd_cli.identify.design.inverse import Path
+from dsd_cli.identify.design.limits import Limits, limits_of
 from dsd_cli.identify.design.measure import Measure
 from dsd_cli.identify.design.plan import Wanted, plan_next
 from dsd_cli.identify.design.results import Plan
@@ -19,7 +21,7 @@ from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
-from dsd_cli.signals.log import Log
+from dsd_cli.signals.log import Array, Log
 from tests.identify.comparison_rig import BELIEVED, MOVES, recorded
 from tests.oracle.rig_cases import RigCase
 from tests.oracle.rig_given import follow, poor_reference
@@ -153,6 +155,24 @@ def test_what_no_motion_of_all_that_were_tried_tells_is_said(tied: Asked) -> Non
 def test_a_u_that_cannot_hold_the_axis_is_refused(tied: Asked) -> None:
     with pytest.raises(DataError, match="does not move this axis"):
         tied.plan(limits={**tied.limits, "u": (0.0, 0.01)})
+
+
+def test_what_no_motion_can_be_planned_for_is_said(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All that the model has not runs away on any motion: neither the verdict nor an explanation stands."""
+
+    def runs(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits: Limits) -> Run:
+        if plant.effects.keys() <= tied.model.effects.keys():
+            return run_loop(plant, loop, planned, limits)
+        return Run(planned[0], np.full(len(planned[1]), 4.0 * limits.u))
+
+    monkeypatch.setattr("dsd_cli.identify.design.plan.run_loop", runs)
+    plan = tied.plan(seconds=(3.0,))
+    assert tied.diagnosis.verdict == "constant_load"
+    (note,) = plan.warnings
+    assert note.startswith("no motion keeps the limits if constant_load is right: ")
+    assert "constant_load" in plan.not_counted
+    assert "none" not in plan.not_counted
+    assert plan.reached["u"] < plan.limits.u
 
 
 def test_limits_that_leave_no_room_are_refused(tied: Asked) -> None:
