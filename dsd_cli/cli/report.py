@@ -60,7 +60,7 @@ def report(
     more, the config that results. What cannot be done with this log is said on the page.
     """
     from dsd_cli.cli.identification import check_logs
-    from dsd_cli.cli.report_story import tell
+    from dsd_cli.cli.report_story import Teller, tell
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
     from dsd_cli.files.config.edit import read_origin
@@ -75,7 +75,8 @@ def report(
     check_logs(log, apart, settings.signals)
     _checked_output(output, settings.files)
     _refuse_streams([*log, *apart])
-    story = tell(settings, origin, log, apart, [*settings.files, *(effects_from or ())], quiet, learn)
+    teller = Teller(settings, tuple(log), tuple(apart), quiet, learn)
+    story = tell(teller, origin, [*settings.files, *(effects_from or ())])
     _put(page, render(story), quiet)
 
 

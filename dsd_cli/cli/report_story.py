@@ -59,31 +59,23 @@ T = TypeVar("T")
 _LIBRARIES = ("numpy", "scipy", "pyarrow")
 
 
-def tell(
-    config: Config,
-    origin: Origin,
-    logs: Sequence[str],
-    holdout: Sequence[str],
-    others: Sequence[Path],
-    quiet: bool,
-    learn: bool = False,
-) -> Story:
-    """Everything that these logs say under this config.
+def tell(teller: Teller, origin: Origin, others: Sequence[Path]) -> Story:
+    """Everything that the teller's logs say under its config.
 
     Parameters
     ----------
-    others : files that were read beside the logs. learn : a law too, where the ladder ends in `unknown`.
+    others : files that were read beside the logs.
 
     Raises
     ------
     DataError : a log that cannot be read at all.
     UsageError : values of [fit] that contradict the config.
     """
+    config, logs, holdout = teller.config, teller.logs, teller.holdout
     if config.model.inertia is not None:
         known_values(config)  # what is asked wrongly is no matter of this log
-    with Progress(not quiet) as progress:
-        looked = [checked_log(path, config, quiet, progress) for path in logs]
-    teller = _Teller(config, tuple(logs), tuple(holdout), quiet, learn)
+    with Progress(not teller.quiet) as progress:
+        looked = [checked_log(path, config, teller.quiet, progress) for path in logs]
     given = teller.attempt("the model", lambda: load_given(config, logs, holdout))
     comparison, ladder, diagnosis, curves = teller.identified(given, 2 * _axes(config))
     plan = teller.planned(given, diagnosis)
@@ -92,8 +84,8 @@ def tell(
     if curves.value is None:
         curves = teller.attempt("curves", lambda: channels_of([(one.log, one.restarts) for one in looked]))
     return Story(
-        logs=tuple(logs),
-        holdout=tuple(holdout),
+        logs=logs,
+        holdout=holdout,
         checks=tuple(one.result for one in looked),
         detections=detections,
         comparison=comparison,
@@ -134,8 +126,11 @@ def _labels(log: str, config: Config) -> Labels:
 
 
 @dataclass
-class _Teller:
-    """Runs one command after the other; what fails is a line and not the end."""
+class Teller:
+    """Runs one command after the other; what fails is a line and not the end.
+
+    learn : a law too, where the ladder ends in `unknown`.
+    """
 
     config: Config
     logs: tuple[str, ...]
