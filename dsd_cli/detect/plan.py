@@ -42,13 +42,7 @@ class Plan:
 
     def __post_init__(self) -> None:
         _check_effects({*self.model.effects, *(name.split(".", 1)[0] for name in self.grid.effects)})
-        models = []
-        for combination in self.grid.combinations:
-            values: dict[str, dict[str, float]] = {}
-            for name, value in combination.items():
-                effect, parameter = name.split(".", 1)
-                values.setdefault(effect, {})[parameter] = value
-            models.append(self.model.changed(effects=values))
+        models = [self.model.with_values(combination) for combination in self.grid.combinations]
         _check_commands(models)
         object.__setattr__(self, "effects", models)
 

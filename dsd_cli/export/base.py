@@ -11,12 +11,11 @@ import numpy as np
 
 from dsd_cli.effects import Effect, get_effect
 from dsd_cli.errors import UsageError
+from dsd_cli.plant.model import DELAY as DELAY
+from dsd_cli.plant.model import INERTIA as INERTIA
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.units import Units
-
-#: Parts of every model that are no effects.
-INERTIA, DELAY = "inertia", "delay"
 
 #: Two _ in a row, or one at the end, are no name in IEC 61131-3.
 _IDENTIFIER = re.compile(r"(?=.{1,63}$)[A-Za-z](_?[A-Za-z0-9])*", re.ASCII)

@@ -11,6 +11,7 @@ import numpy as np
 from dsd_cli.effects import get_effect
 from dsd_cli.errors import UsageError
 from dsd_cli.export.base import DELAY, INERTIA
+from dsd_cli.identify.fit.covariance import root_of
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
@@ -42,14 +43,14 @@ def draw(
     names = list(errors)
     means = np.array([_value(model, name) for name in names])
     low, high = np.array([_bounds(name) for name in names]).T
-    slopes = np.array(list(errors.values()))[:, None] * _root(_matrix(names, correlations))
+    slopes = np.array(list(errors.values()))[:, None] * root_of(_matrix(names, correlations))
     rng = np.random.default_rng(seed)
     kept: list[Array] = []
     for _ in range(_TRIES):
         drawn = means + rng.standard_normal((count, len(names))) @ slopes.T
         kept += list(drawn[np.all((drawn >= low) & (drawn <= high), axis=1)])
         if len(kept) >= count:
-            return [_with(model, dict(zip(names, one.tolist(), strict=True))) for one in kept[:count]]
+            return [model.with_values(dict(zip(names, one.tolist(), strict=True))) for one in kept[:count]]
     outside = [n for n, m, a, b in zip(names, means, low, high, strict=True) if not a < m < b]
     raise UsageError(f"--samples: hardly a draw is within the bounds of {', '.join(outside or names)}", "fit them anew")
 
@@ -77,18 +78,3 @@ def _matrix(names: Sequence[str], correlations: Correlations) -> Array:
             if i != j and other in correlations.get(name, {}):
                 found[i, j] = found[j, i] = correlations[name][other]
     return found
-
-
-def _root(matrix: Array) -> Array:
-    """R with R R' = the matrix; what its digits have made negative of its eigenvalues is 0."""
-    sizes, vectors = np.linalg.eigh(matrix)
-    return np.asarray(vectors * np.sqrt(np.maximum(sizes, 0.0)))
-
-
-def _with(model: PlantModel, values: Mapping[str, float]) -> PlantModel:
-    effects: dict[str, dict[str, float]] = {}
-    for name, value in values.items():
-        effect, dot, parameter = name.partition(".")
-        if dot:
-            effects.setdefault(effect, {})[parameter] = value
-    return model.changed(values.get(DELAY), values.get(INERTIA), effects)

@@ -9,13 +9,13 @@ from typing import Any, Literal
 
 from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.recordings.levels import Deviations
+from dsd_cli.plant.model import DELAY as DELAY
+from dsd_cli.plant.model import INERTIA as INERTIA
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.units import Units
 
 #: Verdicts that are no effect.
 NONE, UNKNOWN = "none", "unknown"
-#: Candidates that are values of [model], not effects.
-INERTIA, DELAY = "inertia", "delay"
 #: What a rung of the ladder did.
 StepKind = Literal["given", "refit", "added", "taken back", "learnt"]
 

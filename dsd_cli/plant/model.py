@@ -11,6 +11,9 @@ from typing import Any
 from dsd_cli.effects import Effect, Role, get_effect
 from dsd_cli.errors import UsageError
 
+#: Values of every model that belong to no effect.
+INERTIA, DELAY = "inertia", "delay"
+
 #: Effect id -> parameter -> value (a number; a list of tables for a `listed` parameter).
 EffectValues = Mapping[str, Mapping[str, Any]]
 
@@ -97,6 +100,15 @@ class PlantModel:
             merged,
             self.rest_speed,
         )
+
+    def with_values(self, values: Mapping[str, Any]) -> PlantModel:
+        """The model with these in place: "inertia", "delay" or "<effect>.<parameter>" -> value."""
+        effects: dict[str, dict[str, Any]] = {}
+        for name, value in values.items():
+            effect, dot, parameter = name.partition(".")
+            if dot:
+                effects.setdefault(effect, {})[parameter] = value
+        return self.changed(values.get(DELAY), values.get(INERTIA), effects)
 
 
 def _checked_values(effect: Effect, values: Mapping[str, Any]) -> Mapping[str, Any]:

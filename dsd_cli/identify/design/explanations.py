@@ -12,11 +12,11 @@ from dsd_cli.effects import get_effect
 from dsd_cli.identify.design.rows import Model, shapes_of
 from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
 from dsd_cli.identify.fit.bank import SHARE
-from dsd_cli.identify.fit.covariance import information
+from dsd_cli.identify.fit.covariance import information, root_of
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import flat
 from dsd_cli.identify.grades import Grade
-from dsd_cli.identify.results import DELAY, INERTIA
+from dsd_cli.identify.results import DELAY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
@@ -69,30 +69,18 @@ def _draws(search: Search, fit: Fit, open_grades: Sequence[Grade]) -> tuple[Plan
 
     open_grades : of values that stay what the model says."""
     scale, noise = search.problem.scale, search.noise
-    covariance = information(fit, search.solver).covariance(noise.variance * noise.inflation)
-    sizes, vectors = np.linalg.eigh(covariance)
-    spread = vectors * np.sqrt(np.maximum(sizes, 0.0))
+    spread = root_of(information(fit, search.solver).covariance(noise.variance * noise.inflation))
     random = np.random.default_rng(_SEED)
-    given, told = search.problem.model, search.problem.values(fit).estimates
-
-    def plant(changed: Fit) -> PlantModel:
-        found = scale.model(changed)
-        lost = {n: v for n, v in flat(given).items() if n in told and told[n].told in open_grades}
-        effects: dict[str, dict[str, float]] = {}
-        for name, value in lost.items():
-            effect, _, parameter = name.partition(".")
-            if parameter:
-                effects.setdefault(effect, {})[parameter] = value
-        return found.changed(lost.get(DELAY), lost.get(INERTIA), effects)
-
-    plants = [plant(fit)]
+    told = search.problem.values(fit).estimates
+    given = {n: v for n, v in flat(search.problem.model).items() if n in told and told[n].told in open_grades}
+    plants = [scale.model(fit).with_values(given)]
     linear = len(fit.total)
-    most = np.concatenate([_WIDEST * np.abs(fit.total), np.full(len(covariance) - linear, _WIDEST)])
+    most = np.concatenate([_WIDEST * np.abs(fit.total), np.full(len(spread) - linear, _WIDEST)])
     most[SHARE] = 1.0
     for _ in range(DRAWS - 1):
         z = np.clip(random.standard_normal(len(spread)), -_FARTHEST, _FARTHEST)
         change = np.clip(spread @ z, -most, most)
-        plants.append(plant(_changed(fit, change)))
+        plants.append(scale.model(_changed(fit, change)).with_values(given))
     return tuple(plants)
 
 

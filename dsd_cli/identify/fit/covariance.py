@@ -133,6 +133,12 @@ def _free(held: Array, size: int) -> Array:
     return np.asarray(basis[int(np.sum(strengths > _RANK)) :].T)
 
 
+def root_of(covariance: Array) -> Array:
+    """R with R R' = the matrix, shape (n, n); what its digits have made negative of its eigenvalues is 0."""
+    sizes, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(sizes, 0.0)))
+
+
 def information(fit: Fit, solver: Solver) -> Information:
     """Out of the rows of a fit, with a numerical slope for every shape."""
     design = solver.bank.design(fit.terms, fit.tap, keep=False)

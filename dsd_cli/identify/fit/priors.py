@@ -49,12 +49,8 @@ class PriorKnowledge:
 
     def applied(self, model: PlantModel) -> PlantModel:
         """The model with what is fixed put into what it has."""
-        effects: dict[str, dict[str, float]] = {}
-        for name, value in self.fixed.items():
-            effect, _, parameter = name.partition(".")
-            if effect in model.effects:
-                effects.setdefault(effect, {})[parameter] = value
-        return model.changed(self.fixed.get(DELAY), self.fixed.get(INERTIA), effects)
+        there = {INERTIA, DELAY, *model.effects}
+        return model.with_values({n: v for n, v in self.fixed.items() if n.partition(".")[0] in there})
 
     def seeing(self, effect_id: str, values: Mapping[str, tuple[float, float]]) -> PriorKnowledge:
         """With the values (and standard errors) of an effect that the response has identified."""
