@@ -253,6 +253,8 @@ def log_spaced(low: float, high: float, count: int) -> list[float]:
 
 def decay(x: Any) -> tuple[Any, Any]:
     """(exp(-x), its mean over [0, x]) for x >= 0: what is left, and was left on average, after x time constants."""
+    if isinstance(x, float):  # in a simulation, sample by sample
+        return math.exp(-x), -math.expm1(-x) / x if x > 0.0 else 1.0
     left = np.exp(-x)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(x > 0.0, -np.expm1(-x) / np.where(x > 0.0, x, 1.0), 1.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +33,10 @@ class Loop:
     described: bool = False
 
 
+class UnstableLoopError(DataError):
+    """The simulated loop is not stable with a plant; says under which gains."""
+
+
 @dataclass(frozen=True)
 class Run:
     """What a plant did: path and u, shape (n,), from the first sample of the motion on."""
@@ -39,11 +44,11 @@ class Run:
     path: Path
     u: Array
 
-    def exceeded(self, limits: Limits) -> dict[str, float]:
-        """Limits that it broke, and by which share; an acceleration counts as its mean over 20 ms."""
+    def exceeded(self, limits: Limits, part: slice = slice(None)) -> dict[str, float]:
+        """Limits that it broke in a part, and by which share; an acceleration counts as its mean over 20 ms."""
         width = max(round(_ACCELERATION_OVER / self.path.step), 1)
         smooth = np.convolve(self.path.acceleration, np.ones(width) / width, "same")
-        return limits.exceeded(self.path.position, self.path.velocity, smooth, self.u)
+        return limits.exceeded(*(x[part] for x in (self.path.position, self.path.velocity, smooth, self.u)))
 
 
 def usual_loop(model: PlantModel, observer: ObserverSettings, step: float) -> Loop:
@@ -62,7 +67,7 @@ def run_loop(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits:
 
     Raises
     ------
-    DataError : the loop is not stable with this plant.
+    UnstableLoopError : the loop is not stable with this plant.
     """
     before, (path, added) = round(SETTLE / loop.step), planned
 
@@ -79,9 +84,13 @@ def run_loop(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits:
         start=limits.start,
         feedforward=held(added, added[0]),
     )
-    log = simulate(settings)
+    gains, log = loop.controller.gains, None
+    with suppress(DataError):
+        log = simulate(settings)
+    if log is None or not float(np.abs(log["velocity"]).max()) < 1e3 * limits.velocity:
+        raise UnstableLoopError(
+            f"the simulated loop is unstable (kp {gains.kp:.3g}, kd {gains.kd:.3g})", "lower its gains"
+        )
     velocity = log["velocity"]
-    if not np.all(np.isfinite(velocity)) or float(np.abs(velocity).max()) > 1e3 * limits.velocity:
-        raise DataError("the simulated loop is unstable", "set simulate.controller to gains that hold this axis")
     slope = np.diff(velocity, prepend=velocity[:1]) / loop.step
     return Run(Path(loop.step, *(x[before:] for x in (log["position"], velocity, slope))), log["u"][before:])

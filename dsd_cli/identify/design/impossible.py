@@ -40,7 +40,7 @@ def told_by_none(measure: Measure, library: Sequence[Sized]) -> tuple[list[Impos
     best: dict[str, float] = {}
     for one in library:
         times = max(_PATIENCE / one.part.seconds, 1.0)
-        for name, nats in measure.nats(times * one.grams).items():
+        for name, nats in measure.nats(times * one.products).items():
             best[name] = max(best.get(name, 0.0), nats)
     lost = [name for name in measure.open if best.get(name, 0.0) < _LEAST]
     return [Impossible(*_said(name, lost)) for name in sorted(lost) if _first_of(name, lost)], measure.without(lost)

@@ -18,7 +18,7 @@ import numpy as np
 from dsd_cli.identify.design.cases import Case, cases_of
 from dsd_cli.identify.design.inverse import Path, as_recording, command_for
 from dsd_cli.identify.design.reach import Reach
-from dsd_cli.identify.design.rows import Model, MotionRows, equations_like, left
+from dsd_cli.identify.design.rows import Model, MotionRows, Products, equations_like, left
 from dsd_cli.identify.design.targets import Targets, apart
 from dsd_cli.identify.fit.bank import INERTIA, has_friction
 from dsd_cli.identify.fit.equations import Equations
@@ -70,24 +70,24 @@ class Measure:
         return self.search.equations
 
     @cached_property
-    def of_logs(self) -> Array:
+    def of_logs(self) -> Products:
         """Inner products of the logs, shape (cases + 1, P, P): of the reach at the end."""
         rows, made = MotionRows(self.known), dict[Model, Array]()
         for case in self._asked:
             if case.model not in made:
                 made[case.model] = rows.gram(case.model)
-        return self._filled([made[case.model] for case in self._asked])
+        return self._filled([made[case.model] for case in self._asked], self.known)
 
     @property
-    def nothing(self) -> Array:
+    def nothing(self) -> Products:
         """Inner products of no motion."""
-        return np.zeros((len(self._asked), self._size, self._size))
+        return Products(0, np.zeros((len(self._asked), self._size, self._size)))
 
     def most_u(self, path: Path, most: float) -> float:
         """Largest |u| that a plant needs for a motion, up to `most`."""
         return max(float(np.abs(u).max()) for u in self._commands(path, most).values())
 
-    def of_path(self, path: Path, most: float) -> Array:
+    def of_path(self, path: Path, most: float) -> Products:
         """Inner products of a motion that each plant makes exactly, with no more than so large a u."""
         return self.of_runs({key: (path, u) for key, u in self._commands(path, most).items()})
 
@@ -95,7 +95,7 @@ class Measure:
         keys = dict.fromkeys((c.truth, c.draw) for c in self.cases)
         return {(e, d): command_for(self.targets.explanations[e].draws[d], path, most) for e, d in keys}
 
-    def of_runs(self, runs: Mapping[tuple[int, int], tuple[Path, Array]]) -> Array:
+    def of_runs(self, runs: Mapping[tuple[int, int], tuple[Path, Array]]) -> Products:
         """Inner products of motions: (explanation, draw) -> the path that this plant took, and its command."""
         paths, made = dict[int, MotionRows](), dict[tuple[int, int], MotionRows]()
         for key, (path, u) in runs.items():
@@ -108,7 +108,8 @@ class Measure:
                 rows.gram(case.model) if rows.equations.stretches else np.zeros((case.model.size,) * 2)
                 for case in self._asked
                 for rows in [made[case.truth, case.draw]]
-            ]
+            ],
+            made[0, 0].equations,
         )
 
     def equations_of(self, path: Path, u: Array) -> Equations:
@@ -116,21 +117,21 @@ class Measure:
         recording = as_recording(self.template, path, u, self.search.problem.model.rest_speed)
         return equations_like(self.known, recording, self.longest_delay, self.held)
 
-    def _filled(self, grams: Sequence[Array]) -> Array:
-        found = self.nothing
+    def _filled(self, grams: Sequence[Array], equations: Equations) -> Products:
+        found = self.nothing.grams
         for i, gram in enumerate(grams):
             found[i, : len(gram), : len(gram)] = gram
-        return found
+        return Products(sum(equations.lengths), found)
 
-    def expected(self, planned: Array) -> Expected:
+    def expected(self, planned: Products) -> Expected:
         """Of the logs and a motion with these inner products.
 
         Leads of both are added: the rival may take other values in the motion than in the logs, so that it is no more
         than the rival could do with one choice, and a likely plant need not be the one that fits the logs best.
         """
         nats, of_use, u_of_logs = {}, {}, self._u_of_logs
-        for pair, some in self._leads(planned).items():
-            nats[pair] = self.now[pair] + float(np.mean([self._in_nats(pair[0], *one) for one in some]))
+        for pair, some in self._leads(planned.grams).items():
+            nats[pair] = float(np.mean([self._in_nats(pair, planned.rows, *one) for one in some]))
             of_use[pair] = min(self._of_use(self._ahead(*pair) + lead, u_of_logs + u) for lead, u in some)
         return Expected(nats, of_use, self._errors(planned))
 
@@ -154,7 +155,7 @@ class Measure:
     @property
     def _u_of_logs(self) -> float:
         """Square of u in the rows of the logs."""
-        return float(self.of_logs[0, 0, 0])
+        return float(self.of_logs.grams[0, 0, 0])
 
     def _leads(self, grams: Array) -> dict[tuple[int, int], list[tuple[float, float]]]:
         """(truth, rival) -> of each draw, the lead of the truth in a motion and all of u, in squares."""
@@ -170,25 +171,26 @@ class Measure:
             leads.setdefault((a, b), []).append(found)
         return leads
 
-    def _in_nats(self, truth: int, lead: float, u: float) -> float:
-        """Of a lead in squares in a motion, where u has so large ones: nats as the search counts them, on top of what
-        the truth leaves in the logs and as large a share of u in the motion. Of as many rows as the logs have."""
-        nats = self.search.nats
-        left = self.targets.explanations[truth].fit.loss + self.targets.unexplained**2 * u
-        return nats(left + lead) - nats(left)
+    def _in_nats(self, pair: tuple[int, int], rows: float, lead: float, u: float) -> float:
+        """Nats of logs and motion together, as the search counts them: of both the motion adds the noise of its rows
+        and, for its u (`u`, in squares), what the truth leaves in the logs beyond the noise; of the rival a lead."""
+        noise, loss = 0.5 * self.search.noise.nats, [self.targets.explanations[i].fit.loss for i in pair]
+        misfit = max(loss[0] - self.of_logs.rows * noise, 0.0) / self._u_of_logs
+        truth, rival = (x + rows * noise + misfit * u for x in loss)
+        return self.search.nats(rival + lead, rows) - self.search.nats(truth, rows)
 
     def _squares(self, grams: Array) -> Array:
         """Sums of squares of the form that is evidence in the search, shape (cases,)."""
         solver = self.search.solver
         return left(grams, 0) if solver.inverse else solver.inertia**2 * left(grams, 1 + INERTIA)
 
-    def _errors(self, planned: Array) -> dict[str, float]:
+    def _errors(self, planned: Products) -> dict[str, float]:
         if not self.targets.values:
             return {}
-        grams = self._with_logs(planned)
+        grams = self._with_logs(planned).grams
         own = [i for i, c in enumerate(self.cases) if c.truth == c.rival == 0]
         size = self.targets.explanations[0].model.size
-        before = self.of_logs[own[0], 1:size, 1:size]
+        before = self.of_logs.grams[own[0], 1:size, 1:size]
         after = np.mean(grams[own, 1:size, 1:size], axis=0)
         floor = self.search.noise.variance * self.search.noise.inflation
         found = {}
@@ -198,7 +200,7 @@ class Measure:
             found[value.name] = value.error * float(np.sqrt(now / was)) if known else float(np.sqrt(floor * now))
         return found
 
-    def nats(self, planned: Array) -> dict[str, float]:
+    def nats(self, planned: Products) -> dict[str, float]:
         """Of every target: "a, not b" where a is true, and of a value (value / error)^2 / 2; what is just of use counts
         as no more than enough."""
         found = self.expected(planned)
@@ -242,14 +244,14 @@ class Measure:
         """The same without these targets."""
         return Measure(self.search, self.targets, self.draws, self.open - set(names)) if names else self
 
-    def smallest(self, planned: Array) -> float:
+    def smallest(self, planned: Products) -> float:
         """Expected nats of the target that is identified least; of the catalogue's effects where there is no target."""
         if self.open:
             nats = self.nats(planned)
             return min(nats[name] for name in self.open)
         return float(min(self._shown(planned), default=0.0))
 
-    def worth(self, planned: Array) -> float:
+    def worth(self, planned: Products) -> float:
         """Logarithm of the smallest expected nats, as long as they are not plenty; a part of the mean one of those by
         which the catalogue's other effects are distinguished."""
         least = min(self.smallest(planned), PLENTY) if self.open else PLENTY
@@ -257,22 +259,22 @@ class Measure:
         wide = float(np.mean(np.log(np.clip(shown, _UNSEEN, PLENTY)))) if len(shown) else 0.0
         return float(np.log(max(least, LEAST))) + _WIDE * wide
 
-    def _shown(self, planned: Array) -> Array:
+    def _shown(self, planned: Products) -> Array:
         """Nats by which each of the catalogue's effects is distinguished from any other, shape (m,)."""
         return self.reach.shown(self._reached(self._with_logs(planned))) / self.search.noise.nats
 
-    def _with_logs(self, planned: Array) -> Array:
+    def _with_logs(self, planned: Products) -> Products:
         """Information of both; of the motion alone, where none of the explanations may hold for the logs."""
         return planned if self.targets.unknown else self.of_logs + planned
 
-    def _reached(self, grams: Array) -> Array:
+    def _reached(self, products: Products) -> Array:
         size = self.reach.model.size
-        return grams[-1, :size, :size]
+        return products.grams[-1, :size, :size]
 
-    def sized_by(self, motions: Sequence[Array]) -> Measure:
+    def sized_by(self, motions: Sequence[Products]) -> Measure:
         """The same, the catalogue's effects as large as is of use in the motions with these inner products."""
         found = copy(self)
-        found.reach = self.reach.sized([self._reached(grams) for grams in motions])
+        found.reach = self.reach.sized([self._reached(one) for one in motions])
         return found
 
 

@@ -21,7 +21,7 @@ from dsd_cli.signals.runs import runs
 #: Share of a limit that the reference may use: the axis does not follow it exactly.
 ROOM = 0.9
 #: Share of a part at either end in which harmonics and chirps fade.
-_FADE = 0.15
+FADE = 0.15
 _MOST_HARMONICS = 8
 
 
@@ -33,6 +33,10 @@ class Part:
     seconds: float
     values: tuple[float, ...]
     scale: float = 1.0
+
+    def samples(self, step: float) -> int:
+        """Steps of so many s that it lasts."""
+        return max(round(self.seconds / step), 8)
 
 
 @dataclass(frozen=True)
@@ -58,8 +62,7 @@ class Room:
 def position_of(part: Part, room: Room) -> Array:
     """Position of a part, shape (n,), from rest at the start to rest there."""
     limits = room.limits
-    count = max(round(part.seconds / room.step), 8)
-    way = KINDS[part.kind](_times(count + 1, room), np.array(part.values), room)
+    way = KINDS[part.kind](_times(part.samples(room.step) + 1, room), np.array(part.values), room)
     up, down = limits.high - limits.start, limits.start - limits.low
     uses = [float(way.max()) / up if up > 0.0 else (np.inf if way.max() > 0.0 else 0.0)]
     uses.append(float(-way.min()) / down if down > 0.0 else (np.inf if way.min() < 0.0 else 0.0))
@@ -79,7 +82,7 @@ def _times(count: int, room: Room) -> Array:
 
 def _fade(t: Array) -> Array:
     """From 0 to 1 and back, with two smooth derivatives at either end."""
-    x = np.clip(np.minimum(t, t[-1] - t) / (_FADE * t[-1]), 0.0, 1.0)
+    x = np.clip(np.minimum(t, t[-1] - t) / (FADE * t[-1]), 0.0, 1.0)
     return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x * x))
 
 
@@ -213,7 +216,7 @@ def generator_values(part: Part, room: Room) -> dict[str, list[float]]:
             "frequency_hz": frequencies.tolist(),
             "amplitude": (size * sizes).tolist(),
             "phase_rad": phases.tolist(),
-            "fade_s": [_FADE * last],
+            "fade_s": [FADE * last],
         }
     if part.kind == "chirp":
         return {"frequency_hz": list(_swept(last, values, room)), "amplitude": [float(np.abs(way).max())]}

@@ -15,10 +15,14 @@ import numpy as np
 from dsd_cli.identify.design.inverse import Path
 from dsd_cli.identify.design.measure import Measure
 from dsd_cli.identify.design.motions import KINDS, ROOM, Part, Room, position_of
+from dsd_cli.identify.design.rows import Products
 from dsd_cli.signals.log import Array
 
-#: s of a part: of how many the plan is made, and the shortest and longest.
-_PARTS, _SHORTEST, _LONGEST = 4, 0.8, 6.0
+#: How often the whole is made: the search judges by blocks that no fit saw, so that what one part alone shows would be
+#: extrapolation there.
+TIMES = 2
+#: Different parts, and s of the shortest and the longest.
+_PARTS, _SHORTEST, _LONGEST = 2, 0.8, 6.0
 #: Parts of each kind that are tried, their seed, by how much a part shrinks, and how often.
 _TRIED, _SEED, _SHRINK, _SHRINKS = 8, 20261123, 0.75, 10
 #: Evaluations of the refinement, for each part.
@@ -32,15 +36,26 @@ class Sized:
     """A part within its limits, and its inner products."""
 
     part: Part
-    grams: Array
+    products: Products
 
 
-def optimised(measure: Measure, room: Room, seconds: float, library: Sequence[Sized]) -> tuple[tuple[Part, ...], Array]:
+def optimised(
+    measure: Measure, room: Room, seconds: float, library: Sequence[Sized]
+) -> tuple[tuple[Part, ...], Products]:
     """(parts of a motion of so many s, in order, their inner products).
     library : parts for that length.
     """
     chosen = _refined(measure, room, _chosen(measure, library, seconds))
-    return tuple(one.part for one in chosen), sum((one.grams for one in chosen), measure.nothing)
+    return TIMES * tuple(one.part for one in chosen), TIMES * _all(measure, chosen)
+
+
+def _all(measure: Measure, parts: Sequence[Sized]) -> Products:
+    return sum((one.products for one in parts), measure.nothing)
+
+
+def _worth(measure: Measure, products: Products) -> float:
+    """Of a motion of parts with these inner products."""
+    return measure.worth(TIMES * products)
 
 
 def joined(parts: Sequence[Part], room: Room) -> Array:
@@ -74,8 +89,9 @@ def _rested(position: Array, measure: Measure, room: Room) -> Array:
 def library_of(measure: Measure, room: Room, seconds: float, report: Report = lambda _: None) -> list[Sized]:
     """Parts of every kind, for a motion of so many s."""
     random = np.random.default_rng(_SEED)
-    count = max(min(_PARTS, int(seconds / _SHORTEST)), math.ceil(seconds / _LONGEST), 1)
-    length = math.ceil(seconds / count / room.step - 1e-6) * room.step  # together no shorter than was asked for
+    each = seconds / TIMES
+    count = max(min(_PARTS, int(each / _SHORTEST)), math.ceil(each / _LONGEST), 1)
+    length = math.ceil(each / count / room.step - 1e-6) * room.step  # together no shorter than was asked for
     found = []
     for i, kind in enumerate(KINDS):
         for _ in range(_TRIED):
@@ -88,7 +104,7 @@ def library_of(measure: Measure, room: Room, seconds: float, report: Report = la
 
 def _chosen(measure: Measure, library: Sequence[Sized], seconds: float) -> list[Sized]:
     """Greedily, then each exchanged for a better one while there is one."""
-    count = max(round(seconds / library[0].part.seconds), 1)
+    count = max(round(seconds / TIMES / library[0].part.seconds), 1)
     chosen: list[Sized] = []
     for _ in range(count):
         chosen.append(_best(measure, library, chosen))
@@ -103,31 +119,31 @@ def _chosen(measure: Measure, library: Sequence[Sized], seconds: float) -> list[
 
 
 def _best(measure: Measure, library: Sequence[Sized], beside: Sequence[Sized]) -> Sized:
-    known = sum((one.grams for one in beside), measure.nothing)
-    return max(library, key=lambda one: measure.worth(known + one.grams))
+    known = _all(measure, beside)
+    return max(library, key=lambda one: _worth(measure, known + one.products))
 
 
 def _refined(measure: Measure, room: Room, chosen: list[Sized]) -> list[Sized]:
     """Each different part with its numbers moved to where the whole is best."""
     for i in range(len(chosen)):
         if not any(chosen[i] is one for one in chosen[:i]):
-            rest = sum((one.grams for k, one in enumerate(chosen) if k != i), measure.nothing)
+            rest = _all(measure, [one for k, one in enumerate(chosen) if k != i])
             chosen[i] = _refined_part(measure, room, chosen[i], rest)
     return chosen
 
 
-def _refined_part(measure: Measure, room: Room, part: Sized, rest: Array) -> Sized:
+def _refined_part(measure: Measure, room: Room, part: Sized, rest: Products) -> Sized:
     """One part beside the others, whose inner products are `rest`."""
     from scipy.optimize import minimize
 
-    tried = [(measure.worth(rest + part.grams), part)]
+    tried = [(_worth(measure, rest + part.products), part)]
 
     def loss(values: Array) -> float:
         moved = replace(part.part, values=tuple(np.clip(values, 0.0, 1.0).tolist()), scale=1.0)
         one = sized(measure, room, moved)
         if one is None:
             return 1e3
-        tried.append((measure.worth(rest + one.grams), one))
+        tried.append((_worth(measure, rest + one.products), one))
         return -tried[-1][0]
 
     begin = np.array(part.part.values)

@@ -9,29 +9,26 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.design.closed_loop import Loop, Run, run_loop, usual_loop
+from dsd_cli.identify.design.closed_loop import Loop, Run, usual_loop
 from dsd_cli.identify.design.impossible import not_by_motion, told_by_none
 from dsd_cli.identify.design.inverse import Path, command_for
 from dsd_cli.identify.design.limits import Limits, limits_of, narrowed, with_u
 from dsd_cli.identify.design.measure import ENOUGH, Expected, Measure
 from dsd_cli.identify.design.motions import ROOM, Part, Room, generator_values, position_of
-from dsd_cli.identify.design.optimise import Sized, joined, library_of, optimised
+from dsd_cli.identify.design.optimise import Sized, library_of, optimised
 from dsd_cli.identify.design.results import Impossible, Motion, Plan, PlannedPair, PlannedValue, Stage
 from dsd_cli.identify.design.rows import planning_step
 from dsd_cli.identify.design.targets import Targets, apart, targets_of, within_reach
+from dsd_cli.identify.design.verified import DRAWS_IN_LOOP, GENTLE, verified
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.controllers import ControllerSettings
-from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.signals.log import Array
 
-#: Plants of each explanation while the motion is looked for, and under the loop.
-_DRAWS_IN_SEARCH, _DRAWS_IN_LOOP = 2, 2
-#: By how much a motion shrinks at least and at most that broke a limit under the loop, and how often.
-_SHRINK, _SHRINK_MOST, _SHRINKS = 0.95, 0.5, 12
-#: Share of the room in which any explanation must be able to move the axis.
-_GENTLE = 0.05
+#: Plants of each explanation while the motion is looked for.
+_DRAWS_IN_SEARCH = 2
 
 Report = Callable[[str, float], None]
 
@@ -120,7 +117,7 @@ class _Asked:
         impossible += more
         if not (measure.open or targets.unknown):
             return empty.plan(None, measure, measure.expected(measure.nothing), impossible)
-        measure = measure.sized_by([one.grams for one in library])
+        measure = measure.sized_by([one.products for one in library])
         parts, cost = _enough(measure, room, wanted, library, report)
         report("under the loop", 0.8)
         loop = _loop(targets, self.observer, wanted, room)
@@ -134,7 +131,7 @@ def _able_to_move(targets: Targets, room: Room) -> Targets:
     ------
     DataError : the first of them is one.
     """
-    gentle = position_of(Part("harmonics", 4.0, (0.0, 1.0, 0.5, 0.0), scale=_GENTLE), room)
+    gentle = position_of(Part("harmonics", 4.0, (0.0, 1.0, 0.5, 0.0), scale=GENTLE), room)
     path, most = Path.of(gentle, room.step), room.limits.u
     able = [float(np.abs(command_for(e.fitted, path, 3.0 * most)).max()) < ROOM * most for e in targets.explanations]
     if not able[0]:
@@ -150,9 +147,9 @@ def _enough(
     for i, seconds in enumerate(wanted.seconds):
         if i:  # parts are as long as the plan asks
             library = library_of(measure, room, seconds)
-        parts, grams = optimised(measure, room, seconds, library)
+        parts, products = optimised(measure, room, seconds, library)
         found.append(parts)
-        cost.append((seconds, measure.smallest(grams)))
+        cost.append((seconds, measure.smallest(products)))
         report("choosing the motion", 0.5 + 0.3 * (i + 1) / len(wanted.seconds))
     enough = next((i for i, (_, nats) in enumerate(cost) if nats >= ENOUGH), len(cost) - 1)
     return found[enough], tuple(cost)
@@ -180,44 +177,19 @@ def _verified(
     room, loop, wanted = how
     # noise of the sensor, and other gains, take their share of u in a loop that nobody described
     allowed = room.limits if loop.described else with_u(room.limits, ROOM * room.limits.u)
-    first = Measure(measure.search, measure.targets, _DRAWS_IN_LOOP, measure.open)
-    plants = _plants(measure.targets, joined(parts, room), room)
-    wide, order, broken = parts, list(plants), dict[str, float]()
-    for _ in range(_SHRINKS * len(measure.targets.explanations)):
-        position = joined(parts, room)
-        path = Path.of(position, room.step)
-        planned, runs = (path, command_for(measure.targets.explanations[0].fitted, path)), dict[tuple[int, int], Run]()
-        for key in order:
-            runs[key] = run_loop(plants[key], loop, planned, allowed)
-            if broken := runs[key].exceeded(allowed):
-                order = [key, *(k for k in order if k != key)]  # who broke one is asked first
-                break
-        if not broken:
-            expected = first.expected(first.of_runs({key: (run.path, run.u) for key, run in runs.items()}))
-            motion = _motion(measure, position, room, wanted)
-            found = answer.plan(motion, first, expected, said[0])
-            kept = {measure.targets.explanations[i].name for i, _ in order}
-            lost = tuple(name for name in answer.names if name not in kept)
-            reached = _reached(list(runs.values()))
-            return replace(found, stages=_stages(parts, room), cost=said[1], reached=reached, not_counted=lost)
-        scale = max(_SHRINK_MOST, min(_SHRINK, 0.97 / (1.0 + max(broken.values()))))
-        parts = tuple(replace(p, scale=scale * p.scale) for p in parts)
-        if parts[0].scale < _GENTLE * wide[0].scale:
-            if not (measure.targets.unknown and order[0][0] > 0):
-                break
-            # what runs away on any motion is not the axis that made the logs
-            parts, order = wide, [k for k in order if k[0] != order[0][0]]
-    names = ", ".join(f"{name} ({100.0 * by:.0f} % beyond)" for name, by in broken.items())
-    raise DataError(f"no motion keeps the limits with every likely plant: {names}", "widen that limit, or move --start")
-
-
-def _plants(targets: Targets, position: Array, room: Room) -> dict[tuple[int, int], PlantModel]:
-    """Of each explanation the fitted plant, and the one of its draws that needs most u for the motion."""
-    path, found = Path.of(position, room.step), {}
-    for i, one in enumerate(targets.explanations):
-        needs = [float(np.abs(command_for(m, path, 3.0 * room.limits.u)).max()) for m in one.draws]
-        found[i, 0], found[i, 1] = one.fitted, one.draws[int(np.argmax(needs))]
-    return found
+    kept = verified(measure.targets, parts, room, loop, allowed)
+    first = Measure(measure.search, measure.targets, DRAWS_IN_LOOP, measure.open)
+    expected = first.expected(first.of_runs({key: (run.path, run.u) for key, run in kept.runs.items()}))
+    found = answer.plan(_motion(measure, kept.position, room, wanted), first, expected, said[0])
+    counted = {e.name for e in measure.targets.explanations} - set(kept.lost)
+    return replace(
+        found,
+        stages=_stages(kept.parts, room),
+        cost=said[1],
+        reached=_reached(list(kept.runs.values())),
+        not_counted=tuple(name for name in answer.names if name not in counted),
+        warnings=kept.unstable,
+    )
 
 
 def _motion(measure: Measure, position: Array, room: Room, wanted: Wanted) -> Motion:
@@ -236,7 +208,7 @@ def _motion(measure: Measure, position: Array, room: Room, wanted: Wanted) -> Mo
 def _stages(parts: Sequence[Part], room: Room) -> tuple[Stage, ...]:
     found, at = [], 0.0
     for part in parts:
-        end = at + max(round(part.seconds / room.step), 8) * room.step
+        end = at + part.samples(room.step) * room.step
         found.append(Stage(part.kind, at, end, generator_values(part, room)))
         at = end
     return tuple(found)

@@ -45,6 +45,22 @@ class Model:
         return 1 + len(self.total) + len(shapes_of(self.terms))
 
 
+@dataclass(frozen=True, eq=False)
+class Products:
+    """Inner products of the rows of a motion under several models, shape (K, P, P), and how many rows there are."""
+
+    rows: float
+    grams: Array
+
+    def __add__(self, other: Products) -> Products:
+        """Of one motion after the other."""
+        return Products(self.rows + other.rows, self.grams + other.grams)
+
+    def __rmul__(self, times: float) -> Products:
+        """Of a motion that is made so many times."""
+        return Products(times * self.rows, times * self.grams)
+
+
 def shapes_of(terms: Terms) -> list[tuple[int, str, float]]:
     """(term, name, value) of the shapes that are searched: as `fit.covariance.Information.shapes`."""
     return [(i, n, v) for i, t in enumerate(terms) for n, v in t.items if isinstance(v, float) and v > 0.0]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -26,15 +25,13 @@ _MOST, _WITHIN_REACH = 4, 0.05
 @dataclass(frozen=True)
 class Targets:
     """explanations : each once. pairs : of their places, to be distinguished. values : of the first explanation.
-    asked : names that the user gave. unknown : what is missing may be none of the explanations. unexplained : share of
-    u that the logs leave beside them."""
+    asked : names that the user gave. unknown : what is missing may be none of the explanations."""
 
     explanations: tuple[Explanation, ...]
     pairs: tuple[tuple[int, int], ...]
     values: tuple[Value, ...]
     asked: tuple[str, ...] = ()
     unknown: bool = False
-    unexplained: float = 0.0
 
 
 def targets_of(
@@ -62,9 +59,7 @@ def targets_of(
         return Targets(explanations, (), (), unknown=True)
     places = tuple((names.index(a), names.index(b)) for a, b in pairs if a in names and b in names)
     values = [n for n in wanted if n in flat(explanations[0].fitted)] if wanted else None
-    share = 0.0 if diagnosis is None else diagnosis.unexplained.share_of_u
-    found = values_of(search, explanations[0], values)
-    return Targets(explanations, places, found, tuple(wanted), unexplained=0.0 if math.isnan(share) else share)
+    return Targets(explanations, places, values_of(search, explanations[0], values), tuple(wanted))
 
 
 def _unknown(diagnosis: Diagnosis) -> bool:

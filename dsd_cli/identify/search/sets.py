@@ -72,13 +72,15 @@ class Search:
         """Held-out log-likelihood (up to a constant) less the price of the effects beyond the model's, nats."""
         return -self.nats(fit.loss) - self.price(fit.terms)
 
-    def nats(self, squares: float) -> float:
+    def nats(self, squares: float, more: float = 0.0) -> float:
         """Negative log-likelihood of a sum of squares; the variance is that of the noise, or what is left if more.
+
+        more : rows beyond those of the logs that the squares are of.
 
         What is left beyond the noise is force that no effect describes, and what takes a hundredth off it is no surer
         than if it were noise: N/2 ln of it, from where it exceeds the noise on.
         """
-        rows = self.problem.blocks.rows
+        rows = self.problem.blocks.rows + more
         over = 2.0 * squares / (rows * self.noise.nats)
         return 0.5 * rows * (over if over < 1.0 else 1.0 + math.log(over))
 

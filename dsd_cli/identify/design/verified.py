@@ -1,0 +1,104 @@
+"""A motion so small that every likely plant keeps the limits under the loop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dsd_cli.errors import DataError
+from dsd_cli.identify.design.closed_loop import Loop, Run, UnstableLoopError, run_loop
+from dsd_cli.identify.design.inverse import Path, command_for
+from dsd_cli.identify.design.limits import Limits
+from dsd_cli.identify.design.motions import FADE, Part, Room
+from dsd_cli.identify.design.optimise import joined
+from dsd_cli.identify.design.targets import Targets
+from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.log import Array
+
+#: By how much a part shrinks at least and at most that broke a limit under the loop, how often, and the share of its
+#: size in which any explanation must be able to move the axis.
+_SHRINK, _SHRINK_MOST, _SHRINKS, GENTLE = 0.9, 0.5, 12, 0.05
+#: Share of a limit that a smaller part aims at.
+_KEPT = 0.97
+
+#: Plants of an explanation that are run: 0 the fitted one, 1 the draw that needs most u; and which one of which.
+DRAWS_IN_LOOP = 2
+Key = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Verified:
+    """parts : of the motion. position : of it, shape (n,). runs : what each plant did. lost : names of explanations
+    that broke a limit on every motion. unstable : of those, a line for each whose loop was not stable."""
+
+    parts: tuple[Part, ...]
+    position: Array
+    runs: Mapping[Key, Run]
+    lost: tuple[str, ...]
+    unstable: tuple[str, ...]
+
+
+def verified(targets: Targets, parts: tuple[Part, ...], room: Room, loop: Loop, allowed: Limits) -> Verified:
+    """Parts shrink until no plant breaks a limit in them. With `unknown` an explanation that does so on any motion is
+    not the axis that made the logs, and is not counted.
+
+    Raises
+    ------
+    DataError : however small the motion, a plant breaks a limit; the loop is not stable with a plant that counts.
+    """
+    plants = _plants(targets, joined(parts, room), room)
+    wide, order, lost, unstable = parts, list(plants), list[str](), list[str]()
+    for _ in range(_SHRINKS * len(targets.explanations)):
+        position = joined(parts, room)
+        path, runs = Path.of(position, room.step), dict[Key, Run]()
+        planned, why = (path, command_for(targets.explanations[0].fitted, path)), ""
+        try:
+            for key in order:
+                runs[key] = run_loop(plants[key], loop, planned, allowed)
+                if runs[key].exceeded(allowed):
+                    break
+            else:
+                return Verified(parts, position, runs, tuple(lost), tuple(unstable))
+            smaller = _smaller(parts, runs[key], room, allowed)
+            runaway = any(now.scale < GENTLE * first.scale for now, first in zip(smaller, wide, strict=True))
+        except UnstableLoopError as failure:
+            smaller, runaway, why = parts, True, f"{targets.explanations[key[0]].name}: {failure}"
+        if not runaway:  # who broke a limit is asked first
+            parts, order = smaller, [key, *(k for k in order if k != key)]
+            continue
+        if not (targets.unknown and key[0] > 0):
+            break
+        parts, order = wide, [k for k in order if k[0] != key[0]]
+        lost.append(targets.explanations[key[0]].name)
+        unstable += [why] if why else []
+    if why:
+        raise DataError(why, "set [simulate.controller] to gains that hold this axis")
+    broken = ", ".join(f"{name} ({100.0 * by:.0f} % beyond)" for name, by in runs[key].exceeded(allowed).items())
+    raise DataError(
+        f"no motion keeps the limits with every likely plant: {broken}", "widen that limit, or move --start"
+    )
+
+
+def _smaller(parts: Sequence[Part], run: Run, room: Room, allowed: Limits) -> tuple[Part, ...]:
+    """The parts in which a plant broke a limit, smaller, and their repetitions with them; what breaks while a part
+    begins may be the one before."""
+    scales, start = dict.fromkeys(parts, 1.0), 0
+    for part in parts:
+        length = part.samples(room.step)
+        broken = run.exceeded(allowed, slice(start, start + length + int(FADE * length)))
+        if broken:
+            scale = float(np.clip(_KEPT / (1.0 + max(broken.values())), _SHRINK_MOST, _SHRINK))
+            scales[part] = min(scales[part], scale)
+        start += length
+    return tuple(replace(part, scale=scales[part] * part.scale) for part in parts)
+
+
+def _plants(targets: Targets, position: Array, room: Room) -> dict[Key, PlantModel]:
+    """Of each explanation the fitted plant, and the one of its draws that needs most u for the motion."""
+    path, found = Path.of(position, room.step), {}
+    for i, one in enumerate(targets.explanations):
+        needs = [float(np.abs(command_for(m, path, 3.0 * room.limits.u)).max()) for m in one.draws]
+        found[i, 0], found[i, 1] = one.fitted, one.draws[int(np.argmax(needs))]
+    return found
