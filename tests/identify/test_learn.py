@@ -8,6 +8,8 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize
 
 from dsd_cli.effects import Channels, load_effects
+from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.learn.choose import contains
 from dsd_cli.identify.learn.dictionary import Kind, effect_of, kinds
 from dsd_cli.identify.learn.families import FAMILIES, natural_spline
@@ -17,6 +19,7 @@ from dsd_cli.identify.learn.law_file import law_source
 from dsd_cli.identify.learn.learning import learn
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.results import Estimate
+from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.oracle.rig_strange import make
@@ -206,3 +209,15 @@ def test_a_gain_over_time_is_said_to_be_an_inertia_as_well_where_nothing_tells(t
     assert ("an inertia that changes over time" in named) == (true == "inertia")
     if true == "inertia":
         assert "early and late" in named["an inertia that changes over time"].separate
+
+
+@pytest.mark.parametrize(("law", "seed"), [("cross_term", 5), ("gain_by_sign", 6), ("torque_ripple", 6)])
+def test_the_delay_is_found_beside_the_law(law, seed):
+    """Without the law u looks early or late: a delay that stayed there would leave more than the true force does."""
+    log, recording, model = asked(law, seed=seed)
+    found = learn([recording], model)
+    assert found.model.delay == pytest.approx(log.delay, abs=2e-4)
+    # u of sample k acts from there on a delay later, when the force of the law is that of the sample after
+    _, known, model = asked(law, seed=seed, push=lambda t, log: -np.interp(t + log.delay + 1e-3, t, log.truth))
+    problem = pose([known], model, Settings(effects=()))
+    assert found.after.heldout_rmse < 1.1 * problem.score(Search(problem).refit).heldout_rmse

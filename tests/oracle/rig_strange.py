@@ -26,7 +26,7 @@ class StrangeLog:
     """A log with one law in it.
 
     channels : t, u, and position, velocity as logged. truth : force of the law per sample, mean over the interval that
-    ends there, shape (n,). motion : exact position and speed.
+    ends there, shape (n,). motion : exact position and speed. drawn : what the law drew, and remembers at the start.
     """
 
     channels: dict[str, Array]
@@ -37,6 +37,7 @@ class StrangeLog:
     motion: tuple[Array, Array]
     law: str
     values: dict[str, float] = field(default_factory=dict)
+    drawn: dict[str, Any] = field(default_factory=dict)
 
 
 def reference(rng: np.random.Generator, t: Array, kind: str) -> tuple[Array, Array, Array]:
@@ -80,6 +81,7 @@ def make(
     state = State(machine, 15.0 * inertia * float(machine.uniform(0.35, 0.7)), inertia)
     found = laws[law] if law != "nothing" else Law("nothing", lambda s: {}, lambda s, t, q, v, u: 0.0)
     state.__dict__.update(found.draw(state))
+    drawn = dict(vars(state))
     t = 1e-3 * np.arange(-1000, round(duration * 1e3))
     path = reference(wanted, t, motion)
     u, q, v, force = _run(found, state, (inertia, delay, own["viscous"], own["dry"]), t, path)
@@ -96,7 +98,24 @@ def make(
         "coulomb_friction": {"level": own["dry"]},
     }
     values = {k: x for k, x in vars(state).items() if isinstance(x, float)}
-    return StrangeLog(channels, inertia, delay, believed, force[log], (q[log], v[log]), law, values)
+    return StrangeLog(channels, inertia, delay, believed, force[log], (q[log], v[log]), law, values, drawn)
+
+
+def on_motion(log: StrangeLog, law: Law, motion: tuple[Array, ...], sign: Array) -> Array:
+    """Force of the law of a log per sample, shape (n,), on any motion (t, q, v, a, u), with this direction, -1 to 1."""
+    state = State(np.random.default_rng(0), 0.0, 0.0)
+    state.__dict__.update(log.drawn)
+    found = []
+    for (t, q, v, a, u), side in zip(np.stack(motion, axis=1).tolist(), sign.tolist(), strict=True):
+        force = law.force(state, t, q, v, u)
+        if law.friction:
+            force -= side * law.friction(state, t, q, v, u)
+        if law.inertia and law.slope:
+            force -= law.inertia(state, q) * a + 0.5 * law.slope(state, q) * v * v
+        if law.after:
+            law.after(state, q, v, 1e-3)
+        found.append(force)
+    return np.array(found)
 
 
 def _run(

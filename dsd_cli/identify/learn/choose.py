@@ -25,18 +25,19 @@ from dsd_cli.identify.learn.formula import AS_GOOD
 from dsd_cli.identify.learn.judge import Judge, LawFit
 from dsd_cli.identify.learn.rows import Balance
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.signals.log import Array
+from dsd_cli.plant.forces import Mask
 
-#: Laws that stand beside each other at most; rounds in which the noise is measured beside the best of them.
-MOST_LAWS, _ROUNDS = 3, 2
+#: Laws that stand beside each other at most; rounds in which the noise and the delay are measured beside the best, and
+#: the change of the delay, steps, that ends them.
+MOST_LAWS, _ROUNDS, _SETTLED = 3, 4, 0.05
 #: Laws whose loss is so many times the best one's are no ties, whatever the standard error.
 _TIED = 1.5
 #: Steps in which one time constant is narrowed down: to 1 % of the way between two.
 _NARROWED = 10
 #: Why nothing is learnt where the direction of the motion decides.
 AT_STOPS = "what is left lies at stops and turns, where the direction of the motion is not sure"
-#: Times as many knots as a family begins with, one after the other.
-FINER = (2, 4, 8)
+#: Times as many knots as a family begins with, at most.
+FINEST = 8
 
 
 @dataclass(frozen=True)
@@ -59,15 +60,15 @@ class Choice:
     finer: LawFit | None = None
     undecided: bool = False
 
-    def rmse(self, fit: LawFit, rows: Array | None = None) -> float:
+    def rmse(self, fit: LawFit, rows: Mask | None = None) -> float:
         """Held-out rms of r, of the rows that count or of these, unit of u."""
         return left_of(self.judge, fit, rows)
 
 
-def left_of(judge: Judge, fit: LawFit, rows: Array | None = None) -> float:
-    """Held-out rms of r, of the rows that count or of these, unit of u."""
+def left_of(judge: Judge, fit: LawFit, rows: Mask | None = None, held_out: bool = True) -> float:
+    """Rms of r, of the rows that count or of these, unit of u."""
     keep = judge.balance.equations.kept if rows is None else rows
-    return float(np.sqrt(np.mean(judge.residual(fit)[keep] ** 2)))
+    return float(np.sqrt(np.mean(judge.residual(fit, held_out)[keep] ** 2)))
 
 
 def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -> Choice:
@@ -77,31 +78,63 @@ def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -
         judge = Judge(balance)
         base = judge.fit(())
         return Choice(judge, base, base, (), base, base, few, undecided=True)
-    asked = [f for f in FAMILIES if balance.answered or not f.of_u]
-    all_of_them = [c for c in (columns_of(f, balance) for f in asked) if c is not None]
-    for turn in range(_ROUNDS):
-        report(turn / _ROUNDS)
-        judge = Judge(balance)
-        base = judge.fit(())
-        fits = [judge.fit((c,)) for c in all_of_them]
-        richest = min(fits, key=lambda f: f.loss, default=base)
-        if turn + 1 < _ROUNDS:
-            balance = balance.beside(judge.residual(richest, held_out=False))
+    look = _beside_the_best(balance, report)
+    judge, base, fits = look.judge, look.base, look.fits
     if not fits:
         return Choice(judge, base, base, (), base, base, "the log has no channel that a law could depend on")
     first, tied = simplest(fits)
     tied += also_an_inertia(judge, first)
     refused = why_not(judge, base, first)
     if refused:
-        return Choice(judge, base, base, (), richest, first, refused, undecided=refused == AT_STOPS)
-    fit = first
+        return Choice(judge, base, base, (), look.richest, first, refused, undecided=refused == AT_STOPS)
+    # a law is as fine as it gets before another is asked for: that would explain what a coarse curve leaves
+    fit, finer = refined(judge, with_one_lag(judge, first))
     while first.laws[0].family.of_motion and len(fit.laws) < MOST_LAWS:
-        following = _following(judge, fit, all_of_them)
+        following = _following(judge, fit, look.columns)
         if following is None:
             break
-        fit = following
-    fit, finer = refined(judge, with_one_lag(judge, fit))
-    return Choice(judge, base, fit, tied, min(richest, fit, key=lambda f: f.loss), first, "", finer)
+        fit, finer = refined(judge, with_one_lag(judge, following))
+    return Choice(judge, base, fit, tied, min(look.richest, fit, key=lambda f: f.loss), first, "", finer)
+
+
+@dataclass(frozen=True)
+class _Look:
+    """Every family alone beside the model, on one balance; base : the model alone."""
+
+    judge: Judge
+    base: LawFit
+    columns: list[Columns]
+    fits: list[LawFit]
+
+    @property
+    def richest(self) -> LawFit:
+        return min(self.fits, key=lambda f: f.loss, default=self.base)
+
+
+def _look(balance: Balance) -> _Look:
+    judge = Judge(balance)
+    made = (columns_of(f, balance) for f in FAMILIES if balance.answered or not f.of_u)
+    columns = [c for c in made if c is not None]
+    return _Look(judge, judge.fit(()), columns, [judge.fit((c,)) for c in columns])
+
+
+def _beside_the_best(balance: Balance, report: Callable[[float], None]) -> _Look:
+    """The families with the noise and the delay measured beside the best of them.
+
+    A law that is missing makes u look early or late: the delay that the problem was posed with may be far away, so that
+    of the given model is a start as well.
+    """
+    given = balance.problem.model.delay / balance.problem.solver.bank.tap_time
+    starts = [balance] if abs(given - balance.delay) < 1.0 else [balance, balance.at(given)]
+    look = min((_look(one) for one in starts), key=lambda found: found.richest.loss)
+    for turn in range(1, _ROUNDS):
+        report(turn / _ROUNDS)
+        before = look.judge.balance.delay
+        delay = look.judge.delay(look.richest)
+        look = _look(look.judge.balance.at(delay).beside(look.judge.residual(look.richest, held_out=False)))
+        if abs(delay - before) < _SETTLED:
+            break
+    return look
 
 
 def also_an_inertia(judge: Judge, gain: LawFit) -> tuple[LawFit, ...]:
@@ -126,18 +159,21 @@ def refined(judge: Judge, fit: LawFit) -> tuple[LawFit, LawFit | None]:
     Knots are doubled while the held-out loss falls by more than one standard error. Where the log has no rows for
     more knots, the second is the next coarser one.
     """
-    if not any(len(law.family.over) == 1 for law in fit.laws):
-        return fit, None
     coarser = None
-    for times in FINER:
-        columns = [columns_of(law.family, judge.balance, times) for law in fit.laws]
-        following = judge.fit([c or law for c, law in zip(columns, fit.laws, strict=True)])
+    while True:
+        following = judge.fit([_finer(judge, law) for law in fit.laws])
         if len(following.total) <= len(fit.total):
-            break
+            return fit, coarser
         if fit.loss - following.loss <= standard_error(fit, following):
             return fit, following
         fit, coarser = following, fit
-    return fit, coarser
+
+
+def _finer(judge: Judge, law: Columns) -> Columns:
+    """A curve over one channel with twice the knots; any other law as it is."""
+    if len(law.family.over) != 1 or law.finer >= FINEST:
+        return law
+    return columns_of(law.family, judge.balance, 2 * law.finer) or law
 
 
 def with_one_lag(judge: Judge, fit: LawFit) -> LawFit:
@@ -214,18 +250,22 @@ def standard_error(a: LawFit, b: LawFit) -> float:
 
 
 def why_not(judge: Judge, before: LawFit, after: LawFit) -> str:
-    """Why the last law of a fit is not taken, "" if it is: it must be certain, spread, of use, not at stops alone."""
-    nats = judge.nats(after)
-    gains = (after.without - after.losses) / nats
-    was, now = left_of(judge, before), left_of(judge, after)
-    force = judge.balance.problem.errors.force
+    """Why the last law of a fit is not taken, "" if it is: it must be certain, spread, of use, not at stops alone.
+
+    Of use in the fit to all rows as well: where one block alone goes to an end of a channel, or the model's own values
+    are loose without one, any law makes up for that on held-out blocks, and lacks nothing in the log.
+    """
+    gains = (after.without - after.losses) / judge.nats(after)
     if float(gains.sum()) < POLICY.unknown_nats or not spread_over_blocks(gains):
         return "no function of the channels explains what is left, on blocks that it was not fitted to"
-    if now > (1.0 - POLICY.unknown_fall) * was or math.sqrt(max(was**2 - now**2, 0.0)) < POLICY.least_unknown * force:
+    taken = left_of(judge, before) ** 2 - left_of(judge, after) ** 2
+    small = taken < (POLICY.least_unknown * judge.balance.problem.errors.force) ** 2
+    if small or not _falls(judge, before, after) or not _falls(judge, before, after, held_out=False):
         return "what a function of the channels explains is too small to matter"
     sure = judge.balance.weight == 1.0
-    if sure.any() and not sure.all():
-        was, now = left_of(judge, before, sure), left_of(judge, after, sure)
-        if now > (1.0 - POLICY.unknown_fall) * was:
-            return AT_STOPS
-    return ""
+    return "" if not sure.any() or _falls(judge, before, after, sure) else AT_STOPS
+
+
+def _falls(judge: Judge, before: LawFit, after: LawFit, rows: Mask | None = None, held_out: bool = True) -> bool:
+    was, now = (left_of(judge, fit, rows, held_out) for fit in (before, after))
+    return now < (1.0 - POLICY.unknown_fall) * was

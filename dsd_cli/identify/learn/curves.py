@@ -15,7 +15,6 @@ from dsd_cli.effects.tables import Table
 from dsd_cli.identify.learn.families import Columns
 from dsd_cli.identify.learn.judge import Judge, LawFit
 from dsd_cli.identify.learn.results import Curve, View
-from dsd_cli.identify.learn.rows import Balance
 from dsd_cli.plant.forces import Mask
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
@@ -126,28 +125,17 @@ def views_of(fit: LawFit, judge: Judge) -> tuple[View, ...]:
     for law, at in parts(fit):
         taken = theta[at] @ np.stack(law.rows)
         channel = "position" if not law.family.over else law.family.over[0]
-        rows = _of_rows(balance, channel)[keep]
-        direction = np.sign(_of_rows(balance, "velocity"))[keep]
+        rows = balance.of_rows(channel)[keep]
+        direction = np.sign(balance.of_rows("velocity"))[keep]
         before = -(taken + after)[keep]
         factor = {"velocity": "velocity", "u": "u"}.get(getattr(law.law, "factor", ""), "")
         if law.family.effect.role is Role.FRICTION:
             by = -direction
         elif factor:
-            by = _of_rows(balance, factor)[keep]
+            by = balance.of_rows(factor)[keep]
         else:
             by = np.full(len(rows), math.nan if law.family.effect is INERTIA_CURVE else 1.0)
         tells = np.abs(by) > _TELLS * np.nanmax(np.abs(by), initial=0.0)
         points = np.where(tells, before / np.where(tells, by, 1.0), math.nan)
         found.append(View(channel, rows, direction, before, -after[keep], points))
     return tuple(found)
-
-
-def _of_rows(balance: Balance, channel: str) -> Array:
-    """A channel at the centres of the rows, shape (N,)."""
-    by_stretch = []
-    for s, u in zip(balance.equations.stretches, balance.drive, strict=True):
-        known = {"u": u, "time": s.frame.times}
-        by_stretch.append(
-            known[channel] if channel in known else getattr(s.middle, channel.replace("speed", "velocity"))
-        )
-    return balance.equations.of_rows(by_stretch)

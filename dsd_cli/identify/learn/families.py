@@ -106,6 +106,7 @@ class Columns:
 
     rows : a column of shape (N,) for each of c coefficients. penalty : on them, (c, c). law : its table, or springs.
     matrix : from coefficients to the values of the law, (values, c). values : from those to values of the effect.
+    finer : times as many knots as a family begins with.
     """
 
     family: Family
@@ -114,6 +115,7 @@ class Columns:
     law: Any
     matrix: Array
     values: Callable[[Array], Values]
+    finer: int = 1
 
 
 def columns_of(family: Family, balance: Balance, finer: int = 1) -> Columns | None:
@@ -135,7 +137,7 @@ def columns_of(family: Family, balance: Balance, finer: int = 1) -> Columns | No
     def values(found: Array) -> Values:
         return family.effect.from_columns((1.0,), {"table": table.holding(found)})
 
-    return Columns(family, rows, _penalty(knots), table, matrix, values)
+    return Columns(family, rows, _penalty(knots), table, matrix, values, finer)
 
 
 def _frozen(values: Any) -> Any:

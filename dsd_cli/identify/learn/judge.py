@@ -194,6 +194,14 @@ class Judge:
         fold = fit.blocks.fold[fit.blocks.block_of_rows()]
         return np.asarray(np.einsum("ni,in->n", weights[1:][fold], rows))
 
+    def delay(self, fit: LawFit) -> float:
+        """Steps by which u is late beside a fit."""
+        first = int(0 not in fit.held)
+        share = float(fit.total[first])
+        if fit.forward:  # g (u - share x change)
+            share = -share / (float(fit.total[0]) if first else 1.0)
+        return self.balance.delay + share
+
     def nats(self, fit: LawFit) -> float:
         """Squares of whitened rows per nat beside a fit."""
         white = self.balance.white(self.residual(fit, held_out=False))[self.balance.equations.kept]

@@ -42,13 +42,14 @@ class Balance:
 
     Attributes
     ----------
-    tap : steps of delay at which u acts. u, acceleration, later : drive, measured a, change of the drive over a step.
+    delay : steps, also between, at which u acts. u, acceleration, later : drive, measured a, change of the drive over
+        one more step.
     own : columns of the model's own effects; given : their coefficients in the model; names : effect of each.
     weight : of each row. whitening : taps over rows. noise : variance that the sensor leaves in a whitened row of a.
     """
 
     problem: Problem
-    tap: int
+    delay: float
     u: Array
     acceleration: Array
     later: Array
@@ -88,6 +89,15 @@ class Balance:
         values = (self.inertia, *self.given)
         return sum((values[i] * self.all_own[i] for i in held), np.zeros(len(self.u)))
 
+    def of_rows(self, channel: str) -> Array:
+        """A channel at the centres of the rows, shape (N,); NaN where it is not logged."""
+        by_stretch = []
+        for s, u in zip(self.equations.stretches, self.drive, strict=True):
+            known = {"u": u, "time": s.frame.times}
+            name = channel.replace("speed", "velocity")
+            by_stretch.append(known[channel] if channel in known else getattr(s.middle, name))
+        return self.equations.of_rows(by_stretch)
+
     @cached_property
     def inertia(self) -> float:
         """J where a law has it as well, so that no log distinguishes the two: as given, or as u is on the motion."""
@@ -99,7 +109,7 @@ class Balance:
     @cached_property
     def drive(self) -> list[Array]:
         """The delayed u per interval, by stretch: what laws of u look at."""
-        return drive(self.equations, (), self.tap * self.problem.solver.bank.tap_time)
+        return drive(self.equations, (), self.delay * self.problem.solver.bank.tap_time)
 
     @cached_property
     def net_drive(self) -> list[Array]:
@@ -128,6 +138,11 @@ class Balance:
     def _white_equations(self) -> Equations:
         return replace(self.equations, whitening=self.whitening, row_weight=self.weight)
 
+    def at(self, delay: float) -> Balance:
+        """The same with u so many steps late, as far as the rows allow."""
+        moved = balance_of(self.problem, min(max(delay, 0.0), self.problem.most_tap))
+        return replace(moved, whitening=self.whitening, noise=self.noise)
+
     def beside(self, residual: Array) -> Balance:
         """The same, whitened by the noise in what a richer fit leaves, shape (N,), unit of u."""
         noise = noisiest(self.problem.recordings)
@@ -136,21 +151,28 @@ class Balance:
         return replace(self, whitening=taps, noise=_noise(self.problem, taps))
 
 
-def balance_of(problem: Problem) -> Balance:
-    """Of a problem; the noise is that beside functions of single channels."""
-    bank, model, tap = problem.errors.bank, problem.model, problem.tap
+def balance_of(problem: Problem, delay: float | None = None) -> Balance:
+    """Of a problem, with u late by so many steps (None: as the problem has it); the noise is that beside functions of
+    single channels.
+
+    The change of the drive over a step is taken around that delay: a law that is missing moves the delay of the
+    problem by several steps, over which the drive is no line.
+    """
+    bank, model = problem.errors.bank, problem.model
+    delay = float(problem.tap) if delay is None else delay
     inputs = inputs_of(problem.base)
-    now, after = (bank.drive(inputs, n, held=True) for n in (tap, tap + 1))
+    ends = max(delay - 0.5, 0.0), delay + 0.5
+    early, late = (bank.drive(inputs, n, keep=False, held=True) for n in ends)
     acting = [t for t in problem.base if t.effect.role is not Role.INPUT]
-    columns = [bank.columns(t, tap, held=True) for t in acting]
+    columns = [bank.columns(t, delay, held=True) for t in acting]
     _, given = coefficients_of(model, problem.base, bank.tap_time)
     taps = problem.equations.whitening
     return Balance(
         problem,
-        tap,
-        now,
+        delay,
+        bank.drive(inputs, delay, keep=False, held=True),
         bank.acceleration,
-        now - after,
+        (early - late) / (ends[1] - ends[0]),
         tuple(x for by_coefficient in columns for x in by_coefficient),
         given[2:],
         tuple(t.id for t, by in zip(acting, columns, strict=True) for _ in by),

@@ -1,0 +1,47 @@
+"""What the true law leaves of a log of the outside rig: written as an effect on the measured motion, or as a force that
+is known sample by sample.
+
+A law that anybody could learn looks at the motion as the sensors show it. The force itself is known better: in which
+millisecond the axis stuck and broke away, which no sensor shows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dsd_cli.effects.general import CURVE
+from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.fit.testability import Settings
+from dsd_cli.identify.learn.choose import left_of
+from dsd_cli.identify.learn.families import Columns, Family
+from dsd_cli.identify.learn.judge import Judge
+from dsd_cli.identify.learn.rows import Balance, balance_of
+from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.plant.model import PlantModel
+from tests.oracle.rig_strange import StrangeLog, on_motion
+from tests.oracle.rig_strange_laws import Law
+
+#: Rounds in which the delay is found beside the law.
+_ROUNDS = 3
+
+
+def law_error(log: StrangeLog, law: Law, recording: Recording, model: PlantModel) -> float:
+    """Held-out error of the true law as an effect of the model, one coefficient fitted along; unit of u."""
+    problem = pose([recording], model, Settings())
+    balance = balance_of(problem, log.delay / problem.solver.bank.tap_time)
+    for _ in range(_ROUNDS):
+        judge = Judge(balance)
+        fit = judge.fit([_columns(log, law, balance)])
+        balance = balance.at(judge.delay(fit)).beside(judge.residual(fit, held_out=False))
+    return left_of(judge, fit)
+
+
+def _columns(log: StrangeLog, law: Law, balance: Balance) -> Columns:
+    forces = []
+    for s, u in zip(balance.equations.stretches, balance.drive, strict=True):
+        motion = (s.frame.times, s.middle.position, s.middle.velocity, s.acceleration, u)
+        forces.append(-on_motion(log, law, motion, s.sign))
+    smooth = law.friction is None
+    rows = balance.equations.acting(forces, smooth, True)
+    family = Family("the true law", law.on, CURVE, ("u",) if "u" in law.on else (), "one", 0)
+    return Columns(family, (rows,), np.zeros((1, 1)), None, np.eye(1), lambda _: {})
