@@ -3,7 +3,7 @@
 Logs of machines of `tests/oracle/rig*.py` with one hidden effect that move little, slowly, one way or for a moment,
 and end in a tie, a weak value or `unknown`. The motion that is planned from such a log, within the limits of the
 machine, is run on that machine; so is the old motion for as long. One row per log goes into bench/results/plan.json;
-`--page` prints the figures of docs/plan.md.
+`--page` writes the figures into docs/measured/plan.md.
 """
 
 from __future__ import annotations
@@ -18,9 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.errors import DsdError
+from bench.learn_page import put
+from bench.plan_page import PAGE, figures
+from dsd_cli.errors import DsdError, UsageError
 from dsd_cli.identify.design.plan import Wanted, plan_next
-from dsd_cli.identify.design.results import Plan
+from dsd_cli.identify.design.results import Motion, Plan
 from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.sets import Search
@@ -66,6 +68,11 @@ class Machine:
         step = float(np.median(np.diff(log["t"])))
         return prepare(Log(log, step, f"log {take}"), self.observer), exact
 
+    def run(self, motion: Motion, take: int) -> tuple[Recording, Any]:
+        """The planned motion: (recording, exact motion)."""
+        t = np.arange(len(motion.position)) * motion.step
+        return self.moved(t, (motion.position, motion.velocity, motion.u), take)
+
     def asked(self, recordings: Sequence[Recording]) -> Diagnosis:
         """The diagnosis, its search kept."""
         keep = lambda search, whole: self.kept.append((search, whole))  # noqa: E731
@@ -96,6 +103,16 @@ class Machine:
         )
 
 
+def opened(case: RigCase, kind: str) -> tuple[Machine, Recording, Diagnosis] | None:
+    """(machine, its poor log, what that says); None where it cannot be asked."""
+    machine = Machine(case)
+    first, _ = machine.moved(*poor_reference(machine.trial, kind, DURATION), 0)
+    try:
+        return machine, first, machine.asked([first])
+    except DsdError:
+        return None
+
+
 def left_open(said: Diagnosis) -> bool:
     """Whether a log ends in a tie, a weak value or `unknown`."""
     ranking = {c.effect: c for c in said.ranking}
@@ -106,14 +123,9 @@ def left_open(said: Diagnosis) -> bool:
 
 def one(case: RigCase, kind: str) -> Row | None:
     """A row; None where the poor log left nothing open, or could not be asked."""
-    machine = Machine(case)
-    first, _ = machine.moved(*poor_reference(machine.trial, kind, DURATION), 0)
-    try:
-        said = machine.asked([first])
-    except DsdError:
+    if (known := opened(case, kind)) is None or not left_open(known[-1]):
         return None
-    if not left_open(said):
-        return None
+    machine, first, said = known
     row: Row = {"what": case.what[0], "seed": case.seed, "kind": kind, "sensing": case.sensing, "verdict": said.verdict}
     try:
         plan, row["cpu"] = machine.plan(said)
@@ -123,8 +135,7 @@ def one(case: RigCase, kind: str) -> Row | None:
         return {**row, "error": "no motion"}
     row["pairs"] = len(plan.pairs)
     row["parts"] = sorted({s.kind for s in plan.stages})
-    t = np.arange(len(plan.motion.position)) * plan.motion.step
-    next_log, exact = machine.moved(t, (plan.motion.position, plan.motion.velocity, plan.motion.u), 1)
+    next_log, exact = machine.run(plan.motion, 1)
     row["broken"] = _broken(plan, exact)
     after = machine.asked([first, next_log])
     row |= {"after": after.verdict, "settled": machine.settled(after), "found": list(after.found)}
@@ -157,15 +168,10 @@ def _realised(machine: Machine, plan: Plan) -> list[tuple[float, float]]:
 
 def looped(case: RigCase, kind: str) -> Row | None:
     """Plan, run, ask, up to three times; None where the first log settles it, or cannot be asked."""
-    machine = Machine(case)
-    first, _ = machine.moved(*poor_reference(machine.trial, kind, DURATION), 0)
+    if (known := opened(case, kind)) is None or known[0].settled(known[-1]):
+        return None
+    machine, first, said = known
     logs, row = [first], {"what": case.what[0], "seed": case.seed, "kind": kind}
-    try:
-        said = machine.asked(logs)
-    except DsdError:
-        return None
-    if machine.settled(said):
-        return None
     try:
         for k in range(MOST + 1):
             if machine.settled(said) or k == MOST:
@@ -173,8 +179,7 @@ def looped(case: RigCase, kind: str) -> Row | None:
             plan, _ = machine.plan(said)
             if plan.motion is None:
                 return row | {"settled": machine.settled(said), "experiments": k, "verdict": said.verdict}
-            t = np.arange(len(plan.motion.position)) * plan.motion.step
-            logs.append(machine.moved(t, (plan.motion.position, plan.motion.velocity, plan.motion.u), k + 1)[0])
+            logs.append(machine.run(plan.motion, k + 1)[0])
             said = machine.asked(logs)
     except (DsdError, RuntimeError) as error:
         return row | {"settled": False, "experiments": -1, "verdict": str(error)}
@@ -183,12 +188,9 @@ def looped(case: RigCase, kind: str) -> Row | None:
 
 def kept(case: RigCase, kind: str) -> Row | None:
     """How often plans of one log break a limit on the rig: what is open, in shorter, longer, narrower ones."""
-    machine = Machine(case)
-    first, _ = machine.moved(*poor_reference(machine.trial, kind, DURATION), 0)
-    try:
-        said = machine.asked([first])
-    except DsdError:
+    if (known := opened(case, kind)) is None:
         return None
+    machine, _, said = known
     limits = machine.limits
     middle = 0.5 * sum(limits["position"])
     narrow = {n: (0.5 * a, 0.5 * b) for n, (a, b) in limits.items()}
@@ -203,46 +205,64 @@ def kept(case: RigCase, kind: str) -> Row | None:
             row["refused"] += 1
             continue
         if plan.motion is not None:
-            t = np.arange(len(plan.motion.position)) * plan.motion.step
-            _, exact = machine.moved(t, (plan.motion.position, plan.motion.velocity, plan.motion.u), k + 1)
+            _, exact = machine.run(plan.motion, k + 1)
             row["plans"] += 1
             row["broken"] += [broken] if (broken := _broken(plan, exact)) else []
     return row
 
 
-#: Share of the friction that the inertial force may reach where load friction is to be identified: a sixtieth.
-_SLOW_PUSH = 1.0 / 60.0
+#: Half of a range of the position, rad, in which a weight changes by no more than a ten-thousandth.
+_NARROW = 0.01
+#: How much slower a log is than the machine's usual motion in which friction is nearly all of u.
+_CRAWL = 16.0
 
 
 def impossible(seed: int) -> Row | None:
-    """Coulomb friction in a good log: load friction is distinguished from it only where u changes beside it, the gain
-    of the drive never. True: said so where it is so, and not where it is not. None: the log cannot test load friction,
-    which is said before any plan."""
-    machine = Machine(RigCase(what=("coulomb_friction",), seed=seed, sensing="enc4096", duration=10.0))
-    plan, on = machine.trial.design, machine.trial.design.t >= 0.0
-    t = plan.t[on]
-    q = np.asarray(plan.wanted.q)[on]
-    v = np.gradient(q, t)
-    first, _ = machine.moved(t - t[0], (q, v, 0.8 * plan.inertia * np.gradient(v, t)), 0)
-    said = machine.asked([first])
-    level = machine.trial.machine.effects["coulomb_friction"]["level"]
-    names, limits = ("coulomb_friction", "load_friction"), machine.limits
-    slow = {**limits, "acceleration": (0.0, _SLOW_PUSH * level / plan.inertia)}
+    """What no motion identifies, and what one does; true: said so where it is so, and not where it is not.
 
-    def lost(names: tuple[str, ...], limits: dict[str, tuple[float, float]], what: str) -> bool:
-        wanted = Wanted(names, limits=limits)
-        found = plan_next(*machine.kept[-1], said, machine.observer, wanted).impossible
-        return any(what in one.what for one in found)
-
-    if "load_friction" in machine.kept[-1][0].problem.untestable:
+    The gain of the drive: the balance is the same with all of it as many times as large. Load friction beside
+    Coulomb friction in a crawl: u is as large as the friction throughout. A weight and a constant load within a
+    hundredth of a radian. None: the usual motion does not show the friction.
+    """
+    brake, load = (_of(seed, what) for what in ("coulomb_friction", "constant_load"))
+    usual = _paced(brake, 1.0)
+    if usual.verdict != "coulomb_friction" or "load_friction" in brake.kept[-1][0].problem.untestable:
         return None
-    return {
-        "seed": seed,
-        "base": list(machine.trial.base),
-        "gain": lost(("gain",), limits, "gain"),
-        "load friction, pushed hardly": lost(names, slow, "load_friction"),
-        "load friction, pushed": not lost(names, limits, "load_friction"),
-    }
+    names = ("coulomb_friction", "load_friction")
+    row: Row = {"seed": seed, "gain": _said_of("gain", brake, usual, ("gain",), brake.limits)}
+    row["load friction, pushed"] = not _said_of("load_friction", brake, usual, names, brake.limits)
+    row["load friction, crawling"] = _said_of("load_friction", brake, _paced(brake, _CRAWL), names, brake.limits)
+    first, _ = load.moved(*poor_reference(load.trial, "small", DURATION), 0)
+    small, start = load.asked([first]), load.trial.design.start
+    tie = ("constant_load", "gravity")
+    narrow = {**load.limits, "position": (start - _NARROW, start + _NARROW)}
+    row["weight, narrow range"] = _said_of("gravity", load, small, tie, narrow)
+    row["weight, whole range"] = not _said_of("gravity", load, small, tie, load.limits)
+    return row
+
+
+def _of(seed: int, what: str) -> Machine:
+    return Machine(RigCase(what=(what,), seed=seed, sensing="enc4096", duration=10.0))
+
+
+def _paced(machine: Machine, times: float) -> Diagnosis:
+    """Of a log of the machine's usual motion, so many times slower."""
+    plan, on = machine.trial.design, machine.trial.design.t >= 0.0
+    t = plan.t[on] - plan.t[on][0]
+    q = np.interp(t / times, t, np.asarray(plan.wanted.q)[on])
+    v = np.gradient(q, t)
+    return machine.asked([machine.moved(t, (q, v, 0.8 * plan.inertia * np.gradient(v, t)), 0)[0]])
+
+
+def _said_of(
+    what: str, machine: Machine, said: Diagnosis, names: tuple[str, ...], limits: dict[str, tuple[float, float]]
+) -> bool:
+    """Whether the plan for these names says that no motion does it, or that these logs cannot test it."""
+    try:
+        plan = plan_next(*machine.kept[-1], said, machine.observer, Wanted(names, limits=limits))
+    except UsageError:
+        return True
+    return any(what in one.what for one in plan.impossible)
 
 
 def cases(first: int = 0) -> Iterator[tuple[RigCase, str]]:
@@ -252,36 +272,8 @@ def cases(first: int = 0) -> Iterator[tuple[RigCase, str]]:
         yield RigCase(what=(what,), seed=FROM + k, sensing=SENSORS[k // len(HIDDEN) % 2], duration=10.0), kind
 
 
-def _keep(name: str, rows: list[Row]) -> None:
-    known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-    RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(json.dumps(known | {name: rows}, indent=1))
-
-
-def page(known: dict[str, list[Row]]) -> list[str]:
-    """Figures in words."""
-    rows = known.get("plans", [])
-    planned = [r for r in rows if "error" not in r]
-    ratios = [realised / expected for r in planned for expected, realised in r["realised"]]
-    near = sum(0.5 <= x <= 2.0 for x in ratios)
-    cpu = [r["cpu"] for r in planned]
-    loops, limits, impossible = (known.get(name, []) for name in ("loops", "limits", "impossible"))
-    said = [r[k] for r in impossible for k in ("gain", "load friction, pushed hardly")]
-    return [
-        f"poor logs: {len(rows)}, planned {len(planned)}",
-        f"settled after the planned motion: {sum(r['settled'] for r in planned)} of {len(rows)}",
-        f"right effect named after it: {sum(r['after'] == r['what'] for r in planned)} of {len(rows)}",
-        f"settled after the old motion for as long: {sum(r['settled_old'] for r in planned)} of {len(rows)}",
-        f"right effect named after that: {sum(r['after_old'] == r['what'] for r in planned)} of {len(rows)}",
-        f"realised nats within a factor of 2 of the expected: {near} of {len(ratios)} pairs",
-        f"a limit broken on the rig: {sum(bool(r['broken']) for r in planned)} of {len(planned)}",
-        f"CPU of a plan: {np.median(cpu):.1f} s in the middle, {max(cpu):.1f} s at most" if cpu else "",
-        f"loops settled: {sum(r['settled'] for r in loops)} of {len(loops)}",
-        f"a limit broken by one of five plans of a log: {sum(len(r['broken']) for r in limits)} of "
-        f"{sum(r['plans'] for r in limits)} plans",
-        f"what no motion identifies is said: {sum(said)} of {len(said)}; and where one does: "
-        f"{sum(not r['load friction, pushed'] for r in impossible)} of {len(impossible)}",
-    ]
+def _kept_rows() -> dict[str, list[Row]]:
+    return dict(json.loads(RESULTS.read_text())) if RESULTS.exists() else {}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -291,10 +283,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--impossible", type=int, default=0, help="ask so many machines what no motion identifies")
     parser.add_argument("--most", type=int, default=40, help="logs")
     parser.add_argument("--first", type=int, default=0, help="number of the first log")
-    parser.add_argument("--page", action="store_true", help="print the figures of what was asked")
+    parser.add_argument("--more", action="store_true", help="add to the rows of earlier runs")
+    parser.add_argument("--page", action="store_true", help="write the figures of what was asked into the page")
     options = parser.parse_args(arguments)
     if options.page:
-        print("\n".join(page(json.loads(RESULTS.read_text()))))
+        put("rig", figures(_kept_rows()), PAGE)
         return
     asked, most = one, options.most
     for name in ("loops", "limits", "impossible"):
@@ -304,11 +297,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     else:
         name = "plans"
     rows: list[Row] = []
+    before = _kept_rows().get(name, []) if options.more else []
     for case, kind in cases(options.first):
         row = asked(case, kind)
         if row is not None:
             rows.append(row)
-            _keep(name, rows)
+            RESULTS.parent.mkdir(exist_ok=True)
+            RESULTS.write_text(json.dumps(_kept_rows() | {name: before + rows}, indent=1))
             print(json.dumps(row), flush=True)
         if len(rows) >= most:
             break

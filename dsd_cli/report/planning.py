@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from dsd_cli.identify.design.results import Experiment, Plan, PlannedPair, PlannedValue, Stage
 from dsd_cli.report import terminal
@@ -13,11 +15,39 @@ from dsd_cli.report.diagnosis import plain_table
 from dsd_cli.report.head import head
 from dsd_cli.report.names import error, listed, number_or_none
 from dsd_cli.report.terminal import escaped
+from dsd_cli.signals.log import Array
 
 #: Nats from which on explanations count as told apart in words: odds of 1 to 400.
 TOLD = 6.0
+#: A limit is in a picture that is no more than so many times as far away as the motion goes.
+_NEAR = 3.0
 #: Beyond so many nats only that they are many is said.
 _MANY = 1e4
+
+
+class Channel(NamedTuple):
+    """A channel of the motion, shape (n,), with those of its limits that it comes near to."""
+
+    title: str
+    unit: str
+    values: Array
+    limits: tuple[float, ...]
+
+
+def channels(plan: Plan) -> tuple[Channel, ...]:
+    """What a picture of the motion shows over time; () without a motion."""
+    motion, limits, units = plan.motion, plan.limits, plan.units
+    if motion is None:
+        return ()
+    rows = (
+        ("position", units.of_position, motion.position, (limits.low, limits.high)),
+        ("velocity", units.of_velocity, motion.velocity, (-limits.velocity, limits.velocity)),
+        ("u, foreseen", units.force, motion.u, (-limits.u, limits.u)),
+    )
+    return tuple(
+        Channel(title, unit, x, tuple(end for end in ends if abs(end) < _NEAR * float(np.abs(x).max()) + 1e-300))
+        for title, unit, x, ends in rows
+    )
 
 
 def to_json(plan: Plan, experiments: Sequence[Experiment] = (), output: str = "") -> dict[str, Any]:
@@ -147,9 +177,14 @@ def _closing(plan: Plan) -> list[str]:
             f"{reached['position_high']:.4g}, velocity up to {reached['velocity']:.4g}, u up to {reached['u']:.4g}"
         )
     if plan.not_counted:
-        lines.append(f"not counted, for it breaks a limit on every motion: {', '.join(plan.not_counted)}")
+        lines.append(not_counted(plan))
     lines.append("-> run it, and ask again with both logs: dsd diagnose OLD NEW")
     return lines
+
+
+def not_counted(plan: Plan) -> str:
+    """Explanations that were left out."""
+    return f"not counted, for it breaks a limit on every motion: {', '.join(plan.not_counted)}"
 
 
 def _stage_text(stage: Stage) -> str:

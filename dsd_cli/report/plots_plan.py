@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from dsd_cli.identify.design.measure import ENOUGH
 from dsd_cli.identify.design.results import Motion, Plan
 from dsd_cli.report.figure import LIMIT, MEASURED, OTHER, PREDICTED, SHARE, headline, legend_above, line, sheet
-from dsd_cli.report.planning import TOLD
+from dsd_cli.report.planning import TOLD, channels
 from dsd_cli.report.planning import headline as said
 
 #: Nats below which a bar ends.
@@ -18,34 +19,28 @@ _LEAST = 0.1
 def draw(plan: Plan) -> Any:
     """The figure; without a motion only what is identified now."""
     bars = _bars(plan)
-    figure = sheet(11.0, 1.6 + (5.4 if plan.motion is not None else 0.0) + 0.34 * len(bars))
     heights = [1.3, 1.0, 1.0] if plan.motion is not None else []
-    axes = figure.subplots(len(heights) + 1, 1, height_ratios=[*heights, max(0.3 * len(bars), 0.6)], squeeze=False)[
-        :, 0
-    ]
+    heights += [max(0.3 * len(bars), 0.6), *([1.0] if len(plan.cost) > 1 else [])]
+    figure = sheet(11.0, 1.6 + 1.6 * (len(heights) - 1) + 0.34 * len(bars))
+    axes = figure.subplots(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
     headline(figure, said(plan), 110)
     if plan.motion is not None:
         _draw_motion(axes[:3], plan, plan.motion)
-    _draw_bars(axes[-1], bars)
+    if len(plan.cost) > 1:
+        _draw_cost(axes[-1], plan)
+    _draw_bars(axes[3 if plan.motion is not None else 0], bars)
     return figure
 
 
 def _draw_motion(axes: Any, plan: Plan, motion: Motion) -> None:
     t = np.asarray(np.arange(len(motion.position)) * motion.step, dtype=np.float64)
-    limits, units = plan.limits, plan.units
-    rows = (
-        (motion.position, (limits.low, limits.high), MEASURED, f"position ({units.of_position})"),
-        (motion.velocity, (-limits.velocity, limits.velocity), PREDICTED, f"velocity ({units.of_velocity})"),
-        (motion.u, (-limits.u, limits.u), OTHER, f"u, foreseen ({units.force})"),
-    )
-    for axis, (x, ends, color, label) in zip(axes, rows, strict=True):
-        line(axis, t, x, color)
-        for end in ends:
-            if abs(end) < 3.0 * float(np.abs(x).max()) + 1e-300:
-                axis.axhline(end, color=LIMIT, lw=0.9, ls=":")
+    for axis, one, color in zip(axes, channels(plan), (MEASURED, PREDICTED, OTHER), strict=True):
+        line(axis, t, one.values, color)
+        for end in one.limits:
+            axis.axhline(end, color=LIMIT, lw=0.9, ls=":")
         for stage in plan.stages[1:]:
             axis.axvline(stage.start, color=SHARE, lw=0.9)
-        axis.set_ylabel(label)
+        axis.set_ylabel(f"{one.title} ({one.unit})")
     for stage in plan.stages:
         axes[0].annotate(
             stage.kind,
@@ -56,6 +51,18 @@ def _draw_motion(axes: Any, plan: Plan, motion: Motion) -> None:
             fontsize=8.5,
         )
     axes[2].set_xlabel("time (s); dotted: limits")
+
+
+def _draw_cost(axis: Any, plan: Plan) -> None:
+    """Nats of what is identified least, over the length of the motion."""
+    seconds, nats = zip(*plan.cost, strict=True)
+    axis.plot(seconds, np.maximum(nats, _LEAST), "o-", color=MEASURED)
+    axis.axhline(ENOUGH, color=LIMIT, lw=0.9, ls=":")
+    if plan.motion is not None:
+        axis.axvline(plan.motion.seconds, color=SHARE, lw=0.9)
+    axis.set_yscale("log")
+    axis.set_xlabel("length of the motion (s); dotted: enough; upright: as it is written")
+    axis.set_ylabel("least nats")
 
 
 def _bars(plan: Plan) -> list[tuple[str, float, float]]:

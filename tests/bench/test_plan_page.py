@@ -1,16 +1,31 @@
-"""The figures of docs/plan.md out of the rows of `python -m bench plan`."""
+"""The figures of docs/measured/plan.md out of the rows of `python -m bench plan`."""
 
-from bench.plan import page
+from bench.plan_page import PAGE, figures
 
 
 def test_limits_and_what_no_motion_identifies_are_figures_of_the_page():
     limits = [{"plans": 5, "broken": [{"u": 0.1}]}, {"plans": 4, "broken": [{"u": 0.02}, {"velocity": 0.08}]}]
-    hardly, pushed = "load friction, pushed hardly", "load friction, pushed"
-    impossible = [{"gain": True, hardly: True, pushed: False}, {"gain": False, hardly: True, pushed: True}]
-    lines = page({"limits": limits, "impossible": impossible})
-    assert "a limit broken by one of five plans of a log: 3 of 9 plans" in lines
-    assert "what no motion identifies is said: 3 of 4; and where one does: 1 of 2" in lines
+    impossible = [{"seed": 1, "gain": True, "load": False}, {"seed": 2, "gain": True, "load": True}]
+    lines = figures({"limits": limits, "impossible": impossible})
+    assert "- a limit broken by one of five plans of a log: 3 of 9 plans, by 10 % at most" in lines
+    assert "- what no motion identifies, gain: right in 2 of 2" in lines
+    assert "- what no motion identifies, load: right in 1 of 2" in lines
+
+
+def test_nats_are_within_a_factor_of_two_or_are_not():
+    row = {"what": "gravity", "kind": "slow", "sensing": "enc4096", "verdict": "unknown", "cpu": 2.0, "broken": {}}
+    row |= {"after": "gravity", "settled": True, "after_old": "unknown", "settled_old": False}
+    lines = figures({"plans": [row | {"realised": [(100.0, 201.0), (100.0, 51.0), (900.0, 3000.0), (40.0, 10.0)]}]})
+    assert "- realised nats within a factor of 2 of the expected: 1 of 4 pairs" in lines
+    assert "- within a factor of 2, or both beyond 500: 2 of 4 pairs" in lines
+    assert "- realised nats less than half of the expected: 1 of 4 pairs" in lines
+    assert lines[-1].startswith("| gravity | slow, enc4096 | unknown | gravity | unknown, not settled | 100, 201; ")
 
 
 def test_what_was_not_asked_is_no_fault():
-    assert "loops settled: 0 of 0" in page({})
+    assert "- loops settled within three experiments: 0 of 0, by one: 0 of 0" in figures({})
+
+
+def test_the_page_has_a_place_for_the_figures():
+    text = PAGE.read_text(encoding="utf-8")
+    assert text.count("<!-- rig -->") == text.count("<!-- end of rig -->") == 1

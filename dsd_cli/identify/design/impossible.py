@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import product
 
-from dsd_cli.effects import catalogue, find_effect, get_effect, kind_of
+from dsd_cli.effects import catalogue, find_effect, kind_of
 from dsd_cli.identify.design.measure import Measure
 from dsd_cli.identify.design.optimise import Sized
 from dsd_cli.identify.design.results import Impossible
@@ -29,8 +29,10 @@ def not_by_motion(search: Search, targets: Targets, diagnosis: Diagnosis | None)
     asked = GAIN in targets.asked or (diagnosis is not None and diagnosis.verdict == INERTIA)
     if asked and not any(name != DELAY for name in held):
         found.append(Impossible("the gain of the drive (the unit of u) or the inertia", _GAIN_TOLD))
+    # what a poor log cannot test for want of motion the next may show
+    lacking = {reason for log in search.problem.recordings for reason in log.missing.values()}
     for name, reason in search.problem.untestable.items():
-        if not get_effect(name).listed and (not targets.asked or name in targets.asked):
+        if reason in lacking and (not targets.asked or name in targets.asked):
             found.append(Impossible(name, reason))
     return found
 

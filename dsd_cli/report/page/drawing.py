@@ -10,6 +10,7 @@ import numpy as np
 
 from dsd_cli.errors import printable
 from dsd_cli.report.page.learnt_part import law_charts
+from dsd_cli.report.page.plan_part import plan_charts
 from dsd_cli.report.page.series import Cloud, Curve, Views
 from dsd_cli.report.page.story import Labels, Part, Story
 from dsd_cli.report.page.timebase import onward
@@ -29,6 +30,7 @@ def drawing(story: Story) -> dict[str, Any]:
     steps = max(len(views.predicted), 1)
     charts = _channels(views, story.units) | _fits(views, story.units) | _clouds(views, story.units)
     charts |= _labels(views, story.detections, story.units) | law_charts(story)
+    charts |= plan_charts(story)
     logs = [{"name": printable(one.name), "start": _time(one.start), "shift": one.shift} for one in views.base.logs]
     return {"charts": charts, "logs": logs, "end": _time(views.base.end), "steps": steps, "copies": copies}
 

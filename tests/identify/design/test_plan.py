@@ -1,13 +1,13 @@
 """The planned motion is run on the outside rig: what the log left open is settled, as was expected."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.design.closed_loop import Loop, Run, UnstableLoopError, run_loop
-from dsd_cli.identify.design.impossible import told_by_none
+from dsd_cli.identify.design.impossible import not_by_motion, told_by_none
 from dsd_cli.identify.design.inverse import Path
 from dsd_cli.identify.design.limits import Limits, limits_of
 from dsd_cli.identify.design.measure import Measure
@@ -142,6 +142,20 @@ def test_the_gain_of_the_drive_is_no_matter_of_motion(tied: Asked) -> None:
     (gain,) = tied.plan(names=("gain",)).impossible
     assert "gain" in gain.what
     assert "mass" in gain.remedy
+
+
+def test_what_the_next_motion_may_show_is_not_said_to_be_lost(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Friction and weight are nearly all of u in this log, and not in a faster one; a channel that is not there stays
+    away."""
+    problem = tied.search.problem
+    assert problem.untestable
+    targets = targets_of(tied.search, tied.whole, tied.diagnosis)
+    assert not_by_motion(tied.search, targets, tied.diagnosis) == []
+    why = "the log has no position"
+    blind = replace(problem.recordings[0], missing={"position": why})
+    lacking = replace(problem, recordings=(blind,), untestable={**problem.untestable, "stiffness": why})
+    monkeypatch.setattr(tied.search, "problem", lacking)
+    assert [one.what for one in not_by_motion(tied.search, targets, tied.diagnosis)] == ["stiffness"]
 
 
 def test_what_no_motion_of_all_that_were_tried_tells_is_said(tied: Asked) -> None:

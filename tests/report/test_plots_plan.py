@@ -1,0 +1,65 @@
+"""What the pictures of a plan show: the motion with its limits, what is identified, what more seconds would bring."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from dsd_cli.identify.design.limits import Limits
+from dsd_cli.identify.design.results import Motion, Plan, PlannedPair, Stage
+from dsd_cli.report.page.plan_part import plan_charts, plan_part
+from dsd_cli.report.page.story import Part, Story
+from dsd_cli.report.plots_plan import draw
+from dsd_cli.signals.units import Units
+
+T = np.arange(5001) * 0.001
+Q = 0.9 * np.sin(2.0 * np.pi * T)
+MOTION = Motion(0.001, Q, np.gradient(Q, T), np.gradient(np.gradient(Q, T), T), 0.01 * Q)
+PLAN = Plan(
+    ("a.csv",),
+    "unknown",
+    MOTION,
+    (Stage("harmonics", 0.0, 5.0, {}),),
+    (PlannedPair("gravity", "constant_load", 1.0, 80.0),),
+    (),
+    Limits(-1.0, 1.0, 6.0, 40.0, 400.0, 1.0, 0.0),
+    cost=((5.0, 80.0), (10.0, 160.0)),
+    not_counted=("drag",),
+    warnings=("drag: the simulated loop is unstable (kp 3, kd 1)",),
+)
+
+
+def story(plan: Plan) -> Story:
+    nothing = Part(None, "")
+    return Story((), (), (), (), nothing, nothing, nothing, nothing, "", "", "", "", Units(), plan=Part(plan))
+
+
+def lines(axis: object) -> int:
+    return len(axis.get_lines())  # type: ignore[attr-defined]
+
+
+def test_limits_that_are_near_are_drawn_and_the_others_are_not() -> None:
+    position, velocity, u, *_ = draw(PLAN).axes
+    assert [lines(axis) - 1 for axis in (position, velocity, u)] == [2, 2, 0]
+    charts = plan_charts(story(PLAN))
+    assert [len(chart["series"]) - 1 for chart in charts.values()] == [2, 2, 0]
+    (curve,) = charts["plan-0"]["series"][0]["data"]
+    assert max(curve[1]) == 0.9
+
+
+def test_what_more_seconds_bring_is_drawn_where_they_were_asked_for() -> None:
+    assert len(draw(PLAN).axes) == 1 + len(draw(replace(PLAN, cost=PLAN.cost[:1])).axes)
+    curve = draw(PLAN).axes[-1].get_lines()[0].get_xydata()
+    assert curve.tolist() == [[5.0, 80.0], [10.0, 160.0]]
+
+
+def test_the_page_says_who_was_not_counted_and_why() -> None:
+    text = str(plan_part(story(PLAN)))
+    assert "not counted, for it breaks a limit on every motion: drag" in text
+    assert "drag: the simulated loop is unstable (kp 3, kd 1)" in text
+    assert all(f'data-chart="{name}"' in text for name in plan_charts(story(PLAN)))
+
+
+def test_without_a_motion_there_is_no_picture_of_one() -> None:
+    still = replace(PLAN, motion=None, stages=(), cost=())
+    assert plan_charts(story(still)) == {}
+    assert len(draw(still).axes) == 1
