@@ -13,14 +13,13 @@ from dsd_cli.identify.compare.regimes import Where, where
 from dsd_cli.identify.compare.residuals import LARGE, ResidualTests, residual_tests
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.rounding import ROUNDING
 from dsd_cli.signals.units import Units
 
 #: Fewest lags of the residual's correlations.
 LAGS = 100
 #: What the residual is, if it depends on no channel.
 BIAS, MEMORY, COMMAND, NOISE, SHORT, EXACT = "bias", "memory", "command", "noise", "short", "exact"
-#: Below this share of d_hat the error is rounding.
-_ROUNDING = 1e-9
 #: A dependence on the direction stands for one on the velocity unless the speed explains so much more.
 _MORE_BY_SPEED = 0.02
 
@@ -136,7 +135,7 @@ def compare(
 
 def _conclusion(total: Accuracy, left: Left, tests: ResidualTests, found: Sequence[Dependence]) -> str:
     """The channel that explains most, if that is enough of the whole error; then a constant; then the tests."""
-    if total.rmse == 0.0 or (total.fit_percent or 0.0) >= 100.0 * (1.0 - _ROUNDING):
+    if total.rmse == 0.0 or (total.fit_percent or 0.0) / 100.0 >= 1.0 - ROUNDING:
         return EXACT
     if found and found[0].explains * (1.0 - left.bias_share) >= LARGE:
         shares = {d.on: d.explains for d in found}

@@ -12,6 +12,7 @@ from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import Frame, predict_d_hat
 from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.rounding import ROUNDING
 
 #: Rows at the start of a piece that a d_hat computed from position cannot fill.
 UNFILLED = 2
@@ -19,6 +20,8 @@ UNFILLED = 2
 SETTLED = 5.0
 #: Fewest samples that are judged.
 FEWEST = 50
+#: Logs are of one rate whose sample times are no further apart than this share.
+OTHER_RATE = 0.05
 
 
 @dataclass(frozen=True)
@@ -119,7 +122,7 @@ def evaluate(recordings: Sequence[Recording], model: PlantModel, observer: Obser
     sample_time = recordings[0].sample_time
     stretches, skipped = [], 0
     for recording in recordings:
-        if abs(recording.sample_time - sample_time) > 0.05 * sample_time:
+        if abs(recording.sample_time - sample_time) > OTHER_RATE * sample_time:
             found = f"{recording.sample_time:g} s and {sample_time:g} s"
             raise DataError(f"{recording.name}: sample times differ ({found})", "compare these logs one by one")
         own = replace(model, rest_speed=max(model.rest_speed, recording.rest_speed))
@@ -142,7 +145,7 @@ def _stretch(name: str, piece: Log, model: PlantModel, observer: ObserverSetting
     frame, t = Frame(piece), piece["t"]
     w = frame.seen(frame.mean_u(piece["u"], 0.0), observer)
     drive = frame.seen(frame.mean_u(frame.command(model.effects), model.delay), observer)
-    settled = int(np.searchsorted(t - t[0], lead * (1.0 - 1e-9)))
+    settled = int(np.searchsorted(t - t[0], lead * (1.0 - ROUNDING)))
     return Stretch(
         name=name,
         log=piece,

@@ -24,6 +24,7 @@ from dsd_cli.plant.observer import DisturbanceObserver
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.plant.references import Logged
 from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.rounding import ROUNDING
 from dsd_cli.signals.units import Units
 
 OPEN_LOOP, CLOSED_LOOP = "open_loop", "closed_loop"
@@ -112,7 +113,7 @@ def run_forward(
     """
     pieces = [piece for recording in recordings for piece in recording.pieces]
     longest = max(piece.sample_time for piece in pieces)
-    if horizon < (1.0 - 1e-6) * longest:
+    if horizon < (1.0 - ROUNDING) * longest:
         raise UsageError(f"--horizon {horizon:g}s", f"the samples are {longest:g} s apart; a horizon is longer")
     names = [name for name in CHANNELS if all(name in piece for piece in pieces)]
     if "velocity" not in names:
@@ -195,7 +196,7 @@ def restart_rows(times: Sequence[float], horizon: float) -> list[int]:
     """Rows whose measured motion the simulation takes up again: no part of it is longer than the horizon."""
     rows, since = [], times[0]
     for k, t in enumerate(times[1:]):
-        if t - since > horizon * (1.0 + 1e-9):
+        if t - since > horizon * (1.0 + ROUNDING):
             since = times[k]
             rows.append(k)
     return rows

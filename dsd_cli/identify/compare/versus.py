@@ -19,6 +19,7 @@ from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import DELAY, INERTIA
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.rounding import ROUNDING
 
 #: Random changes of sign of the differences, and below which chance a difference is said to be one.
 DRAWS, SEED, CHANCE = 20000, 20261121, 0.01
@@ -108,7 +109,7 @@ def _chance(differences: np.ndarray) -> float:
     found = []
     for weights in (size, ranks):
         seen = abs(float(np.sign(differences) @ weights))
-        found.append((1.0 + np.sum(np.abs(signs @ weights) >= seen * (1.0 - 1e-12))) / (DRAWS + 1.0))
+        found.append((1.0 + np.sum(np.abs(signs @ weights) >= seen * (1.0 - ROUNDING))) / (DRAWS + 1.0))
     return float(max(found))
 
 

@@ -19,6 +19,8 @@ from dsd_cli.plant.model import PlantModel
 
 #: Motion below this share of the largest position or speed is rounding.
 _ROUNDING = 1e-7
+#: Logs are of one rate whose sample times are no further apart than this share.
+_OTHER_RATE = 0.1
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ def candidates_of(
 def check_recordings(recordings: Sequence[Recording], model: PlantModel) -> None:
     first = recordings[0]
     for other in recordings[1:]:
-        if abs(other.sample_time - first.sample_time) > 0.1 * first.sample_time:
+        if abs(other.sample_time - first.sample_time) > _OTHER_RATE * first.sample_time:
             raise UsageError(
                 f"{other.name}: {other.sample_time:g} s between samples, {first.name} has {first.sample_time:g} s",
                 "fit logs of one rate together",

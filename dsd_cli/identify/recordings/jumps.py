@@ -11,8 +11,12 @@ from dsd_cli.signals.log import Array, Log, with_channels
 
 #: A jump of the position by more than this share of its whole range, and by this many usual steps, is a wrap.
 WRAP_SHARE, WRAP_STEPS = 0.4, 20.0
+#: More of its samples than this share are no wraps, and wraps are of one size but for the usual steps beside them.
+WRAPS_MOST, STEPS_BESIDE = 0.02, 2.0
 #: A step by more than so many times the fast ones of the log, and those beside it, is none that the axis made.
 JUMP_STEPS, FAST, BESIDE = 20.0, 99.0, 3
+#: Share by which a turn is off that was printed with seven digits.
+_PRINTED = 1e-6
 
 
 class Continuous(NamedTuple):
@@ -70,11 +74,11 @@ def unwrapped(q: Array) -> tuple[Array, int, float]:
         return q, 0, 0.0
     usual, span = float(np.percentile(np.abs(steps), 95)), float(np.ptp(q))
     jumps = np.flatnonzero((np.abs(steps) > WRAP_SHARE * span) & (np.abs(steps) > WRAP_STEPS * usual))
-    if jumps.size == 0 or jumps.size > 0.02 * q.size:
+    if jumps.size == 0 or jumps.size > WRAPS_MOST * q.size:
         return q, 0, 0.0
     sizes = np.abs(steps[jumps])
     turn = _whole_turn(float(np.median(sizes)), usual)
-    if np.max(np.abs(sizes - turn)) > 2.0 * usual + 1e-6 * turn:
+    if np.max(np.abs(sizes - turn)) > STEPS_BESIDE * usual + _PRINTED * turn:
         return q, 0, 0.0
     offsets = np.zeros(q.size)
     offsets[jumps + 1] = -np.sign(steps[jumps]) * turn
@@ -86,4 +90,4 @@ def _whole_turn(size: float, usual: float) -> float:
     counts = 2.0 ** np.arange(8, 33)
     known = np.array([2.0 * np.pi, np.pi, 360.0, 180.0, 1.0, *counts, 1000.0, 4000.0, 10000.0, 100000.0, 1e6])
     near = known[np.argmin(np.abs(known - size))]
-    return float(near) if abs(near - size) <= 2.0 * usual + 1e-6 * size else size
+    return float(near) if abs(near - size) <= STEPS_BESIDE * usual + _PRINTED * size else size

@@ -26,6 +26,9 @@ REACH, GRID, STEPS = 1.0, 81, 14
 #: Samples over which the net force is averaged, share of the rms speed that counts as one speed, how often it must come
 #: (of the most frequent), and by which factor a speed of rest may explain the force worse than the best constant.
 QUIET, WIDTH, FREQUENT, PREFERENCE = 20, 5e-3, 0.1, 2.0
+#: The net force is none within so many standard deviations of its noise, and in this share of the samples at least;
+#: rests that show a ramp: how many, and over which part of the log.
+NONE, LEAST_QUIET, RESTS_OF_RAMP, PART_OF_RAMP = 3.0, 0.1, 3, 0.5
 #: Rests that follow each other: their shortest and longest piece (samples; both longer where the log is longer than so
 #: many of the longest), how far from the constant they may be (share of the rms speed), by how many standard deviations
 #: of the random walk and by which share of the rms speed the next may differ, which part of the log they must be and
@@ -69,7 +72,7 @@ def _quiet(force: Array) -> NDArray[np.bool_]:
     """Whether each sample is without net force, shape (n,): the axis rests or cruises there."""
     mean = np.abs(np.convolve(force, np.ones(QUIET) / QUIET, "same"))
     noise = 1.4826 * float(np.median(np.abs(np.diff(force)))) / np.sqrt(2.0 * QUIET)
-    return np.asarray(mean < max(3.0 * noise, float(np.quantile(mean, 0.1))))
+    return np.asarray(mean < max(NONE * noise, float(np.quantile(mean, LEAST_QUIET))))
 
 
 def _frequent(quiet: Array, rms: float) -> list[float]:
@@ -84,7 +87,7 @@ def _with_ramp(speed: Array, quiet: NDArray[np.bool_], rest: float, rms: float) 
     """The speed of the rests, as a line where they are spread over the log."""
     n = len(speed)
     at_rest = np.flatnonzero(quiet & (np.abs(speed - rest) <= 2.0 * WIDTH * rms))
-    if at_rest.size < 3 or np.ptp(at_rest) < 0.5 * n:
+    if at_rest.size < RESTS_OF_RAMP or np.ptp(at_rest) < PART_OF_RAMP * n:
         return np.full(n, rest)
     centre = float(at_rest.mean())
     slope, offset = np.polyfit(at_rest - centre, speed[at_rest], 1)

@@ -22,11 +22,12 @@ from dsd_cli.identify.recordings.jumps import in_pieces
 from dsd_cli.identify.recordings.reconstruction import drift
 from dsd_cli.identify.recordings.regular import regularised
 from dsd_cli.identify.recordings.sensor import Sensor, net_force, with_acceleration
-from dsd_cli.identify.recordings.smoothing import Smoothed, channel_noise, noise_of, smooth
+from dsd_cli.identify.recordings.smoothing import Smoothed, channel_noise, noise_of, smooth, widened
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import D_HAT_MAKER, Array, Log, with_channels
+from dsd_cli.signals.rounding import ROUNDING
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,7 @@ def _position_noise(log: Log, speed_noise: float) -> float:
 def _limits_of_rest(by_sample: Array, noise: float, rest: float) -> dict[str, Array]:
     """ "rest_speed" and "speed_noise" of every sample: where a window of the smoothing had to end early there is more
     noise, and the window may have ended late by what it allows."""
-    narrow = by_sample > 1.01 * by_sample.min()
+    narrow = by_sample > (1.0 + ROUNDING) * by_sample.min()
     return {
         "rest_speed": np.where(narrow, np.maximum(rest, POLICY.windows_agree * by_sample), rest),
         "speed_noise": np.maximum(noise, by_sample),
@@ -224,7 +225,7 @@ def _turning(piece: Log, observer: ObserverSettings, rest_speed: float, margin: 
     """
     frame = Frame(piece)
     unclear = np.isfinite(frame.motion(rest_speed).acceleration)
-    wide = np.convolve(unclear, np.ones(2 * margin + 1), "same") > 0.5
+    wide = widened(unclear, margin)
     change = np.diff(piece["velocity"], prepend=piece["velocity"][:1]) / frame.intervals
     raw = net_force(piece, observer) / observer.nominal_inertia
     noise = float(np.median(np.abs(raw - change))) * observer.nominal_inertia

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.rounding import ROUNDING
 
 #: Half widths that are tried, samples; 0 leaves the channel as it is.
 HALF_WIDTHS = (0, 2, 3, 4, 6, 8, 11, 15, 20, 28)
@@ -24,6 +25,13 @@ _REGULAR = 0.02
 #: Share of the noise up to which a change between samples is none: a spline ripples around an encoder at rest.
 _RESTING = 1e-3
 _ORDER = 3
+#: Changes out of which the step of an encoder is read, and rows that move, at least.
+_FEWEST = 10
+#: One step is what a change has within this factor of the least; beyond so many steps the rounding of printed numbers
+#: spoils the multiples; shares of the changes that must be below that, and of those whole within so much.
+_ONE_STEP, _MOST_STEPS, _BELOW, _WHOLE, _APART = 1.5, 50.0, 0.3, 0.98, 0.02
+#: The widest window is this part of the channel.
+_WIDEST_PART = 4
 #: Differences of these orders remove what is smooth and leave white noise, amplified by a known factor; what is not
 #: smooth only adds, so that the smallest answer is the best.
 _DIFFERENCES = (2, 4, 6)
@@ -79,7 +87,7 @@ def smooth(x: Array, t: Array, known: ChannelNoise | None = None) -> Smoothed:
     chosen, least = 0, POLICY.noise_misjudged
     moving = _moving(x, noise) if noise > 0.0 else None
     for half in HALF_WIDTHS[1:]:
-        if 2 * half + 1 > len(x) // 4 or moving is None:
+        if 2 * half + 1 > len(x) // _WIDEST_PART or moving is None:
             break
         candidate, slope = _local(x, stamps, half)
         removed = (x - candidate)[moving]
@@ -126,7 +134,7 @@ class _Adapted:
         """To this half width, where it may; value and slope in such windows, shape (n,) each."""
         strange = np.abs(wider - self.value) > POLICY.windows_agree * self._last[0]
         strange |= np.abs(wider_slope - self.slope) > POLICY.windows_agree * self._last[1]
-        self._alive &= ~_widened(strange, half)
+        self._alive &= ~widened(strange, half)
         alive, noise = self._alive, self._noise
         self._last = _spread(half, 0, noise, self._stamps), _spread(half, 1, noise, self._stamps)
         self.value, self.slope = np.where(alive, wider, self.value), np.where(alive, wider_slope, self.slope)
@@ -141,7 +149,7 @@ def _spread(half: int, derivative: int, noise: float, stamps: _Stamps) -> float:
     return noise * float(np.sqrt(np.sum(_weights(half, derivative) ** 2))) / stamps.step**derivative
 
 
-def _widened(marks: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+def widened(marks: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     """True up to `reach` samples beside every mark."""
     sums = np.cumsum(np.concatenate([np.zeros(reach + 1), marks, np.zeros(reach)]))
     return np.asarray(sums[2 * reach + 1 :] > sums[: -(2 * reach + 1)])
@@ -160,23 +168,22 @@ def noise_of(x: Array) -> float:
 def encoder_step(x: Array) -> float:
     """The step of a quantised channel; 0 if it is not quantised."""
     changes = np.abs(np.diff(x))
-    changes = changes[changes > 1e-9 * max(float(np.abs(x).max(initial=0.0)), 1e-300)]
-    if changes.size < 10:
+    changes = changes[changes > ROUNDING * max(float(np.abs(x).max(initial=0.0)), 1e-300)]
+    if changes.size < _FEWEST:
         return 0.0
     step = float(np.percentile(changes, 1))
-    step = float(np.median(changes[changes < 1.5 * step]))
+    step = float(np.median(changes[changes < _ONE_STEP * step]))
     multiples = changes / step
-    # changes of up to 50 steps: beyond, the rounding of the printed numbers spoils the multiples
-    small = multiples[multiples < 50.0]
-    whole = np.abs(small - np.round(small)) < 0.02
-    return step if small.size > 0.3 * changes.size and np.mean(whole) > 0.98 else 0.0
+    small = multiples[multiples < _MOST_STEPS]
+    whole = np.abs(small - np.round(small)) < _APART
+    return step if small.size > _BELOW * changes.size and np.mean(whole) > _WHOLE else 0.0
 
 
 def _moving(x: Array, noise: float) -> Array:
     """Rows where the channel changes: an encoder at rest shows no quantisation noise (interpolated, hardly any)."""
     moving = np.ones(len(x), dtype=bool)
     moving[1:] = np.abs(np.diff(x)) > _RESTING * noise
-    return moving if moving.sum() > 10 else np.ones(len(x), dtype=bool)
+    return moving if moving.sum() > _FEWEST else np.ones(len(x), dtype=bool)
 
 
 def _local(x: Array, stamps: _Stamps, half: int) -> tuple[Array, Array]:

@@ -14,8 +14,13 @@ BLOCKS = (4000, 600)
 EARLIER = (0, 1, 2, 4, 8, 16)
 #: Parts of the log of which every other one is foretold from the rest.
 PARTS = 10
+#: Rows of a regression for each of its columns, at least.
+ROWS_PER_COLUMN = 8
+#: A later lag, or another cause, is the better one from this much more of the variance on.
+BETTER = 0.005
 #: A channel of which one column of the motion alone leaves less than this is that column in another unit.
 SAME = 0.015
+_CONSTANT = 3  # among the columns of the motion
 
 
 class Cause(NamedTuple):
@@ -52,15 +57,15 @@ def cause_of(dt: float, x: Array, kind: str, u: Array) -> Cause:
     for blocks in BLOCKS:
         size = max(x.size // blocks, 1)
         columns = motion_columns(dt, x, kind, size)
-        if columns.shape[0] < 8 * columns.shape[1]:
+        if columns.shape[0] < ROWS_PER_COLUMN * columns.shape[1]:
             continue
         for lag in EARLIER:
             late = np.concatenate([np.full(lag, u[0]), u[: u.size - lag]])
             rows = u.size // size
             y = late[: rows * size].reshape(rows, size).mean(axis=1)[1:-1]
             share = _held_out(columns, y)
-            if share > best.share + 0.005:
-                alone = max(_held_out(columns[:, [k, 3]], y) for k in range(columns.shape[1]) if k != 3)
+            if share > best.share + BETTER:
+                alone = max(_held_out(columns[:, [k, _CONSTANT]], y) for k in range(columns.shape[1]) if k != _CONSTANT)
                 best = Cause(share, alone, lag)
     return best
 

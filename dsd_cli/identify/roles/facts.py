@@ -8,14 +8,17 @@ from typing import Literal
 import numpy as np
 
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.rounding import ROUNDING
 
 #: What a channel may be by itself.
 Kind = Literal["empty", "text", "constant", "boolean", "clock", "counter", "drift", "signal"]
-#: Of a clock: the share of its steps that go forward, of those the share within half of the median one, and by how much
-#: of the median its usual steps differ.
-FORWARD, USUAL = 0.97, 0.9
-#: A channel of fewer values than this, all of them whole, that never goes far from one to the next, is a state word.
-DRIFTS = 0.98
+#: Of a clock: the share of its steps that go forward, of those the share that is usual, and by how much of the median
+#: the usual ones differ from it.
+FORWARD, USUAL, APART = 0.97, 0.9, 0.5
+#: A channel drifts whose ends are this share of its whole way apart, with fewer turns than that.
+DRIFTS, TURNS = 0.98, 3
+#: Values out of which a channel of two of them is a state, at least, and how many are looked at.
+STATES, LOOKED_AT = 5, 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,20 +57,21 @@ def facts_of(channel: Channel) -> Facts:
     low, high = float(x.min()), float(x.max())
     if low == high:
         return Facts("constant", low, high)
-    if channel.boolean or (x.size > 4 and np.unique(x[:: max(x.size // 20_000, 1)]).size <= 2 and _whole(x)):
+    two = x.size >= STATES and np.unique(x[:: max(x.size // LOOKED_AT, 1)]).size <= 2
+    if channel.boolean or (two and _whole(x)):
         return Facts("boolean", low, high)
     steps = np.diff(x)
     forward = steps[steps > 0.0]
     if forward.size >= FORWARD * steps.size and forward.size > 2:
         step = float(np.median(forward))
-        usual = np.abs(forward - step) <= 0.5 * step
+        usual = np.abs(forward - step) <= APART * step
         if np.mean(usual) >= USUAL:
             mean = float(np.mean(forward[usual]))
             even = float(np.std(forward[usual]) / mean)
-            counts = even < 1e-12 and step == 1.0 and _whole(x)
+            counts = even < ROUNDING and step == 1.0 and _whole(x)
             return Facts("counter" if counts else "clock", low, high, mean, even)
     turns = np.count_nonzero(np.diff(np.sign(steps[steps != 0.0])))
-    if np.abs(steps.sum()) >= DRIFTS * np.abs(steps).sum() and turns < 3:
+    if np.abs(steps.sum()) >= DRIFTS * np.abs(steps).sum() and turns < TURNS:
         return Facts("drift", low, high)
     return Facts("signal", low, high)
 

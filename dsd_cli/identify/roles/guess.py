@@ -8,20 +8,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.identify.roles.causes import SAME, Cause, cause_of
+from dsd_cli.identify.roles.causes import BETTER, SAME, Cause, cause_of
 from dsd_cli.identify.roles.facts import Channel, Facts, facts_of
-from dsd_cli.identify.roles.slopes import lag_of, slope_of
+from dsd_cli.identify.roles.slopes import BETTER_SLOPE, lag_of, slope_of
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.rounding import ROUNDING
 
 #: A channel is the slope of another from this share of its square on.
 IS_SLOPE = 0.98
+#: And wholly that from this share on.
+WHOLLY = 0.995
 #: A channel makes an axis move from this share of it on that the motion explains; below the second it is a guess to ask
 #: about; nearer than the third to the next best it could be that one as well.
 IS_CAUSE, CLEARLY, AS_WELL = 0.3, 0.7, 0.05
 #: Two channels are one quantity, asked for and measured, where one leaves less than this share of the other.
 TWINS = 0.05
+#: And their variances are alike within this factor.
+ALIKE = 2.0
 #: Rows and channels that are looked at.
 ROWS, CHANNELS = 60_000, 14
+#: Fewest rows out of which behaviour says a role.
+FEWEST = 50
 #: Longest time by which a measured position comes after the one that was asked for, samples.
 LONGEST = 200
 #: A position that has a name is believed where the velocity is its slope to this share.
@@ -90,7 +97,7 @@ def guess_roles(
         found["time"] = clock
     look = _looked(by_name, facts, found, scale)
     look = _Look(look.values, look.t, look.dt, found, forces)
-    if look.t.size >= 50:
+    if look.t.size >= FEWEST:
         _find_motion(look)
         _find_reference(look)
         _find_cause(look)
@@ -139,7 +146,7 @@ def _looked(
 
 
 def _straight(t: Array, x: Array) -> bool:
-    return bool(1.0 - abs(np.corrcoef(t, x)[0, 1]) < 1e-9)
+    return bool(1.0 - abs(np.corrcoef(t, x)[0, 1]) < ROUNDING)
 
 
 def _find_motion(look: _Look) -> None:
@@ -158,13 +165,13 @@ def _find_motion(look: _Look) -> None:
             if one == other:
                 continue
             slope = slope_of(look.t, look.values[one], look.values[other])
-            if slope.share > IS_SLOPE and (best is None or slope.share > best[0] + 1e-3):
+            if slope.share > IS_SLOPE and (best is None or slope.share > best[0] + BETTER_SLOPE):
                 best = slope.share, one, other, slope.lag, slope.span
     if best is None:
         return
     share, one, other, _, span = best
     averaged = f", averaged over {span} samples" if span > 1 else ""
-    doubt = "" if share > 0.995 else f"{100 * (1 - share):.1f} % of it is something else"
+    doubt = "" if share > WHOLLY else f"{100 * (1 - share):.1f} % of it is something else"
     if not p:
         found["position"] = Guess(one, f"{other} is its slope{averaged}")
     if not w:
@@ -207,7 +214,7 @@ def _find_reference(look: _Look) -> None:
 def _lead(x: Array, y: Array) -> int | None:
     """By how many samples x is ahead of y; None: they are not one quantity, asked for and measured."""
     power = float(np.var(x))
-    if power <= 0.0 or not 0.5 < float(np.var(y)) / power < 2.0:
+    if power <= 0.0 or not 1.0 / ALIKE < float(np.var(y)) / power < ALIKE:
         return None
     lag = lag_of(x - x.mean(), y - y.mean(), LONGEST)
     a, b = (x[: x.size - lag], y[lag:]) if lag >= 0 else (x[-lag:], y[:lag])
@@ -235,7 +242,7 @@ def _find_cause(look: _Look) -> None:
                 continue
             if cause.share > look.causes.get(name, Cause(0.0, 0.0, 0)).share:
                 look.causes[name] = cause
-            if best is None or cause.share > best[0] + 0.005:
+            if best is None or cause.share > best[0] + BETTER:
                 best = cause.share, motion, name
     if best is not None and best[0] >= (IS_CAUSE if len(motions) == 1 else CLEARLY):
         _take(look, *best)

@@ -14,6 +14,10 @@ SPANS = (1, 3, 9, 27, 81)
 FEWEST = 30
 #: Longest lag that is looked for, samples.
 LAGS = 40
+#: A longer average is the better one from this much more of the square on.
+BETTER_SLOPE = 1e-3
+#: A slope of more than so many usual ones is where a position wraps.
+WRAPS = 50.0
 
 
 class Slope(NamedTuple):
@@ -40,8 +44,9 @@ def slope_of(t: Array, p: Array, w: Array) -> Slope:
         length = t[span:] - t[:-span]
         slope = (p[span:] - p[:-span]) / length
         mean = (area[span:] - area[:-span]) / length
-        usual = np.abs(slope) <= 50.0 * np.median(np.abs(slope)) if np.any(slope) else np.ones(slope.size, dtype=bool)
-        slope = np.where(usual, slope, 0.0)  # a position that wraps jumps
+        size = np.abs(slope)
+        usual = size <= WRAPS * np.median(size) if np.any(slope) else np.ones(slope.size, dtype=bool)
+        slope = np.where(usual, slope, 0.0)
         lag = lag_of(slope, mean, LAGS)
         a, b = (slope[: slope.size - lag], mean[lag:]) if lag >= 0 else (slope[-lag:], mean[:lag])
         power, own = float(a @ a), float(b @ b)
@@ -49,7 +54,7 @@ def slope_of(t: Array, p: Array, w: Array) -> Slope:
             continue
         scale = float(a @ b) / power
         share = scale * float(a @ b) / own
-        if share > best.share + 1e-3:
+        if share > best.share + BETTER_SLOPE:
             best = Slope(scale, share, lag, span)
     return best
 

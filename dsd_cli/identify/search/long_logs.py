@@ -189,7 +189,7 @@ def _less_explained(judge: Search, fit: Fit, parts: Sequence[Recording]) -> tupl
     for x, t, i, known in zip(equations.by_stretch(squares), times, place, equations.by_stretch(seen), strict=True):
         if len(x) >= rows:
             means = np.convolve(x, np.ones(rows) / rows, "valid")
-            inside = np.convolve(known, np.ones(rows), "valid") > rows - 0.5
+            inside = np.convolve(known, np.ones(rows), "valid") >= rows
             usual = max(usual, float(means[inside].max(initial=0.0)))
             k = int(np.argmax(means))
             worst = max(worst, (float(means[k]), i, float(t[k + rows // 2])))

@@ -23,6 +23,8 @@ _RATIO, _DAMPINGS = 1.07, (0.02, 0.1)
 _LONGEST_LAG, _LAGS = 0.1, 15
 #: Rounds of Gauss and Newton, halvings of a step, step of a derivative.
 _ROUNDS, _HALVINGS, _STEP = 20, 6, 1e-4
+#: Share of the sum of squares that a round must take off, or the mode is found.
+_FOUND = 1e-7
 #: Share of its power that a mode must have beside a rigid body to be told from it.
 _LEAST_OWN = 1e-12
 
@@ -122,7 +124,7 @@ class Modes:
                 move = 0.5 * move
             else:
                 return at
-            done = float(found @ found) > (1.0 - 1e-7) * float(rest @ rest)
+            done = float(found @ found) > (1.0 - _FOUND) * float(rest @ rest)
             at, rest = at + move, found
             if done:
                 break

@@ -10,6 +10,7 @@ from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term, Terms
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.signals.rounding import ROUNDING
 
 
 @dataclass(frozen=True)
@@ -66,5 +67,5 @@ def _as_good(search: Search, one: Option, best: Option) -> bool:
     """Whether a lead of the best over one that costs no more is not certain, or over a cheaper one does not matter."""
     saved = search.price(best.fit.terms) - search.price(one.fit.terms)
     if best.evidence - one.evidence < POLICY.least_gain:
-        return saved > -1e-9
-    return saved > 1e-9 and not search.practical(one.fit, best.fit)
+        return saved > -ROUNDING
+    return saved > ROUNDING and not search.practical(one.fit, best.fit)

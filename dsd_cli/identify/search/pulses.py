@@ -24,6 +24,8 @@ from dsd_cli.signals.log import Array, Log
 ROUNDS = 3
 #: Rows by which the edges of the best window are moved before the next one is looked for.
 MOST_REACH = 200
+#: Samples: no edge is looked for more finely.
+FINEST = 0.3
 
 
 def event_effect(search: Search) -> str | None:
@@ -177,7 +179,7 @@ def sharpened(search: Search, fit: Fit) -> Fit:
     for pair in edges:
         for side in (0, 1):
             step = 0.5 * search.equations.band.step * search.equations.sample_time
-            while step > 0.3 * search.equations.sample_time:
+            while step > FINEST * search.equations.sample_time:
                 before = pair[side]
                 for way in (1.0, -1.0):
                     pair[side] = before + way * step

@@ -17,6 +17,8 @@ from dsd_cli.signals.log import Array
 LINES, BINS = 4, 4096
 #: Bins to either side of a line that are its own (two of them are one of the log's), and lines beside it.
 _HALF, _BESIDE = 3, 3
+#: Bins over which the background is averaged to either side, at least.
+_AROUND = 8
 #: Quantile of the speed at which a ripple over the position must pass the band.
 SLOW = 0.25
 
@@ -72,7 +74,7 @@ class Lines:
 def _of_time_alone(power: Array, cycle: float) -> Array:
     """Without the lines of what repeats with the motion, every `cycle` bins: any force that depends on the motion is a
     sum of such lines. One that stands high above those beside it is none of them."""
-    lines = np.arange(1, int((len(power) - 1 - _HALF) / cycle) + 1) if cycle > 4 * _HALF else np.arange(0)
+    lines = np.arange(1, int((len(power) - 1 - _HALF) / cycle) + 1) if cycle / 2 > 2 * _HALF else np.arange(0)
     if len(lines) <= 2 * _BESIDE:
         return power
     bins = np.rint(lines * cycle).astype(int)[:, np.newaxis] + np.arange(-_HALF, _HALF + 1)
@@ -86,9 +88,9 @@ def _of_time_alone(power: Array, cycle: float) -> Array:
 
 def _peaks(power: Array, first: int) -> list[int]:
     """Positions of the highest local maxima over the local background, strongest first."""
-    if len(power) < first + 8:
+    if len(power) < first + _AROUND:
         return []
-    width = min(max(len(power) // 50, 8), (len(power) - 1) // 2)
+    width = min(max(len(power) // 50, _AROUND), (len(power) - 1) // 2)
     background = np.convolve(power, np.ones(2 * width + 1), "same") / (2 * width + 1)
     strength = power / np.maximum(background, 1e-300)
     strength[:first] = 0.0

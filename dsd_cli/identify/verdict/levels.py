@@ -21,6 +21,9 @@ from dsd_cli.identify.search.level_fits import by_log, varying
 from dsd_cli.identify.search.levels import Levelled
 from dsd_cli.identify.search.sets import Search
 
+#: Of a deviation: from so many means on it is no share of the mean, from so many % on without decimals.
+_MOST_MEANS, _WHOLE_PERCENT = 10.0, 10.0
+
 
 def with_levels_said(found: Diagnosis, search: Search, whole: Fit, levelled: Levelled) -> Diagnosis:
     """A diagnosis with the levels beside which it was made; its error as given is that of one model for all logs."""
@@ -63,10 +66,12 @@ def said_of(levels: Sequence[LogLevels]) -> tuple[str, ...]:
 
 def _away(deviation: float, mean: float) -> str:
     """How far from the mean: as a share of it where that says more."""
-    if abs(deviation) > 10.0 * abs(mean):
+    if abs(deviation) > _MOST_MEANS * abs(mean):
         return f"{deviation:+.4g} off"
     share = 100.0 * abs(deviation / mean)
-    return f"{share:{'.0f' if share >= 10.0 else '.2g'}} % {'more' if deviation * mean > 0.0 else 'less'} than"
+    return (
+        f"{share:{'.0f' if share >= _WHOLE_PERCENT else '.2g'}} % {'more' if deviation * mean > 0.0 else 'less'} than"
+    )
 
 
 def stand_ins(search: Search, whole: Fit) -> dict[str, tuple[str, ...]]:

@@ -21,6 +21,8 @@ from dsd_cli.signals.log import Array
 _BINS, _DELAYS = 20, 200
 #: Single laws, those with most evidence, beside which pushes are looked for.
 _LAWS = 3
+#: Levels that two pushes have, one on top of the other.
+_ON_TOP = 3
 
 
 def pushed(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Discrepancy]:
@@ -157,11 +159,11 @@ def _runs(search: Search, fit: Fit, event: Term) -> list[list[float]]:
 def _a_drift(levels: Sequence[float]) -> bool:
     """Whether levels without a pause are a force that changes in time, and no two pushes on top of each other: those
     are three levels, the middle one the sum of the others, or both others the same."""
-    if len(levels) < 3:
+    if len(levels) < _ON_TOP:
         return False
     first, middle, last = levels[:3]
     near = POLICY.same_level * max(abs(first), abs(last))
-    return len(levels) > 3 or min(abs(first - last), abs(middle - first - last)) > near
+    return len(levels) > _ON_TOP or min(abs(first - last), abs(middle - first - last)) > near
 
 
 def _of_place(force: Array, place: Array) -> bool:

@@ -1,0 +1,31 @@
+"""No condition of the engine holds a number without a name: a name says what it stands for. Read from the source."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+IDENTIFY = Path(__file__).parents[2] / "dsd_cli" / "identify"
+#: Where it is decided what is missing.
+ROOMS = ("compare", "fit", "recordings", "roles", "search", "verdict")
+FILES = sorted([*IDENTIFY.glob("*.py"), *(path for room in ROOMS for path in (IDENTIFY / room).rglob("*.py"))])
+#: None, one and two of something; no division by zero; percent.
+PLAIN = {0, 1, 2, 1e-300, 100}
+
+
+def _unnamed(source: str) -> Iterator[float]:
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Compare):
+            for part in ast.walk(node):
+                if isinstance(part, ast.Constant) and isinstance(part.value, int | float) and part.value not in PLAIN:
+                    yield part.value
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(IDENTIFY)))
+def test_numbers_in_conditions_have_names(path: Path) -> None:
+    assert list(_unnamed(path.read_text("utf-8"))) == []
+
+
+def test_a_number_is_found_wherever_it_stands_in_a_condition() -> None:
+    assert list(_unnamed("if a < 0.3 * b and c > max(d, 5): e = 7")) == [0.3, 5]
