@@ -124,11 +124,7 @@ class Measure:
         return Products(sum(equations.lengths), found)
 
     def expected(self, planned: Products) -> Expected:
-        """Of the logs and a motion with these inner products.
-
-        Leads of both are added: the rival may take other values in the motion than in the logs, so that it is no more
-        than the rival could do with one choice, and a likely plant need not be the one that fits the logs best.
-        """
+        """Of the logs and a motion with these inner products: truth and rival have one choice of values for both."""
         nats, of_use, u_of_logs = {}, {}, self._u_of_logs
         for pair, some in self._leads(planned.grams).items():
             nats[pair] = float(np.mean([self._in_nats(pair, planned.rows, *one) for one in some]))
@@ -158,24 +154,34 @@ class Measure:
         return float(self.of_logs.grams[0, 0, 0])
 
     def _leads(self, grams: Array) -> dict[tuple[int, int], list[tuple[float, float]]]:
-        """(truth, rival) -> of each draw, the lead of the truth in a motion and all of u, in squares."""
-        squares = self._squares(grams[:-1])
+        """(truth, rival) -> of each draw, by how much more a motion adds to what the rival leaves than to what the
+        truth leaves, and all of its u, in squares; of a rival's shapes the one that then leaves least."""
+        squares, before = self._squares((self.of_logs.grams + grams)[:-1]), self._left_now
         own = {(c.truth, c.draw): i for i, c in enumerate(self.cases) if c.truth == c.rival}
-        least: dict[tuple[int, int, int], tuple[float, float]] = {}
-        for case, s in zip(self.cases, squares, strict=True):
+        fitted: dict[tuple[int, int, int], int] = {}  # each begins with the shapes of its fit
+        least: dict[tuple[int, int, int], float] = {}
+        for i, case in enumerate(self.cases):
             if case.truth != case.rival:
-                key, i = (case.truth, case.rival, case.draw), own[case.truth, case.draw]
-                least[key] = min(least.get(key, (np.inf, 0.0)), (float(s - squares[i]), float(grams[i, 0, 0])))
+                key = (case.truth, case.rival, case.draw)
+                fitted.setdefault(key, i)
+                least[key] = min(least.get(key, np.inf), float(squares[i]))
         leads: dict[tuple[int, int], list[tuple[float, float]]] = {}
-        for (a, b, _), found in least.items():
-            leads.setdefault((a, b), []).append(found)
+        for (a, b, draw), joint in least.items():
+            i, j = own[a, draw], fitted[a, b, draw]
+            lead = float(joint - before[j] - (squares[i] - before[i]))
+            leads.setdefault((a, b), []).append((max(lead, 0.0), float(grams[i, 0, 0])))
         return leads
+
+    @cached_property
+    def _left_now(self) -> Array:
+        """Sums of squares in the logs, shape (cases,)."""
+        return self._squares(self.of_logs.grams[:-1])
 
     def _in_nats(self, pair: tuple[int, int], rows: float, lead: float, u: float) -> float:
         """Nats of logs and motion together, as the search counts them: of both the motion adds the noise of its rows
         and, for its u (`u`, in squares), what the truth leaves in the logs beyond the noise; of the rival a lead."""
         noise, loss = 0.5 * self.search.noise.nats, [self.targets.explanations[i].fit.loss for i in pair]
-        misfit = max(loss[0] - self.of_logs.rows * noise, 0.0) / self._u_of_logs
+        misfit = self.targets.doubt * max(loss[0] - self.of_logs.rows * noise, 0.0) / self._u_of_logs
         truth, rival = (x + rows * noise + misfit * u for x in loss)
         return self.search.nats(rival + lead, rows) - self.search.nats(truth, rows)
 

@@ -25,13 +25,15 @@ _MOST, _WITHIN_REACH = 4, 0.05
 @dataclass(frozen=True)
 class Targets:
     """explanations : each once. pairs : of their places, to be distinguished. values : of the first explanation.
-    asked : names that the user gave. unknown : what is missing may be none of the explanations."""
+    asked : names that the user gave. unknown : what is missing may be none of the explanations. doubt : probability
+    that what the logs leave beyond the noise is a force."""
 
     explanations: tuple[Explanation, ...]
     pairs: tuple[tuple[int, int], ...]
     values: tuple[Value, ...]
     asked: tuple[str, ...] = ()
     unknown: bool = False
+    doubt: float = 1.0
 
 
 def targets_of(
@@ -59,7 +61,8 @@ def targets_of(
         return Targets(explanations, (), (), unknown=True)
     places = tuple((names.index(a), names.index(b)) for a, b in pairs if a in names and b in names)
     values = [n for n in wanted if n in flat(explanations[0].fitted)] if wanted else None
-    return Targets(explanations, places, values_of(search, explanations[0], values), tuple(wanted))
+    doubt = 1.0 if diagnosis is None else diagnosis.unexplained.probability
+    return Targets(explanations, places, values_of(search, explanations[0], values), tuple(wanted), doubt=doubt)
 
 
 def _unknown(diagnosis: Diagnosis) -> bool:
