@@ -22,6 +22,7 @@ from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.controllers import ControllerSettings, Gains
 from dsd_cli.plant.model import EffectValues, ObserverSettings, PlantModel
+from dsd_cli.plant.references import Planned
 from dsd_cli.signals.log import Array, Log
 from tests.identify.comparison_rig import BELIEVED, MOVES, recorded
 from tests.oracle.rig_cases import RigCase
@@ -267,3 +268,26 @@ def test_a_force_that_no_explanation_has_is_no_evidence_between_them() -> None:
     assert measure.now[1, 0] == -measure.now[0, 1]
     expected = measure.expected(measure.of_logs).nats[0, 1]
     assert measure.now[0, 1] < expected == pytest.approx(by_the_search(*takes_of(friction, 2)), rel=0.1)
+
+
+def test_a_rival_has_one_choice_of_values_for_logs_and_motion() -> None:
+    """A spring stands in for a load on either side of its rest, with another sign on each."""
+    t = 0.001 * np.arange(8000)
+    way = 0.01 * np.sin(4.0 * np.pi * t)
+    places = [Planned(middle + way, np.gradient(way, t)) for middle in (1.0, -1.0)]
+    load = {"constant_load": {"force": 0.3}}
+    logs = [recorded(load, reference=place, duration=8.0, seed=i) for i, place in enumerate(places)]
+
+    def asked(recordings: list[Recording]) -> tuple[Search, Fit, Fit]:
+        search = Search(pose(recordings, BELIEVED, Settings(effects=("constant_load", "stiffness"))))
+        fits = {o.effect: o.fit for o in search.options(search.refit)}
+        return search, fits["constant_load"], fits["stiffness"]
+
+    def measured(recordings: list[Recording]) -> Measure:
+        search, right, _ = asked(recordings)
+        return Measure(search, targets_of(search, right, None, ("constant_load", "stiffness")), 1)
+
+    first, other = (measured([log]) for log in logs)
+    search, *fits = asked(logs)
+    right, spring = (search.nats(fit.squares) for fit in fits)
+    assert first.expected(other.of_logs).nats[0, 1] == pytest.approx(spring - right, rel=0.1)
