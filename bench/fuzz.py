@@ -41,6 +41,8 @@ WARM = (
 )
 #: What a run may leave.
 OUTPUTS = ("out.csv", "out.csv.meta.json", "out.parquet", "out.toml", "out.png", "out.html")
+#: A fault of the package, as it reports one; a library may say of a file that its end was unexpected.
+BAD = re.compile(rb"Traceback|unexpected [A-Z]\w+:|Warning:")
 RAW = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]|\xc2[\x80-\x9f]")
 
 
@@ -173,9 +175,8 @@ def _finding(code: int, said: bytes, folder: Path, before: set[str], arguments: 
     last = said.decode(errors="replace")[-300:].strip()
     if code not in (0, 1, 2, 3):
         return f"exit code {code}: {arguments}: {last}"
-    for bad in (b"Traceback", b"unexpected", b"Warning:"):
-        if bad in said:
-            return f"{bad.decode()}: {arguments}: {last}"
+    if bad := BAD.search(said):
+        return f"{bad[0].decode()}: {arguments}: {last}"
     begun = said.startswith(b"dsd: ") or arguments[:1] == ["fleet"] or _asks(said)  # which say what they take first
     if code in (1, 2) and not (begun and b"dsd: error: " in said):
         return f"no message with exit code {code}: {arguments}: {last}"
@@ -206,7 +207,7 @@ def _wrong_output(code: int, folder: Path, arguments: list[str]) -> str:
     marked = b"<- MISSING" in written.get("out.toml", b"")
     if code in (1, 2) and written and not (fleet or marked):
         return f"an output in spite of exit code {code}"
-    if fleet and any(b"unexpected" in content for content in written.values()):
+    if fleet and any(BAD.search(content) for content in written.values()):
         return "an unexpected reason"
     page = written.get("out.html", b"")
     if RAW.search(page) or fuzz_cases.MARKUP.encode() in page:

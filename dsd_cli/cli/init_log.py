@@ -18,7 +18,7 @@ from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.first_look import time_unit_of
 from dsd_cli.files.formats.base import CLOCK
 from dsd_cli.files.logs import LoadedLog, load_log
-from dsd_cli.files.recognise import Recognised
+from dsd_cli.files.recognise import COUNTS, Recognised
 from dsd_cli.files.sample import sample
 from dsd_cli.files.template import headed, template_text, with_value
 from dsd_cli.identify.checks import CheckResult, check_log
@@ -148,8 +148,11 @@ def _name_unit(channel: str, one: Recognised, out: Proposal) -> None:
         out.put("signals", _SCALE_KEYS[channel], float(f"{factor:.6g}"), f'"{one.column}" is in {one.unit}')
     if channel != "u" and not one.named:
         si = "rad/s or m/s" if channel == "velocity" else "rad or m"
-        known = "not said" if not one.unit else f'"{one.unit}", which is not known'
-        out.said.append(f'{channel}: the unit of "{one.column}" is {known}; it is taken as {si}')
+        known = "is not said" if not one.unit else f'is "{one.unit}", which is not known'
+        if one.unit.lower() in COUNTS:
+            unit = "counts/s" if channel == "velocity" else "counts"
+            known = f'is counts: {channel}_unit = "{unit}" and counts_per_turn (or counts_per_metre) say how much'
+        out.said.append(f'{channel}: the unit of "{one.column}" {known}; it is taken as {si}')
 
 
 def _one_kind(channel: str, unit: str, out: Proposal) -> bool:
@@ -191,7 +194,12 @@ def _settle_units(units: Units, out: Proposal) -> None:
     for at, (key, value) in enumerate(units.keys.items()):
         out.put("signals", key, value, units.why if at == 0 else "")
         channel = key.partition("_")[0]
-        out.said = [line for line in out.said if not (line.startswith(f"{channel}: ") and "is not said" in line)]
+        out.said = [line for line in out.said if not _is_answered(line, channel)]
+
+
+def _is_answered(line: str, channel: str) -> bool:
+    """Whether it asks for the unit of a channel, which another has said by now."""
+    return line.startswith(f"{channel}: ") and ("is not said" in line or "is counts" in line)
 
 
 def _factors(out: Proposal) -> dict[str, float]:

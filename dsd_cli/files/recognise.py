@@ -39,12 +39,13 @@ TIME_UNITS = {
 NAMED: Mapping[str, Mapping[str, str]] = {
     "position": {
         "rad": "rad", "m": "m", "deg": "deg", "°": "deg", "degree": "deg", "degrees": "deg", "mm": "mm", "um": "um",
-        "rev": "turn", "turn": "turn", "turns": "turn", "grad": "deg", "umdr": "turn",
+        "rev": "turn", "turn": "turn", "turns": "turn", "grad": "deg", "umdr": "turn", "mrad": "mrad", "cm": "cm",
     },
     "velocity": {
         "rad/s": "rad/s", "m/s": "m/s", "deg/s": "deg/s", "°/s": "deg/s", "mm/s": "mm/s", "um/s": "um/s", "rpm": "rpm",
         "r/min": "rpm", "1/min": "rpm", "rev/s": "turn/s", "turn/s": "turn/s", "turns/s": "turn/s", "hz": "turn/s",
         "grad/s": "deg/s", "u/min": "rpm", "umdr/min": "rpm", "min-1": "rpm", "min^-1": "rpm", "u/s": "turn/s",
+        "mrad/s": "mrad/s", "cm/s": "cm/s",
     },
 }  # fmt: skip
 OF_U: Mapping[str, tuple[str, float]] = {
@@ -53,11 +54,13 @@ OF_U: Mapping[str, tuple[str, float]] = {
     "volt": ("V", 1.0), "volts": ("V", 1.0), "amp": ("A", 1.0), "amps": ("A", 1.0), "n.m": ("N m", 1.0),
     "%": ("%", 1.0),
 }  # fmt: skip
+#: Units of an encoder, whose resolution no log says.
+COUNTS = {"inc", "incr", "increments", "count", "counts", "cnt", "cts", "pulse", "pulses", "ticks"}
+COUNTS |= {f"{one}/s" for one in COUNTS}
 #: What else stands in a row of units.
-OTHER_UNITS = {
-    "%", "-", "1", "c", "°c", "degc", "k", "w", "kw", "bar", "kg", "hz", "khz", "min", "h", "g", "db", "inc", "count",
-    "counts", "cnt", "pulse", "pulses", "bit", "bool", "m/s^2", "m/s²", "m/s2", "mm/s²", "mm/s^2", "rad/s²", "rad/s^2",
-    "deg/s²", "°/s²", "counts/s", "cnt/s", "inc/s", "mrad", "mdeg", "cm", "in", "ft", "lbf", "arb",
+OTHER_UNITS = COUNTS | {
+    "%", "-", "1", "c", "°c", "degc", "k", "w", "kw", "bar", "kg", "hz", "khz", "min", "h", "g", "db", "bit", "bool",
+    "m/s^2", "m/s²", "m/s2", "mm/s²", "mm/s^2", "rad/s²", "rad/s^2", "deg/s²", "°/s²", "mdeg", "in", "ft", "lbf", "arb",
     "sequence", "second", "seconds", "milliseconds", "[-]",
 }  # fmt: skip
 _FACTORS = {"position": POSITION, "velocity": VELOCITY}
@@ -144,7 +147,8 @@ def unit_in(name: str, channel: str) -> str:
     inside = [text for text in _IN_BRACKETS.findall(name) if not text.isdigit()]  # r79[0] is the number of a parameter
     if inside:
         return str(inside[-1])
-    known: Collection[str] = TIME_UNITS if channel == "time" else OF_U if channel == "u" else NAMED.get(channel, {})
+    moves = COUNTS | NAMED.get(channel, {}).keys()
+    known: Collection[str] = TIME_UNITS if channel == "time" else OF_U if channel == "u" else moves
     words = [word.lower() for word in _WORD.findall(name.rpartition("/")[2]) if word.lower() != "per"]
     for many in (2, 1):
         if len(words) > many and "/".join(words[-many:]) in known:

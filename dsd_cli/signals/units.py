@@ -15,9 +15,11 @@ SHORTEST = 1e-9
 #: Unit of a position column -> (the SI unit that it is read in, factor).
 POSITION = {
     "rad": ("rad", 1.0),
+    "mrad": ("rad", 1e-3),
     "deg": ("rad", math.pi / 180.0),
     "turn": ("rad", 2.0 * math.pi),
     "m": ("m", 1.0),
+    "cm": ("m", 1e-2),
     "mm": ("m", 1e-3),
     "um": ("m", 1e-6),
     "counts": ("", 1.0),
@@ -25,10 +27,12 @@ POSITION = {
 #: The same of a velocity column, per s.
 VELOCITY = {
     "rad/s": ("rad", 1.0),
+    "mrad/s": ("rad", 1e-3),
     "deg/s": ("rad", math.pi / 180.0),
     "turn/s": ("rad", 2.0 * math.pi),
     "rpm": ("rad", 2.0 * math.pi / 60.0),
     "m/s": ("m", 1.0),
+    "cm/s": ("m", 1e-2),
     "mm/s": ("m", 1e-3),
     "um/s": ("m", 1e-6),
     "counts/s": ("", 1.0),

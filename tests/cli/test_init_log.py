@@ -100,6 +100,8 @@ def test_a_log_with_other_names_and_units_becomes_a_config_that_is_right(tmp_pat
         ("mNm", "deg", "rpm", ("N m", "deg", "rpm"), {"u": 1e-3, "position": math.pi / 180, "velocity": math.pi / 30}),
         ("N", "mm", "m/s", ("N", "mm", "m/s"), {"position": 1e-3}),
         ("V", "rad", "rad/s", ("V", "rad", "rad/s"), {}),
+        ("Nm", "mrad", "mrad/s", ("N m", "mrad", "mrad/s"), {"position": 1e-3, "velocity": 1e-3}),
+        ("N", "cm", "cm/s", ("N", "cm", "cm/s"), {"position": 1e-2, "velocity": 1e-2}),
         ("A", "deg", "m/s", ("A", "", "m/s"), {"position": math.pi / 180}),  # a belt: not two kinds in one config
         ("A", "furlong", "rpm", ("A", "", "rpm"), {"velocity": math.pi / 30, "position": math.pi / 30}),
     ],
@@ -115,6 +117,15 @@ def test_units_of_the_log_are_named_in_the_config(u, position, velocity, named, 
     scales = {name: value for name, value in signals.factors().items() if name not in ("d_hat", "reference")}
     assert scales == {name: pytest.approx(value, rel=1e-5) for name, value in factors.items()}
     assert ("which is not known" in said) == (position == "furlong")
+
+
+@pytest.mark.parametrize("position", ["pos [cnt]", "pos_cnt", "pos [inc]"])
+def test_counts_are_said_to_be_counts_with_the_keys_that_they_need(position, tmp_path: Path) -> None:
+    data = axis(1500)
+    table = {"t": data["t"], "iq [A]": data["u"], position: data["position"]}
+    (tmp_path / "a.csv").write_text(csv_text(table))
+    said = done("init", "a.csv", cwd=tmp_path).stderr
+    assert f'position: the unit of "{position}" is counts: position_unit = "counts" and counts_per_turn' in said
 
 
 @pytest.mark.parametrize("kind", ["mdf", "tdms", "mat5", "mcap_json"])

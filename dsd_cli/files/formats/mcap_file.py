@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Iterator, Sequence
+from contextlib import redirect_stderr
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
@@ -67,7 +69,8 @@ class McapFile(Topics):
         if encoding == "json":
             return json.loads
         factory = self._factories.get(encoding)
-        return None if factory is None else factory.decoder_for(encoding, schema)
+        with redirect_stderr(io.StringIO()):  # prints the definition that it then raises for
+            return None if factory is None else factory.decoder_for(encoding, schema)
 
     def _refuse_undecoded(self) -> None:
         with open(self._path, "rb") as file:

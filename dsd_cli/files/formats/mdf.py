@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
@@ -23,6 +24,7 @@ class MdfFile:
         # what could not be opened cannot be closed either, and says so with a traceback when it is collected
         for kind in (mdf_v3.MDF3, mdf_v4.MDF4):
             kind.__del__ = _close_quietly  # type: ignore[method-assign]
+        logging.getLogger("asammdf").setLevel(logging.CRITICAL + 1)  # logs what it then raises
         # what the file says of buses and their databases is not followed: that would run its conversions unseen
         self._path, self._mdf = path, MDF(path, process_bus_logging=False)  # type: ignore[call-arg]
         self.metadata = {RECORDED: self._mdf.header.start_time.isoformat()}

@@ -15,6 +15,8 @@ from tests.files.formats.makers import (
     mat7_objects,
     mat7_timetable,
     mat73_objects,
+    mcap_ros2,
+    mdf,
     npz,
     tdms,
 )
@@ -71,6 +73,20 @@ def test_a_tdms_file_that_was_cut_off_is_read_and_said_and_nothing_else_is(tmp_p
     path, names = tdms(tmp_path, channels(300))
     path.write_bytes(path.read_bytes()[:-100])
     assert read(path, names)[1][0] == "its end is missing: what is whole of it is read"
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("maker", "whole", "spoiled"),
+    [(mdf, b"##CG", b"##9G"), (mcap_ros2, b"builtin_interfaces/Time", b"builtin_interfa es/Time")],
+)
+def test_a_library_that_logs_or_prints_what_it_raises_is_not_heard_twice(
+    maker, whole, spoiled, tmp_path, capfd
+) -> None:
+    path, names = maker(tmp_path, channels(300))
+    path.write_bytes(path.read_bytes().replace(whole, spoiled))
+    with pytest.raises(DataError, match="cannot be read as"):
+        read(path, names)
     assert capfd.readouterr() == ("", "")
 
 
