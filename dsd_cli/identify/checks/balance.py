@@ -69,10 +69,11 @@ def balance(stretches: Sequence[Stretch], band: Band, cutoff: float, reach: tupl
         rows = keep.rows(s.t.size, max(before, after))
         if s.u is None or measured is None or rows.size < 2:
             continue
-        speed = keep(_speed(s, band))
+        measured_speed = _speed(s, band)
+        speed = keep(measured_speed)
         position = s.position if s.position is not None else np.cumsum(speed) * T
         a = keep(difference(measured, T, band.source))
-        columns = motion_columns(speed, keep(position), keep, rows)
+        columns = motion_columns(speed, keep(position), LowPass(T, band.cutoff)(measured_speed), keep, rows)
         parts.append((a[rows], columns, rows.astype(np.float64) + offset))
         us.append(keep(s.u))
         offset += s.t.size
@@ -101,10 +102,14 @@ def _speed(s: Stretch, band: Band) -> Array:
     return np.gradient(s.position, s.T)
 
 
-def motion_columns(speed: Array, position: Array, keep: LowPass, rows: NDArray[np.int64]) -> Array:
-    """What friction, weight and springs may be made of, shape (rows, 6), of low-passed motion; first is the speed."""
+def motion_columns(speed: Array, position: Array, sharp: Array, keep: LowPass, rows: NDArray[np.int64]) -> Array:
+    """What friction, weight and springs may be made of, shape (rows, 6), of low-passed motion; first is the speed.
+
+    sharp : the speed in all of its band. A low-pass moves a reversal that is quick before zero and slow after it, as
+    those of a relay with friction are, and the force that friction then shows too early passes for inertia and lead.
+    """
     soft = REST * max(float(np.sqrt(np.mean(speed**2))), 1e-300)
-    direction, middle = keep(np.tanh(speed / soft))[rows], position.mean()
+    direction, middle = keep(np.tanh(sharp / soft))[rows], position.mean()
     speed, position = speed[rows], position[rows]
     return np.column_stack(
         [speed, direction, np.sin(position), np.cos(position), position - middle, np.ones(rows.size)]

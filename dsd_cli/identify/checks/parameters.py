@@ -18,7 +18,7 @@ from dsd_cli.identify.checks.instruments import asked_for, in_two_stages
 from dsd_cli.identify.checks.lowpass import LowPass
 from dsd_cli.identify.checks.motion import Motion, motion_of
 from dsd_cli.identify.checks.results import Identified, Parameter
-from dsd_cli.identify.checks.scan import block_starts
+from dsd_cli.identify.checks.scan import Scanned, block_starts
 from dsd_cli.identify.checks.stretches import Stretch
 from dsd_cli.identify.checks.values import believable, delay_of
 from dsd_cli.identify.checks.view import View
@@ -66,9 +66,11 @@ class _Value:
 def check_parameters(view: View, model: PlantModel | None, observer: ObserverSettings | None) -> tuple[Parameter, ...]:
     """Every number of the model; inertia and delay as the log has them where there is no model.
 
-    Without a model, friction, weight and springs of any size stand beside them.
+    Without a model, friction, weight and springs of any size stand beside them, and both are as unsure as they are
+    apart from the scan over all delays: where u switches as friction turns, least squares about a delay leads astray.
     """
-    given = model if model is not None else _own(view)
+    scanned = believable(view) if model is None else None
+    given = model if scanned is None else PlantModel(scanned.inertia, max(delay_of(scanned, view), 0.0))
     if given is None:
         return unknown_parameters(None)
     values = tuple(_values(given))
@@ -79,6 +81,8 @@ def check_parameters(view: View, model: PlantModel | None, observer: ObserverSet
     both = [_estimates(values, rows, others, T) for others in (rows.others[:, : 0 if model else None], rows.others)]
     leaning = {name: value for one in reversed(both) for name, value in one.leaning.items()}
     alone, beside = (one.by_instruments if leaning else one.least_squares for one in both)
+    if scanned is not None:
+        beside = _scanned(scanned, view)
     sure = {one.name for one, other in zip(*(x.by_instruments for x in both), strict=True) if _moved(one, other)}
     found = tuple(
         replace(_bent(*pair, T, pair[0].name in sure), leaning=leaning.get(pair[0].name))
@@ -122,9 +126,11 @@ def unknown_parameters(model: PlantModel | None) -> tuple[Parameter, ...]:
 _INERTIA = "{u}/({v}/s)"
 
 
-def _own(view: View) -> PlantModel | None:
-    fit = believable(view)
-    return None if fit is None else PlantModel(fit.inertia, max(delay_of(fit, view), 0.0))
+def _scanned(fit: Scanned, view: View) -> tuple[Parameter, ...]:
+    return (
+        Parameter("inertia", "weak", fit.inertia, fit.inertia_error, _INERTIA),
+        Parameter("delay", "weak", delay_of(fit, view), fit.shift_error, "s"),
+    )
 
 
 def _values(model: PlantModel) -> Iterator[_Value]:
@@ -199,7 +205,8 @@ def _columns(
     for value in values:
         changed, step = value.stepped(model)
         slopes.append((left(changed) - here) / step)
-    return here, np.column_stack(slopes), motion_columns(motion.velocity, motion.position, keep, rows)
+    others = motion_columns(motion.velocity, motion.position, motion.sharp, keep, rows)
+    return here, np.column_stack(slopes), others
 
 
 class _Estimates(NamedTuple):

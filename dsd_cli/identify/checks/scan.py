@@ -29,6 +29,8 @@ class Scanned:
     inertia, inertia_error : J and its standard error, errors that are correlated within a sixteenth of the log counted.
     shift, shift_error : s, by which u is ahead of the motion; a held u acts half a sample less.
     explained : share of what the rest of the motion leaves of u that J a explains, 0 to 1.
+    needed : the same of what the rest of the motion leaves at the delay that suits it best, at most 1: a u that
+        switches where friction turns, as that of a relay, is friction and a delay, and has no need of an inertia.
     weight : power of that, as a share of the power of u.
     rest : share of u that the whole fit leaves.
     inside : the best shift is not at an end of those that were tried.
@@ -39,6 +41,7 @@ class Scanned:
     shift: float
     shift_error: float
     explained: float
+    needed: float
     weight: float
     rest: float
     inside: bool
@@ -63,14 +66,17 @@ def scan(rows: Balance, cutoff: float) -> tuple[Scanned | None, Scanned | None]:
     a = without(rows.motion, rows.acceleration)
     coarse = np.linspace(-after, before, max(int(np.ceil((after + before) * _COARSE * cutoff)), 8))
     step, sums = float(coarse[1] - coarse[0]), _sums(rows, a, coarse)
+
+    def about(at: int) -> _Sums:
+        fine = np.clip(coarse[at] + step * np.linspace(-1.0, 1.0, _FINE), -after, before)
+        return _sums(rows, a, np.unique(fine))
+
+    without_any = float(about(int(sums.unexplained.argmin())).unexplained.min())
     found: list[Scanned | None] = []
     for sign in (1.0, -1.0):
         at = sums.best(sign)
-        if at is None:
-            found.append(None)
-            continue
-        fine = np.clip(coarse[at] + step * np.linspace(-1.0, 1.0, _FINE), -after, before)
-        found.append(_best(_sums(rows, a, np.unique(fine)), sign, inside=0 < at < coarse.size - 1))
+        inside = at is not None and 0 < at < coarse.size - 1
+        found.append(None if at is None else _best(about(at), sign, without_any, inside))
     return found[0], found[1]
 
 
@@ -100,6 +106,11 @@ class _Sums:
         return _Sums(self.shifts, self.power, *(np.delete(x, block, axis=0) for x in (self.ua, self.aa, self.uu)))
 
     @property
+    def unexplained(self) -> Array:
+        """Share of u that is left without an inertia, shape (shifts,)."""
+        return np.asarray(self.uu.sum(axis=0) / self.power)
+
+    @property
     def inertia(self) -> Array:
         return np.asarray(self.ua.sum(axis=0) / max(self.aa.sum(), 1e-300))
 
@@ -113,12 +124,13 @@ class _Sums:
         return int(np.where(possible, rest, np.inf).argmin())
 
 
-def _best(sums: _Sums, sign: float, inside: bool) -> Scanned | None:
+def _best(sums: _Sums, sign: float, without_any: float, inside: bool) -> Scanned | None:
     at = sums.best(sign)
     if at is None:
         return None
     inertia, total = float(sums.inertia[at]), float(sums.uu[:, at].sum())
     gained = inertia * float(sums.ua[:, at].sum())  # J^2 a a, whose square of J is no number for an axis at rest
+    rest = (total - gained) / float(sums.power[at])
     parts = [sums.without(block) for block in range(len(sums.aa))]
     inertias = np.array([part.inertia[at] for part in parts])
     others = [best for part in parts if (best := part.best(sign)) is not None]
@@ -128,8 +140,9 @@ def _best(sums: _Sums, sign: float, inside: bool) -> Scanned | None:
         float(sums.shifts[at]),
         max(float(jackknife(sums.shifts[others])), float(sums.shifts[1] - sums.shifts[0]) / np.sqrt(12.0)),
         gained / max(total, 1e-300),
+        1.0 - rest / max(without_any, 1e-300),
         gained / float(sums.power[at]),
-        (total - gained) / float(sums.power[at]),
+        rest,
         inside,
     )
 

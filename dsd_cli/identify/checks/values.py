@@ -7,8 +7,9 @@ from dsd_cli.identify.checks.scan import Scanned
 from dsd_cli.identify.checks.view import View
 from dsd_cli.plant.model import PlantModel
 
-#: Inertia and delay are believed where J a is at least this share of what friction and weight leave of u, ...
-EXPLAINED = 0.5
+#: Inertia and delay are believed where J a is at least this share of what friction and weight leave of u, whatever the
+#: delay, and at least this share of the power of u: less is within the error of any friction, ...
+NEEDED, WEIGHT = 0.5, 0.005
 #: ... and from so many standard errors on.
 CLEAR = 5.0
 #: u is late if it is later than the motion by more than this, in samples.
@@ -25,7 +26,7 @@ def delay_of(fit: Scanned, view: View) -> float:
 def believable(view: View) -> Scanned | None:
     """The fit with J > 0, where it is clear."""
     fit = view.forward
-    if fit is None or not fit.inside or fit.explained < EXPLAINED or fit.clearness < CLEAR:
+    if fit is None or not fit.inside or fit.needed < NEEDED or fit.weight < WEIGHT or fit.clearness < CLEAR:
         return None
     return fit
 

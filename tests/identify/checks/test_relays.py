@@ -1,0 +1,65 @@
+"""u that switches between two levels, as a relay gives it: friction turns where u does, and the inertia is light.
+
+The axis is integrated here, by Euler steps of a fiftieth of a sample, so that nothing of the package is trusted.
+"""
+
+import numpy as np
+import pytest
+
+from dsd_cli.identify.checks import check_log
+from dsd_cli.signals.log import Log
+
+T, ROWS, SUB, VISCOUS = 1e-3, 6000, 50, 0.3
+
+
+def relayed(seed: int, light: float, dry: float, feedback: bool) -> Log:
+    """u of +-1 on J = 0.3 `light`, 0.3 v and `dry` of Coulomb friction; by a switch on the position, or at random."""
+    rng = np.random.default_rng(seed)
+    switch, at = [], 0
+    while at < ROWS:
+        at += int(rng.integers(20, 400))
+        switch.append(at)
+    band, amplitude, frequency = rng.uniform(0.005, 0.05), rng.uniform(0.0, 0.5), rng.uniform(0.2, 1.0)
+    J, h, v, q, level = VISCOUS * light, T / SUB, 0.0, 0.0, 1.0
+    channels = np.empty((3, ROWS))
+    for k in range(ROWS):
+        if feedback:
+            error = amplitude * np.sin(2.0 * np.pi * frequency * k * T) - q
+            level = 1.0 if error > band else -1.0 if error < -band else level
+        elif switch and k == switch[0]:
+            level, switch = -level, switch[1:]
+        channels[:, k] = level, v, q
+        for _ in range(SUB):
+            force = level - VISCOUS * v
+            if v == 0.0:
+                then = h * (force - np.sign(force) * min(dry, abs(force))) / J
+            else:
+                then = v + h * (force - np.sign(v) * dry) / J
+                then = 0.0 if then * v < 0.0 else then
+            q += h * 0.5 * (v + then)
+            v = then
+    u, velocity, position = channels
+    return Log({"u": u, "velocity": velocity + 0.01 * rng.standard_normal(ROWS), "position": position}, T)
+
+
+@pytest.mark.parametrize("feedback", [True, False])
+@pytest.mark.parametrize("dry", [0.0, 0.5])
+@pytest.mark.parametrize("light", [0.001, 0.003, 0.01, 0.03])
+def test_what_is_said_to_be_identified_is_right(light, dry, feedback):
+    """Not so: an inertia 1.5 times too high, a u that leads by 1.3 ms, both within 0.1 %, of an axis without delay."""
+    for seed in (7001, 7002):
+        result = check_log(relayed(seed, light, dry, feedback))
+        assert not any(one.late for one in result.findings)
+        inertia, delay = result.parameters
+        if inertia.identified == "identified":
+            assert inertia.value == pytest.approx(VISCOUS * light, rel=0.15)
+        if delay.identified == "identified":
+            assert abs(delay.value) < 0.5 * T
+
+
+def test_an_inertia_that_takes_a_part_of_u_stays_identified():
+    """0.3 kg m2/s of friction and 30 ms: J a is a quarter of u, whatever switches it."""
+    for feedback in (True, False):
+        inertia, delay = check_log(relayed(7003, 0.03, 0.5, feedback)).parameters
+        assert (inertia.identified, delay.identified) == ("identified", "identified")
+        assert inertia.value == pytest.approx(VISCOUS * 0.03, rel=0.05)
