@@ -10,7 +10,7 @@ import numpy as np
 from dsd_cli.errors import UsageError
 from dsd_cli.files.first_look import FirstLook, time_unit_of
 from dsd_cli.files.joints import joint_that_moves
-from dsd_cli.files.recognise import TIME_UNITS, Recognised, is_force, recognise, unit_in
+from dsd_cli.files.recognise import TIME_UNITS, Recognised, is_force, is_motion, is_of_quaternion, recognise, unit_in
 from dsd_cli.files.sample import Sample, Table
 from dsd_cli.identify.roles import Channel, Guess, Roles, facts_of, guess_roles
 from dsd_cli.signals.clock import UNITS
@@ -64,8 +64,9 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
 
 
 def usable(table: Table) -> Table:
-    """Without what never changes, is yes or no, or no number."""
-    kept = [one for one in table.channels if facts_of(one).kind not in ("empty", "text", "constant", "boolean")]
+    """Without what never changes, is yes or no, or no number, and without orientations in space."""
+    none = ("empty", "text", "constant", "boolean")
+    kept = [one for one in table.channels if facts_of(one).kind not in none and not is_of_quaternion(one.name)]
     return replace(table, channels=tuple(kept))
 
 
@@ -147,7 +148,8 @@ def roles_of(look: FirstLook, table: Table, given: Mapping[str, str]) -> Roles:
     if u is not None and u.equals and "u" not in given and not any(one in named for one in MOTION):
         del named["u"]  # Voltage_0, Voltage_1: whose name says nothing
         forces -= {u.column, *u.equals}
-    return guess_roles(table.channels, named, frozenset(forces), _seconds(look, table))
+    moved = {one.name for one in table.channels if is_motion(one.name, one.unit)} - set(given.values())
+    return guess_roles(table.channels, named, frozenset(forces), frozenset(moved), _seconds(look, table))
 
 
 def _seconds(look: FirstLook, table: Table) -> float:

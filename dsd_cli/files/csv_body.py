@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 from dsd_cli.files.csv_dialect import MISSING, fields_of, is_comment, is_number
@@ -34,12 +35,16 @@ class CsvLayout:
 
 
 class Body(NamedTuple):
-    """Rows of numbers: what separates them, fields in each, which of these are numbers, line of the first (from 0)."""
+    """Rows of numbers: what separates them, fields in each, which of these are numbers, line of the first (from 0).
+
+    `counted`: the first field is the number of the row.
+    """
 
     delimiter: str
     fields: int
     numeric: tuple[int, ...]
     start: int
+    counted: bool = False
 
 
 def body_of(lines: Sequence[str], delimiters: Sequence[str], layout: CsvLayout) -> Body | None:
@@ -62,7 +67,7 @@ def body_of(lines: Sequence[str], delimiters: Sequence[str], layout: CsvLayout) 
         if best is None or score > best[0]:
             start = _start(lines, delimiter, width, numeric)
             if start is not None:
-                best = score, Body(delimiter, width, numeric, start)
+                best = score, Body(delimiter, width, numeric, start, _is_counted([row[0].strip(' "') for row in alike]))
     return best[1] if best else None
 
 
@@ -70,6 +75,14 @@ def _share(rows: Sequence[Sequence[str]], place: int) -> float:
     """Share of rows with a number there, of those with anything there."""
     there = [row[place] for row in rows if row[place].strip() not in MISSING]
     return sum(map(is_number, there)) / len(there) if there else 0.0
+
+
+def _is_counted(cells: Sequence[str]) -> bool:
+    """Whether whole numbers go up by one from row to row."""
+    if len(cells) < 2 or not all(cell.isascii() and cell.isdigit() for cell in cells):
+        return False
+    numbers = [int(cell) for cell in cells]
+    return all(after == before + 1 for before, after in pairwise(numbers))
 
 
 def _filled(rows: Sequence[Sequence[str]], place: int) -> float:

@@ -25,11 +25,11 @@ COMMENT = ("#", "%")
 DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
 ISO_TIME = re.compile(r"\s*\d{4}-\d\d-\d\d[ T]\d\d:\d\d")
 SPOKEN_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "min": 60.0, "hr": 3600.0}
-#: `0.004 sec`; [31.12.2024 or 12/31/2024] 23:59:59.999 [PM].
+#: `0.004 sec`; [31.12.2024 or 12/31/2024 or 2 days] 23:59:59.999 [PM].
 SPOKEN_TIME = re.compile(
     r"\s*(?:([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s?(s|sec|ms|msec|us|min|hr)"
     r"|(?:(\d{1,2}\.\d{1,2}\.\d{4})[ T]|(\d{1,2}/\d{1,2}/\d{4}) )?"
-    r"(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+)?) ?([AaPp][Mm])?)\s*"
+    r"(?:(\d+) days? )?(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+)?) ?([AaPp][Mm])?)\s*"
 )
 _OTHER_FORMATS = {
     b"version https://git-lfs.github.com/spec/v1": (
@@ -41,6 +41,9 @@ _OTHER_FORMATS = {
     b"\xff\xfe": ("is UTF-16 text", "save it as UTF-8"),
     b"\xfe\xff": ("is UTF-16 text", "save it as UTF-8"),
 }
+
+
+_KNOWN = "export it as one of CSV, Parquet, Arrow, MAT, HDF5, NetCDF, NumPy, MDF, TDMS, MCAP, ROS bag, JSON"
 
 
 class Header(NamedTuple):
@@ -67,7 +70,7 @@ def refuse_other_formats(source: str, head: bytes) -> None:
         if head.startswith(magic):
             raise DataError(f"{source}: {found}", remedy)
     if b"\0" in head and head.rstrip(b"\0").count(b"\0"):  # zeros at the end alone were lines once, see `_explain`
-        raise DataError(f"{source}: is neither CSV nor Parquet")
+        raise DataError(f"{source}: is neither CSV nor Parquet, nor of another known format", _KNOWN)
 
 
 def decode(line: bytes) -> str:
@@ -88,7 +91,9 @@ def split(line: str, delimiter: str) -> list[str]:
 
 def fields_of(line: str, delimiter: str) -> list[str]:
     """The fields of a line; of blanks any number separates."""
-    return line.split() if delimiter == " " else split(line, delimiter)
+    if delimiter != " ":
+        return split(line, delimiter)
+    return line.split() if '"' not in line else [cell for cell in split(line.strip(), " ") if cell]
 
 
 def is_comment(line: str) -> bool:
@@ -133,10 +138,10 @@ def seconds(text: str) -> float:
         return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
     if (found := SPOKEN_TIME.fullmatch(text)) is None:
         return number(text)
-    value, unit, dotted, slashed, hours, minutes, rest, half = found.groups()
+    value, unit, dotted, slashed, days, hours, minutes, rest, half = found.groups()
     if unit:
         return number(value) * SPOKEN_UNITS[unit.lower()]
-    day = 0.0
+    day = 86400.0 * int(days or 0)
     if date := dotted or slashed:
         parts = [int(part) for part in re.split(r"[./]", date)]
         year, month, of_month = (parts[2], parts[1], parts[0]) if dotted else (parts[2], parts[0], parts[1])

@@ -28,6 +28,8 @@ from dsd_cli.files.recognise import is_unit
 
 #: First cells of the rows of a preamble that has one column for each channel.
 NAME_KEYS = ("name", "channel name", "channel", "signal", "signal name", "symbol", "kanal", "signalname")
+#: Name of a column without one that counts the rows.
+ROW = "row"
 UNIT_KEYS = ("unit", "units", "einheit", "y_unit_label")
 
 
@@ -189,7 +191,7 @@ def _above(rows: Sequence[Row], body: Body) -> Found:
     """Names and units from the rows right above the body that are as wide as it; comments where nothing else is."""
     wide = _wide([row for row in rows if not row.comment or _units_of(row, body)], body)
     if all(row.comment or all(map(is_unit, row.cells)) for row in wide):  # no names but in a comment
-        said = [row for row in rows if row in wide or (row.comment and len(row.cells) == body.fields)]
+        said = [row for row in rows if row in wide or (row.comment and _could_name(row.cells, body))]
         wide = _wide(said, body) or wide
     notes: list[str] = []
     units = None
@@ -231,6 +233,11 @@ def _wide(rows: Sequence[Row], body: Body) -> list[Row]:
     return wide
 
 
+def _could_name(cells: Sequence[str], body: Body) -> bool:
+    """Whether a comment has a name for each field: `; Channels 1` has none."""
+    return len(cells) == body.fields and not any(map(is_number, cells))
+
+
 def _names_of_units(row: Sequence[str]) -> bool:
     """Whether most of what stands there are units."""
     there = [cell for cell in row if cell]
@@ -244,7 +251,12 @@ def _describes(names: Row, below: Row, body: Body) -> bool:
 
 
 def _fitted(names: Sequence[str], body: Body) -> list[str]:
-    """As many names as there are fields: a delimiter at the end of rows or of the header alone is none."""
+    """As many names as there are fields: a delimiter at the end of rows or of the header alone is none.
+
+    The number of the row has no name in what R and pandas print.
+    """
+    if body.counted and len(names) == body.fields - 1:
+        return [ROW, *names]
     return [*names[: body.fields], *_numbered(body.fields)[len(names) :]]
 
 

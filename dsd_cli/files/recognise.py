@@ -30,6 +30,11 @@ MEASURED = {"act", "actual", "meas", "measured", "ist", "fbk", "feedback", "real
 #: Words that make a column of another thing whatever else it is called: errors, limits, other axes' business.
 ELSE = {"error", "err", "limit", "max", "min", "status", "temp", "temperature", "id", "index", "count", "mode", "true"}
 
+#: What holds quaternions, and what their parts are called where nothing says so: no places and no speeds.
+QUATERNIONS, PARTS = {"orientation", "quaternion", "quat", "rotation"}, {"qx", "qy", "qz", "qw"}
+#: More words of columns that make nothing move: places and stamps.
+IDLE = {"pose", "translation", "stamp"}
+
 #: Unit of a time -> its name in the config.
 TIME_UNITS = {
     "s": "s", "sec": "s", "second": "s", "seconds": "s", "milliseconds": "ms",
@@ -138,6 +143,20 @@ def is_force(name: str, unit: str) -> bool:
     return unit.strip().lower() in OF_U.keys() - {"v", "mv", "volt", "volts", "%"} or _score("u", name) > 0.0
 
 
+def is_motion(name: str, unit: str) -> bool:
+    """Whether name or unit say that it is a motion, asked for or measured, or a time, and so makes nothing move."""
+    words = {word.lower() for word in _WORD.findall(name)}
+    said = any(_score(channel, name) > 0.0 for channel in ("time", "position", "velocity", "reference"))
+    in_units = any(unit.strip().lower() in NAMED[channel] for channel in NAMED)
+    return (said or in_units or bool(words & IDLE)) and not _score("u", name)
+
+
+def is_of_quaternion(name: str) -> bool:
+    """Whether it is one of the four numbers of an orientation: none of them is the angle of an axis."""
+    group, _, last = name.lower().rpartition("/")
+    return last in PARTS or (len(last) == 1 and last in "xyzw" and group.rpartition("/")[2] in QUATERNIONS)
+
+
 def unit_in(name: str, channel: str) -> str:
     """The unit at the end of a name: in brackets, or as its last words; empty without one.
 
@@ -163,7 +182,7 @@ def _score(channel: str, column: str) -> float:
     joined = "".join(words)
     around = {word.lower() for word in _WORD.findall(group)}
     asked = bool((set(words) | around) & ASKED)
-    if set(words) & ELSE or not words:
+    if set(words) & ELSE or not words or is_of_quaternion(column):
         return 0.0
     if channel == "reference":
         bare = [word for word in words if word in ASKED]

@@ -170,6 +170,29 @@ def test_only_what_is_earlier_is_a_reference(earlier: int) -> None:
     assert ("reference" in found) == (earlier > 0)
 
 
+def test_of_two_that_a_motion_explains_as_well_none_is_u() -> None:
+    """Neither the motion nor u has a name: parts of a rotation, say. With a name for the motion, one of them is."""
+    t = 1e-3 * np.arange(4000)
+    place = np.sin(2.0 * np.pi * 1.3 * t) + 0.3 * np.sin(2.0 * np.pi * 3.7 * t)
+    force = np.gradient(np.gradient(place, 1e-3), 1e-3) + 5.0 * np.gradient(place, 1e-3)
+    table = {"t": t, "1": place, "2": force, "3": force + 9.0 * place}
+    channels = [Channel(name, x[50:-50]) for name, x in table.items()]
+    assert "u" not in guess_roles(channels, {"time": "t"}).found
+    assert guess_roles(channels, {"time": "t", "position": "1"}).found["u"].column in ("2", "3")
+    assert guess_roles(channels[:3], {"time": "t"}).found["u"].column == "2"
+
+
+def test_places_and_orientations_of_a_robot_are_no_u(tmp_path: Path) -> None:
+    """A log of poses holds nothing that makes an axis move: w is no speed, z no torque."""
+    turn = 0.2 * AXIS["q"]
+    names = ["t", *(f"base/pose/position/{c}" for c in "xy"), *(f"base/pose/orientation/{c}" for c in "zw")]
+    rows = strangers.rows(AXIS, AXIS["t"], AXIS["q"], 0.1 * AXIS["u"], np.sin(turn), np.cos(turn))
+    strangers.text(tmp_path, "a.csv", [",".join(names), *rows])
+    result = dsd("init", "a.csv", cwd=tmp_path)
+    refused_with_a_question(result, tmp_path)
+    assert "orientation" not in result.stderr.splitlines()[-1]
+
+
 def test_a_u_that_is_missing_is_named_with_set(tmp_path: Path) -> None:
     """The way out that the message of `check` says is one."""
     path = ambiguous(tmp_path)

@@ -25,6 +25,27 @@ def test_a_sentence_above_a_header_is_none(comment: str, header: str, rows: list
     assert (below.header.names, below.units) == (TIME, None)
 
 
+COUNTED = [f"{k} {row}" for k, row in enumerate(LOOSE, start=1)]
+
+
+@pytest.mark.parametrize(
+    ("header", "rows"),
+    [
+        ("    t       u      q     v", COUNTED),  # pandas' to_string
+        ('"t" "u" "q" "v"', [f'"{row.replace(" ", chr(34) + " ", 1)}' for row in COUNTED]),  # R's write.table
+        ('"t","u","q","v"', [row.replace(" ", ",") for row in COUNTED]),
+    ],
+)
+def test_the_number_of_the_row_has_no_name_where_the_header_is_one_short(header: str, rows: list[str]) -> None:
+    """The first name is not that of the numbers of the rows: time would be a count, and torque the time."""
+    assert seen(header, *rows).header.names == ["row", *TIME]
+
+
+def test_a_column_without_a_name_at_the_end_stays_at_the_end() -> None:
+    """Rows that do not begin with their number."""
+    assert seen("t,u,q", *ROWS).header.names == ["t", "u", "q", "4"]
+
+
 def test_a_comment_of_more_or_fewer_words_names_no_columns() -> None:
     found = seen("# made at lab on Tuesday", *LOOSE)
     assert found.header.names == ["1", "2", "3", "4"]

@@ -1,4 +1,4 @@
-"""JSON, one document or one record a line: arrays by their names, arrays of records, arrays of rows.
+"""JSON, one document or one record a line: arrays by their names, arrays of records, arrays of rows, values by row.
 
 Tests beside each other that have the same columns (WPILib SysId keeps four of them) are one table, one after the other
 as their stamps have it, and each its own one, too.
@@ -77,6 +77,7 @@ def _parsed(path: str, text: str) -> Any:
 
 def _collect(value: Any, name: str, found: dict[str, Table], rows_of: Mapping[int, Sequence[str]]) -> None:
     """Every table in the document, by the path to it."""
+    value = _listed(value)
     if isinstance(value, Mapping):
         arrays = {str(key): column for key, part in value.items() if (column := _numbers(part)) is not None}
         if arrays:
@@ -92,11 +93,18 @@ def _collect(value: Any, name: str, found: dict[str, Table], rows_of: Mapping[in
 
 def _numbers(value: Any) -> Array | None:
     """A list of numbers, null where one is missing; None for anything else."""
+    value = _listed(value)
     if not isinstance(value, list) or not value or not any(isinstance(one, int | float) for one in value[:10]):
         return None
     if any(not isinstance(one, int | float) and one is not None for one in value):
         return None
     return np.array([np.nan if one is None else one for one in value], dtype=np.float64)
+
+
+def _listed(value: Any) -> Any:
+    """The values of what has numbers of rows for keys, as pandas writes columns; anything else as it is."""
+    counted = isinstance(value, Mapping) and value and all(str(key).isascii() and str(key).isdigit() for key in value)
+    return list(value.values()) if counted else value
 
 
 def _rows(rows: list[Any], rows_of: Mapping[int, Sequence[str]]) -> Table:

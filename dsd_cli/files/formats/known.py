@@ -31,6 +31,7 @@ class Format(NamedTuple):
 NUMPY = Format("a NumPy file", "numpy_file", "NumpyFile")
 ARROW = Format("an Arrow file", "arrow_ipc", "ArrowFile")
 MAT = Format("a MAT file", "mat", "MatFile")
+NETCDF = Format("NetCDF 3", "netcdf", "NetcdfFile")
 MAT73 = Format("a MAT file of version 7.3", "hdf5", "Hdf5File", ("h5py",), "hdf5")
 HDF5 = Format("HDF5", "hdf5", "Hdf5File", ("h5py",), "hdf5")
 MDF = Format("MDF", "mdf", "MdfFile", ("asammdf",), "mf4")
@@ -40,7 +41,7 @@ BAG = Format("a ROS bag", "ros_bag", "RosBag", ("rosbags",), "ros")
 JSON = Format("JSON", "json_file", "JsonFile")
 CODESYS = Format("a trace of CODESYS", "codesys", "CodesysTrace")
 
-FORMATS = (NUMPY, ARROW, MAT, MAT73, HDF5, MDF, TDMS, MCAP, BAG, JSON, CODESYS)
+FORMATS = (NUMPY, ARROW, MAT, NETCDF, MAT73, HDF5, MDF, TDMS, MCAP, BAG, JSON, CODESYS)
 
 _MAGIC = (
     (b"\x93NUMPY", NUMPY),
@@ -50,6 +51,8 @@ _MAGIC = (
     (b"MATLAB 7.3", MAT73),
     (b"MATLAB 5.0", MAT),
     (b"\x89HDF\r\n\x1a\n", HDF5),
+    (b"CDF\x01", NETCDF),
+    (b"CDF\x02", NETCDF),
     (b"MDF     ", MDF),
     (b"UnFinMF ", MDF),
     (b"TDSm", TDMS),

@@ -71,6 +71,7 @@ class _Look:
     dt: float
     found: dict[str, Guess]
     never_motion: frozenset[str] = frozenset()
+    never_cause: frozenset[str] = frozenset()
     causes: dict[str, Cause] = field(default_factory=dict)
 
     def free(self) -> list[str]:
@@ -79,7 +80,11 @@ class _Look:
 
 
 def guess_roles(
-    channels: Sequence[Channel], named: Mapping[str, str], forces: frozenset[str] = frozenset(), scale: float = 1.0
+    channels: Sequence[Channel],
+    named: Mapping[str, str],
+    forces: frozenset[str] = frozenset(),
+    motions: frozenset[str] = frozenset(),
+    scale: float = 1.0,
 ) -> Roles:
     """What the channels of one table are.
 
@@ -87,7 +92,7 @@ def guess_roles(
     ----------
     channels : in the order of the file, shape (n,) each.
     named : role -> column, what names and units say; kept as it is.
-    forces : columns whose name or unit says that they are no motion.
+    forces : columns whose name or unit says that they are no motion. motions : that they are one, and so not u.
     scale : s per unit of the time column.
     """
     facts = {one.name: facts_of(one) for one in channels}
@@ -96,7 +101,7 @@ def guess_roles(
     if "time" not in found and (clock := _clock(facts)) is not None:
         found["time"] = clock
     look = _looked(by_name, facts, found, scale)
-    look = _Look(look.values, look.t, look.dt, found, forces)
+    look = _Look(look.values, look.t, look.dt, found, forces, motions)
     if look.t.size >= FEWEST:
         _find_motion(look)
         _find_reference(look)
@@ -229,6 +234,7 @@ def _find_cause(look: _Look) -> None:
     if "u" in found and motions:
         return
     candidates = [found["u"].column] if "u" in found and found["u"].column in look.values else look.free()
+    candidates = [name for name in candidates if name not in look.never_cause]
     if not motions:
         kinds = ("velocity", "position")
         motions = [_Motion(name, kind) for name in look.free() for kind in kinds if name not in look.never_motion]
@@ -244,8 +250,17 @@ def _find_cause(look: _Look) -> None:
                 look.causes[name] = cause
             if best is None or cause.share > best[0] + BETTER:
                 best = cause.share, motion, name
-    if best is not None and best[0] >= (IS_CAUSE if len(motions) == 1 else CLEARLY):
-        _take(look, *best)
+    if best is None or best[0] < (IS_CAUSE if len(motions) == 1 else CLEARLY):
+        return
+    if len(motions) > 1 and "u" not in found and _as_well(look, *best):
+        return  # neither the motion nor what causes it is known, and others do as well: for the user to say
+    _take(look, *best)
+
+
+def _as_well(look: _Look, share: float, motion: _Motion, name: str) -> list[str]:
+    """Other channels that the motion explains about as well."""
+    besides = (name, motion.column)
+    return [one for one, cause in look.causes.items() if one not in besides and cause.share > share - AS_WELL]
 
 
 def _take(look: _Look, share: float, motion: _Motion, name: str) -> None:
@@ -255,11 +270,7 @@ def _take(look: _Look, share: float, motion: _Motion, name: str) -> None:
     if "u" in found:
         return
     why = f"{_parts(motion.kind)} of {motion.column} explain {100 * share:.0f} % of it"
-    others = [
-        other
-        for other, cause in look.causes.items()
-        if other != name and cause.share > share - AS_WELL and other != found[motion.kind].column
-    ]
+    others = _as_well(look, share, _Motion(found[motion.kind].column, motion.kind), name)
     doubt = f"{others[0]} is explained as well" if others else "" if share > CLEARLY else "that is not much"
     found["u"] = Guess(name, why, doubt)
     if motion.kind == "position":

@@ -166,6 +166,44 @@ def hdf5(folder: Path, data: dict) -> Made:
     return Made(folder / "log.h5", {"t": "time", "u": "drive/u", "velocity": "axis/speed"})
 
 
+def hdf5_octave(folder: Path, data: dict) -> Made:
+    """As `save -hdf5` of Octave 7 lays its variables out."""
+    h5py = pytest.importorskip("h5py", reason="h5py is not installed")
+    with h5py.File(folder / "octave.h5", "w") as file:
+        for name, values in data.items():
+            variable = file.create_group(name)
+            variable["type"] = np.bytes_("matrix")
+            variable["value"] = values[None, :]
+    return Made(folder / "octave.h5", {"t": "t", "u": "u", "velocity": "velocity"})
+
+
+def netcdf(folder: Path, data: dict) -> Made:
+    from scipy.io import netcdf_file
+
+    with netcdf_file(folder / "log.nc", "w") as file:
+        file.createDimension("time", data["t"].size)
+        for name, values in {"time": data["t"], "iq": data["u"], "speed": data["velocity"]}.items():
+            file.createVariable(name, "d", ("time",))[:] = values
+            file.variables[name].units = {"time": "s", "iq": "A", "speed": "rad/s"}[name]
+    return Made(folder / "log.nc", {"t": "time", "u": "iq", "velocity": "speed"})
+
+
+def json_by_rows(folder: Path, data: dict) -> Made:
+    """As pandas' `to_json` writes a table unless it is told otherwise."""
+    columns = {name: {str(k): value for k, value in enumerate(values.tolist())} for name, values in data.items()}
+    (folder / "columns.json").write_text(json.dumps(columns))
+    return Made(folder / "columns.json", {"t": "t", "u": "u", "velocity": "velocity"})
+
+
+def json_of_rows(folder: Path, data: dict) -> Made:
+    """The same, `orient="index"`."""
+    rows = zip(*(values.tolist() for values in data.values()), strict=True)
+    (folder / "rows.json").write_text(
+        json.dumps({str(k): dict(zip(data, row, strict=True)) for k, row in enumerate(rows)})
+    )
+    return Made(folder / "rows.json", {"t": "t", "u": "u", "velocity": "velocity"})
+
+
 def mdf(folder: Path, data: dict) -> Made:
     asammdf = pytest.importorskip("asammdf", reason="asammdf is not installed")
     file = asammdf.MDF(version="4.10")
@@ -321,6 +359,10 @@ MAKERS: list[Callable[[Path, dict], Made]] = [
     mat73_timeseries,
     mat7_timetable,
     hdf5,
+    hdf5_octave,
+    netcdf,
+    json_by_rows,
+    json_of_rows,
     mdf,
     tdms,
     mcap_json,

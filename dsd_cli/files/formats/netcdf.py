@@ -1,0 +1,25 @@
+"""NetCDF 3 (SciPy): variables along one dimension; version 4 is HDF5."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dsd_cli.files.formats.base import InMemory, check_size
+from dsd_cli.signals.log import Array
+
+
+class NetcdfFile(InMemory):
+    """Variables by their names, with the units that they say; see `Container`."""
+
+    def __init__(self, path: str) -> None:
+        from scipy.io import netcdf_file
+
+        channels: dict[str, Array] = {}
+        units: dict[str, str] = {}
+        with netcdf_file(path, "r", mmap=False) as file:
+            for name, variable in file.variables.items():
+                if len(variable.dimensions) == 1 and variable.data.dtype.kind in "iuf":
+                    check_size(path, 8.0 * variable.data.size)
+                    channels[name] = np.array(variable.data, dtype=np.float64)
+                    units[name] = getattr(variable, "units", b"").decode("utf-8", "replace")
+        super().__init__(channels, units=units)
