@@ -24,7 +24,7 @@ PLAN = Plan(
     Limits(-1.0, 1.0, 6.0, 40.0, 400.0, 1.0, 0.0),
     cost=((5.0, 80.0), (10.0, 160.0)),
     not_counted=("drag",),
-    warnings=("drag: the simulated loop is unstable (kp 3, kd 1)",),
+    warnings=("the simulated loop is unstable (kp 3, kd 1) with drag as the plant",),
 )
 
 
@@ -55,7 +55,7 @@ def test_what_more_seconds_bring_is_drawn_where_they_were_asked_for() -> None:
 def test_the_page_says_who_was_not_counted_and_why() -> None:
     text = str(plan_part(story(PLAN)))
     assert "not counted, for it breaks a limit on every motion: drag" in text
-    assert "drag: the simulated loop is unstable (kp 3, kd 1)" in text
+    assert "the simulated loop is unstable (kp 3, kd 1) with drag as the plant" in text
     assert all(f'data-chart="{name}"' in text for name in plan_charts(story(PLAN)))
 
 

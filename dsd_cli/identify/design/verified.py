@@ -14,6 +14,7 @@ from dsd_cli.identify.design.limits import Limits
 from dsd_cli.identify.design.motions import FADE, Part, Room
 from dsd_cli.identify.design.optimise import joined
 from dsd_cli.identify.design.targets import Targets
+from dsd_cli.identify.results import NONE
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
@@ -64,7 +65,9 @@ def verified(targets: Targets, parts: tuple[Part, ...], room: Room, loop: Loop, 
             smaller = _smaller(parts, runs[key], room, allowed)
             runaway = any(now.scale < GENTLE * first.scale for now, first in zip(smaller, wide, strict=True))
         except UnstableLoopError as failure:
-            smaller, runaway, why = parts, True, f"{targets.explanations[key[0]].name}: {failure}"
+            name = targets.explanations[key[0]].name
+            smaller, runaway = parts, True
+            why = f"{failure.message} with {'the model alone' if name == NONE else name} as the plant"
         if not runaway:  # who broke a limit is asked first
             parts, order = smaller, [key, *(k for k in order if k != key)]
             continue
