@@ -106,12 +106,28 @@ def by_names(table: Table, given: Mapping[str, str]) -> FirstLook:
         evenly = {one.name for one in table.channels if _is_clock(one)}
         found = recognise([name for name in names_left if name not in evenly], units)
     found = {role: one for role, one in found.items() if role not in given}
+    if "u" in found:
+        found["u"] = _signed(found["u"], table)
     for role, column in given.items():
         if column in units:
             found[role] = Recognised(role, column, units[column] or unit_in(column, role))
     if table.clock and "time" not in given:
         found.pop("time", None)
     return FirstLook(tuple(names), units, found, table.clock)
+
+
+#: The size of a current, which has no direction, comes down to this share of its largest, and never below 0.
+NO_SIGN = 0.01
+
+
+def _signed(u: Recognised, table: Table) -> Recognised:
+    """The next column that could be u and has a direction, where the best has none, as a supply's current."""
+    values = {one.name: one.values for one in table.channels if one.values is not None}
+    units = {one.name: one.unit for one in table.channels}
+    if not 0.0 <= np.nanmin(values[u.column]) < NO_SIGN * np.nanmax(values[u.column]):
+        return u
+    other = next((name for name in u.others if np.nanmin(values[name]) < 0.0 < np.nanmax(values[name])), None)
+    return u if other is None else Recognised("u", other, units[other] or unit_in(other, "u"), (u.column,))
 
 
 def _is_clock(channel: Channel) -> bool:

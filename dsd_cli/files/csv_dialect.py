@@ -190,13 +190,14 @@ def read_header(source: str, comment: str, line: str, below: str | None = None) 
 def _is_row(cells: Sequence[str], under: Sequence[str] | None) -> bool:
     """Whether most of it are numbers, and its words are words in the next row too (`frame_id` of rostopic).
 
-    Before there is a next row, one that begins with a word is none: a row begins with its stamp.
+    Before there is a next row, one that begins with a word is none, as a row begins with its stamp, unless it has
+    a fraction: columns that are called by numbers are called by whole ones.
     """
     words = [at for at, cell in enumerate(cells) if not is_number(cell)]
     if 2 * len(words) >= len(cells):
         return False
     if under is None:
-        return 0 not in words
+        return 0 not in words or any("." in cell and is_number(cell) for cell in cells)
     return not any(at < len(under) and under[at].strip() not in MISSING and is_number(under[at]) for at in words)
 
 

@@ -30,7 +30,7 @@ from dsd_cli.files.recognise import is_unit
 NAME_KEYS = ("name", "channel name", "channel", "signal", "signal name", "symbol", "kanal", "signalname")
 #: Name of a column without one that counts the rows.
 ROW = "row"
-UNIT_KEYS = ("unit", "units", "einheit", "y_unit_label")
+UNIT_KEYS = ("unit", "units", "einheit", "y_unit_label", "symbolunit")
 
 
 class Row(NamedTuple):

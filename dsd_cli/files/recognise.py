@@ -14,7 +14,7 @@ WORDS: Mapping[str, tuple[str, ...]] = {
     "d_hat": ("dhat", "disturbance", "dist", "dob", "stoerung"),
     "u": (
         "u", "iq", "torque", "effort", "current", "force", "voltage", "moment", "strom", "drehmoment", "kraft", "tau",
-        "control", "input", "thrust",
+        "control", "input", "thrust", "volts",
     ),
     "velocity": (
         "velocity", "vel", "speed", "v", "omega", "w", "rpm", "qd", "dq", "dtheta", "thetadot", "drehzahl",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import PurePath
 
-from dsd_cli.identify.compare.comparison import BIAS, COMMAND, EXACT, MEMORY, NOISE, SHORT, Comparison
+from dsd_cli.identify.compare.comparison import BIAS, COMMAND, EXACT, MEMORY, NO_BALANCE, NOISE, SHORT, Comparison
 from dsd_cli.identify.compare.forward import OPEN_LOOP, Forward
 from dsd_cli.identify.compare.residuals import LARGE
 
@@ -70,7 +70,7 @@ def _conclusion(result: Comparison) -> str:
     if found == BIAS:
         share = _percent(result.bias_share)
         return f"{share} of the error is a constant, as a weight or an offset of u is: {_NEXT}"
-    if found == SHORT and result.force.missing:
+    if found == NO_BALANCE:
         return f"on what the error depends cannot be said: {result.force.missing}"
     if found in _OTHER:
         return _OTHER[found]

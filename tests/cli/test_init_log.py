@@ -128,6 +128,30 @@ def test_counts_are_said_to_be_counts_with_the_keys_that_they_need(position, tmp
     assert f'position: the unit of "{position}" is counts: position_unit = "counts" and counts_per_turn' in said
 
 
+@pytest.mark.parametrize(("current", "u"), [("signed", "current"), ("size", "applied_volts"), ("held", "current")])
+def test_a_current_without_a_direction_is_not_u_where_a_voltage_has_one(current: str, u: str, tmp_path: Path) -> None:
+    """A supply's current is at least 0, and near it whenever u turns; one that holds a weight is never near it."""
+    data = axis(1500)
+    found = {"signed": data["u"], "size": abs(data["u"]), "held": 2.0 * abs(data["u"]).max() + data["u"]}[current]
+    table = {"t": data["t"], "current": found, "applied_volts": 5.0 * data["u"], "position": data["position"]}
+    (tmp_path / "a.csv").write_text(csv_text(table))
+    done("init", "a.csv", cwd=tmp_path)
+    assert load_config(tmp_path / "dsd.toml").signals.u == u
+
+
+def test_units_of_a_scopes_symbols_are_read(tmp_path: Path) -> None:
+    """TwinCAT: a preamble that repeats what a row is before every value."""
+    data = axis(1500)
+    said = {"Name": ("iq", "pos"), "SymbolUnit": ("A", "deg")}
+    rows = [f"{row}\t{u}\t{row}\t{q}" for row, (u, q) in said.items()]
+    columns = zip(*(data[name] for name in ("t", "u", "position")), strict=True)
+    rows += [f"{1e3 * t:.6g}\t{u:.9g}\t{1e3 * t:.6g}\t{q:.9g}" for t, u, q in columns]
+    (tmp_path / "a.csv").write_text("\n".join(["Name\tScope", "", *rows]) + "\n")
+    done("init", "a.csv", cwd=tmp_path)
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.u_unit, signals.position_unit) == ("A", "deg")
+
+
 @pytest.mark.parametrize("kind", ["mdf", "tdms", "mat5", "mcap_json"])
 def test_logs_of_other_tools(kind: str, tmp_path: Path) -> None:
     made = getattr(makers, kind)(tmp_path, {name: axis(2000)[name] for name in ("t", "u", "velocity")})

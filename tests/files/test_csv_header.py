@@ -70,6 +70,7 @@ def test_of_a_stream_the_next_row_has_not_come() -> None:
     comment = "# t,u,q,v"
     assert read_header("-", comment, "time,1,2,3").names == OTHER
     assert read_header("-", comment, WITH_WORDS[1]).names == TIME
+    assert read_header("-", comment, "run,0.1,2,3").names == TIME
 
 
 def test_one_column_is_named_by_one_word() -> None:

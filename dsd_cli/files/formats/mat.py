@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 import warnings
 from collections.abc import Mapping
 from typing import Any
@@ -23,6 +24,7 @@ class MatFile(InMemory):
     def __init__(self, path: str) -> None:
         from scipy.io import loadmat
 
+        _check_elements(path)
         check_size(path, _claimed(path))
         with warnings.catch_warnings():  # of objects, of which it takes one for another
             warnings.simplefilter("ignore")
@@ -33,6 +35,46 @@ class MatFile(InMemory):
         super().__init__(_channels("", plain, units) if objects is None else objects, units=units)
         if _WORKSPACE in loaded and (objects is None or not self.groups):
             self.notes.append(not_seen() if objects is None else NO_NUMBERS)
+
+
+#: MAT 5: bytes before the first element; types of elements, of numbers and others; classes of a matrix, of numbers.
+_HEADER, _FLAGS, _MATRIX, _PACKED = 128, 6, 14, 15
+_NUMBERS, _ELEMENTS = {1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 16, 17, 18}, {14, 15}
+_CLASSES, _OF_NUMBERS = range(1, 18), range(4, 16)
+
+
+def _check_elements(path: str) -> None:
+    """SciPy ends the process at an element that there cannot be; what is packed has a sum that fails before.
+
+    Raises
+    ------
+    ValueError : there is one.
+    """
+    content = np.memmap(path, np.uint8, "r").data
+    mark = bytes(content[124:128])
+    if mark in (b"\x00\x01IM", b"\x01\x00MI"):
+        _walk(content[_HEADER:], "<" if mark.endswith(b"IM") else ">")
+
+
+def _walk(content: memoryview, order: str) -> None:
+    """The elements of a file, or of a matrix, which begins with its class."""
+    at, numeric = 0, False
+    while at + 8 <= len(content):
+        kind, size = struct.unpack_from(f"{order}II", content, at)
+        if kind >> 16:  # a small one, within its tag
+            kind, size, body = kind & 0xFFFF, 8, at
+        else:
+            body = at + 8
+        if kind not in (_NUMBERS if numeric else _NUMBERS | _ELEMENTS):
+            raise ValueError(f"an element of type {kind}, which there cannot be")
+        if at == 0 and kind == _FLAGS and body + 4 <= len(content):
+            of_class = struct.unpack_from(f"{order}I", content, body)[0] & 0xFF
+            if of_class not in _CLASSES:
+                raise ValueError(f"a matrix of class {of_class}, which there is not")
+            numeric = of_class in _OF_NUMBERS
+        if kind == _MATRIX:
+            _walk(content[body : body + size], order)
+        at = body + (size if kind == _PACKED else -(-size // 8) * 8)
 
 
 def _claimed(path: str) -> float:

@@ -20,6 +20,7 @@ from dsd_cli.signals.units import Units
 LAGS = 100
 #: What the residual is, if it depends on no channel.
 BIAS, MEMORY, COMMAND, NOISE, SHORT, EXACT = "bias", "memory", "command", "noise", "short", "exact"
+NO_BALANCE = "no balance"
 #: A dependence on the direction stands for one on the velocity unless the speed explains so much more.
 _MORE_BY_SPEED = 0.02
 
@@ -46,7 +47,7 @@ class Comparison:
     residual : tests on d_hat.
     conclusion : channel on which the error depends most ("direction", "velocity x position"), or one of `BIAS`
         (a constant), `MEMORY` (its own past), `COMMAND` (u, but not as a function of it: dynamics), `NOISE`, `EXACT`
-        (rounding); `SHORT` where the log is too short to say.
+        (rounding); `SHORT` where the log is too short to say, `NO_BALANCE` where no force is seen.
     provenance : channel -> where it is from, of the first log.
     """
 
@@ -125,7 +126,7 @@ def compare(
         dependence=found,
         bias_share=left.bias_share,
         where_of="force" if isinstance(balance, Balance) else "d_hat",
-        conclusion=_conclusion(total, left, tests, found),
+        conclusion=_conclusion(total, left, tests, found, isinstance(balance, Balance)),
         model=model,
         provenance=dict(recordings[0].provenance),
         missing=dict(recordings[0].missing),
@@ -133,7 +134,7 @@ def compare(
     return comparison, Series(evaluation, balance if isinstance(balance, Balance) else None, apart)
 
 
-def _conclusion(total: Accuracy, left: Left, tests: ResidualTests, found: Sequence[Dependence]) -> str:
+def _conclusion(total: Accuracy, left: Left, tests: ResidualTests, found: Sequence[Dependence], balanced: bool) -> str:
     """The channel that explains most, if that is enough of the whole error; then a constant; then the tests."""
     if total.rmse == 0.0 or (total.fit_percent or 0.0) / 100.0 >= 1.0 - ROUNDING:
         return EXACT
@@ -145,7 +146,7 @@ def _conclusion(total: Accuracy, left: Left, tests: ResidualTests, found: Sequen
     if left.bias_share >= LARGE:
         return BIAS
     if not found:
-        return SHORT
+        return SHORT if balanced else NO_BALANCE
     if tests.follows_u:
         return COMMAND
     return MEMORY if tests.remembers else NOISE

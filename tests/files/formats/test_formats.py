@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.tables_in import open_table
@@ -88,6 +89,22 @@ def test_a_library_that_logs_or_prints_what_it_raises_is_not_heard_twice(
     with pytest.raises(DataError, match="cannot be read as"):
         read(path, names)
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("whole", "spoiled"),
+    [((9, 4800), (46, 4800)), ((6, 8, 6), (6, 8, 77))],
+    ids=["no such type of numbers", "no such class of matrix"],
+)
+def test_an_element_that_there_cannot_be_ends_no_process(whole, spoiled, tmp_path: Path) -> None:
+    """SciPy reads through a pointer to nothing there."""
+    path, names = tmp_path / "log.mat", {"t": "drive/t", "u": "drive/u"}
+    savemat(path, {"drive": channels(600)})
+    before, after = (b"".join(part.to_bytes(4, "little") for part in parts) for parts in (whole, spoiled))
+    assert before in path.read_bytes()
+    path.write_bytes(path.read_bytes().replace(before, after))
+    with pytest.raises(DataError, match=r"cannot be read as a MAT file .*there (cannot be|is not)"):
+        read(path, names)
 
 
 def test_an_archive_of_numpy_that_was_cut_off_is_no_spreadsheet(tmp_path: Path) -> None:
