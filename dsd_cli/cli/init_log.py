@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -249,7 +250,7 @@ def _without_inertia(log: Log, out: Proposal) -> None:
         )
         return
     rho = RHO_OF_U * float(np.std(log["u"]))
-    if rho > 0.0:
+    if 0.0 < rho < math.inf:  # of a corrupt cell (1e300) a square is no number
         out.put("detector", "rho", float(f"{rho:.3g}"), "a tenth of what u does: inertia is not identifiable here")
 
 

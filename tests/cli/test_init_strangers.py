@@ -208,3 +208,13 @@ def test_one_stamp_that_is_wrong_does_not_end_init(stamp: str, tmp_path: Path) -
     path = strangers.text(tmp_path, "a.csv", lines)
     done("init", path.name, cwd=tmp_path)
     assert load_config(tmp_path / "dsd.toml").model.inertia == pytest.approx(2.0, rel=0.1)
+
+
+def test_a_corrupt_u_of_a_log_of_d_hat_makes_no_endless_rho(tmp_path: Path) -> None:
+    """Its square is no number: the config had `rho = inf`, with which nothing is judged."""
+    u, d_hat = AXIS["u"].copy(), 0.1 * np.random.default_rng(4).standard_normal(AXIS["u"].size)
+    u[1000] = 1e300
+    lines = ["t,u,d_hat", *strangers.rows(AXIS, AXIS["t"], u, d_hat)]
+    strangers.text(tmp_path, "a.csv", lines)
+    done("init", "a.csv", cwd=tmp_path)
+    assert np.isfinite(load_config(tmp_path / "dsd.toml").detector.rho)
