@@ -31,7 +31,8 @@ def law_error(log: StrangeLog, law: Law, recording: Recording, model: PlantModel
     balance = balance_of(problem, log.delay / problem.solver.bank.tap_time)
     for _ in range(_ROUNDS):
         judge = Judge(balance)
-        fit = judge.fit([_columns(log, law, balance)])
+        law_there = _columns(log, law, balance)
+        fit = judge.fit([law_there] if law_there.rows[0].any() else [])  # an end stop that this motion never meets
         balance = balance.at(judge.delay(fit)).beside(judge.residual(fit, held_out=False))
     return left_of(judge, fit)
 

@@ -137,7 +137,7 @@ def test_a_law_of_the_catalogue_is_named_as_that(tmp_path):
 def test_nothing_is_learnt_where_nothing_is_missing(tmp_path):
     write(tmp_path, "nothing")
     ran = done("learn", "log.csv", "-c", "model.toml", "-o", "same.toml", "--curve", "law.csv", cwd=tmp_path)
-    assert ran.stdout.startswith("none: nothing is missing below")
+    assert ran.stdout.startswith("none: what is left below ")
     assert (tmp_path / "same.toml").read_text() == (tmp_path / "model.toml").read_text()
     assert not (tmp_path / "law.csv").exists()
     assert "law.csv: not written, no law was learnt" in ran.stderr

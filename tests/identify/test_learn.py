@@ -8,6 +8,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize
 
 from dsd_cli.effects import Channels, load_effects
+from dsd_cli.effects.tables import table_of
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.learn.choose import contains
@@ -220,4 +221,18 @@ def test_the_delay_is_found_beside_the_law(law, seed):
     # u of sample k acts from there on a delay later, when the force of the law is that of the sample after
     _, known, model = asked(law, seed=seed, push=lambda t, log: -np.interp(t + log.delay + 1e-3, t, log.truth))
     problem = pose([known], model, Settings(effects=()))
-    assert found.after.heldout_rmse < 1.1 * problem.score(Search(problem).refit).heldout_rmse
+    least = problem.score(Search(problem).refit).heldout_rmse
+    assert found.after.heldout_rmse < 1.1 * least
+    assert found.after.rmse < 1.1 * least
+
+
+def test_a_formula_goes_on_where_a_faster_motion_goes():
+    """Its table would be held from the fastest speed of the log on, where an eddy brake gets weaker."""
+    log, recording, model = asked("eddy_brake", seed=4)
+    found = learn([recording], model)
+    table = table_of(found.model.effects["curve"], "curve")
+    speeds = np.array([-1.4, 0.3, 1.4]) * np.max(np.abs(log.motion[1]))
+    still = np.zeros(3)
+    learnt = table(Channels(still, still, speeds, still, still))
+    x = speeds / log.values["vc"]
+    np.testing.assert_allclose(learnt, -2.5 * log.values["size"] * x / (1.0 + x**2), rtol=0.03)

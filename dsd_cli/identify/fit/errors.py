@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dsd_cli.identify.fit.bank import INERTIA, Bank, Design, Terms, has_friction
+from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank, Design, Terms, has_friction
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.solve import Fit
@@ -82,6 +82,8 @@ def _errors(bank: Bank, model: PlantModel) -> tuple[Array, Array]:
     """(r of the rows that count, u of them)."""
     terms = terms_of(model)
     tap, theta = coefficients_of(model, terms, bank.tap_time)
+    if any("u" in t.effect.needs for t in terms):  # a law of u looks at u as late as the drive is, not at whole steps
+        bank = bank.between(float(theta[SHARE]))
     design, keep = bank.design(terms, tap), bank.equations.kept
     return _residual(design, theta)[keep], bank.command((), tap, has_friction(terms))[keep]
 

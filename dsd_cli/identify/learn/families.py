@@ -21,7 +21,7 @@ from dsd_cli.signals.log import Array
 
 #: Knots over one channel, fine ones over the position, and over each of two channels; rows for each at least.
 KNOTS, FINE, IN_PAIR, ROWS_PER_KNOT = 17, 41, 8, 8
-#: Of a log, for the coarsest of the tables: with fewer, any law follows whatever is left.
+#: Of a log, for the coarsest of the tables: with half as many nearly every other law has wrong channels.
 LEAST_ROWS = IN_PAIR * ROWS_PER_KNOT
 #: Knots over the time are wider than so many held-out blocks.
 BLOCKS_PER_KNOT = 3

@@ -175,14 +175,13 @@ def _nothing(chosen: Choice, scores: Scores, recordings: Sequence[Recording], ho
     sure = chosen.judge.balance.weight == 1.0
     left = min(chosen.rmse(chosen.base), chosen.rmse(chosen.base, sure) if sure.any() else math.inf)
     verdict, why, least = NOTHING, chosen.refused, problem.least_missing
+    share = f"{100.0 * left / max(problem.errors.force, 1e-300):.3g} % of u"
     if not chosen.refused:
         verdict, why = NOT_OF_MOTION, "what is left is a force over time, not over the motion"
     elif left > least and not chosen.undecided:
-        verdict = NOT_OF_MOTION
-        why = f"{100.0 * left / max(problem.errors.force, 1e-300):.1f} % of u is left on blocks that no fit saw: {why}"
-    elif left <= least and not chosen.undecided:
-        band = f"{problem.equations.band.hz:.1f} Hz"
-        why = f"nothing is missing below {band}: what is left is no more than the sensor's noise"
+        verdict, why = NOT_OF_MOTION, f"{share} is left on blocks that no fit saw: {why}"
+    elif not chosen.undecided:  # whether so little is something is for the search to say
+        why = f"what is left below {problem.equations.band.hz:.1f} Hz, {share}, may be the sensor's noise"
     return Learnt(
         logs=tuple(r.name for r in recordings),
         verdict=verdict,

@@ -17,8 +17,9 @@ from dsd_cli.identify.learn.rows import Balance
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
-#: Knots of a table, evenly over what the log visited.
-_KNOTS = 201
+#: Knots of a table over what the log visited; shares of its span by which the formula goes on at either end.
+#: Another motion may be faster, or driven harder; the travel is as long as it is, and a formula may have a pole there.
+_KNOTS, _FURTHER = 201, {"velocity": 0.5, "u": 0.5}
 #: Letter of a channel -> that of a table.
 _OVER = {"v": "velocity", "q": "position", "u": "u", "t": "time"}
 #: Base -> effect and factor of its table, and the channel that it stands over by itself.
@@ -53,11 +54,15 @@ def tables_of(
 
 
 def _table(term: Term, strength: Array, kind: tuple[str, str], balance: Balance) -> Table:
-    """The law at even knots over what was visited, and at 0 of the velocity, where it may bend."""
+    """The law at knots over what was visited and `_FURTHER`, and at 0, where it may bend."""
     over, factor = kind
     x = samples_of(over, balance)
-    knots = np.linspace(x.min(), x.max(), _KNOTS)
-    if over == "velocity" and knots[0] < 0.0 < knots[-1]:
+    more = _FURTHER.get(over, 0.0) * float(np.ptp(x))
+    low, high = float(x.min()) - more, float(x.max()) + more
+    knots = np.linspace(low, high, _KNOTS)
+    if over in _FURTHER and low < 0.0 < high:  # squares: closer where roots and signs bend
+        roots = np.linspace(-math.sqrt(-low), math.sqrt(high), _KNOTS)
+        knots = roots * np.abs(roots)
         knots[int(np.argmin(np.abs(knots)))] = 0.0
     at = {"velocity": np.ones(_KNOTS), "position": np.zeros(_KNOTS), "u": np.ones(_KNOTS), "time": np.zeros(_KNOTS)}
     at[over] = knots
