@@ -1,4 +1,4 @@
-"""No condition of the engine holds a number without a name: a name says what it stands for. Read from the source."""
+"""No comparison that decides what is missing holds a number without a name: a name says what it stands for."""
 
 import ast
 from collections.abc import Iterator

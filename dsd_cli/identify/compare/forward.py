@@ -30,6 +30,8 @@ from dsd_cli.signals.units import Units
 OPEN_LOOP, CLOSED_LOOP = "open_loop", "closed_loop"
 #: Samples out of which the speed at the start is had.
 _FIRST = 20
+#: Share by which the length of a log is off: stamps that count from long ago have few digits of it.
+_OF_STAMPS = 1e-6
 #: Times the error of the open loop, from which on that of the closed one is not the model's; and least fit.
 _OF_CONTROLLER, _CLOSE_ENOUGH = 2.0, 99.95
 
@@ -113,7 +115,7 @@ def run_forward(
     """
     pieces = [piece for recording in recordings for piece in recording.pieces]
     longest = max(piece.sample_time for piece in pieces)
-    if horizon < (1.0 - ROUNDING) * longest:
+    if horizon < (1.0 - _OF_STAMPS) * longest:
         raise UsageError(f"--horizon {horizon:g}s", f"the samples are {longest:g} s apart; a horizon is longer")
     names = [name for name in CHANNELS if all(name in piece for piece in pieces)]
     if "velocity" not in names:

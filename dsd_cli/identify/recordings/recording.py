@@ -27,7 +27,6 @@ from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import D_HAT_MAKER, Array, Log, with_channels
-from dsd_cli.signals.rounding import ROUNDING
 
 
 @dataclass(frozen=True)
@@ -132,7 +131,7 @@ def _position_noise(log: Log, speed_noise: float) -> float:
 def _limits_of_rest(by_sample: Array, noise: float, rest: float) -> dict[str, Array]:
     """ "rest_speed" and "speed_noise" of every sample: where a window of the smoothing had to end early there is more
     noise, and the window may have ended late by what it allows."""
-    narrow = by_sample > (1.0 + ROUNDING) * by_sample.min()
+    narrow = by_sample > _WIDER * by_sample.min()
     return {
         "rest_speed": np.where(narrow, np.maximum(rest, POLICY.windows_agree * by_sample), rest),
         "speed_noise": np.maximum(noise, by_sample),
@@ -147,6 +146,8 @@ def _walk(pieces: Sequence[Log], observer: ObserverSettings) -> float:
 
 #: Samples of the shortest stretch that is used.
 _SHORTEST = 50
+#: Times the least noise of all samples, from which on the smoothing had to end early at one.
+_WIDER = 1.01
 
 
 def _part(log: Log, a: int, b: int) -> Log:

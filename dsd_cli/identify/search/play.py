@@ -44,8 +44,11 @@ LATE = 4
 #: Typical size of a step: log frequency, log gap, logit of the share, log inertia, samples of delay; of other forces,
 #: as a share of all forces.
 _SCALES, _SCALE_OF_FORCES = (0.1, 0.1, 0.3, 0.05, 0.3), 0.05
-#: Slowest free vibration, Hz, and fastest, times the sample rate, and samples of delay that are looked at.
-_SLOWEST, _FASTEST, _LATEST = 0.4, 0.25, 8.0
+#: Slowest free vibration, times the lowest of the grid, fastest, times the sample rate, and samples of delay that are
+#: looked at.
+_SLOWEST, _FASTEST, _LATEST = 0.1, 0.25, 8.0
+#: Share of the nats that an answer must have, with which a start is refined.
+_WORTH_A_FIT = 0.5
 #: Of a share: 1e-4 and 1 - 1e-4.
 _MOST_LOGIT = 9.2
 #: Step of a derivative, and the residual, times the signal, that stands for a load which the sampling cannot resolve.
@@ -185,7 +188,7 @@ class Play:
         """Whether it gains over a rigid axis half of what an answer must."""
         rest, rigid = self._explained(shape)[2], self._rigid()
         nats = (float(rigid @ rigid) - float(rest @ rest)) / (2.0 * variance_of(rest))
-        return 2.0 * nats > POLICY.response_nats
+        return nats > _WORTH_A_FIT * POLICY.response_nats
 
     def _rigid(self) -> Array:
         """What a rigid axis leaves with all forces free, shape (n,)."""
@@ -197,7 +200,7 @@ class Play:
         """Whether the sampling resolves such a load: far outside, one step of the integration takes very long."""
         frequency, gap, share, _, late = _plain(at)
         fastest = frequency / math.sqrt(1.0 - share)
-        return _SLOWEST < fastest < _FASTEST / self.signals.step and gap < self.travel and abs(late) < _LATEST
+        return _SLOWEST * _LOWEST < fastest < _FASTEST / self.signals.step and gap < self.travel and abs(late) < _LATEST
 
     def _grid(self) -> list[Array]:
         top = _HIGHEST / self.signals.step

@@ -17,6 +17,8 @@ from dsd_cli.signals.log import Array
 LINES, BINS = 4, 4096
 #: Bins to either side of a line that are its own (two of them are one of the log's), and lines beside it.
 _HALF, _BESIDE = 3, 3
+#: Half widths of a line that the lines of a cycle must be apart.
+_CYCLE = 4
 #: Bins over which the background is averaged to either side, at least.
 _AROUND = 8
 #: Quantile of the speed at which a ripple over the position must pass the band.
@@ -74,7 +76,7 @@ class Lines:
 def _of_time_alone(power: Array, cycle: float) -> Array:
     """Without the lines of what repeats with the motion, every `cycle` bins: any force that depends on the motion is a
     sum of such lines. One that stands high above those beside it is none of them."""
-    lines = np.arange(1, int((len(power) - 1 - _HALF) / cycle) + 1) if cycle / 2 > 2 * _HALF else np.arange(0)
+    lines = np.arange(1, int((len(power) - 1 - _HALF) / cycle) + 1) if cycle > _CYCLE * _HALF else np.arange(0)
     if len(lines) <= 2 * _BESIDE:
         return power
     bins = np.rint(lines * cycle).astype(int)[:, np.newaxis] + np.arange(-_HALF, _HALF + 1)
