@@ -29,3 +29,4 @@ def test_what_was_not_asked_is_no_fault():
 def test_the_page_has_a_place_for_the_figures():
     text = PAGE.read_text(encoding="utf-8")
     assert text.count("<!-- rig -->") == text.count("<!-- end of rig -->") == 1
+    assert "\n- settled after the planned motion: " in text.split("<!-- rig -->")[1]

@@ -180,7 +180,7 @@ class Measure:
     def _in_nats(self, pair: tuple[int, int], rows: float, lead: float, u: float) -> float:
         """Nats of logs and motion together, as the search counts them: of both the motion adds the noise of its rows
         and, for its u (`u`, in squares), what the truth leaves in the logs beyond the noise; of the rival a lead."""
-        noise, loss = 0.5 * self.search.noise.nats, [self.targets.explanations[i].fit.loss for i in pair]
+        noise, loss = self.search.noise.variance, [self.targets.explanations[i].fit.loss for i in pair]
         misfit = self.targets.doubt * max(loss[0] - self.of_logs.rows * noise, 0.0) / self._u_of_logs
         truth, rival = (x + rows * noise + misfit * u for x in loss)
         return self.search.nats(rival + lead, rows) - self.search.nats(truth, rows)

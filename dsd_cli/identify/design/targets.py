@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -61,8 +62,9 @@ def targets_of(
         return Targets(explanations, (), (), unknown=True)
     places = tuple((names.index(a), names.index(b)) for a, b in pairs if a in names and b in names)
     values = [n for n in wanted if n in flat(explanations[0].fitted)] if wanted else None
-    doubt = 1.0 if diagnosis is None else diagnosis.unexplained.probability
-    return Targets(explanations, places, values_of(search, explanations[0], values), tuple(wanted), doubt=doubt)
+    doubt = math.nan if diagnosis is None else diagnosis.unexplained.probability
+    found = values_of(search, explanations[0], values)
+    return Targets(explanations, places, found, tuple(wanted), doubt=1.0 if math.isnan(doubt) else doubt)
 
 
 def _unknown(diagnosis: Diagnosis) -> bool:

@@ -16,6 +16,7 @@ from dsd_cli.identify.design.results import Plan
 from dsd_cli.identify.design.targets import targets_of
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.sets import Search
@@ -100,8 +101,8 @@ def test_a_tie_falls(tied: Asked) -> None:
 @pytest.mark.parametrize(
     ("what", "kind", "seed"),
     [
-        # two seconds of a hardening spring: nothing is found, and nothing explains it alone
-        ("cubic_stiffness", "short", 81003),
+        # small moves against a spring: what is missing is not known
+        ("stiffness", "small", 81902),
         # a crawl under a constant load: five effects are found, of which two are 250 N m and cancel
         ("constant_load", "slow", 81001),
     ],
@@ -226,8 +227,8 @@ def test_limits_that_leave_no_room_are_refused(tied: Asked) -> None:
 
 
 def by_the_search(search: Search, better: Fit, worse: Fit) -> float:
-    """Nats, without prices."""
-    said = [search.evidence(fit) + search.price(fit.terms) for fit in (better, worse)]
+    """Nats, without prices and what stands against sines."""
+    said = [search.evidence(fit) + search.price(fit.terms) + search.strain(fit) for fit in (better, worse)]
     return said[0] - said[1]
 
 
@@ -268,6 +269,27 @@ def test_a_force_that_no_explanation_has_is_no_evidence_between_them() -> None:
     assert measure.now[1, 0] == -measure.now[0, 1]
     expected = measure.expected(measure.of_logs).nats[0, 1]
     assert measure.now[0, 1] < expected == pytest.approx(by_the_search(*takes_of(friction, 2)), rel=0.1)
+
+
+def test_a_diagnosis_that_says_nothing_of_what_is_left_doubts_all_of_it(tied: Asked) -> None:
+    silent = replace(tied.diagnosis, unexplained=Unexplained())
+    assert targets_of(tied.search, tied.whole, silent, ("constant_load", "gravity")).doubt == 1.0
+
+
+def test_correlated_noise_of_a_motion_leaves_no_more_than_white_noise(
+    tied: Asked, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A row of noise leaves its variance, however its neighbours lean; of that the search makes fewer nats."""
+    targets = targets_of(tied.search, tied.whole, tied.diagnosis, ("constant_load", "gravity"))
+    noise = tied.search.noise
+    monkeypatch.setattr(tied.search, "noise", replace(noise, inflation=4.0))
+    measure = Measure(tied.search, replace(targets, doubt=0.0), 1)
+    rows = 1e6
+    lead = 2.0 * rows * noise.variance
+    loss = [e.fit.loss for e in targets.explanations]
+    # up to the variance times the inflation the likelihood is that of the noise alone
+    expected = (loss[1] + lead - loss[0]) / (2.0 * noise.variance * 4.0)
+    assert measure._in_nats((0, 1), rows, lead, 0.0) == pytest.approx(expected, rel=1e-3)
 
 
 def test_a_rival_has_one_choice_of_values_for_logs_and_motion() -> None:
