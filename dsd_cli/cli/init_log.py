@@ -112,7 +112,9 @@ def _question(path: str, chosen: Chosen, given: Mapping[str, str], text: str, sa
     """What is left to say, the command that says it, and the line of the config in which it is missing."""
     what = "the control input (torque, force, current, voltage)" if chosen.missing == "u" else "the motion"
     listed = ", ".join(chosen.candidates[:8]) + (" ..." if len(chosen.candidates) > 8 else "")
-    text = with_value(text, "signals", chosen.missing, '""', printable(f"# <- MISSING: {what}; one of {listed}"))
+    text = with_value(
+        text, "signals", chosen.missing, '""', printable(f"# <- MISSING: {what}{listed and f'; one of {listed}'}")
+    )
     moves = any(one in chosen.found for one in ("d_hat", "velocity", "position"))
     named = {role: column for role, column in given.items() if role != "u"}
     named = {"u": given.get("u", chosen.found["u"].column if "u" in chosen.found else "NAME"), **named}
@@ -120,7 +122,7 @@ def _question(path: str, chosen: Chosen, given: Mapping[str, str], text: str, sa
         named.setdefault("position", "NAME")
     options = " ".join(f"--{role} {shlex.quote(column)}" for role, column in named.items())
     command = f"dsd init {shlex.quote(path)} --force {options}"
-    return Proposed(text, said, f"which column is {what}? {listed or 'none of them moves'}", command)
+    return Proposed(text, said, f"which column is {what}? {listed or 'none looks like it'}", command)
 
 
 def _name_columns(chosen: Chosen, out: Proposal) -> None:

@@ -209,7 +209,8 @@ def _chosen(look: FirstLook, table: Table, roles: Roles) -> Chosen:
     likely = [name for name in roles.causes if name not in taken]
     rest = [one.name for one in table.channels if one.name not in taken and one.name not in likely]
     rest = [name for name in rest if roles.facts[name].moves and roles.facts[name].kind != "clock"] or rest
-    return Chosen(found, roles.found, look.clock, table, (), missing, (*likely, *rest) if missing else ())
+    candidates = tuple(name for name in (*likely, *rest) if missing != "u" or not is_motion(name, look.units[name]))
+    return Chosen(found, roles.found, look.clock, table, (), missing, candidates if missing else ())
 
 
 def time_scale(unit: str) -> float:
