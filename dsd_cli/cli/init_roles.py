@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,10 +10,21 @@ import numpy as np
 from dsd_cli.errors import UsageError
 from dsd_cli.files.first_look import FirstLook, time_unit_of
 from dsd_cli.files.joints import joint_that_moves
-from dsd_cli.files.recognise import TIME_UNITS, Recognised, is_force, is_motion, is_of_quaternion, recognise, unit_in
+from dsd_cli.files.recognise import (
+    TIME_UNITS,
+    Recognised,
+    is_current,
+    is_force,
+    is_motion,
+    is_voltage,
+    quaternions,
+    recognise,
+    unit_in,
+)
 from dsd_cli.files.sample import Sample, Table
 from dsd_cli.identify.roles import Channel, Guess, Roles, facts_of, guess_roles
 from dsd_cli.signals.clock import UNITS
+from dsd_cli.signals.log import Array
 
 #: Roles that the user can name, and those of which one is needed.
 GIVEN = ("time", "u", "position", "velocity")
@@ -47,9 +58,9 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
     ------
     UsageError : a column that was given is not there.
     """
-    tables = [usable(table) for table in sample.tables]
+    given = {role: _named(path, sample, name) for role, name in given.items()}
+    tables = [usable(table, given.values()) for table in sample.tables]
     if given:
-        given = {role: _named(path, sample, name) for role, name in given.items()}
         tables = [one for one in tables if set(given.values()) <= {c.name for c in one.channels}] or tables
     looks = [(by_names(table, given), table) for table in tables]
     best, table = max(looks, key=lambda item: _worth(*item))
@@ -63,10 +74,11 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
     return _completed(best, table, given, tuple(said))
 
 
-def usable(table: Table) -> Table:
-    """Without what never changes, is yes or no, or no number, and without orientations in space."""
+def usable(table: Table, given: Collection[str] = ()) -> Table:
+    """Without what never changes, is yes or no, or no number, and orientations in space that nobody asks for."""
     none = ("empty", "text", "constant", "boolean")
-    kept = [one for one in table.channels if facts_of(one).kind not in none and not is_of_quaternion(one.name)]
+    turned = quaternions([one.name for one in table.channels]) - set(given)
+    kept = [one for one in table.channels if facts_of(one).kind not in none and one.name not in turned]
     return replace(table, channels=tuple(kept))
 
 
@@ -106,28 +118,12 @@ def by_names(table: Table, given: Mapping[str, str]) -> FirstLook:
         evenly = {one.name for one in table.channels if _is_clock(one)}
         found = recognise([name for name in names_left if name not in evenly], units)
     found = {role: one for role, one in found.items() if role not in given}
-    if "u" in found:
-        found["u"] = _signed(found["u"], table)
     for role, column in given.items():
         if column in units:
             found[role] = Recognised(role, column, units[column] or unit_in(column, role))
     if table.clock and "time" not in given:
         found.pop("time", None)
     return FirstLook(tuple(names), units, found, table.clock)
-
-
-#: The size of a current, which has no direction, comes down to this share of its largest, and never below 0.
-NO_SIGN = 0.01
-
-
-def _signed(u: Recognised, table: Table) -> Recognised:
-    """The next column that could be u and has a direction, where the best has none, as a supply's current."""
-    values = {one.name: one.values for one in table.channels if one.values is not None}
-    units = {one.name: one.unit for one in table.channels}
-    if not 0.0 <= np.nanmin(values[u.column]) < NO_SIGN * np.nanmax(values[u.column]):
-        return u
-    other = next((name for name in u.others if np.nanmin(values[name]) < 0.0 < np.nanmax(values[name])), None)
-    return u if other is None else Recognised("u", other, units[other] or unit_in(other, "u"), (u.column,))
 
 
 def _is_clock(channel: Channel) -> bool:
@@ -152,8 +148,41 @@ def _rows(table: Table) -> int:
 
 def _completed(look: FirstLook, table: Table, given: Mapping[str, str], said: tuple[str, ...]) -> Chosen:
     """With the time, the position or the velocity that the names do not say."""
+    if "u" in look.found and "u" not in given and (other := _with_direction(look, table)) is not None:
+        size, look = look.found["u"].column, replace(look, found={**look.found, "u": other})
+        said = (*said, f'"{size}" has no direction though the axis turns: "{other.column}", which it follows, is u')
     roles = roles_of(look, table, given)
     return replace(_chosen(look, table, roles), said=said)
+
+
+#: What goes both ways does so by more than this share of its largest; a current without direction comes down to that.
+BOTH_WAYS = 0.01
+#: From this correlation on it follows the size of a voltage.
+FOLLOWS = 0.5
+
+
+def _both_ways(x: Array) -> bool:
+    return bool(min(-np.nanmin(x), np.nanmax(x)) > BOTH_WAYS * np.nanmax(np.abs(x)))
+
+
+def _with_direction(look: FirstLook, table: Table) -> Recognised | None:
+    """The voltage that is u where the current has no direction, as a supply's; None: nothing shows that."""
+    values = {one.name: one.values for one in table.channels if one.values is not None}
+    u, motion = look.found["u"], next((look.found[one] for one in ("velocity", "position") if one in look.found), None)
+    if motion is None or not is_current(u.column, u.unit) or not {u.column, motion.column} <= values.keys():
+        return None
+    x, moved = values[u.column], values[motion.column]
+    speed = moved if motion.channel == "velocity" else np.diff(moved)
+    if not 0.0 <= np.nanmin(x) < BOTH_WAYS * np.nanmax(x) or not _both_ways(speed):
+        return None
+    for name in u.others:
+        y = values.get(name)
+        if y is None or not is_voltage(name, look.units[name]) or not _both_ways(y):
+            continue
+        both = np.isfinite(x) & np.isfinite(y)
+        if np.corrcoef(x[both], np.abs(y[both]))[0, 1] > FOLLOWS:
+            return Recognised("u", name, look.units[name] or unit_in(name, "u"), (u.column,))
+    return None
 
 
 def roles_of(look: FirstLook, table: Table, given: Mapping[str, str]) -> Roles:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
-from dsd_cli.files.csv_dialect import MISSING, fields_of, is_comment, is_number
+from dsd_cli.files.csv_dialect import MISSING, fields_of, is_comment, is_number, seconds
 
 #: What separates fields, tried in this order; the last is any run of blanks.
 DELIMITERS = (",", ";", "\t", "|", " ")
@@ -37,7 +37,7 @@ class CsvLayout:
 class Body(NamedTuple):
     """Rows of numbers: what separates them, fields in each, which of these are numbers, line of the first (from 0).
 
-    `counted`: the first field is the number of the row.
+    `counted`: the first field may be the number of the row, and the last one is filled; `then_rises`: the second rises.
     """
 
     delimiter: str
@@ -45,6 +45,7 @@ class Body(NamedTuple):
     numeric: tuple[int, ...]
     start: int
     counted: bool = False
+    then_rises: bool = False
 
 
 def body_of(lines: Sequence[str], delimiters: Sequence[str], layout: CsvLayout) -> Body | None:
@@ -67,7 +68,8 @@ def body_of(lines: Sequence[str], delimiters: Sequence[str], layout: CsvLayout) 
         if best is None or score > best[0]:
             start = _start(lines, delimiter, width, numeric)
             if start is not None:
-                best = score, Body(delimiter, width, numeric, start, _is_counted([row[0].strip(' "') for row in alike]))
+                of_rows = numeric[-1] == width - 1 and _is_counted([row[0].strip(' "') for row in alike])
+                best = score, Body(delimiter, width, numeric, start, of_rows, of_rows and _rises(alike))
     return best[1] if best else None
 
 
@@ -83,6 +85,12 @@ def _is_counted(cells: Sequence[str]) -> bool:
         return False
     numbers = [int(cell) for cell in cells]
     return all(after == before + 1 for before, after in pairwise(numbers))
+
+
+def _rises(rows: Sequence[Sequence[str]]) -> bool:
+    """Whether the second field does, from row to row."""
+    cells = [row[1].strip(' "') for row in rows]
+    return all(map(is_number, cells)) and all(seconds(a) < seconds(b) for a, b in pairwise(cells))
 
 
 def _filled(rows: Sequence[Sequence[str]], place: int) -> float:

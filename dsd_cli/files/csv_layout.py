@@ -24,7 +24,7 @@ from dsd_cli.files.csv_dialect import (
     number,
     uncommented,
 )
-from dsd_cli.files.recognise import is_unit
+from dsd_cli.files.recognise import is_count, is_time, is_unit
 
 #: First cells of the rows of a preamble that has one column for each channel.
 NAME_KEYS = ("name", "channel name", "channel", "signal", "signal name", "symbol", "kanal", "signalname")
@@ -253,9 +253,11 @@ def _describes(names: Row, below: Row, body: Body) -> bool:
 def _fitted(names: Sequence[str], body: Body) -> list[str]:
     """As many names as there are fields: a delimiter at the end of rows or of the header alone is none.
 
-    The number of the row has no name in what R and pandas print.
+    The number of the row has no name in what R and pandas print: a header that is one short begins after it, unless its
+    first name is that of a count, or of a time that the second field cannot be.
     """
-    if body.counted and len(names) == body.fields - 1:
+    short = body.counted and len(names) == body.fields - 1
+    if short and not is_count(names[0]) and (body.then_rises or not is_time(names[0])):
         return [ROW, *names]
     return [*names[: body.fields], *_numbered(body.fields)[len(names) :]]
 

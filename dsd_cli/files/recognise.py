@@ -29,7 +29,11 @@ ASKED = {"ref", "reference", "set", "setpoint", "target", "desired", "des", "sol
 MEASURED = {"act", "actual", "meas", "measured", "ist", "fbk", "feedback", "real", "motor", "filtered", "filt"}
 #: Words that make a column of another thing whatever else it is called: errors, limits, other axes' business.
 ELSE = {"error", "err", "limit", "max", "min", "status", "temp", "temperature", "id", "index", "count", "mode", "true"}
+#: Words of what feeds a drive, which no motion follows.
+ELSE |= {"battery", "bus", "vbus", "supply", "vcc", "vdc"}
 
+#: Words of a column that counts the rows.
+COUNTERS = {"n", "k", "i", "nr", "no", "row", "index", "idx", "count", "counter", "sample", "samples", "id", "cycle"}
 #: What holds quaternions, and what their parts are called where nothing says so: no places and no speeds.
 QUATERNIONS, PARTS = {"orientation", "quaternion", "quat", "rotation"}, {"qx", "qy", "qz", "qw"}
 #: More words of columns that make nothing move: places and stamps.
@@ -143,18 +147,46 @@ def is_force(name: str, unit: str) -> bool:
     return unit.strip().lower() in OF_U.keys() - {"v", "mv", "volt", "volts", "%"} or _score("u", name) > 0.0
 
 
+def is_current(name: str, unit: str) -> bool:
+    """Whether name or unit say that it is a current."""
+    return unit.lower() in {"a", "ma", "amp", "amps"} or bool(_words(name) & {"current", "strom", "iq", "amps", "amp"})
+
+
+def is_voltage(name: str, unit: str) -> bool:
+    """Whether name or unit say that it is a voltage."""
+    return unit.lower() in {"v", "mv", "volt", "volts"} or bool(_words(name) & {"voltage", "volts", "volt", "spannung"})
+
+
+def _words(name: str) -> set[str]:
+    return {word.lower() for word in _WORD.findall(name)}
+
+
+def is_time(name: str) -> bool:
+    """Whether a name is that of a time."""
+    return _score("time", name) > 0.0
+
+
+def is_count(name: str) -> bool:
+    """Whether a name is that of a count of the rows."""
+    return bool(_words(name) & COUNTERS)
+
+
 def is_motion(name: str, unit: str) -> bool:
     """Whether name or unit say that it is a motion, asked for or measured, or a time, and so makes nothing move."""
-    words = {word.lower() for word in _WORD.findall(name)}
+    words = _words(name)
     said = any(_score(channel, name) > 0.0 for channel in ("time", "position", "velocity", "reference"))
     in_units = any(unit.strip().lower() in NAMED[channel] for channel in NAMED)
     return (said or in_units or bool(words & IDLE)) and not _score("u", name)
 
 
-def is_of_quaternion(name: str) -> bool:
-    """Whether it is one of the four numbers of an orientation: none of them is the angle of an axis."""
-    group, _, last = name.lower().rpartition("/")
-    return last in PARTS or (len(last) == 1 and last in "xyzw" and group.rpartition("/")[2] in QUATERNIONS)
+def quaternions(names: Collection[str]) -> set[str]:
+    """Those that are the four numbers of an orientation, all of which are there: none is the angle of an axis."""
+    parts: dict[str, dict[str, str]] = {}
+    for name in names:
+        group, _, last = name.lower().rpartition("/")
+        if last in PARTS or (len(last) == 1 and last in "xyzw" and group.rpartition("/")[2] in QUATERNIONS):
+            parts.setdefault(group, {})[last[-1]] = name
+    return {name for part in parts.values() if len(part) == len(PARTS) for name in part.values()}
 
 
 def unit_in(name: str, channel: str) -> str:
@@ -182,7 +214,7 @@ def _score(channel: str, column: str) -> float:
     joined = "".join(words)
     around = {word.lower() for word in _WORD.findall(group)}
     asked = bool((set(words) | around) & ASKED)
-    if set(words) & ELSE or not words or is_of_quaternion(column):
+    if set(words) & ELSE or not words or (around & QUATERNIONS and len(joined) == 1):
         return 0.0
     if channel == "reference":
         bare = [word for word in words if word in ASKED]

@@ -128,15 +128,42 @@ def test_counts_are_said_to_be_counts_with_the_keys_that_they_need(position, tmp
     assert f'position: the unit of "{position}" is counts: position_unit = "counts" and counts_per_turn' in said
 
 
-@pytest.mark.parametrize(("current", "u"), [("signed", "current"), ("size", "applied_volts"), ("held", "current")])
-def test_a_current_without_a_direction_is_not_u_where_a_voltage_has_one(current: str, u: str, tmp_path: Path) -> None:
-    """A supply's current is at least 0, and near it whenever u turns; one that holds a weight is never near it."""
-    data = axis(1500)
-    found = {"signed": data["u"], "size": abs(data["u"]), "held": 2.0 * abs(data["u"]).max() + data["u"]}[current]
-    table = {"t": data["t"], "current": found, "applied_volts": 5.0 * data["u"], "position": data["position"]}
+@pytest.mark.parametrize(
+    ("name", "kind", "u"),
+    [
+        ("current", "signed", "current"),
+        ("current", "size", "applied_volts"),
+        ("current", "held", "current"),
+        ("current", "one way", "current"),
+        ("current", "another's", "current"),
+        ("torque", "size", "torque"),
+    ],
+)
+def test_a_current_without_a_direction_is_not_u_where_a_voltage_has_one(name, kind, u, tmp_path: Path) -> None:
+    """A supply's current is at least 0, and near it whenever u turns. One that holds a weight is never near it, that of
+    an axis that turns one way is right, and a voltage that it does not follow is another's business.
+    """
+    data, other = axis(1500), np.random.default_rng(6).standard_normal(1500)
+    way = abs(data["u"]) if kind == "one way" else data["u"]
+    position = data["position"] - (0.0 if kind == "one way" else data["velocity"].mean() * data["t"])
+    found = {"signed": way, "held": 2.0 * abs(way).max() + way}.get(kind, abs(way))
+    volts = other if kind == "another's" else 5.0 * data["u"]
+    table = {"t": data["t"], name: found, "applied_volts": volts, "position": position}
     (tmp_path / "a.csv").write_text(csv_text(table))
-    done("init", "a.csv", cwd=tmp_path)
+    said = done("init", "a.csv", cwd=tmp_path).stderr
     assert load_config(tmp_path / "dsd.toml").signals.u == u
+    assert ("has no direction though the axis turns" in said) == (u == "applied_volts")
+
+
+@pytest.mark.parametrize("fed", ["battery_volts", "bus_volts", "supply_volts", "vbus [V]"])
+def test_the_voltage_of_a_supply_is_no_u(fed: str, tmp_path: Path) -> None:
+    data = axis(1500)
+    sag = 12.0 - 0.1 * data["u"] ** 2
+    table = {"t": data["t"], fed: sag, "duty": data["u"], "position": data["position"], "velocity": data["velocity"]}
+    (tmp_path / "a.csv").write_text(csv_text(table))
+    assert "by its name" not in next(
+        line for line in dsd("init", "a.csv", cwd=tmp_path).stderr.splitlines() if fed in line
+    )
 
 
 def test_units_of_a_scopes_symbols_are_read(tmp_path: Path) -> None:

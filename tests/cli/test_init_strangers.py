@@ -218,3 +218,16 @@ def test_a_corrupt_u_of_a_log_of_d_hat_makes_no_endless_rho(tmp_path: Path) -> N
     strangers.text(tmp_path, "a.csv", lines)
     done("init", "a.csv", cwd=tmp_path)
     assert np.isfinite(load_config(tmp_path / "dsd.toml").detector.rho)
+
+
+def test_a_part_of_an_orientation_that_is_asked_for_is_taken(tmp_path: Path) -> None:
+    """And qx alone, beside a torque about x, may be a joint: only all four are an orientation."""
+    turn = 0.2 * AXIS["q"]
+    whole = ["t", "taux", "qx", "qy", "qz", "qw"]
+    rows = strangers.rows(AXIS, AXIS["t"], AXIS["u"], AXIS["q"], np.sin(turn), 0.1 * np.cos(turn), np.cos(turn))
+    strangers.text(tmp_path, "whole.csv", [",".join(whole), *rows])
+    done("init", "whole.csv", "--u", "taux", "--position", "qx", cwd=tmp_path)
+    assert load_config(tmp_path / "dsd.toml").signals.position == "qx"
+    strangers.text(tmp_path, "one.csv", ["t,taux,qx", *strangers.rows(AXIS, AXIS["t"], AXIS["u"], AXIS["q"])])
+    done("init", "one.csv", "--u", "taux", "--force", cwd=tmp_path)
+    assert load_config(tmp_path / "dsd.toml").signals.position == "qx"

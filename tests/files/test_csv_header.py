@@ -41,6 +41,21 @@ def test_the_number_of_the_row_has_no_name_where_the_header_is_one_short(header:
     assert seen(header, *rows).header.names == ["row", *TIME]
 
 
+@pytest.mark.parametrize(
+    ("header", "rows"),
+    [
+        ("t_ms;u;q", [f"{k};{0.5 + k / 8};{-k / 16};" for k in range(12)]),  # a delimiter at the end of rows
+        ("t_ms,u,q", [f"{k},{(-1) ** k},{-k / 16},{k / 32}" for k in range(12)]),
+        ("n,t,u", [f"{k},{k / 250},{-k / 16},{k / 32}" for k in range(12)]),
+        ("sample,t,u", [f"{k},{k / 250},{-k / 16},{k / 32}" for k in range(12)]),
+    ],
+)
+def test_a_time_or_a_count_that_rises_by_one_keeps_its_name(header: str, rows: list[str]) -> None:
+    """The header is one short at its end: a delimiter there, or a column without a name."""
+    names = header.replace(";", ",").split(",")
+    assert seen(header, *rows).header.names == [*names, "4"]
+
+
 def test_a_column_without_a_name_at_the_end_stays_at_the_end() -> None:
     """Rows that do not begin with their number."""
     assert seen("t,u,q", *ROWS).header.names == ["t", "u", "q", "4"]

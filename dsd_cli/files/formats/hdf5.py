@@ -57,7 +57,7 @@ class Hdf5File:
         if "MATLAB_object_decode" in item.attrs:  # a number that stands for an object
             self._objects.append(path)
             return
-        if path.endswith("/value") and item.parent.keys() <= {"type", "value"}:  # a variable of Octave
+        if path.endswith("/value") and item.parent.keys() == {"type", "value"}:  # a variable of Octave
             path = path.removesuffix("/value")
         for full, place in _places(path, item, self._matlab).items():
             group, _, name = full.rpartition("/")

@@ -103,8 +103,15 @@ def _numbers(value: Any) -> Array | None:
 
 def _listed(value: Any) -> Any:
     """The values of what has numbers of rows for keys, as pandas writes columns; anything else as it is."""
-    counted = isinstance(value, Mapping) and value and all(str(key).isascii() and str(key).isdigit() for key in value)
-    return list(value.values()) if counted else value
+    if not isinstance(value, Mapping) or not value or not all(key.isascii() and key.isdigit() for key in value):
+        return value
+    rows = list(value.values())
+    records = all(
+        isinstance(row, Mapping) and not any(isinstance(x, Mapping | list) for x in row.values()) for row in rows
+    )
+    if not records and any(isinstance(row, Mapping | list) for row in rows):  # trials that have numbers for names
+        return value
+    return [value[key] for key in sorted(value, key=int)]
 
 
 def _rows(rows: list[Any], rows_of: Mapping[int, Sequence[str]]) -> Table:

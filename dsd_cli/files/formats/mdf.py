@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
@@ -24,9 +24,9 @@ class MdfFile:
         # what could not be opened cannot be closed either, and says so with a traceback when it is collected
         for kind in (mdf_v3.MDF3, mdf_v4.MDF4):
             kind.__del__ = _close_quietly  # type: ignore[method-assign]
-        logging.getLogger("asammdf").setLevel(logging.CRITICAL + 1)  # logs what it then raises
         # what the file says of buses and their databases is not followed: that would run its conversions unseen
-        self._path, self._mdf = path, MDF(path, process_bus_logging=False)  # type: ignore[call-arg]
+        with _unheard(logging.getLogger("asammdf")):  # it logs what it then raises
+            self._path, self._mdf = path, MDF(path, process_bus_logging=False)  # type: ignore[call-arg]
         self.metadata = {RECORDED: self._mdf.header.start_time.isoformat()}
         self.notes: list[str] = []
         self.groups: Sequence[Group] = self._groups()
@@ -74,6 +74,16 @@ class MdfFile:
             asked = own
         for channel in asked:
             check_formulas(f"{self._path}: {name}", channel.conversion)
+
+
+@contextmanager
+def _unheard(logger: logging.Logger) -> Iterator[None]:
+    level = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 def _close_quietly(file: Any) -> None:

@@ -15,6 +15,8 @@ from dsd_cli.signals.log import Array
 
 #: Below this share of its rms the speed is rest, where friction may be any force: such rows are left out.
 REST = 0.03
+#: From so many deviations of its noise on the direction of a speed is sure, if not from the speed of rest on.
+SURE = 3.0
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,9 @@ def balance(stretches: Sequence[Stretch], band: Band, cutoff: float, reach: tupl
         speed = keep(measured_speed)
         position = s.position if s.position is not None else np.cumsum(speed) * T
         a = keep(difference(measured, T, band.source))
-        columns = motion_columns(speed, keep(position), LowPass(T, band.cutoff)(measured_speed), keep, rows)
+        columns = motion_columns(
+            speed, keep(position), LowPass(T, band.cutoff)(measured_speed), band.speed_noise, keep, rows
+        )
         parts.append((a[rows], columns, rows.astype(np.float64) + offset))
         us.append(keep(s.u))
         offset += s.t.size
@@ -102,13 +106,16 @@ def _speed(s: Stretch, band: Band) -> Array:
     return np.gradient(s.position, s.T)
 
 
-def motion_columns(speed: Array, position: Array, sharp: Array, keep: LowPass, rows: NDArray[np.int64]) -> Array:
+def motion_columns(
+    speed: Array, position: Array, sharp: Array, noise: float, keep: LowPass, rows: NDArray[np.int64]
+) -> Array:
     """What friction, weight and springs may be made of, shape (rows, 6), of low-passed motion; first is the speed.
 
     sharp : the speed in all of its band. A low-pass moves a reversal that is quick before zero and slow after it, as
     those of a relay with friction are, and the force that friction then shows too early passes for inertia and lead.
+    noise : standard deviation of `sharp`; a turn that is softer than the sensor asks for passes for them, too.
     """
-    soft = REST * max(float(np.sqrt(np.mean(speed**2))), 1e-300)
+    soft = max(min(REST * float(np.sqrt(np.mean(speed**2))), SURE * noise), 1e-300)
     direction, middle = keep(np.tanh(sharp / soft))[rows], position.mean()
     speed, position = speed[rows], position[rows]
     return np.column_stack(

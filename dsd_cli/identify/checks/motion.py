@@ -20,12 +20,13 @@ _FOLLOWS = 0.25
 
 @dataclass(frozen=True)
 class Motion:
-    """Low-passed channels of shape (n,), SI; `cutoff` in Hz; `sharp`: the velocity in all of its band."""
+    """Low-passed channels of shape (n,), SI; `cutoff` in Hz; `sharp`: velocity in all of its band, and its noise."""
 
     acceleration: Array
     velocity: Array
     position: Array
     sharp: Array
+    noise: float
     cutoff: float
 
     def channels(self, s: Stretch) -> dict[str, Array]:
@@ -47,7 +48,14 @@ def motion_of(s: Stretch, view: View, observer: ObserverSettings | None) -> Moti
     speed = np.gradient(measured, s.T) if view.band.source == "position" else measured
     velocity, sharp = keep(speed), LowPass(s.T, view.band.cutoff)(speed)
     position = s.position if s.position is not None else np.cumsum(velocity) * s.T
-    return Motion(keep(difference(measured, s.T, view.band.source)), velocity, keep(position), sharp, view.cutoff)
+    return Motion(
+        keep(difference(measured, s.T, view.band.source)),
+        velocity,
+        keep(position),
+        sharp,
+        view.band.speed_noise,
+        view.cutoff,
+    )
 
 
 def along_reference(s: Stretch, keep: LowPass) -> Motion:
@@ -56,7 +64,7 @@ def along_reference(s: Stretch, keep: LowPass) -> Motion:
     lag = 0 if s.position is None else _lag(s.reference, s.position, min(s.t.size // 4, round(_FOLLOWS / s.T)))
     position = np.concatenate([np.full(lag, s.reference[0]), s.reference[: s.t.size - lag]])
     speed = np.gradient(position, s.T)
-    return Motion(keep(difference(position, s.T, "position")), keep(speed), keep(position), speed, keep.cutoff)
+    return Motion(keep(difference(position, s.T, "position")), keep(speed), keep(position), speed, np.inf, keep.cutoff)
 
 
 def _lag(first: Array, then: Array, most: int) -> int:
@@ -79,7 +87,7 @@ def _from_disturbance(s: Stretch, keep: LowPass, observer: ObserverSettings) -> 
     a = keep(undone + np.concatenate([s.u[:1], s.u[:-1]])) / observer.nominal_inertia
     velocity = _levelled(np.cumsum(a) * s.T, s.t)
     position = _levelled(np.cumsum(velocity) * s.T, s.t)
-    return Motion(np.concatenate([a[1:], a[-1:]]), velocity, position, velocity, keep.cutoff)
+    return Motion(np.concatenate([a[1:], a[-1:]]), velocity, position, velocity, np.inf, keep.cutoff)
 
 
 def _levelled(x: Array, t: Array) -> Array:

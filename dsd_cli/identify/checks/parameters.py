@@ -81,14 +81,21 @@ def check_parameters(view: View, model: PlantModel | None, observer: ObserverSet
     both = [_estimates(values, rows, others, T) for others in (rows.others[:, : 0 if model else None], rows.others)]
     leaning = {name: value for one in reversed(both) for name, value in one.leaning.items()}
     alone, beside = (one.by_instruments if leaning else one.least_squares for one in both)
-    if scanned is not None:
-        beside = _scanned(scanned, view)
+    if scanned is not None and not leaning:  # the scan leans as least squares do
+        return tuple(_between(one, other, T) for one, other in zip(alone, _scanned(scanned, view), strict=True))
     sure = {one.name for one, other in zip(*(x.by_instruments for x in both), strict=True) if _moved(one, other)}
     found = tuple(
         replace(_bent(*pair, T, pair[0].name in sure), leaning=leaning.get(pair[0].name))
         for pair in zip(alone, beside, strict=True)
     )
     return found if view.band is not None else tuple(_drifting(one) for one in found)
+
+
+def _between(one: Parameter, scanned: Parameter, T: float) -> Parameter:
+    """A value with what it is apart from the scan counted as its error."""
+    error = math.hypot(one.std_error, abs(scanned.value - one.value))
+    judged = grade(one.value, error, T) if one.name == "delay" else grade(abs(one.value), error)
+    return replace(one, identified=judged, std_error=error)
 
 
 def _bent(one: Parameter, beside: Parameter, T: float, lacks_force: bool) -> Parameter:
@@ -186,7 +193,9 @@ def _stretch_rows(
     if s.reference is None:
         along = np.full((rows.size, found[1].shape[1] + found[2].shape[1]), np.nan)
     else:
-        along = np.column_stack(_columns(*asked_for(s, model, keep), keep, rows, model, values)[1:])
+        idle, asked = asked_for(s, model, keep)
+        asked = replace(asked, noise=motion.noise)  # it turns as the motion does
+        along = np.column_stack(_columns(idle, asked, keep, rows, model, values)[1:])
     return *found, along, keep(s.u)[rows]
 
 
@@ -205,7 +214,7 @@ def _columns(
     for value in values:
         changed, step = value.stepped(model)
         slopes.append((left(changed) - here) / step)
-    others = motion_columns(motion.velocity, motion.position, motion.sharp, keep, rows)
+    others = motion_columns(motion.velocity, motion.position, motion.sharp, motion.noise, keep, rows)
     return here, np.column_stack(slopes), others
 
 

@@ -1,13 +1,16 @@
 """Files of every format, as its own library writes them, are read as the numbers that went in."""
 
+import json
+import logging
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.io import savemat
+from scipy.io import netcdf_file, savemat
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.tables_in import open_table
+from tests.files.formats import makers
 from tests.files.formats.makers import (
     MAKERS,
     START_NS,
@@ -105,6 +108,51 @@ def test_an_element_that_there_cannot_be_ends_no_process(whole, spoiled, tmp_pat
     path.write_bytes(path.read_bytes().replace(before, after))
     with pytest.raises(DataError, match=r"cannot be read as a MAT file .*there (cannot be|is not)"):
         read(path, names)
+
+
+@pytest.mark.parametrize("shuffled", [False, True])
+def test_rows_by_their_numbers_are_in_the_order_of_these(shuffled, tmp_path: Path) -> None:
+    made = makers.json_by_rows(tmp_path, data := channels(300))
+    if shuffled:
+        columns = json.loads(made.path.read_text())
+        made.path.write_text(json.dumps({name: dict(sorted(rows.items())) for name, rows in columns.items()}))
+    np.testing.assert_array_equal(read(*made)[0]["t"], data["t"])
+
+
+def test_trials_that_are_numbered_are_tables(tmp_path: Path) -> None:
+    data = {name: values.tolist() for name, values in channels(300).items()}
+    (tmp_path / "a.json").write_text(json.dumps({"0": data, "1": data}))
+    found, _ = read(tmp_path / "a.json", {"u": "1/u"})
+    np.testing.assert_array_equal(found["u"], data["u"])
+    (tmp_path / "b.json").write_text(json.dumps({"1": {"u": data["u"]}}))
+    assert read(tmp_path / "b.json", {"u": "1/u"})[0]["u"].size == 300
+
+
+def test_packed_numbers_of_netcdf_are_scaled_and_missing_ones_are_none(tmp_path: Path) -> None:
+    """Conventions of CF: 2 bytes with scale_factor, add_offset and _FillValue; a unit may be the number 1."""
+    packed = np.arange(300, dtype=np.int16)
+    with netcdf_file(tmp_path / "log.nc", "w") as file:
+        file.createDimension("time", 300)
+        variable = file.createVariable("u", "h", ("time",))
+        variable[:] = packed
+        variable.scale_factor, variable.add_offset, variable._FillValue, variable.units = 0.5, 2.0, np.int16(7), 1.0
+    found, _ = read(tmp_path / "log.nc", {"u": "u"})
+    np.testing.assert_array_equal(found["u"], np.where(packed == 7, np.nan, 0.5 * packed + 2.0))
+
+
+def test_a_value_in_a_group_of_its_own_is_no_variable_of_octave(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py", reason="h5py is not installed")
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["speed/value"] = np.arange(50.0)
+    assert read(tmp_path / "log.h5", {"u": "speed/value"})[0]["u"].size == 50
+
+
+def test_what_asammdf_says_elsewhere_is_heard_again(tmp_path: Path) -> None:
+    path, names = makers.mdf(tmp_path, channels(300))
+    logger = logging.getLogger("asammdf")
+    level = logger.level
+    read(path, names)
+    assert logger.level == level
 
 
 def test_an_archive_of_numpy_that_was_cut_off_is_no_spreadsheet(tmp_path: Path) -> None:
