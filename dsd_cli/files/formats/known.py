@@ -109,7 +109,7 @@ def _holds_arrays(path: str | Path) -> bool:
     try:
         with zipfile.ZipFile(path) as archive:
             return any(name.endswith(".npy") for name in archive.namelist())
-    except zipfile.BadZipFile:  # cut off
+    except (zipfile.BadZipFile, NotImplementedError):  # cut off, or of a version that there is not
         return Path(path).suffix.lower() == ".npz"
     except OSError:
         return False

@@ -110,6 +110,15 @@ def test_an_element_that_there_cannot_be_ends_no_process(whole, spoiled, tmp_pat
         read(path, names)
 
 
+def test_an_archive_of_numpy_of_a_version_that_there_is_not_is_one_line(tmp_path: Path) -> None:
+    path, names = npz(tmp_path, channels(50))
+    content = bytearray(path.read_bytes())
+    content[content.index(b"PK\x01\x02") + 6] = 99  # what is needed to extract it
+    path.write_bytes(content)
+    with pytest.raises(DataError, match=r"cannot be read as a NumPy"):
+        read(path, names)
+
+
 @pytest.mark.parametrize("shuffled", [False, True])
 def test_rows_by_their_numbers_are_in_the_order_of_these(shuffled, tmp_path: Path) -> None:
     made = makers.json_by_rows(tmp_path, data := channels(300))
