@@ -21,7 +21,6 @@ class Policy:
 
     # -- which way round --
     fair_part: float = 0.2  # rms of J a over that of u; with less, u is friction, weight or cogging nearly all through
-    other_way: float = 0.5  # of the share that the forward form leaves, at most, for the inverse to be taken
     believed_inertia: float = 4.0  # factor within which an inertia is believed where the log leaves it open
 
     # -- rows --
@@ -55,7 +54,6 @@ class Policy:
     effect_price: float = 3.0  # nats for an effect: one of some twenty was chosen
     shape_price: float = 3.0  # nats for each shape parameter that was searched
     pulse_price: float = 14.0  # nats for a pulse in time: its level and two edges, found among all rows
-    largest_sine: float = 2.0  # rms of u and J a: standard deviation of a sine's amplitude (gravity, cogging, a line)
     least_gain: float = 6.0  # nats beyond its price that a step must gain, without its best block, too
     most_lost: float = 0.3  # of what blocks gain, that others may lose: a gain must not be that of a few blocks
     most_effects: int = 8  # added in one search; a rig distinguishes no more

@@ -46,28 +46,6 @@ def crawl() -> list:
     return recorded(u, speed + 2e-3 * random.normal(size=t.size), position + 1e-4 * random.normal(size=t.size))
 
 
-def stick_slip(inertia: float, cogging: float, coulomb: float) -> list:
-    """A soft loop that crawls at 1 rad/s to one side and back, through cogging of twelve periods a turn which stops the
-    axis and lets it jump; explicit steps of 0.1 ms, at rest where friction holds."""
-    random, count, fine, w = np.random.default_rng(9), round(24.0 / STEP), 50, 50.0
-    place, speed, u = np.zeros((3, count))
-    q = v = wanted = total = 0.0
-    for k in range(count):
-        place[k], speed[k] = q, v
-        way = 1.0 if k < count // 2 else -1.0
-        wanted += way * STEP
-        total += 0.06 * w * (wanted - q) * STEP
-        u[k] = inertia * w * (way - v + 0.25 * w * (wanted - q + total))
-        for _ in range(fine):
-            force = u[k] + cogging * math.sin(12.0 * q)
-            way_of_friction = math.copysign(1.0, v or force)
-            held = v == 0.0 and abs(force) <= coulomb
-            after = 0.0 if held else v + STEP / fine * (force - coulomb * way_of_friction) / inertia
-            v = 0.0 if after * way_of_friction < 0.0 else after
-            q += STEP / fine * v
-    return recorded(u, speed + 1e-3 * random.normal(size=count), np.round(place / 1e-4) * 1e-4)
-
-
 def climbed(recordings: list, inertia: float):
     model = PlantModel(inertia, 0.0, {})
     return improve(recordings, model, OBSERVER, Settings(), choose=lambda found: found.verdict)
@@ -116,15 +94,6 @@ def test_a_crawl_tells_its_cogging_and_no_inertia():
     assert found.estimates["inertia"].told == "not"
     assert found.estimates["inertia"].value < 1e3 * model.inertia
     assert found.refitted_model.inertia > 1e-9  # no inertia of 1e-99
-
-
-def test_of_an_axis_that_sticks_and_slips_the_way_that_explains_it_is_taken():
-    """J a is more than a fifth of u, for moments; by it the axis is asked the other way round at first."""
-    logs, model = stick_slip(0.024, 3.2, 1.5), PlantModel(0.024, 0.0, {})
-    assert not pose(logs, model, Settings()).solver.inverse
-    found = climbed(logs, 0.024)
-    assert {"cogging", "coulomb_friction"} == {step.effect for step in found.steps[1:]} - {"refit"}
-    assert found.values["inertia"].value == pytest.approx(0.024, rel=0.02)
 
 
 def test_friction_in_one_direction_is_named_by_its_commonest_name():

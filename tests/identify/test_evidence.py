@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsd_cli.identify.fit.bank import Bank, Term
+from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.search import sets
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict import evidence
 from dsd_cli.identify.verdict.evidence import NOTHING, _changed, _shares, membership, probabilities
@@ -157,18 +156,15 @@ def test_an_effect_that_explains_much_less_is_no_rival_however_uncertain_the_lea
     assert membership(loud, whole, "gravity", misfit=False).rivals == ("stiffness",)
 
 
-def test_an_effect_that_explains_as_much_is_a_rival_where_the_model_misfits(monkeypatch):
-    """Over a few degrees a spring and gravity are one and the same, beside damping that is not among the candidates;
-    but a weight much larger than all that moves it is not named in its place."""
+def test_an_effect_that_explains_as_much_is_a_rival_where_the_model_misfits():
+    """Over a few degrees a spring and gravity are one and the same, beside damping that is not among the candidates."""
     small = Multisine((0.7, 1.7, 3.1, 5.3), 0.05, seed=3)
     hidden = {"stiffness": {"coefficient": 0.4}, "viscous_friction": {"coefficient": 0.01}}
     search = posed(hidden, ("stiffness", "gravity", "cogging"), reference=small)
     whole = search.fit((Term("stiffness"),), search.refit.tap)
     found = membership(search, whole, "stiffness", misfit=True)
     assert "gravity" in found.rivals
-    assert "gravity" not in found.alike
-    monkeypatch.setattr(sets, "POLICY", replace(POLICY, largest_sine=40.0))
-    assert "gravity" in membership(search, whole, "stiffness", misfit=True).alike
+    assert "gravity" in found.alike
 
 
 def test_a_nat_is_worth_as_many_squares_as_the_noise_is_loud_and_dependent(search):
@@ -177,7 +173,7 @@ def test_a_nat_is_worth_as_many_squares_as_the_noise_is_loud_and_dependent(searc
     search, whole = search
     loud = replace(search.noise, variance=1e4 * search.noise.variance)
     search = Search(replace(search.problem, noise=loud))
-    gains, price = search.gains(search.refit, whole), search.price(whole.terms) + search.strain(whole)
+    gains, price = search.gains(search.refit, whole), search.price(whole.terms)
     assert (gains > 0.0).sum() > 0.8 * len(gains)
     np.testing.assert_allclose(gains, (search.refit.losses - whole.losses) / (2.0 * loud.variance * loud.inflation))
     for louder in (replace(loud, variance=2.0 * loud.variance), replace(loud, inflation=2.0 * loud.inflation)):
@@ -198,21 +194,7 @@ def test_what_is_left_beyond_the_noise_is_of_unknown_size(search):
         gains = other.gains(before, whole)
         assert gains.sum() == pytest.approx(expected)
         np.testing.assert_allclose(gains / gains.sum(), (before.losses - whole.losses) / (before.loss - whole.loss))
-        price = other.price(whole.terms) + other.strain(whole)
-        assert other.evidence(whole) - other.evidence(before) == pytest.approx(expected - price)
-
-
-def test_rows_count_by_their_weights(search):
-    """Above the noise, rows of which nine in ten have a tenth of the weight are worth a tenth and 0.9 hundredths."""
-    search, whole = search
-    equations, quiet = search.equations, replace(search.noise, variance=1e-9 * search.noise.variance)
-    size = sum(equations.lengths)
-    weight = np.where(np.arange(size) % 10 == 0, 1.0, 0.1)
-    bank = Bank(replace(equations, row_weight=weight), search.problem.errors.bank)
-    weighed = Search(replace(search.problem, noise=quiet, solver=search.solver.on(bank)))
-    before, after = (weighed.fit(fit.terms, fit.tap) for fit in (search.refit, whole))
-    expected = 0.5 * size * (0.1 + 0.9 * 0.01) * np.log(before.loss / after.loss)
-    assert weighed.gains(before, after).sum() == pytest.approx(expected, rel=0.01)
+        assert other.evidence(whole) - other.evidence(before) == pytest.approx(expected - other.price(whole.terms))
 
 
 def test_what_must_be_searched_and_what_happened_once_costs_more(search):

@@ -10,7 +10,6 @@ from dsd_cli.identify.fit.noise_fit import Noise
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.preference import preferred
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.plant.references import Multisine
 from tests.identify.search_rig import BELIEVED, posed
 
 NAMES = ("coulomb_friction", "viscous_friction", "quadratic_drag", "viscous_asymmetry", "stiffness", "constant_load")
@@ -140,33 +139,6 @@ def test_of_two_that_cost_the_same_the_commoner_is_taken_unless_the_lead_is_cert
     commoner = replace(options["coulomb_friction"], evidence=0.0)
     rarer = replace(options["constant_load"], evidence=lead)
     assert preferred(search, [rarer, commoner]).effect == named
-
-
-ARM = {"gravity": {"amplitude": 0.3, "phase": 0.4}}
-SPRING = {"stiffness": {"coefficient": 0.2}, "constant_load": {"force": 0.05}, "cubic_stiffness": {"coefficient": 4.0}}
-OF_POSITION = ("gravity", "constant_load", "stiffness", "cubic_stiffness", "viscous_friction")
-
-
-@pytest.mark.parametrize(("hidden", "amplitude"), [(ARM, 1.0), (SPRING, 0.12)])
-def test_a_sine_of_the_position_is_named_where_it_bends_alone(hidden, amplitude):
-    """Over 0.1 rad a weight is a load and a spring, and beside these it bends as a cubic one does."""
-    search = posed(hidden, OF_POSITION, reference=Multisine((0.7, 1.9, 3.1), amplitude, seed=3), noise=2e-4)
-    assert {t.id for t in search.run(search.refit).terms} == set(hidden)
-
-
-def test_sines_much_larger_than_the_drive_cost_nats(pair):
-    """0.5 (A / 2)^2 over the mean square of u and J a, of those that the model has not, whatever their phase."""
-    sine, bank, kept = Term("gravity"), pair.problem.errors.bank, pair.equations.kept
-    force = np.sqrt(np.mean((bank.command((), 0) ** 2 + (BELIEVED.inertia * bank.acceleration) ** 2)[kept]))
-    fit = pair.fit((sine,), pair.refit.tap)
-    at = fit.columns_of(sine)
-    for angle in (0.0, 1.0, 3.0):
-        total = fit.total.copy()
-        total[at] = 10.0 * force * np.array([np.cos(angle), np.sin(angle)])
-        assert pair.strain(replace(fit, total=total)) == pytest.approx(12.5)
-    assert pair.strain(pair.fit((Term("stiffness"),), pair.refit.tap)) == 0.0
-    knowing = posed({}, ("stiffness",), replace(BELIEVED, effects=ARM), duration=4.0)
-    assert knowing.strain(knowing.refit) == 0.0
 
 
 def test_the_delay_is_walked_to_from_afar(pair):

@@ -173,8 +173,8 @@ class Equations:
 
     def of_rows(self, by_sample: Sequence[Array]) -> Array:
         """Values of samples at the centres of rows, joined."""
-        centres = (self.band.centres(self.startup, len(s.log)) for s in self.stretches)
-        return np.concatenate([x[at] for x, at in zip(by_sample, centres, strict=True)])
+        pairs = zip(self.stretches, by_sample, strict=True)
+        return np.concatenate([x[self.band.centres(self.startup, len(s.log))] for s, x in pairs])
 
     def plain(self, by_stretch: Sequence[Array]) -> Array:
         """Averaged forces of every stretch -> rows in the unit of u, joined."""
@@ -203,17 +203,15 @@ class Equations:
 
     def by_stretch(self, rows: NDArray[_Kind]) -> list[NDArray[_Kind]]:
         """Rows as one array per stretch."""
+        if len(self.lengths) == 1:
+            return [rows]
         return list(np.split(rows, np.cumsum(self.lengths)[:-1]))
-
-    @cached_property
-    def counted(self) -> float:
-        """Whole rows that they count as, by the squares of their weights: the likelihood is of so many."""
-        return float(sum(self.lengths) if self.row_weight is None else self.row_weight @ self.row_weight)
 
     @cached_property
     def kept(self) -> NDArray[np.bool_]:
         """Rows in which the direction of friction is known for a large enough share."""
-        return np.asarray(self.plain([s.averaged(s.free, False) for s in self.stretches]) > POLICY.least_free)
+        free = self.plain([s.averaged(s.free, False) for s in self.stretches])
+        return np.asarray(free > POLICY.least_free)
 
     def with_whitening(self, taps: Array) -> Equations:
         """The same rows, to be whitened by these taps."""
@@ -247,7 +245,8 @@ def _band(recordings: Sequence[Recording]) -> Band:
 
 
 def _stretch(log: Log, recording: Recording) -> Stretch:
-    sensor, frame, speed = recording.sensor, Frame(log), log["velocity"]
+    sensor, frame = recording.sensor, Frame(log)
+    speed = log["velocity"]
     known = ~resting(speed, log["rest_speed"])
     return Stretch(
         log=log,

@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 
-from dsd_cli.effects import kind_of
 from dsd_cli.identify.fit.bank import Term, has_friction
 from dsd_cli.identify.fit.driven_load import with_driven_load
 from dsd_cli.identify.fit.problem import Problem, asked_of_all, pose
@@ -138,7 +137,6 @@ def _found(
 ) -> tuple[Search, Fit]:
     """(search with the noise measured beside the set, that set); `begun` : one that was found in fewer parts."""
     search = Search(pose(parts, model, settings, holdout))
-    begun = begun or _begun(search, settings)
     if begun is None:
         report("sets of effects", 0.2)
         whole = search.run(search.refit, lambda share: report("sets of effects", 0.2 + 0.3 * share), to_friction=True)
@@ -152,19 +150,6 @@ def _found(
     search = Search(search.problem.measured_again(whole))
     report("sets of effects, the noise measured anew", 0.5)
     return search, identified_only(search, search.run(search.settled(search.fit(whole.terms, whole.tap))))
-
-
-def _begun(search: Search, settings: Settings) -> Fit | None:
-    """What is asked for of a set that was found before; single events are found beside the laws."""
-    if settings.begun is None:
-        return None
-    asked, own = {kind_of(name) for name in search.allowed}, {t.id for t in search.base}
-    terms = tuple(
-        t for t in terms_of(settings.begun) if t.id in own or (kind_of(t.id) in asked and not t.effect.listed)
-    )
-    if not own <= {t.id for t in terms}:
-        return None
-    return search.fit(terms, round(settings.begun.delay / search.solver.bank.tap_time))
 
 
 def on_all(

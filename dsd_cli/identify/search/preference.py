@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from dsd_cli.effects import Effect, get_effect
+from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term, Terms
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
@@ -51,35 +51,16 @@ def preferred(search: Search, options: Sequence[Option]) -> Option | None:
 
 def in_common_terms(search: Search, fit: Fit) -> Fit:
     """With the commonest of the effects that do the same in place of each member: moved in one direction, dry friction
-    and a load are one column, and so are viscous friction and its asymmetry. Over a small travel a sine of the position
-    is its tangent, a stiffness and a load; none of more sizes does the same as one of fewer."""
+    and a load are one column, and so are viscous friction and its asymmetry."""
     for term in search.added(fit.terms):
-        rest, here = tuple(t for t in fit.terms if t != term), [t.id for t in fit.terms]
-        own = Option(term.id, fit, search.evidence(fit))
+        rest, here = tuple(t for t in fit.terms if t != term), {t.id for t in fit.terms}
         commoner = [e for e in map(get_effect, search.allowed) if e.rarity < term.effect.rarity and e.id not in here]
-        simple = (e for e in commoner if not (e.searched or e.listed) and _sizes(e) <= _sizes(term.effect))
-        for effect in sorted(simple, key=lambda e: e.rarity):
+        for effect in sorted((e for e in commoner if not (e.searched or e.listed)), key=lambda e: e.rarity):
             other = search.fit((*rest, Term(effect.id)), fit.tap)
-            if _as_good(search, Option(effect.id, other, search.evidence(other)), own):
-                return in_common_terms(search, other)
-        tangent = _tangent(term.effect, map(get_effect, dict.fromkeys((*here, *search.allowed))))
-        if tangent and not term.effect.searched:
-            other = search.fit((*rest, *(Term(e) for e in tangent if e not in here)), fit.tap)
-            if own.evidence - search.evidence(other) < POLICY.least_gain:
+            option = Option(effect.id, other, search.evidence(other))
+            if _as_good(search, option, Option(term.id, fit, search.evidence(fit))):
                 return in_common_terms(search, other)
     return fit
-
-
-def _tangent(effect: Effect, others: Iterable[Effect]) -> list[str]:
-    """The commonest laws of one size of the same channels, as many as it has sizes; none if they are not as many."""
-    alike = (e for e in others if e.role is effect.role and {*e.needs} <= {*effect.needs} and _sizes(e) == 1)
-    found = sorted((e for e in alike if not (e.searched or e.listed)), key=lambda e: e.rarity)[: _sizes(effect)]
-    return [e.id for e in found] if len(found) == _sizes(effect) > 1 else []
-
-
-def _sizes(effect: Effect) -> int:
-    """Coefficients that multiply its columns; what acts on u alone or in time counts as one."""
-    return max(sum(p.linear for p in effect.parameters), 1)
 
 
 def _as_good(search: Search, one: Option, best: Option) -> bool:

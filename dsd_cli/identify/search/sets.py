@@ -70,31 +70,29 @@ class Search:
 
     def evidence(self, fit: Fit) -> float:
         """Held-out log-likelihood (up to a constant) less the price of the effects beyond the model's, nats."""
-        return -self.nats(fit.loss) - self.price(fit.terms) - self.strain(fit)
-
-    def strain(self, fit: Fit) -> float:
-        """Nats against sines that nothing moves: over a small part of a turn one is any polynomial of the position."""
-        sines = (t for t in self.added(fit.terms) if any(p.whole_turn for p in t.effect.parameters))
-        squares = sum(float(np.sum(fit.coefficients(t) ** 2)) for t in sines)
-        return 0.5 * squares / (POLICY.largest_sine * self.problem.errors.moving(self.problem.model.inertia)) ** 2
+        return -self.nats(fit.loss) - self.price(fit.terms)
 
     def nats(self, squares: float, more: float = 0.0) -> float:
         """Negative log-likelihood of a sum of squares; the variance is that of the noise, or what is left if more.
 
         more : rows beyond those of the logs that the squares are of.
+
         What is left beyond the noise is force that no effect describes, and what takes a hundredth off it is no surer
         than if it were noise: N/2 ln of it, from where it exceeds the noise on.
         """
-        rows = self.equations.counted + more
+        rows = self.problem.blocks.rows + more
         over = 2.0 * squares / (rows * self.noise.nats)
         return 0.5 * rows * (over if over < 1.0 else 1.0 + math.log(over))
 
     def price(self, terms: Terms) -> float:
         """Nats for having chosen these effects and searched their shapes."""
-        added = self.added(terms)
-        shapes = POLICY.shape_price * sum(t.effect.searched for t in added)
-        pulses = POLICY.pulse_price * sum(len(t.shape.get("edges", ())) for t in added)
-        return POLICY.effect_price * len(added) + shapes + pulses
+        added = [t for t in terms if t.id not in {b.id for b in self.base}]
+        return sum(
+            POLICY.effect_price
+            + POLICY.shape_price * t.effect.searched
+            + POLICY.pulse_price * len(t.shape.get("edges", ()))
+            for t in added
+        )
 
     def gains(self, before: Fit, after: Fit) -> np.ndarray:
         """Nats per block, shape (B,), without prices: shares of the whole gain as of what squares fall."""
@@ -248,8 +246,10 @@ class Search:
             for a, b in combinations(options, 2)
             for tap in dict.fromkeys((a.fit.tap, b.fit.tap))
         ]
+        if not pairs:
+            return None
         ranked = sorted(pairs, key=lambda p: self.nats(self.solver.squares(*p)) + self.price(p[0]))
-        return max((self.fit(terms, tap) for terms, tap in ranked[:MOST_PAIRS]), key=self.evidence, default=None)
+        return max((self.fit(terms, tap) for terms, tap in ranked[:MOST_PAIRS]), key=self.evidence)
 
     def settled(self, fit: Fit) -> Fit:
         """Shapes refined together, needless members dropped, members swapped for better ones."""
@@ -260,7 +260,7 @@ class Search:
                 fit = self._swapped(fit)
             if fit.terms == before.terms:
                 break
-        return fit if (common := in_common_terms(self, fit)) is fit else self._without_needless(common)
+        return in_common_terms(self, fit)
 
     def added(self, terms: Terms) -> Terms:
         """Those that the model does not have."""

@@ -30,8 +30,8 @@ class Membership:
     """An effect of the found set against every effect that could replace it.
 
     probabilities : effect (or `NOTHING`) -> share of belief. rivals : effects that explain the recordings as well;
-    alike : those of them whose likelihood is less, but by no more than the model misfits anyway, and whose values are
-    as likely. surest : no verdict on it may be surer.
+    alike : those of them whose likelihood is less, but by no more than the model misfits anyway, and that change what
+    the model had given as little. surest : no verdict on it may be surer.
     """
 
     effect: str
@@ -70,11 +70,6 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
         far_off = plain.rmse(option.fit) > POLICY.rival_error * plain.rmse(whole)
         return option.evidence > search.evidence(rest) and not far_off
 
-    def likely(option: Option) -> bool:
-        """Whether no value of it is certainly unlikely: no sine that no drive gave, none far from the model's own."""
-        strained = search.strain(option.fit) - search.strain(whole) > POLICY.least_gain
-        return not strained and _changed(search, option.fit) <= as_told
-
     def rivals(option: Option) -> bool:
         if share(option) < POLICY.rival_share or not may_be(option):
             return False
@@ -93,7 +88,7 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     as_well = [o for o in options if alike_to(o)]
     found = dict.fromkeys(o.effect for o in (*as_well, *filter(rivals, options)))
     as_told = _changed(search, whole) + math.log(POLICY.changed_for_name)
-    alike = [o.effect for o in as_well if likely(o)]
+    alike = [o.effect for o in as_well if _changed(search, o.fit) <= as_told]
     shares = probabilities(search, rest, [own, *options])
     surest = 1.0 if _told(search, whole, effect_id) else POLICY.surest_untold
     if member.effect.listed and has_friction(whole.terms) and search.problem.reconstructed("velocity"):
@@ -139,8 +134,7 @@ def _of_position(effect_id: str) -> bool:
 def probabilities(search: Search, rest: Fit, options: list[Option]) -> dict[str, float]:
     """Probability of each option, and of none of them (`NOTHING`)."""
     gains = np.stack([np.zeros(len(rest.losses)), *(search.gains(rest, o.fit) for o in options)])
-    costs = [search.price(fit.terms) + search.strain(fit) for fit in (rest, *(o.fit for o in options))]
-    prices = np.array(costs) - costs[0]
+    prices = np.array([0.0, *(search.price(o.fit.terms) - search.price(rest.terms) for o in options)])
     shares = _shares(gains, prices)
     return dict(zip((NOTHING, *(o.effect for o in options)), shares.tolist(), strict=True))
 
