@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from dsd_cli.identify.compare.versus import Moved
+from dsd_cli.identify.learn.results import LEARNT
 from dsd_cli.identify.results import (
     NONE,
     UNKNOWN,
@@ -125,7 +126,8 @@ def final_line(result: Ladder) -> str:
     refitted = error(result.last.refitted.heldout_rmse)
     if len(result.steps) == 1 and refitted not in ("-", error(last.heldout_rmse)):
         line += f" ({refitted} with the values of [model] fitted again)"
-    if result.verdict in (NONE, UNKNOWN) or result.verdict == result.last.verdict:
+    judged = result.verdict in (NONE, UNKNOWN) or result.verdict == result.last.verdict
+    if judged and result.steps[-1].kind != LEARNT:  # the last diagnosis is of the model without what was learnt
         line += f"; {verdict_line(_judged(result))}"
     return f"{line}; stopped: {result.stopped}" if result.stopped else line
 
