@@ -184,8 +184,9 @@ class _Climb:
             return Ladder(tuple(self.steps), last.verdict, stopped, last, names, *found, last.missing)
         given, reached = self.steps[0].model, self.steps[-1].model
         end: Ended | None = None
+        settings = replace(self.settings, inverse=last.inverse)
         recordings = with_levels(self.recordings, [one.deviations for one in self.levels])
-        for end in ended(recordings, given, reached, self.settings, self.holdout):
+        for end in ended(recordings, given, reached, settings, self.holdout):
             if end.without:
                 self.up(end.without, end.score, end.values, end.model, "taken back")
             else:  # the values of the rung, as the whole set and its noise have them; the error is the verdict's

@@ -154,6 +154,7 @@ class Diagnosis:
     correlations : of the estimates. stability : the verdict with half of the data, and with half and twice the band.
     band_hz, floor : end of the band in which forces were balanced, Hz; rms of r that the sensor alone leaves in it.
     levels : values that differ between the logs: every error but `score` is beside them.
+    inverse : whether u by the motion was evidence, not the motion by u.
     missing, unexplained : the two questions, each with its number: what is missing, and is that all?
     """
 
@@ -193,6 +194,7 @@ class Diagnosis:
     held_out: tuple[str, ...] = ()
     missing: tuple[Missing, ...] = ()
     unexplained: Unexplained = field(default_factory=Unexplained)
+    inverse: bool = False
 
     def joint_values(self, effect: str) -> Estimates:
         """Those of one effect by parameter name (of inertia and delay by their own); empty for one not in the set."""

@@ -14,6 +14,7 @@ from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
+from tests.oracle.tiers_axes import tiers
 
 STEP = 0.005
 OBSERVER = ObserverSettings(1.0, 0.02)
@@ -94,6 +95,20 @@ def test_a_crawl_tells_its_cogging_and_no_inertia():
     assert found.estimates["inertia"].told == "not"
     assert found.estimates["inertia"].value < 1e3 * model.inertia
     assert found.refitted_model.inertia > 1e-9  # no inertia of 1e-99
+
+
+def test_of_an_axis_that_sticks_and_slips_the_way_that_explains_it_is_taken():
+    """J a is more than a fifth of u, for moments; the motion by u leaves a fifth of that, u by the motion nothing."""
+    question = next(t for t in tiers() if t.name == "crawl through cogging").draw(91001)
+    log = Log(
+        {n: question.channels[n] for n in ("u", "position")}, float(np.diff(question.channels["t"])[0]), "log.csv"
+    )
+    logs, model = [prepare(log, OBSERVER)], PlantModel(question.believed["inertia"], question.believed["delay"], {})
+    assert not pose(logs, model, Settings()).solver.inverse
+    found = diagnose(logs, model, OBSERVER, Settings())
+    assert found.inverse
+    assert set(found.found) == set(question.hidden)
+    assert found.estimates["inertia"].value == pytest.approx(question.truth["inertia"], rel=0.01)
 
 
 def test_friction_in_one_direction_is_named_by_its_commonest_name():

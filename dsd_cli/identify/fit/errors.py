@@ -38,6 +38,10 @@ class Errors:
         """rms of u within the band, unit of u."""
         return _rms(self.bank.command((), 0)[self._keep])
 
+    def moving(self, inertia: float) -> float:
+        """rms of u and J a together, unit of u: forces of that size move the axis."""
+        return math.hypot(self.force, inertia * _rms(self.bank.acceleration[self._keep]))
+
     def residual(self, fit: Fit, held_out: bool = True) -> Array:
         """Of the forward form, each row by the fit that did not see its block, or by the fit to all.
 

@@ -175,10 +175,9 @@ def pose(
     solver = Solver(bank, lay_blocks(bank.equations.lengths, 1, recordings[0].name), known=known)
     about = None if near is None else round(near / bank.tap_time)
     every, _ = candidates_of(recordings, holdout, model, replace(settings, effects=None))
-    inverse = not _drifts(recordings) and inverse_is_evidence(
-        solver, (*base, *_functions_of_motion(every)), model.inertia, min(round(model.delay / bank.tap_time), most_tap)
-    )
-    if inverse:
+    all_beside, tap = (*base, *_functions_of_motion(every)), min(round(model.delay / bank.tap_time), most_tap)
+    inverse = settings.inverse or inverse_is_evidence(solver, all_beside, model.inertia, tap)
+    if inverse := inverse and not _drifts(recordings):
         solver = Solver(bank, solver.blocks, known=known, inverse=True)
         untestable |= {name: NEEDS_ACCELERATION for name in candidates if needs_acceleration(name)}
         candidates = tuple(name for name in candidates if name not in untestable)

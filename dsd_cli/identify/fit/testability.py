@@ -32,6 +32,7 @@ class Settings:
     taken : effects of the model that this climb took: they may stand in for a value that is given wrongly.
     against : what the log says against what is known, once that was looked at (`verdict.prior_check`).
     levels : of single logs, found with nothing given; None to look for them.
+    inverse : whether u by the motion is evidence, however large J a is; else that decides (`fit.direction`).
     """
 
     effects: tuple[str, ...] | None = None
@@ -40,6 +41,7 @@ class Settings:
     taken: tuple[str, ...] = ()
     against: tuple[str, ...] | None = None
     levels: tuple[Deviations, ...] | None = None
+    inverse: bool = False
 
     def without(self, refused: Sequence[str]) -> Settings:
         """The same without effects that raise the held-out error, and others of their kind."""

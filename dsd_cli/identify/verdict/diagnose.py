@@ -7,9 +7,10 @@ from dataclasses import replace
 
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Diagnosis
-from dsd_cli.identify.search.levels import levelled
+from dsd_cli.identify.search.levels import Levelled, levelled
 from dsd_cli.identify.search.pulses import event_effect
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.command_time import CommandTime
@@ -66,7 +67,7 @@ def diagnose(
     asked, against = prior_check(recordings, model, settings or Settings(), report)
     if against:
         on_told(against)
-    apart = levelled(recordings, model, asked, holdout, report)
+    apart, asked = _either_way(recordings, model, asked, holdout, report)
     recordings, search, whole = apart.recordings, apart.search, apart.whole
     beyond = discrepancy_of(search, whole)
     doubtful = beyond.unknown or above_floor(search, whole)
@@ -94,4 +95,29 @@ def diagnose(
         report("how sure, on parts", 0.85)
         diagnosis = with_stability(diagnosis, recordings, model, shown.settings)
     report("done", 1.0)
-    return diagnosis
+    return replace(diagnosis, inverse=search.solver.inverse)
+
+
+def _either_way(
+    recordings: Sequence[Recording],
+    model: PlantModel,
+    settings: Settings,
+    holdout: Sequence[Recording],
+    report: Progress,
+) -> tuple[Levelled, Settings]:
+    """The motion by u, or where that leaves more than the sensor does, and u by the motion clearly less, that instead.
+    Each is less by its own measure: of a u that hardly matters to the motion little is left, whatever explains it.
+
+    An axis that sticks and slips accelerates hard for moments, so that J a is a fair part of u, and yet what u does
+    not explain is most of that: friction and cogging, which the motion explains all of.
+    """
+    found = levelled(recordings, model, settings, holdout, report)
+    search, whole = found.search, found.whole
+    drifts = search.problem.reconstructed("velocity")
+    if search.solver.inverse or drifts or not above_floor(search, whole):
+        return found, settings
+    there = levelled(recordings, model, replace(settings, inverse=True), holdout, report)
+    errors, errors_there = search.problem.errors, there.search.problem.errors
+    share = errors.rmse(whole) / errors.moving(search.solver.inertia)
+    less = errors_there.rmse(there.whole) < POLICY.other_way * share * errors_there.force
+    return (there, replace(settings, inverse=True)) if less else (found, settings)
