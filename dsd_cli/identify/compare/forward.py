@@ -30,7 +30,7 @@ from dsd_cli.signals.units import Units
 OPEN_LOOP, CLOSED_LOOP = "open_loop", "closed_loop"
 #: Samples out of which the speed at the start is had.
 _FIRST = 20
-#: Share by which the length of a log is off: stamps that count from long ago have few digits of it.
+#: Share by which a sample time is off: stamps that count from long ago have few digits for it.
 _OF_STAMPS = 1e-6
 #: Times the error of the open loop, from which on that of the closed one is not the model's; and least fit.
 _OF_CONTROLLER, _CLOSE_ENOUGH = 2.0, 99.95
