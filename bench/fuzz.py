@@ -42,7 +42,7 @@ WARM = (
 #: What a run may leave.
 OUTPUTS = ("out.csv", "out.csv.meta.json", "out.parquet", "out.toml", "out.png", "out.html")
 #: A fault of the package, as it reports one; a library may say of a file that its end was unexpected.
-BAD = re.compile(rb"Traceback|unexpected [A-Z]\w+:|Warning:")
+BAD = re.compile(rb"Traceback|unexpected \w*(?:Error|Exception|Iteration)|Warning:")
 RAW = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]|\xc2[\x80-\x9f]")
 
 

@@ -228,7 +228,7 @@ def test_limits_that_leave_no_room_are_refused(tied: Asked) -> None:
 
 def by_the_search(search: Search, better: Fit, worse: Fit) -> float:
     """Nats, without prices and what stands against sines."""
-    said = [search.evidence(fit) + search.price(fit.terms) + search.strain(fit) for fit in (better, worse)]
+    said = [search.evidence(fit) + search.price(fit.terms) for fit in (better, worse)]
     return said[0] - said[1]
 
 
