@@ -12,6 +12,21 @@ from dsd_cli.signals.log import Log
 T, ROWS, SUB, VISCOUS = 1e-3, 6000, 50, 0.3
 
 
+def moved(u: float, v: float, q: float, axis: tuple[float, float, float]) -> tuple[float, float]:
+    """(speed, position) a sample later of an axis with (inertia, viscous, dry friction) that sticks at rest."""
+    (J, viscous, dry), h = axis, T / SUB
+    for _ in range(SUB):
+        force = u - viscous * v
+        if v == 0.0:
+            then = h * (force - np.sign(force) * min(dry, abs(force))) / J
+        else:
+            then = v + h * (force - np.sign(v) * dry) / J
+            then = 0.0 if then * v < 0.0 else then
+        q += h * 0.5 * (v + then)
+        v = then
+    return v, q
+
+
 def relayed(seed: int, light: float, dry: float, feedback: bool) -> Log:
     """u of +-1 on J = 0.3 `light`, 0.3 v and `dry` of Coulomb friction; by a switch on the position, or at random."""
     rng = np.random.default_rng(seed)
@@ -20,7 +35,7 @@ def relayed(seed: int, light: float, dry: float, feedback: bool) -> Log:
         at += int(rng.integers(20, 400))
         switch.append(at)
     band, amplitude, frequency = rng.uniform(0.005, 0.05), rng.uniform(0.0, 0.5), rng.uniform(0.2, 1.0)
-    J, h, v, q, level = VISCOUS * light, T / SUB, 0.0, 0.0, 1.0
+    J, v, q, level = VISCOUS * light, 0.0, 0.0, 1.0
     channels = np.empty((3, ROWS))
     for k in range(ROWS):
         if feedback:
@@ -29,15 +44,7 @@ def relayed(seed: int, light: float, dry: float, feedback: bool) -> Log:
         elif switch and k == switch[0]:
             level, switch = -level, switch[1:]
         channels[:, k] = level, v, q
-        for _ in range(SUB):
-            force = level - VISCOUS * v
-            if v == 0.0:
-                then = h * (force - np.sign(force) * min(dry, abs(force))) / J
-            else:
-                then = v + h * (force - np.sign(v) * dry) / J
-                then = 0.0 if then * v < 0.0 else then
-            q += h * 0.5 * (v + then)
-            v = then
+        v, q = moved(level, v, q, (J, VISCOUS, dry))
     u, velocity, position = channels
     return Log({"u": u, "velocity": velocity + 0.01 * rng.standard_normal(ROWS), "position": position}, T)
 
@@ -67,22 +74,14 @@ def test_an_inertia_that_takes_a_part_of_u_stays_identified():
 
 def looped(seed: int, J: float = 0.02, dry: float = 0.5, viscous: float = 0.5, late: int = 2) -> Log:
     """Moves under a PD controller, whose u reaches the axis `late` samples later; noise on the logged speed alone."""
-    rng, h, rows = np.random.default_rng(seed), T / SUB, 8000
+    rng, rows = np.random.default_rng(seed), 8000
     t = T * np.arange(rows)
     reference = np.interp(t, np.arange(0.0, 9.0, 0.5), rng.uniform(-1.0, 1.0, 18))
     channels, held, v, q = np.empty((3, rows)), [0.0] * late, 0.0, 0.0
     for k in range(rows):
         held.append(20.0 * (reference[k] - q) - 1.5 * v + 0.3 * np.sin(14.0 * np.pi * t[k]))
         channels[:, k] = held[-1], v, q
-        for _ in range(SUB):
-            force = held[k] - viscous * v
-            if v == 0.0:
-                then = h * (force - np.sign(force) * min(dry, abs(force))) / J
-            else:
-                then = v + h * (force - np.sign(v) * dry) / J
-                then = 0.0 if then * v < 0.0 else then
-            q += h * 0.5 * (v + then)
-            v = then
+        v, q = moved(held[k], v, q, (J, viscous, dry))
     u, velocity, position = channels
     return Log({"u": u, "velocity": velocity + 0.1 * rng.standard_normal(rows), "position": position}, T)
 
