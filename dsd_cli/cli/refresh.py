@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 _QUIETEST = 0.95
 #: Digits of what is written, and share of a value by which a candidate may be off it.
 _DIGITS, _NEAR = 4, 1e-3
+#: Times what suits the model up to which a rho labels as well: it is asked for 1 to 2 times what a model leaves.
+_RHO_SUITS = 2.0
 
 Path = tuple[str, ...]
 
@@ -47,26 +49,27 @@ def put_states(text: str, given: Given, model: PlantModel, wanted: bool) -> tupl
     from dsd_cli.files.config.values_edit import with_keys
 
     if not wanted:
-        return text, lacking(given.settings, model)
+        return text, lacking(given.settings, given, model)
     new = refreshed(given.settings, given, model)
     return (with_keys(text, new.values), f"refreshed: {new.said}") if new.values else (text, "")
 
 
-def lacking(config: Config, model: PlantModel) -> str:
-    """What of a model the candidates of [states] do not have, as one line with the way to mend it; "" if nothing."""
+def lacking(config: Config, given: Given, model: PlantModel) -> str:
+    """What of a model [states] and rho do not have, as one line with the way to mend it; "" if nothing.
+
+    Raises
+    ------
+    DataError : see `evaluate`.
+    """
     if config.states is None:
         return ""
-    missing = [
-        f"{name} {value:.4g}"
-        for name, value, grid in (
-            ("delay", model.delay, config.states.delays),
-            ("inertia", model.inertia, config.states.inertias),
-        )
-        if not _has(grid, value)
-    ]
-    if not missing:
-        return ""
-    return f"{' and '.join(missing)} of [model] is no candidate of [states]: --states puts it there, with rho"
+    grids = ("delay", model.delay, config.states.delays), ("inertia", model.inertia, config.states.inertias)
+    missing = [f"{name} {value:.4g}" for name, value, grid in grids if not _has(grid, value)]
+    said = [f"{' and '.join(missing)} of [model] is no candidate of [states]"] if missing else []
+    rho, suits = config.detector.rho, _rho(given, model, 1.0)
+    if max(rho, suits) > _RHO_SUITS * min(rho, suits):
+        said.append(f"detector.rho = {rho:g} does not suit what the model leaves now ({suits:g} does)")
+    return f"{', and '.join(said)}: --states mends that" if said else ""
 
 
 def refreshed(config: Config, given: Given, model: PlantModel) -> Refreshed:

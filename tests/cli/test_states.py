@@ -28,8 +28,10 @@ def rig(tmp_path: Path) -> Path:
 
 
 def test_improve_lays_the_candidates_around_the_new_model(rig: Path) -> None:
-    said = done("improve", LOG, "--auto", "-o", "plain.toml", cwd=rig).stderr
-    assert "delay 0.001998 and inertia 0.01 of [model] is no candidate of [states]: --states puts it there" in said
+    blunt = ("--set", "detector.rho=0.25")  # of the model that lacked friction, as `dsd init` takes it
+    said = done("improve", LOG, "--auto", *blunt, "-o", "plain.toml", cwd=rig).stderr
+    assert "delay 0.001998 and inertia 0.01 of [model] is no candidate of [states], and detector.rho = 0.25" in said
+    assert "(0.0144 does): --states mends that" in said
     said = done("improve", LOG, "--auto", "--states", "-o", "new.toml", cwd=rig).stderr
     assert "refreshed: states.delays = [0, 0.000767, 0.001998]" in said
     written = tomllib.loads((rig / "new.toml").read_text())

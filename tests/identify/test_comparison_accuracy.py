@@ -8,6 +8,7 @@ import pytest
 from dsd_cli.errors import DataError
 from dsd_cli.identify.compare.evaluation import accuracy, evaluate
 from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.identify.comparison_rig import BELIEVED, OBSERVER, T, recorded, rng
@@ -97,7 +98,8 @@ def test_what_cannot_be_compared_is_said():
     observer, columns = ObserverSettings(JN, 0.2), _log()
     with pytest.raises(DataError, match="too short"):
         evaluate([prepare(Log({k: x[:480] for k, x in columns.items()}, T), observer)], PlantModel(J), observer)
-    slow = {**_log(), "t": 10 * T * np.arange(N)}
-    pair = [prepare(Log(columns, T), observer), prepare(Log(slow, 10 * T), observer)]
-    with pytest.raises(DataError, match="sample times differ"):
-        evaluate(pair, PlantModel(J), observer)
+    slow = {**_log(), "t": 1.07 * T * np.arange(N)}
+    pair = [prepare(Log(columns, T), observer), prepare(Log(slow, 1.07 * T), observer)]
+    for command in (lambda: evaluate(pair, PlantModel(J), observer), lambda: diagnose(pair, PlantModel(J), observer)):
+        with pytest.raises(DataError, match=r"0\.00214 s between samples, .* has 0\.002 s"):
+            command()

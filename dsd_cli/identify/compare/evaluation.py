@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.errors import DataError, TooShort
-from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.errors import TooShort
+from dsd_cli.identify.recordings.recording import Recording, check_one_rate
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import Frame, predict_d_hat
 from dsd_cli.signals.log import Array, Log
@@ -20,8 +20,6 @@ UNFILLED = 2
 SETTLED = 5.0
 #: Fewest samples that are judged.
 FEWEST = 50
-#: Logs are of one rate whose sample times are no further apart than this share.
-OTHER_RATE = 0.05
 
 
 @dataclass(frozen=True)
@@ -119,19 +117,16 @@ def evaluate(recordings: Sequence[Recording], model: PlantModel, observer: Obser
     """
     positive = replace(observer, sign=1)
     lead = model.delay + SETTLED * observer.time_constant
-    sample_time = recordings[0].sample_time
+    check_one_rate(recordings)
     stretches, skipped = [], 0
     for recording in recordings:
-        if abs(recording.sample_time - sample_time) > OTHER_RATE * sample_time:
-            found = f"{recording.sample_time:g} s and {sample_time:g} s"
-            raise DataError(f"{recording.name}: sample times differ ({found})", "compare these logs one by one")
         own = replace(model, rest_speed=max(model.rest_speed, recording.rest_speed))
         for piece in recording.pieces:
             stretch = _stretch(recording.name, piece, own, positive, lead)
             skipped += min(stretch.first, len(piece))
             if stretch.first < len(piece):
                 stretches.append(stretch)
-    evaluation = Evaluation(model, positive, tuple(stretches), lead, skipped, sample_time)
+    evaluation = Evaluation(model, positive, tuple(stretches), lead, skipped, recordings[0].sample_time)
     if sum(len(s.log) - s.first for s in stretches) < FEWEST:
         raise TooShort(
             f"{recordings[0].name}: too short: fewer than {FEWEST} samples are left after the first {lead:g} s",

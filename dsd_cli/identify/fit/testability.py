@@ -8,19 +8,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dsd_cli.effects import catalogue, get_effect, kind_of
-from dsd_cli.errors import DataError, TooShort, UsageError
+from dsd_cli.errors import DataError, TooShort
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.ranges import ranges
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.levels import Deviations
-from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.recordings.recording import Recording, check_one_rate
 from dsd_cli.plant.model import PlantModel
 
 #: Motion below this share of the largest position or speed is rounding.
 _ROUNDING = 1e-7
-#: Logs are of one rate whose sample times are no further apart than this share.
-_OTHER_RATE = 0.1
 
 
 @dataclass(frozen=True)
@@ -69,13 +67,7 @@ def candidates_of(
 
 
 def check_recordings(recordings: Sequence[Recording], model: PlantModel) -> None:
-    first = recordings[0]
-    for other in recordings[1:]:
-        if abs(other.sample_time - first.sample_time) > _OTHER_RATE * first.sample_time:
-            raise UsageError(
-                f"{other.name}: {other.sample_time:g} s between samples, {first.name} has {first.sample_time:g} s",
-                "fit logs of one rate together",
-            )
+    check_one_rate(recordings)
     for recording in recordings:
         for channel, effect in model.needs().items():
             if channel in recording.missing:

@@ -144,6 +144,21 @@ def _walk(pieces: Sequence[Log], observer: ObserverSettings) -> float:
     return float(noise * np.sqrt(pieces[0].sample_time) / observer.nominal_inertia)
 
 
+#: Logs are of one rate whose sample times are no further apart than this share.
+_OTHER_RATE = 0.05
+
+
+def check_one_rate(recordings: Sequence[Recording]) -> None:
+    """Raises DataError where sample times differ."""
+    first = recordings[0]
+    for other in recordings[1:]:
+        if abs(other.sample_time - first.sample_time) > _OTHER_RATE * first.sample_time:
+            raise DataError(
+                f"{other.name}: {other.sample_time:g} s between samples, {first.name} has {first.sample_time:g} s",
+                "logs that go together are of one rate: give these one by one",
+            )
+
+
 #: Samples of the shortest stretch that is used.
 _SHORTEST = 50
 #: Times the least noise of all samples, from which on the smoothing had to end early at one.
