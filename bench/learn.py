@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from bench.learn_page import put
+from bench.engines import ROOT
 from bench.learn_truth import law_error
+from bench.marked import put
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.testability import Settings
@@ -54,6 +55,7 @@ FORMS = {
 }
 
 
+PAGE = ROOT / "docs" / "measured" / "learn.md"
 #: Errors of a row, as the table has them.
 _HELD_OUT, _SECOND = ("before", "after", "exact_law", "true"), ("second", "second_exact_law", "second_true")
 
@@ -236,7 +238,7 @@ def main(arguments: list[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     if given.page:
         rows = [Row(**json.loads(line)) for path in given.page for line in Path(path).read_text().splitlines()]
-        put("rig", [*(f"- {line}" for line in summary(rows)), "", *table(rows)])
+        put(PAGE, "rig", [*(f"- {line}" for line in summary(rows)), "", *table(rows)])
         return
     more = runpy.run_path(given.laws_from)["LAWS"] if given.laws_from else {}
     out = Path(given.output)

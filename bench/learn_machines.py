@@ -18,8 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from bench.engines import ROOT, Asked, Engine
-from bench.learn_page import put
+from bench.learn import PAGE
 from bench.machines_cases import RECORDED, Recorded
+from bench.marked import put
 
 RESULTS = Path(__file__).parent / "results" / "learn_machines.json"
 Row = dict[str, Any]
@@ -81,7 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         engine.close()
     print("\n".join(table(rows)))
     if options.page:
-        put("machines", table(rows))
+        put(PAGE, "machines", table(rows))
 
 
 def ask(case: Recorded, unseen: Sequence[str], engine: Asked) -> Row:

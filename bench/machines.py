@@ -18,11 +18,10 @@ from typing import Any
 
 from bench.engines import ROOT, Asked, Engine
 from bench.machines_cases import RECORDED, Recorded
+from bench.marked import put
 
 RESULTS = Path(__file__).parent / "results" / "machines.json"
 PAGE = ROOT / "docs" / "measured" / "machines.md"
-#: Between these lines of the page stands what `--page` writes.
-BEGIN, END = "<!-- python -m bench machines --page -->", "<!-- end of it -->"
 Row = dict[str, Any]
 
 
@@ -45,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     lines = [line for name in names for line in ("", f"{name}:", "", *table([r for r in rows if r["engine"] == name]))]
     print("\n".join(lines))
     if options.page:
-        _write([r for r in rows if r["engine"] == names[0]])
+        put(PAGE, "machines", table([r for r in rows if r["engine"] == names[0]]))
 
 
 def _asked(engine: Engine, cases: Sequence[Recorded], rows: list[Row], output: Path) -> list[Row]:
@@ -170,13 +169,6 @@ def _values(row: Row) -> str:
         mark = " **off**" if name in row["off"] else ""
         parts.append(f"{name.split('.')[0]} {found['value']:.3g}{spread} ({published:.3g}){mark}")
     return "; ".join(parts)
-
-
-def _write(rows: Sequence[Row]) -> None:
-    text = PAGE.read_text(encoding="utf-8")
-    before, _, rest = text.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    PAGE.write_text(f"{before}{BEGIN}\n" + "\n".join(table(rows)) + f"\n{END}{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":

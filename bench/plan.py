@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.learn_page import put
+from bench.marked import put
 from bench.plan_page import PAGE, figures
 from dsd_cli.errors import DsdError
 from dsd_cli.identify.design.plan import Wanted, plan_next
@@ -282,7 +282,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--page", action="store_true", help="write the figures of what was asked into the page")
     options = parser.parse_args(arguments)
     if options.page:
-        put("rig", figures(_kept_rows()), PAGE)
+        put(PAGE, "rig", figures(_kept_rows()))
         return
     asked, most = one, options.most
     for name in ("loops", "limits", "impossible"):

@@ -1,30 +1,34 @@
-"""What the studies of `dsd learn` write into their page."""
+"""What studies write between the marks of a page, and the rows of real machines with a learnt law."""
 
 import json
 
-from bench import learn_page
+import pytest
+
+from bench.learn import PAGE
 from bench.learn_machines import CASES, ask, table
+from bench.machines import PAGE as MACHINES
 from bench.machines_cases import RECORDED
+from bench.marked import put
+from bench.plan_page import PAGE as PLAN
 
 
-def test_a_part_of_the_page_is_written_and_the_rest_stays(tmp_path, monkeypatch):
+def test_a_part_of_the_page_is_written_and_the_rest_stays(tmp_path):
     page = tmp_path / "learn.md"
     page.write_text(
         "# A\n\n<!-- rig -->\n\nold\n\n<!-- end of rig -->\n\nB\n\n<!-- machines -->\n<!-- end of machines -->\n"
     )
-    monkeypatch.setattr(learn_page, "PAGE", page)
     for _ in range(2):
-        learn_page.put("rig", ["new", "lines"])
+        put(page, "rig", ["new", "lines"])
     wanted = (
         "# A\n\n<!-- rig -->\n\nnew\nlines\n\n<!-- end of rig -->\n\nB\n\n<!-- machines -->\n<!-- end of machines -->\n"
     )
     assert page.read_text() == wanted
 
 
-def test_the_page_has_a_place_for_every_part():
-    text = learn_page.PAGE.read_text(encoding="utf-8")
-    for part in ("rig", "machines"):
-        assert text.count(f"<!-- {part} -->") == text.count(f"<!-- end of {part} -->") == 1
+@pytest.mark.parametrize(("page", "part"), [(PAGE, "rig"), (PAGE, "machines"), (MACHINES, "machines"), (PLAN, "rig")])
+def test_the_page_has_a_place_for_every_part(page, part):
+    text = page.read_text(encoding="utf-8")
+    assert text.count(f"<!-- {part} -->") == text.count(f"<!-- end of {part} -->") == 1
 
 
 def test_a_machine_without_a_law_has_one_error_and_the_reason():
