@@ -108,16 +108,15 @@ def ask(case: Recorded, unseen: Sequence[str], engine: Asked) -> Row:
         found = run("improve", *logs, "-c", "dsd.toml", "--auto", "--learn", "-o", "better.toml", *first)
         if "error" in found:
             return {"said": found["error"], "learnt": "", "before": None, "after": None, "unit": ""}
-        top = found["ladder"][-1]
-        learnt = top["kind"] == "learnt"
-        row: Row = {
-            "said": found["stopped"],
-            "learnt": top["effect"] if learnt else "",
-            "unit": found.get("unit") or "",
-        }
+        learnt = [step["effect"] for step in found["ladder"] if step["kind"] == "learnt"]
+        row: Row = {"said": found["stopped"], "learnt": "".join(learnt), "unit": found.get("unit") or ""}
         row["after"] = _left(run("compare", *second, "-c", "better.toml")) if learnt else None
-        if learnt:
-            engine.run("improve", "-c", "better.toml", "--undo", "-o", "before.toml", cwd=here)
+        for i, step in enumerate(
+            reversed(found["ladder"]) if learnt else ()
+        ):  # stand-ins that the law made needless too
+            engine.run("improve", "-c", "before.toml" if i else "better.toml", "--undo", "-o", "before.toml", cwd=here)
+            if step["kind"] == "learnt":
+                break
         return row | {"before": _left(run("compare", *second, "-c", "before.toml" if learnt else "better.toml"))}
 
 

@@ -112,24 +112,28 @@ class Files:
         return self
 
 
-def learnt_from(given: Given, progress: object) -> Learnt:
-    """What these logs teach, in the user's units."""
+def learnt_from(given: Given, progress: object, stand_ins: tuple[str, ...] = ()) -> Learnt:
+    """What these logs teach, in the user's units; stand_ins: effects that are taken back if needless."""
     from dataclasses import replace
 
     from dsd_cli.identify.learn.learning import learn as run
     from dsd_cli.identify.results import in_units
 
     units = given.settings.signals.units
-    found = run(given.recordings, given.model, given.engine_settings, given.holdout, progress)  # type: ignore[arg-type]
+    found = run(given.recordings, given.model, given.engine_settings, given.holdout, progress, stand_ins)  # type: ignore[arg-type]
     formula = found.formula
     if formula is not None:
         formula = replace(formula, parameters=in_units(formula.parameters, units))
-    return replace(found, units=units, estimates=in_units(found.estimates, units), formula=formula)
+    estimates, rungs = in_units(found.estimates, units), in_units(found.rungs, units)
+    return replace(found, units=units, formula=formula, estimates=estimates, rungs=rungs)
 
 
 def with_learnt(ladder: Ladder, given: Given, progress: object) -> tuple[Ladder, Learnt | None]:
-    """(the ladder with one rung more, where it ends in `unknown` and a law lowers the held-out error further; what was
-    learnt, None where that was not asked)."""
+    """(the ladder with the law as a rung, where it ends in `unknown` and a law lowers the held-out error further, less
+    the effects that only stood in for the law; what was learnt, None where that was not asked).
+
+    What is missing and unexplained at the end is of the model with the law.
+    """
     from dataclasses import replace
 
     from dsd_cli.identify.results import UNKNOWN
@@ -137,14 +141,22 @@ def with_learnt(ladder: Ladder, given: Given, progress: object) -> tuple[Ladder,
     top = ladder.steps[-1]
     if ladder.verdict != UNKNOWN:
         return ladder, None
-    found = learnt_from(replace(given, model=top.model), progress)
-    steps = found.steps()
-    if not steps or not steps[0].score.heldout_rmse < top.score.heldout_rmse:
+    taken = tuple(name for name in top.model.effects if name not in ladder.steps[0].model.effects)
+    found = learnt_from(replace(given, model=top.model), progress, taken)
+    if not found.rungs or not found.after.heldout_rmse < top.score.heldout_rmse:
         why = found.why or "the error does not fall"
         return replace(ladder, stopped=f"{ladder.stopped}; no law was learnt ({why})"), found
-    rung = replace(steps[0], step=top.step + 1)
-    steps, stopped = (*ladder.steps, rung), in_short(found)
-    return replace(ladder, steps=steps, values=found.estimates, correlations=(), stopped=stopped), found
+    rungs = (replace(rung, step=top.step + 1 + i) for i, rung in enumerate(found.rungs))
+    at_end = replace(
+        ladder,
+        steps=(*ladder.steps, *rungs),
+        values=found.estimates,
+        correlations=(),
+        missing=tuple(one for one in ladder.missing if one.effect in found.model.effects),
+        last=replace(ladder.last, unexplained=found.unexplained),
+        stopped=in_short(found),
+    )
+    return at_end, found
 
 
 def in_short(found: Learnt) -> str:
@@ -169,7 +181,7 @@ def put_files(found: Learnt, given: Given, files: Files, origin: Origin, logs: t
     law = files.law if found.formula is not None and not found.formula.known else None
     curve = files.curve if found.verdict == LEARNT else None
     if files.config is not None:
-        text = with_steps(origin.text, found.score, found.steps(), logs, found.units)
+        text = with_steps(origin.text, found.score, found.rungs, logs, found.units)
         put_config(files.config, text, origin)
     if law is not None and found.formula is not None:
         write_whole(str(law), found.formula.source.encode())

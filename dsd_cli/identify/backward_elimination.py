@@ -40,7 +40,7 @@ def ended(
 
     Parameters
     ----------
-    given : the model as it was; its own effects are never taken out.
+    given : the model as it was; its own effects are never taken out, nor is what `reached` took last.
     """
     added = tuple(name for name in reached.effects if name not in given.effects)
     reached = settings.known.applied(reached)
@@ -50,7 +50,7 @@ def ended(
     terms = terms_of(problem.solver.known.applied(reached))
     tap = round(reached.delay / problem.solver.bank.tap_time)
     search = Search(problem.measured_again(search.fit(terms, tap)))
-    fit, gone, newest = search.converged(search.fit(terms, tap)), "", added[-1] if added else ""
+    fit, gone, newest = search.converged(search.fit(terms, tap)), "", next(reversed([*reached.effects]), "")
     while True:
         yield _ended(search, fit, gone)
         found = _needless(search, fit, newest)

@@ -127,9 +127,14 @@ def final_line(result: Ladder) -> str:
     if len(result.steps) == 1 and refitted not in ("-", error(last.heldout_rmse)):
         line += f" ({refitted} with the values of [model] fitted again)"
     judged = result.verdict in (NONE, UNKNOWN) or result.verdict == result.last.verdict
-    if judged and result.steps[-1].kind != LEARNT:  # the last diagnosis is of the model without what was learnt
+    if judged and not learnt(result):  # the last diagnosis is of the model without what was learnt
         line += f"; {verdict_line(_judged(result))}"
     return f"{line}; stopped: {result.stopped}" if result.stopped else line
+
+
+def learnt(result: Ladder) -> bool:
+    """Whether the model at the end has a law that was learnt."""
+    return any(step.kind == LEARNT for step in result.steps)
 
 
 def _judged(result: Ladder) -> Diagnosis:
@@ -147,7 +152,7 @@ def step_line(step: Step, before: Step | None) -> str:
     """One rung, as it is taken."""
     fell = f" ({change_text(before.score.heldout_rmse, step.score.heldout_rmse)})" if before else ""
     values = values_text(without_errors(own(step))) if before and step.kind != "taken back" else ""
-    return f"step {step.step}: {_done(step)}: held-out force error {error(step.score.heldout_rmse)}{fell}" + (
+    return f"step {step.step}: {done(step)}: held-out force error {error(step.score.heldout_rmse)}{fell}" + (
         f"; {values}" if values else ""
     )
 
@@ -163,7 +168,7 @@ def print_ladder(report: LadderReport, file: Any) -> None:
     table.columns[2].justify = "left"
     for i, step in enumerate(result.steps):
         table.add_row(
-            named(f"{step.step} {_done(step)}", brought(step, result)),
+            named(f"{step.step} {done(step)}", brought(step, result)),
             error(errors[i]),
             bar(errors[i], top, _encoding(file)),
             fall_text(errors[i - 1], errors[i]) if i else "",
@@ -204,7 +209,8 @@ def print_legend(console: Any, units: Units) -> None:
         console.print(units.legend)
 
 
-def _done(step: Step) -> str:
+def done(step: Step) -> str:
+    """What a step did, in words."""
     return f"{step.effect} {step.kind}" if step.kind in ("taken back", "learnt") else step.effect
 
 

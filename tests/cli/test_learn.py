@@ -187,6 +187,8 @@ def test_the_report_shows_the_law_and_its_rung(spot):
     assert size[1] < 0.1 * size[0]
     assert 'data-chart="law-0"' in page
     assert "<h3>What was learnt (dsd learn)</h3>" in page
+    assert "a law was learnt" in page  # the card is of the model at the end
+    assert "something unknown" not in page
 
 
 def test_a_law_that_the_catalogue_has_is_said_to_be_that():

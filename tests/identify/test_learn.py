@@ -101,8 +101,12 @@ def test_every_term_has_a_file_that_is_the_same_law(kind: Kind, tmp_path):
     ],
 )
 def test_channels_formula_and_a_falling_error(law, channels, effects):
+    """A drag that the machine has not is taken back beside the law; dry friction stays where the law has none."""
     log, recording, model = asked(law)
-    found = learn([recording], model)
+    model = model.changed(effects={"quadratic_drag": {"coefficient": 0.1 * log.inertia}})
+    found = learn([recording], model, stand_ins=("quadratic_drag", "coulomb_friction"))
+    gone = [rung.effect for rung in found.rungs if rung.kind == "taken back"]
+    assert gone == ["quadratic_drag", *(["coulomb_friction"] if law == "lugre" else [])]  # bristles have dry friction
     assert (found.verdict, set(found.channels)) == ("learnt", channels)
     assert found.after.heldout_rmse < 0.15 * found.refitted.heldout_rmse
     assert found.model.inertia == pytest.approx(log.inertia, rel=0.02)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from dsd_cli.effects import get_effect
+from dsd_cli.identify.backward_elimination import Ended, ended
 from dsd_cli.identify.fit.driven_load import with_driven_load
 from dsd_cli.identify.fit.problem import Problem, pose
 from dsd_cli.identify.fit.testability import Settings
@@ -17,11 +18,14 @@ from dsd_cli.identify.learn.judge import LawFit
 from dsd_cli.identify.learn.results import LEARNT, NOT_OF_MOTION, NOTHING, Learnt, Tie
 from dsd_cli.identify.learn.rows import Balance, balance_of
 from dsd_cli.identify.learn.words import of_several, separating
+from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.identify.results import INERTIA, Score
+from dsd_cli.identify.results import INERTIA, Score, Step, StepKind
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.discrepancy import discrepancy_of
+from dsd_cli.identify.verdict.two_numbers import unexplained_of
 from dsd_cli.plant.model import PlantModel
 
 Progress = Callable[[str, float], None]
@@ -33,6 +37,7 @@ def learn(
     settings: Settings | None = None,
     holdout: Sequence[Recording] = (),
     progress: Progress = lambda _what, _share: None,
+    stand_ins: Sequence[str] = (),
 ) -> Learnt:
     """What the model lacks, as a law of the channels, if there is one; else why not.
 
@@ -40,6 +45,7 @@ def learn(
     ----------
     recordings : of one machine. model : what it is believed to be; its values are fitted along.
     holdout : recordings that no fit sees; the held-out errors are then theirs.
+    stand_ins : effects of the model that are taken back where they are needless beside the law.
 
     Raises
     ------
@@ -56,7 +62,7 @@ def learn(
     scores = Scores(recordings, holdout, model, settings)
     if chosen.refused or not chosen.fit.laws[0].family.of_motion:
         return _nothing(chosen, scores, recordings, holdout)
-    found = _learnt(chosen, scores, recordings, holdout)
+    found = _learnt(chosen, scores, stand_ins)
     was = min(scores.given.rmse, scores.refitted.rmse)
     if found.after.rmse > (1.0 - POLICY.unknown_fall) * was:
         # few blocks, in which the model's own values hardly hold without each other, make any law look good
@@ -73,13 +79,18 @@ class Scores:
         self, recordings: Sequence[Recording], holdout: Sequence[Recording], model: PlantModel, settings: Settings
     ) -> None:
         self.recordings, self.holdout, self.model, self.settings = recordings, holdout, model, settings
-        self.problem = pose(recordings, model, replace(settings, effects=()), holdout)
+        self.problem = self.of(model)
         self.given = self.problem.errors.of_model(self.problem.model)
         self.search = Search(self.problem)
         self.refitted = self.problem.score(self.search.refit)
 
-    def with_law(self, model: PlantModel, held: Sequence[str]) -> Problem:
-        """The problem of a model with the law in it; the inertia, or all values of an effect, that are held stay."""
+    def of(self, model: PlantModel) -> Problem:
+        """A model and nothing to add to it."""
+        return pose(self.recordings, model, replace(self.settings, effects=()), self.holdout)
+
+    def with_law(self, model: PlantModel, held: Sequence[str], stand_ins: Sequence[str]) -> Iterator[Ended]:
+        """A model with the law in it, then one less for every stand-in that is needless beside it; the inertia, or all
+        values of an effect, that are held stay."""
         fixed = {INERTIA: model.inertia} if INERTIA in held else {}
         fixed |= {
             f"{name}.{p.name}": float(model.effects[name][p.name])
@@ -90,50 +101,64 @@ class Scores:
         }
         known = self.settings.known
         known = replace(known, fixed={**fixed, **known.fixed}) if fixed else known
-        return pose(self.recordings, model, replace(self.settings, effects=(), known=known), self.holdout)
+        own = {name: values for name, values in model.effects.items() if name not in set(stand_ins) - set(held)}
+        return ended(
+            self.recordings, replace(model, effects=own), model, replace(self.settings, known=known), self.holdout
+        )
+
+    def rung(self, end: Ended, heldout: float, tabled: Iterable[str]) -> Step:
+        """A rung of the ladder, its tables with the scale in; `heldout`: of the law, on the rows that chose it."""
+        model = end.model.changed(effects={name: with_scale_in(end.model.effects[name]) for name in tabled})
+        score = self.problem.errors_for(model, self.recordings).of_model(model)
+        if self.holdout:
+            heldout = self.problem.errors_for(model, self.holdout).of_model(model).rmse
+        values = {name: one for name, one in end.values.items() if name.partition(".")[0] not in tabled}
+        kind: StepKind = "taken back" if end.without else "learnt"
+        return Step(1, end.without, replace(score, heldout_rmse=heldout), values, model, kind)
 
 
-def _learnt(chosen: Choice, scores: Scores, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Learnt:
+def _learnt(chosen: Choice, scores: Scores, stand_ins: Sequence[str]) -> Learnt:
     fit, judge = chosen.fit, chosen.judge
     formula = formula_of(chosen)
     curves = effects_of(fit, scores.problem.model)
     by_formula = {} if formula is None else dict(formula.effects)
     laws = by_formula or curves
     fit = formula.fit if formula is not None and by_formula else fit
-    tabled = formula is None or not (by_formula and formula.known)
-    balance: Balance = judge.balance
-    begun = scores.problem.model.changed(inertia=_inertia(fit, balance), effects=laws)
-    problem = scores.with_law(begun, _held(fit, balance, laws))
-    known = problem.values(Search(problem).refit)
-    model = known.model
-    if tabled:
-        model = model.changed(effects={name: with_scale_in(model.effects[name]) for name in laws})
-    after = problem.errors_for(model, recordings).of_model(model)
-    heldout = chosen.rmse(fit)
-    if holdout:
-        heldout = problem.errors_for(model, holdout).of_model(model).rmse
-    estimates = {name: one for name, one in known.estimates.items() if not (tabled and name.partition(".")[0] in laws)}
+    known = formula is not None and bool(by_formula) and formula.known
+    begun = scores.problem.model.changed(inertia=_inertia(fit, judge.balance), effects=laws)
+    ends = scores.with_law(begun, _held(fit, judge.balance, laws), stand_ins)
+    rungs = [scores.rung(end, chosen.rmse(fit), () if known else tuple(laws)) for end in ends]
+    rungs[0] = replace(rungs[0], effect=next(iter(laws)))
+    last, problem = rungs[-1], scores.of(rungs[-1].model)
     families = [law.family for law in chosen.fit.laws]
     return Learnt(
-        logs=tuple(r.name for r in recordings),
+        logs=tuple(r.name for r in scores.recordings),
         verdict=LEARNT,
         family=of_several(families),
         channels=tuple(dict.fromkeys(name for family in families for name in family.on)),
         curves=curves_of(chosen.fit, judge, list(curves), chosen.finer),
         formula=None if formula is None else formula.formula,
         score=scores.given,
-        refitted=_held_out(scores.refitted, chosen, chosen.base, holdout),
-        after=replace(after, heldout_rmse=heldout),
-        model=model,
-        estimates=estimates,
+        refitted=_held_out(scores.refitted, chosen, chosen.base, scores.holdout),
+        after=last.score,
+        model=last.model,
+        estimates=last.estimates,
         ceiling=chosen.rmse(chosen.richest),
         band_hz=problem.equations.band.hz,
         floor=problem.floor,
         ties=tuple(_tie(chosen, one) for one in chosen.tied),
-        notes=_notes(chosen, problem, heldout),
+        notes=_notes(problem, last.score.heldout_rmse),
         views=views_of(chosen.fit, judge),
-        held_out=tuple(r.name for r in holdout),
+        held_out=tuple(r.name for r in scores.holdout),
+        rungs=tuple(rungs),
+        unexplained=_unexplained(problem),
     )
+
+
+def _unexplained(problem: Problem) -> Unexplained:
+    """What a model with the law leaves, by the rule of a diagnosis."""
+    search = Search(problem)
+    return unexplained_of(search, search.refit, discrepancy_of(search, search.refit), POLICY.surest)
 
 
 def _inertia(fit: LawFit, balance: Balance) -> float:
@@ -160,7 +185,7 @@ def _tie(chosen: Choice, other: LawFit) -> Tie:
     return Tie(of_several(families), families[-1].on, chosen.rmse(other), separating(own[-1], families[-1]))
 
 
-def _notes(chosen: Choice, problem: Problem, heldout: float) -> tuple[str, ...]:
+def _notes(problem: Problem, heldout: float) -> tuple[str, ...]:
     if heldout <= problem.least_missing:
         return ()
     share = 100.0 * heldout / max(problem.errors.force, 1e-300)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.results import Estimate, Estimates, Score, Step
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
@@ -93,6 +94,8 @@ class Learnt:
     score : of the model as given; refitted : with its own values fitted; after : with the law in it.
     model : with the law; estimates : its values. ceiling : held-out error of the best free-form law of all.
     why : one sentence where nothing is learnt. notes : what else is to be known.
+    rungs : of the ladder, the law and the stand-ins that are taken back beside it; none where nothing was learnt.
+    unexplained : what the model with the law leaves.
     """
 
     logs: tuple[str, ...]
@@ -114,14 +117,7 @@ class Learnt:
     notes: tuple[str, ...] = ()
     held_out: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    rungs: tuple[Step, ...] = ()
+    unexplained: Unexplained = field(default_factory=Unexplained)
     views: tuple[View, ...] = field(default=(), compare=False, repr=False)
     units: Units = field(default_factory=Units)
-
-    def steps(self) -> tuple[Step, ...]:
-        """The rung of the ladder that it is; none where nothing was learnt."""
-        if self.verdict != LEARNT:
-            return ()
-        formula = self.formula
-        known = formula is not None and formula.effects[0] in self.model.effects
-        name = formula.effects[0] if formula is not None and known else self.curves[0].effect
-        return (Step(1, name, self.after, self.estimates, self.model, "learnt"),)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from dsd_cli.identify.fit.values import flat
-from dsd_cli.identify.results import Estimate, Ladder, Step, without_errors
+from dsd_cli.identify.results import Estimate, Ladder, without_errors
 from dsd_cli.report.diagnosis import stability_line
-from dsd_cli.report.ladder import brought
+from dsd_cli.report.ladder import brought, done
 from dsd_cli.report.names import error, estimate_text, fall_text, force_error, in_words
 from dsd_cli.report.page.html import Html, bar, joined, left, listing, name, table, tag, typeset
 from dsd_cli.report.page.learnt_part import learnt_part
@@ -60,7 +60,7 @@ def _rungs(result: Ladder) -> Html:
         values = [typeset(f"{key} {estimate_text(e)}") for key, e in brought(step, result).items()]
         rows.append(
             (
-                left(f"{step.step} ", tag("b", name(_done(step))), listing(values, "values")),
+                left(f"{step.step} ", tag("b", name(done(step))), listing(values, "values")),
                 tag("td", error(errors[i]), bar(_log_share(errors[i], low, high), "strong")),
                 fall_text(errors[i - 1], errors[i]) if i else "",
                 f"{step.score.fit_percent:.1f} %" if math.isfinite(step.score.fit_percent) else "-",
@@ -80,17 +80,13 @@ def _log_share(value: float, low: float, high: float) -> float:
     return math.log(value / low) / math.log(high / low)
 
 
-def _done(step: Step) -> str:
-    return f"{step.effect} taken back" if step.kind == "taken back" else step.effect
-
-
 def _chooser(result: Ladder) -> Html:
     """Buttons; the script makes them work."""
     last = len(result.steps) - 1
     buttons = [
         tag(
             "button",
-            f"{step.step} {_done(step)}",
+            f"{step.step} {done(step)}",
             type="button",
             role="radio",
             aria_checked="true" if step.step == last else "false",
@@ -116,7 +112,7 @@ def _chosen(result: Ladder, i: int) -> Html:
     heads = ("value", "as given" if i == 0 else "at this step", "" if i == 0 else "the step before")
     return tag(
         "details",
-        tag("summary", f"Values of step {step.step}: {_done(step)}"),
+        tag("summary", f"Values of step {step.step}: {done(step)}"),
         table(heads, rows),
         class_="step",
         data_step=i,

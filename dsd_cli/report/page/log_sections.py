@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import PurePath
 
 from dsd_cli.identify.checks import CheckResult
+from dsd_cli.identify.results import Ladder
 from dsd_cli.report.checks import answers_little, facts, verdict
 from dsd_cli.report.detection import Detection
-from dsd_cli.report.ladder import final_line
+from dsd_cli.report.ladder import final_line, learnt
 from dsd_cli.report.names import change_text, error, percent
 from dsd_cli.report.page.html import Html, bar, joined, left, listing, table, tag, typeset
 from dsd_cli.report.page.parts import badge, missing, panel, section
@@ -75,10 +77,19 @@ def _cards(story: Story) -> list[Html]:
     cards.append(_card("held-out force error", figure, f"{unit} · {fell}", ""))
     steps = len(ladder.steps) - 1
     cards.append(_card("steps taken", str(steps), ", ".join(s.effect for s in ladder.steps[1:]) or "none", ""))
+    cards.append(_at_the_end(ladder))
+    return cards
+
+
+def _at_the_end(ladder: Ladder) -> Html:
+    """The verdict on the model at the end; where a law was learnt, what that leaves."""
+    left = ladder.last.unexplained
+    if learnt(ladder) and math.isfinite(left.share_of_u):
+        kind = "good" if left.probability < 0.5 else "warn"
+        return _card("at the end", "a law was learnt", f"{percent(left.share_of_u)} of u stays unexplained", kind)
     kind = "good" if ladder.verdict == "none" else "warn"
     what = {"none": "nothing is missing", "unknown": "something unknown"}.get(ladder.verdict, ladder.verdict)
-    cards.append(_card("at the end", what, f"probability {percent(ladder.last.probability)}", kind))
-    return cards
+    return _card("at the end", what, f"probability {percent(ladder.last.probability)}", kind)
 
 
 def _card(name: str, figure: str, below: str, kind: str) -> Html:
