@@ -18,6 +18,8 @@ from tests.cli.terminal import terminal
 ROOT = Path(__file__).parents[2]
 SAMPLES = ROOT / "sample_logs"
 LOG = SAMPLES / "servo-friction.csv"
+#: Of a u whose unit the config has; "per unit of u" is of the gain of a drive.
+UNNAMED = re.compile(r"(?<!per )unit of u")
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +69,7 @@ def test_eighty_columns_cut_no_word(rig, command):
         with terminal(*command.split(), cwd=rig / "runs/today", columns=columns, lines=200) as screen:
             assert screen.finish(120) == 0, screen.text
             shown.append(re.sub(r"\d+\.\d+ s\b", "", screen.text))
+    assert not UNNAMED.search(shown[1])
     assert "…" not in shown[0]
     times = re.compile(r"\d+(\.\d+)?")  # of what takes how long, which differs from run to run
     lost = {word for word in words(shown[1]) - words(shown[0]) if not times.fullmatch(word)}
@@ -76,24 +79,17 @@ def test_eighty_columns_cut_no_word(rig, command):
 @pytest.mark.parametrize(
     "command",
     [
-        "check raw.csv",
-        "compare raw.csv",
-        "compare raw.csv --horizon simulation",
-        "diagnose raw.csv --to 1",
         "add raw.csv coulomb_friction --to 1 -o added.toml",
-        "improve raw.csv --to 1 --auto",
         "learn raw.csv --to 1 -o learnt.toml",
         "plan raw.csv -o next.csv --seconds 4",
-        "detect raw.csv",
-        "detect raw.csv --method dsd,average",
-        "tune raw.csv",
         "observe raw.csv -o seen.csv",
     ],
 )
 def test_the_unit_of_u_is_named_where_the_config_names_it(rig, command):
+    """Of the other commands the test above asks it."""
     ran = dsd(*command.split(), cwd=rig)
     assert ran.returncode == 0, ran.stderr
-    assert not re.search(r"(?<!per )unit of u", ran.stdout + ran.stderr)  # "per unit of u" is of the gain of a drive
+    assert not UNNAMED.search(ran.stdout + ran.stderr)
 
 
 def test_no_unit_is_no_empty_bracket():

@@ -62,11 +62,22 @@ def rmse(folder, config, log="log.csv"):
     return json.loads(done("compare", log, "-c", config, "--format", "json", cwd=folder).stdout)["force"]["rmse"]
 
 
-def test_the_law_goes_into_a_config_that_works_by_itself(spot):
-    folder, _ = spot
-    more = ("--curve", "law.csv", "--plot", "law.png", "--holdout", "other.csv", "--format", "json")
-    ran = done("learn", "log.csv", "-c", "model.toml", "-o", "better.toml", *more, cwd=folder)
-    result = json.loads(ran.stdout)
+@pytest.fixture(scope="module")
+def learnt(spot):
+    """What `learn` says, and every file that it writes."""
+    files = ("-o", "better.toml", "--curve", "law.csv", "--law-file", "law.py", "--plot", "law.png")
+    command = ("learn", "log.csv", "-c", "model.toml", *files, "--holdout", "other.csv", "--format", "json")
+    return json.loads(done(*command, cwd=spot[0]).stdout)
+
+
+@pytest.fixture(scope="module")
+def improved(spot):
+    command = ("improve", "log.csv", "-c", "model.toml", "--auto", "--learn", "-o", "rung.toml", "--format", "json")
+    return json.loads(done(*command, cwd=spot[0]).stdout)
+
+
+def test_the_law_goes_into_a_config_that_works_by_itself(spot, learnt):
+    folder, result = spot[0], learnt
     assert (result["verdict"], result["channels"]) == ("learnt", ["direction", "position"])
     assert result["heldout_rmse_after"] < 0.15 * result["heldout_rmse_before"]
     assert rmse(folder, "better.toml") < 0.1 * rmse(folder, "model.toml")
@@ -77,9 +88,8 @@ def test_the_law_goes_into_a_config_that_works_by_itself(spot):
     assert "friction_curve" not in (folder / "undone.toml").read_text()
 
 
-def test_the_curve_is_the_law_that_was_hidden(spot):
+def test_the_curve_is_the_law_that_was_hidden(spot, learnt):
     folder, log = spot
-    done("learn", "log.csv", "-c", "model.toml", "--curve", "law.csv", "--quiet", cwd=folder)
     rows = list(csv.DictReader((folder / "law.csv").open()))
     size = log.values["size"]
     inside = []
@@ -93,10 +103,8 @@ def test_the_curve_is_the_law_that_was_hidden(spot):
     assert sum(inside) >= 0.9 * len(inside)
 
 
-def test_the_law_file_is_an_effect_that_the_other_commands_take(spot):
-    folder, log = spot
-    ran = done("learn", "log.csv", "-c", "model.toml", "--law-file", "law.py", "--format", "json", cwd=folder)
-    formula = json.loads(ran.stdout)["formula"]
+def test_the_law_file_is_an_effect_that_the_other_commands_take(spot, learnt):
+    (folder, log), formula = spot, learnt["formula"]
     assert (formula["effects"], formula["in_catalogue"]) == (["learnt_dry_lorentz_q"], False)
     assert formula["as_good_as_the_curve"]
     for name, true in (
@@ -112,10 +120,8 @@ def test_the_law_file_is_an_effect_that_the_other_commands_take(spot):
     assert json.loads(shown.stdout)["force"]["rmse"] < 0.1 * rmse(folder, "model.toml")
 
 
-def test_improve_takes_it_as_the_last_rung(spot):
-    folder, _ = spot
-    more = ("--auto", "--learn", "-o", "rung.toml", "--to", "8", "--format", "json")
-    result = json.loads(done("improve", "log.csv", "-c", "model.toml", *more, cwd=folder).stdout)
+def test_improve_takes_it_as_the_last_rung(improved):
+    result = improved
     last = result["ladder"][-1]
     assert (result["verdict"], last["kind"], last["effect"]) == ("unknown", "learnt", "friction_curve")
     assert last["heldout_rmse"] < 0.3 * result["ladder"][-2]["heldout_rmse"]
@@ -159,13 +165,10 @@ def test_what_cannot_be_written_is_said_before_anything_is_computed(spot, argume
     assert line in ran.stderr
 
 
-def test_the_report_shows_the_law_and_its_rung(spot):
-    """The page has the same law and rung as `improve --learn`, the curve's picture, and without --learn neither."""
+def test_the_report_shows_the_law_and_its_rung(spot, improved):
+    """The page has the same law and rung as `improve --learn`, and the curve's picture."""
     folder, _ = spot
     done("report", "log.csv", "-c", "model.toml", "--learn", "-o", "page.html", cwd=folder)
-    improved = json.loads(
-        done("improve", "log.csv", "-c", "model.toml", "--auto", "--learn", "--format", "json", cwd=folder).stdout
-    )
     page = (folder / "page.html").read_text("utf-8")
     results, drawn = (
         json.loads(page.split(f'type="application/json" id="{name}">')[1].split("</script>")[0])

@@ -15,7 +15,7 @@ COMMANDS = {
     "observe": ("observe", *KNOWN, "-o", "new.csv"),
     "detect": ("detect", *KNOWN),
     "profile": ("detect", *KNOWN, "--method", "profile"),
-    "viterbi": ("detect", *KNOWN, "--method", "viterbi"),
+    "viterbi": ("detect", *KNOWN, "--to", "1", "--method", "viterbi"),
     "check": ("check", *KNOWN, "--set", "signals.u_sign=-1"),
     "compare": ("compare", *KNOWN),
     "holdout": (
@@ -24,15 +24,15 @@ COMMANDS = {
         "-c",
         "servo-bare.toml",
         "--to",
-        "2",
+        "1",
         "--holdout",
         "servo-friction.csv",
     ),
     "simulation": ("compare", *KNOWN, "--horizon", "simulation"),
-    "horizon": ("compare", *KNOWN, "--horizon", "0.1s"),
-    "tune": ("tune", *KNOWN),
-    "add": ("add", "servo-friction.csv", "coulomb_friction", "-c", "servo-bare.toml", "-o", "new.toml"),
-    "versus": ("compare", *KNOWN, "-c", "servo-bare.toml"),
+    "horizon": ("compare", *KNOWN, "--to", "1", "--horizon", "0.1s"),
+    "tune": ("tune", *KNOWN, "--to", "1"),
+    "add": ("add", "servo-friction.csv", "coulomb_friction", "-c", "servo-bare.toml", "--to", "1", "-o", "new.toml"),
+    "versus": ("compare", *KNOWN, "--to", "1", "-c", "servo-bare.toml"),
 }
 MAGIC = {"png": b"\x89PNG\r\n", "svg": b"<?xml", "pdf": b"%PDF-"}
 

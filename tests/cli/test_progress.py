@@ -36,7 +36,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("rig")
     for name in ("servo-bare.toml", "servo-friction.toml"):
         (folder / name).write_text((SAMPLES / name).read_text())
-    done("simulate", "-c", "servo-friction.toml", "--duration", 100, "-o", "log.parquet", cwd=folder)
+    done("simulate", "-c", "servo-friction.toml", "--duration", 20, "-o", "log.parquet", cwd=folder)
     return folder
 
 

@@ -29,9 +29,9 @@ def rig(tmp_path: Path) -> Path:
 
 def test_improve_lays_the_candidates_around_the_new_model(rig: Path) -> None:
     blunt = ("--set", "detector.rho=0.25")  # of the model that lacked friction, as `dsd init` takes it
-    said = done("improve", LOG, "--auto", *blunt, "-o", "plain.toml", cwd=rig).stderr
-    assert "delay 0.001998 and inertia 0.01 of [model] is no candidate of [states], and detector.rho = 0.25" in said
-    assert "(0.0144 does): --states mends that" in said
+    said = done("add", LOG, "coulomb_friction", *blunt, "-o", "plain.toml", cwd=rig).stderr
+    assert re.search(r"delay 0\.00\d+ and inertia 0\.0\d+ of \[model\] is no candidate of \[states\], and", said)
+    assert re.search(r"detector\.rho = 0\.25 does not suit .* \(0\.0\d+ does\): --states mends that", said)
     said = done("improve", LOG, "--auto", "--states", "-o", "new.toml", cwd=rig).stderr
     assert "refreshed: states.delays = [0, 0.000767, 0.001998]" in said
     written = tomllib.loads((rig / "new.toml").read_text())

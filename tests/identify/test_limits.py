@@ -41,13 +41,13 @@ def spoilt(case, spoil):
 def test_a_u_that_is_later_than_its_motion_is_no_missing_effect(late_ms):
     """A line at 0.99 stood in for it once."""
     recording, model, observer = given(RigCase(what=(), seed=4300, sensing="speed40k"), DELAY_MS + late_ms)
-    found = diagnose([recording], model, observer, Settings(effects=None if late_ms == 20 else FEW))
+    found = diagnose([recording], model, observer, Settings(effects=FEW))
     assert found.verdict == "unknown"
     (said,) = [w for w in found.warnings if "later than the motion" in w]
     assert float(re.search(r"by about ([0-9.]+) ms", said)[1]) == pytest.approx(late_ms, rel=0.1)
 
 
-@pytest.mark.parametrize("what", [(), ("coulomb_friction",), ("flexible_coupling",)])
+@pytest.mark.parametrize("what", [(), ("flexible_coupling",)])
 def test_a_u_without_any_delay_is_not_late(what):
     """A load that is missing makes the motor early; what was found beside it explains that."""
     recording, model, observer = given(RigCase(what=what, seed=4301, sensing="speed40k"), DELAY_MS)
@@ -124,10 +124,9 @@ def with_hum(channels):
     return {**channels, "u": u + 0.3 * np.sqrt(2.0) * np.std(u) * np.sin(2.0 * np.pi * 50.0 * t)}
 
 
-@pytest.mark.parametrize("sensing", ["speed40k", "enc4096"])
-def test_a_u_that_was_logged_behind_a_filter_is_no_load_and_no_play(sensing):
+def test_a_u_that_was_logged_behind_a_filter_is_no_load_and_no_play():
     """Presliding friction was missing at 99 %."""
-    found = spoilt(RigCase(what=(), seed=7100, sensing=sensing), behind_a_filter)
+    found = spoilt(RigCase(what=(), seed=7100, sensing="enc4096"), behind_a_filter)
     assert (found.verdict, found.found) == ("unknown", ())
     assert all(c.probability == 0.0 for c in found.ranking if c.effect not in ("inertia", "delay"))
     (said,) = [w for w in found.warnings if "signals.u_filter" in w]
@@ -161,9 +160,7 @@ SLOW, FAST = [0.7, 1.1, 2.3, 3.9], [1.7, 3.1, 5.3, 7.9, 11.3]
 @pytest.mark.parametrize(
     ("level", "step", "frequencies", "gains"),
     [
-        (0.05, 6e-5, SLOW, (5, 0.4)),
         (0.05, 6e-5, SLOW, (10, 0.5)),
-        (0.13, 6e-5, SLOW, (10, 0.5)),
         (0.13, 1.5e-3, FAST, (8, 1.0)),
     ],
 )
@@ -189,10 +186,7 @@ def axis(folder, level, step, frequencies, gains, duration=12.0, believed=0.004)
     ("level", "gains", "duration"),
     [
         (0.2, (10, 1.0), 12.0),  # fitted: 13.8 +- 1.2 ms where the direction is sure, 2.5 ms everywhere
-        (0.25, (8, 0.5), 12.0),
-        (0.25, (10, 1.0), 5.0),
         (0.2, (10, 1.0), 5.0),  # at turns alone 4.9 ms
-        (0.2, (10, 0.5), 5.0),
     ],
 )
 def test_steps_of_the_encoder_that_come_back_in_u_are_no_other_delay(level, gains, duration, tmp_path):
@@ -202,7 +196,7 @@ def test_steps_of_the_encoder_that_come_back_in_u_are_no_other_delay(level, gain
 
 @pytest.mark.parametrize(
     ("level", "gains", "duration"),
-    [(0.13, (8, 1.0), 5.0), (0.05, (10, 0.5), 12.0), (0.25, (10, 0.5), 5.0), (0.13, (2, 0.2), 12.0)],
+    [(0.13, (8, 1.0), 5.0), (0.25, (10, 0.5), 5.0)],
 )
 def test_what_turns_leave_beside_a_coarse_encoder_is_no_missing_effect(level, gains, duration, tmp_path):
     """A lag was missing at 80 and 50 %, a cogging line at 66 %; where the direction is sure they explained nothing."""
@@ -216,7 +210,6 @@ def test_what_turns_leave_beside_a_coarse_encoder_is_no_missing_effect(level, ga
     [
         (31101, "actuator_lag", "enc40k", 5.0),
         (31102, "presliding_friction", "enc4096", 10.0),
-        (31102, "presliding_friction", "speedloud", 10.0),
         (31102, "stribeck_friction", "enc1024", 5.0),
     ],
 )
@@ -236,7 +229,7 @@ def test_a_member_of_the_set_is_judged_alone_as_the_set_has_it():
     assert found.ranking[0].heldout_rmse_after < 0.3 * found.refitted.heldout_rmse
 
 
-@pytest.mark.parametrize("seed", [54008, 54035, 54120, 54124])
+@pytest.mark.parametrize("seed", [54008, 54120])
 def test_what_creeping_leaves_behind_1024_counts_is_no_law_that_nobody_knows(seed):
     """ "unknown": "gain of u and velocity" and 60 % beside known friction, "u", 90 %, without any."""
     recording, model, observer = given(RigCase(what=(), seed=seed, sensing="enc1024"))
@@ -261,8 +254,6 @@ def test_where_the_sensor_hardly_tells_a_direction_unknown_is_no_surer_than_a_na
     ("level", "step", "frequencies", "gains", "believed"),
     [
         (0.05, 3.8e-4, SLOW, (10, 0.5), 0.024),  # fitted: 10 +- 6 ms; 24 ms leave five times what the sensor does
-        (0.05, 3.8e-4, SLOW, (10, 0.5), 0.0),
-        (0.13, 1.5e-3, FAST, (8, 1.0), 0.008),
         (0.13, 1.5e-3, FAST, (10, 0.5), 0.0),
     ],
 )
@@ -271,17 +262,16 @@ def test_a_wrong_delay_is_told_beside_such_steps(level, step, frequencies, gains
     assert found["verdict"] == "delay"
 
 
-@pytest.mark.parametrize("sensing", ["speed40k", "enc4096"])
-def test_hum_in_a_measured_u_is_no_load_that_swings_there(sensing):
+def test_hum_in_a_measured_u_is_no_load_that_swings_there():
     """A load stands in for it exactly: one that swings at 50 Hz holds the axis still there."""
-    found = spoilt(RigCase(what=(), seed=7100, sensing=sensing), with_hum)
+    found = spoilt(RigCase(what=(), seed=7100, sensing="enc4096"), with_hum)
     assert found.verdict in ("none", "unknown")
     assert not any("coupling" in effect for effect in found.found)
 
 
 @pytest.mark.parametrize(
     ("seed", "sensing", "duration"),
-    [(7103, "speed40k", 10.0), (7103, "enc4096", 10.0), (18634, "speedloud", 5.0), (18606, "speed40k", 5.0)],
+    [(7103, "enc4096", 10.0), (18634, "speedloud", 5.0)],
 )
 def test_the_u_of_another_axis_is_said(seed, sensing, duration):
     """A line that moves the axis, a spring, and pushes in time were missing at 87 to 99 %."""

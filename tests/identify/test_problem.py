@@ -50,7 +50,7 @@ def problem():
 # -- values -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("sensing", ["all", "position"])
+@pytest.mark.parametrize("sensing", ["position"])
 def test_load_friction_leaves_the_delay_alone(sensing):
     """Its u at a whole step of delay, beside a drive between two, cost the delay 7 % and eight standard errors."""
     (case,) = cases("load_friction", [80001], sensing=sensing)

@@ -109,7 +109,6 @@ def test_a_load_that_samples_cannot_tell_is_no_explanation():
 @pytest.mark.parametrize(
     ("what", "seed", "sensing"),
     [
-        ((), 2, "enc4096"),
         ((), 2, "speed40k"),
         ((), 2016, "enc4096"),  # long moves at constant speed: the encoder's error is a tone, fed back into u
         (("actuator_lag",), 2, "speedloud"),
