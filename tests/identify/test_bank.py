@@ -155,7 +155,7 @@ def test_a_whitened_bank_has_the_rows_of_the_plain_one_whitened(equations):
     taps = np.array([-0.2, 0.1, 1.0, 0.1, -0.2])
     taps = np.pad(taps, 10)
     plain = Bank(equations)
-    white = Bank(equations.with_whitening(taps), plain, 0.5)
+    white = Bank(equations.with_whitening(taps, 2.0 * taps), plain, 0.5)
     terms = (Term("viscous_friction"), Term.of("dead_zone", {"width": 0.1}))
     for row, found in zip(plain.design(terms, 1).rows, white.design(terms, 1).rows, strict=True):
         np.testing.assert_allclose(found, white.equations.whitened(row), atol=1e-12)

@@ -9,9 +9,10 @@ import pytest
 from dsd_cli.identify.fit.band import band_of
 from dsd_cli.identify.fit.bank import Bank, drive
 from dsd_cli.identify.fit.blocks import lay_blocks
-from dsd_cli.identify.fit.equations import equations_of, mean_of_middles
+from dsd_cli.identify.fit.equations import equations_of
 from dsd_cli.identify.fit.errors import Errors
 from dsd_cli.identify.fit.noise import HALF
+from dsd_cli.identify.fit.stretches import mean_of_middles
 from dsd_cli.identify.fit.values import coefficients_of, terms_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
@@ -332,12 +333,29 @@ def test_stretches_too_short_for_a_row_are_left_out():
     assert both.lengths[1] > one.lengths[0]
 
 
-def test_the_narrowest_of_the_bands_is_that_of_all_recordings():
+def test_each_recording_has_its_own_band_whitening_and_rows_as_if_it_were_alone():
     quiet = prepare(_log({}, 0.0, "position"), OBSERVER)
     loud = prepare(_log({}, 0.0, "position", measurement=Measurement(position_noise=1e-4)), OBSERVER)
-    hz = [equations_of([r], STARTUP).band.hz for r in (quiet, loud)]
-    assert hz[1] < hz[0]
-    assert equations_of([quiet, loud], STARTUP).band.hz == hz[1]
+    alone, both = [equations_of([r], STARTUP) for r in (quiet, loud)], equations_of([quiet, loud], STARTUP)
+    assert alone[1].band.hz < alone[0].band.hz == both.band.hz
+    assert both.lengths == [*alone[0].lengths, *alone[1].lengths]
+    taps = [np.array([k, 1.0, k]) for k in (-0.2, 0.3)]
+    taps = [np.pad(x, HALF - 1) for x in taps]
+    rows = both.with_whitening(*taps).whitened(both.acceleration())
+    one_by_one = [e.with_whitening(x).whitened(e.acceleration()) for e, x in zip(alone, taps, strict=True)]
+    np.testing.assert_array_equal(rows, np.concatenate(one_by_one))
+
+
+def test_a_crawl_has_no_wider_band_than_the_log_that_moves():
+    """Noise between 6 and 12 Hz in a log at a hundredth of the speed is no motion that the fast one would not show."""
+    fast = prepare(_log(APPLIED, 0.0, "position", measurement=Measurement(position_noise=1e-5)), OBSERVER)
+    (piece,) = fast.pieces
+    own = equations_of([fast], STARTUP).band.hz
+    t = piece["t"]
+    q = 1e-2 * (piece["position"] - piece["position"][0]) + 1e-3 * np.sin(2.0 * np.pi * 2.0 * own * t)
+    slow = prepare(Log({"t": t, "u": 1e-2 * piece["u"], "position": q}, T, "slow"), OBSERVER)
+    assert equations_of([slow], STARTUP).band.hz > 1.5 * own
+    assert [b.hz for b in equations_of([slow, fast], STARTUP).bands] == [own, own]
 
 
 def test_a_jittered_clock_leaves_little_more():

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dsd_cli.identify.fit.band import nearest_bands
 from dsd_cli.identify.fit.bank import Bank
 from dsd_cli.identify.fit.equations import equations_of
 from dsd_cli.identify.fit.problem import Settings, pose
@@ -91,7 +92,7 @@ def test_held_out_recordings_are_the_judges_when_there_are_any(recordings, probl
     other = recorded(HIDDEN, seed=9, duration=4.0)
     judged = pose(recordings, KNOWN, Settings(effects=()), [other])
     own = Search(judged).refit
-    aside = Bank(equations_of([other], judged.equations.startup, judged.equations.band))
+    aside = Bank(equations_of([other], judged.equations.startup, nearest_bands(judged.equations.bands, [other])))
     score, fixed = judged.score(own), judged.errors.of_model(KNOWN)
     assert score.heldout_rmse == pytest.approx(_rms([r for r, _ in _rows(aside, judged.scale.model(own))]))
     assert score.rmse == pytest.approx(problem.score(fit).rmse)

@@ -69,13 +69,13 @@ def left_of_forces(balance: Balance, time_constant: float) -> Left:
     by_stretch = zip(
         equations.stretches,
         equations.owners,
+        equations.centres,
         equations.by_stretch(balance.residual),
         equations.by_stretch(equations.kept),
         strict=True,
     )
-    for stretch, owner, residual, kept in by_stretch:
+    for stretch, owner, centres, residual, kept in by_stretch:
         recording = equations.recordings[owner]
-        centres = equations.band.centres(equations.startup, len(stretch.log))
         rest = max(balance.model.rest_speed, recording.rest_speed)
         parts.append(Part(recording.name, stretch.log, rest, centres[kept], residual[kept], residual))
     return Left(tuple(parts), equations.band.step * equations.sample_time, time_constant, balance.least)

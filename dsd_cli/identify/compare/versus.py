@@ -90,10 +90,9 @@ def versus(recordings: Sequence[Recording], models: Mapping[str, PlantModel]) ->
 def _rows(equations: Equations) -> tuple[Rows, ...]:
     """The channels at the rows that count."""
     found = []
-    for stretch, kept in zip(
-        equations.stretches, np.split(equations.kept, np.cumsum(equations.lengths)[:-1]), strict=True
-    ):
-        at = equations.band.centres(equations.startup, len(stretch.log))[kept]
+    by_stretch = zip(equations.stretches, equations.centres, equations.by_stretch(equations.kept), strict=True)
+    for stretch, centres, kept in by_stretch:
+        at = centres[kept]
         names = [name for name in ("t", "u", "velocity", "position") if name in stretch.log]
         found.append(Rows(stretch.log.source, {name: stretch.log[name][at] for name in names}))
     return tuple(found)

@@ -148,7 +148,7 @@ class MotionRows:
 
 
 def equations_like(known: Equations, recording: Recording, delay: float, held: bool) -> Equations:
-    """Rows of a planned motion in the band, the spacing and the whitening of a log's.
+    """Rows of a planned motion in the band, the spacing and the whitening of that log which shows most.
 
     held : there may be friction: rows in which the direction is not sure say nothing. Where few are sure, as of a
         short part in a narrow band, those count in which it is known for a large enough share: as in the search.
@@ -157,7 +157,8 @@ def equations_like(known: Equations, recording: Recording, delay: float, held: b
     if not math.isclose(step, band.sample_time):
         part = round(step / band.sample_time)
         band = replace(band_of(band.hz, step), step=band.step // part)
-    found = equations_of([recording], math.ceil(delay / step) + 3, band).with_whitening(known.whitening)
+    taps = known.whitening[known.bands.index(known.band)]
+    found = equations_of([recording], math.ceil(delay / step) + 3, band).with_whitening(taps)
     if not held or not found.stretches:
         return found
     sure = many_sure(found)

@@ -6,6 +6,7 @@ and are decimated, so a coarse encoder makes few equations, and good ones.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.recordings.spectrum import SensorNoise, density
 from dsd_cli.signals.log import Array
 
@@ -25,6 +27,8 @@ _SHAPE, _HALF_PERIODS = 5.0, 1.6
 #: Neighbouring frequencies over which the ratio of signal and noise is averaged, as a share of the frequency.
 _AVERAGED = 0.1
 _CHUNK = 4096
+#: Share of the fastest log's rms speed from which on another is as fast.
+_FAST = 0.5
 
 
 @dataclass(frozen=True)
@@ -125,3 +129,27 @@ def chosen_band(accelerations: Sequence[Array], noise: SensorNoise, sample_time:
     return band_of(
         min(max(float(end) / (2.0 * np.pi * sample_time), least), POLICY.highest_share / sample_time), sample_time
     )
+
+
+def own_band(recording: Recording) -> Band:
+    """The band that its sensor and its motion allow."""
+    return chosen_band([p["acceleration"] for p in recording.pieces], recording.sensor.noise, recording.sample_time)
+
+
+def own_bands(recordings: Sequence[Recording]) -> list[Band]:
+    """Of each recording its own, but no wider than those of the ones that move fast: in a crawl the counts of an
+    encoder, a line at their rate, look like motion."""
+    bands = [own_band(r) for r in recordings]
+    speeds = [math.sqrt(float(np.mean(np.concatenate([p["velocity"] for p in r.pieces]) ** 2))) for r in recordings]
+    widest = max(b.hz for b, v in zip(bands, speeds, strict=True) if v >= _FAST * max(speeds))
+    return [band if band.hz <= widest else band_of(widest, band.sample_time) for band in bands]
+
+
+def nearest_bands(bands: Sequence[Band], recordings: Sequence[Recording]) -> list[Band]:
+    """Bands in which recordings that no fit saw are judged: of those of the fit the ones nearest to their own."""
+
+    def nearest(recording: Recording) -> Band:
+        own = own_band(recording).hz
+        return min(bands, key=lambda band: abs(math.log(band.hz / own)))
+
+    return [nearest(r) if len(bands) > 1 else bands[0] for r in recordings]

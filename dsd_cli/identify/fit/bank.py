@@ -11,7 +11,8 @@ import numpy as np
 
 from dsd_cli.effects import Effect, Role, Shape, get_effect
 from dsd_cli.effects.memory import Coupling, driven_load
-from dsd_cli.identify.fit.equations import Equations, Stretch, mean_of_middles
+from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.stretches import Stretch, mean_of_middles
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
 
@@ -163,9 +164,8 @@ class Bank:
             return 0.0, 0.0  # a force drives it
         key = ("noise", term)
         if key not in self._known:
-            made = self.equations.whitened(
-                self.equations.acting(noisy_load(self.equations, term), smooth=True, held=False)
-            )
+            load = noisy_load(self.equations, term)
+            made = self.equations.whitened(self.equations.acting(load, smooth=True, held=False))
             acceleration = self._noise_acceleration
             size = float(acceleration @ acceleration)
             shares = np.array([made @ made, made @ acceleration]) / size

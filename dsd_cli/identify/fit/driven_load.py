@@ -47,7 +47,7 @@ def with_driven_load(recordings: Sequence[Recording], model: PlantModel) -> tupl
         )
         for r in measured.recordings
     )
-    own = equations_of(driven, startup, measured.band)
+    own = equations_of(driven, startup, measured.bands)
     better = _left(own, model, terms) < POLICY.driven_gain**2 * _left(measured, model, terms)
     return driven if better else measured.recordings
 

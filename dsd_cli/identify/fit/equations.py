@@ -20,116 +20,14 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.effects import Channels, Effect, Role
-from dsd_cli.identify.fit.band import Band, band_of, chosen_band
-from dsd_cli.identify.fit.feedback_noise import FeedbackNoise, feedback_noise_of
+from dsd_cli.identify.fit.band import Band, band_of, own_bands
 from dsd_cli.identify.fit.noise import HALF
-from dsd_cli.identify.fit.sensor_motion import SensorMotion
+from dsd_cli.identify.fit.stretches import Stretch, stretch_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.identify.recordings.regular import MEAN_OF_FOUR
-from dsd_cli.identify.recordings.rest import resting
-from dsd_cli.plant.filtering import delay_taps
-from dsd_cli.plant.forces import IntervalChannels
-from dsd_cli.plant.prediction import Frame
-from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.log import Array
 
 _Kind = TypeVar("_Kind", bound=np.generic)
-#: Standard deviations of the speed's noise beyond which the direction is certain.
-_CERTAIN = 4.0
-#: Value in the middle of the interval between the inner two of four samples (exact for cubics).
-_MIDDLE_OF_FOUR = np.array([-1.0, 9.0, 9.0, -1.0]) / 16.0
-#: Cubic through the values at -1, 0, 1 and 2: the powers (columns) in the weight of each.
-_CUBIC = np.array([[0.0, -2.0, 3.0, -1.0], [6.0, -3.0, -6.0, 3.0], [0.0, 6.0, 3.0, -3.0], [0.0, -1.0, 0.0, 1.0]]) / 6.0
-#: Mean over an interval out of the values in the middle of it and of its neighbours.
-_MEAN_OF_MIDDLES = np.array([1.0, 22.0, 1.0]) / 24.0
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """A piece of a recording, prepared for rows; arrays of shape (n,), per interval that ends at each sample.
-
-    Attributes
-    ----------
-    middle, mean : speed and position in the middle of each interval, and their means over the interval.
-    sensed : what drives a load; `noisy` : with the synthetic noise of the sensor.
-    free : 1 where the axis slides, so that friction's direction is known, 0 where friction holds.
-    sign : mean of sgn v, 0 where it is not known.
-    acceleration : as measured.
-    two_intervals : the acceleration is a mean over both intervals beside a sample.
-    stepping : the command jumps at samples alone; not where it was measured, or put on a regular clock.
-    pushed, levels : see `Recording`.
-    """
-
-    log: Log
-    frame: Frame
-    middle: IntervalChannels
-    mean: IntervalChannels
-    sensed: SensorMotion
-    free: Array
-    sign: Array
-    acceleration: Array
-    two_intervals: bool
-    stepping: bool
-    pushed: tuple[str, float] | None
-    levels: tuple[tuple[str, int, float], ...]
-    noisy: bool = False
-
-    @cached_property
-    def answer(self) -> FeedbackNoise:
-        """How u answers the noise of the sensor."""
-        return feedback_noise_of(self.log["u"], self.acceleration, self.log.sample_time)
-
-    def channels(self, drive: Array, effect: Effect) -> Channels:
-        """What an effect looks at under that delayed u: means over the interval, or the values in the middle of it."""
-        if effect.role is Role.STRUCTURE:
-            velocity, position = self.sensed.noisy if self.noisy else self.sensed.motion
-            return self.frame.channels(drive, self.mean._replace(velocity=velocity, position=position))
-        if effect.memory:
-            return self.frame.channels(drive, self.mean)
-        return self.frame.channels(drive, self.middle)._replace(interval=np.broadcast_to(0.0, len(drive)))
-
-    def acting(self, x: Array, smooth: bool, held: bool) -> Array:
-        """A force per interval as the acceleration averages it.
-
-        smooth : x is; else it is constant within each interval and jumps between them, as a held u does.
-        held : there is friction, so that at rest all forces balance and count as 0.
-        """
-        return self.averaged(x * self.free if held else x, smooth)
-
-    def commanded(self, command: Array, delay: float, held: bool) -> Array:
-        """A command, `delay` s late, as the acceleration averages it; held: see `acting`.
-
-        Between whole samples the mean of a held u over one interval is linear in the delay, and that under the hat is
-        its integral: by trapezoids from knot to knot. A u that is not held there follows a cubic through four samples.
-        """
-        step = self.frame.log.sample_time
-        whole, part = delay_taps(delay, step)
-
-        def late(samples: float) -> Array:
-            mean = self.frame.mean_u(command, max(samples, 0) * step)
-            mean = mean if samples >= 0 else np.append(mean[1:], mean[-1])
-            return self.acting(mean, not self.stepping, held)
-
-        if part == 0.0:
-            return late(whole)
-        if not self.stepping:
-            nodes = zip(_CUBIC @ part ** np.arange(4.0), range(-1, 3), strict=True)
-            return np.asarray(sum(weight * late(whole + k) for weight, k in nodes))
-        if not self.two_intervals:
-            return late(whole + part)
-        ends, knot = (
-            self.frame.mean_u(command, x * step) * (self.free if held else 1.0) for x in (whole + part, whole)
-        )
-        return 0.5 * (part * ends + knot + (1.0 - part) * np.append(ends[1:], ends[-1]))
-
-    def averaged(self, x: Array, smooth: bool) -> Array:
-        """x per interval -> as the acceleration averages it."""
-        if not self.two_intervals:
-            return x
-        if smooth:
-            return np.convolve(np.concatenate([x[:1], x, x[-1:], x[-1:]]), MEAN_OF_FOUR[::-1], mode="valid")
-        return 0.5 * (x + np.append(x[1:], x[-1]))
 
 
 @dataclass(frozen=True)
@@ -138,17 +36,28 @@ class Equations:
 
     Attributes
     ----------
+    bands : of each recording: what one of them does not show another may.
     startup : samples at the beginning of each stretch that depend on a u before the log; excluded.
-    whitening : taps over rows (`noise.whitening`); (1,) leaves rows in the unit of u.
+    whitening : of each recording, taps over rows (`noise.whitening`); (1,) leaves rows in the unit of u.
     row_weight : of each whitened row, a factor; None weighs all alike.
     """
 
     recordings: tuple[Recording, ...]
     stretches: tuple[Stretch, ...]
-    band: Band
+    bands: tuple[Band, ...]
     startup: int
-    whitening: Array
+    whitening: tuple[Array, ...]
     row_weight: Array | None = None
+
+    @cached_property
+    def band(self) -> Band:
+        """The widest one."""
+        return max(self.bands, key=lambda band: band.hz)
+
+    @cached_property
+    def bands_of_stretches(self) -> list[Band]:
+        """Of each stretch."""
+        return [self.bands[i] for i in self.owners]
 
     @property
     def sample_time(self) -> float:
@@ -158,13 +67,23 @@ class Equations:
     @cached_property
     def lengths(self) -> list[int]:
         """Rows of each stretch."""
-        return [len(self.band.centres(self.startup, len(s.log))) for s in self.stretches]
+        return [len(at) for at in self.centres]
 
     @cached_property
+    def centres(self) -> list[NDArray[np.int_]]:
+        """Samples at which the rows of each stretch stand."""
+        by_stretch = zip(self.stretches, self.bands_of_stretches, strict=True)
+        return [band.centres(self.startup, len(s.log)) for s, band in by_stretch]
+
+    @property
+    def row_times(self) -> list[float]:
+        """s from row to row of each stretch."""
+        return [band.step * band.sample_time for band in self.bands_of_stretches]
+
+    @property
     def owners(self) -> list[int]:
         """Recording of each stretch, by its place among `recordings`."""
-        used = {id(s.log) for s in self.stretches}
-        return [i for i, r in enumerate(self.recordings) for p in r.pieces if id(p) in used]
+        return [s.owner for s in self.stretches]
 
     @cached_property
     def logs_of_rows(self) -> NDArray[np.int_]:
@@ -173,12 +92,12 @@ class Equations:
 
     def of_rows(self, by_sample: Sequence[Array]) -> Array:
         """Values of samples at the centres of rows, joined."""
-        pairs = zip(self.stretches, by_sample, strict=True)
-        return np.concatenate([x[self.band.centres(self.startup, len(s.log))] for s, x in pairs])
+        return np.concatenate([x[at] for x, at in zip(by_sample, self.centres, strict=True)])
 
     def plain(self, by_stretch: Sequence[Array]) -> Array:
         """Averaged forces of every stretch -> rows in the unit of u, joined."""
-        return np.concatenate([self.band.rows(x, self.startup) for x in by_stretch])
+        pairs = zip(by_stretch, self.bands_of_stretches, strict=True)
+        return np.concatenate([band.rows(x, self.startup) for x, band in pairs])
 
     def acting(self, raw: Sequence[Array], smooth: bool, held: bool) -> Array:
         """Forces per interval of every stretch -> rows in the unit of u; see `Stretch.acting`."""
@@ -194,11 +113,9 @@ class Equations:
 
     def whitened(self, rows: Array) -> Array:
         """Rows (in the unit of u) made white."""
-        if len(self.whitening) == 1:
-            white = rows * self.whitening[0]
-        else:
-            padded = (np.concatenate([np.full(HALF, x[0]), x, np.full(HALF, x[-1])]) for x in self.by_stretch(rows))
-            white = np.concatenate([np.convolve(x, self.whitening, "valid") for x in padded])
+        white = np.concatenate(
+            [_filtered(x, self.whitening[i]) for x, i in zip(self.by_stretch(rows), self.owners, strict=True)]
+        )
         return white if self.row_weight is None else white * self.row_weight
 
     def by_stretch(self, rows: NDArray[_Kind]) -> list[NDArray[_Kind]]:
@@ -213,87 +130,41 @@ class Equations:
         free = self.plain([s.averaged(s.free, False) for s in self.stretches])
         return np.asarray(free > POLICY.least_free)
 
-    def with_whitening(self, taps: Array) -> Equations:
-        """The same rows, to be whitened by these taps."""
+    def with_whitening(self, *taps: Array) -> Equations:
+        """The same rows, to be whitened by these taps: of each recording."""
         return replace(self, whitening=taps)
+
+    def by_recording(self, rows: NDArray[_Kind]) -> list[list[NDArray[_Kind]]]:
+        """Rows as arrays per stretch, of each recording."""
+        pairs = list(zip(self.owners, self.by_stretch(rows), strict=True))
+        return [[x for k, x in pairs if k == i] for i in range(len(self.recordings))]
+
+
+def _filtered(rows: Array, taps: Array) -> Array:
+    """Rows of one stretch after symmetric taps; beyond its ends they stay as they are there."""
+    if len(taps) == 1:
+        return rows * taps[0]
+    return np.convolve(np.concatenate([np.full(HALF, rows[0]), rows, np.full(HALF, rows[-1])]), taps, "valid")
 
 
 def equations_of(
-    recordings: Sequence[Recording], startup: int, band: Band | None = None, widened: float = 1.0
+    recordings: Sequence[Recording], startup: int, bands: Band | Sequence[Band] | None = None, widened: float = 1.0
 ) -> Equations:
     """Rows of these recordings, not whitened.
 
     Parameters
     ----------
-    startup : see `Equations`. band : None chooses it from what the sensors allow; its end times `widened`.
+    startup : see `Equations`. bands : of all, or of each; None chooses those that the sensors allow, their ends times
+        `widened`.
     """
-    if band is None:
-        band = _band(recordings)
+    if bands is None:
+        bands = own_bands(recordings)
         if widened != 1.0:
-            band = band_of(min(widened * band.hz, POLICY.highest_share / band.sample_time), band.sample_time)
-    shortest = startup + len(band.taps) + 2 * band.step
-    made = [_stretch(p, r) for r in recordings for p in r.pieces if len(p) > shortest]
-    return Equations(tuple(recordings), tuple(made), band, startup, np.ones(1))
-
-
-def _band(recordings: Sequence[Recording]) -> Band:
-    """The narrowest of those that the recordings allow: all are balanced in one band."""
-    return min(
-        (chosen_band([p["acceleration"] for p in r.pieces], r.sensor.noise, r.sample_time) for r in recordings),
-        key=lambda band: band.hz,
-    )
-
-
-def _stretch(log: Log, recording: Recording) -> Stretch:
-    sensor, frame = recording.sensor, Frame(log)
-    speed = log["velocity"]
-    known = ~resting(speed, log["rest_speed"])
-    return Stretch(
-        log=log,
-        frame=frame,
-        middle=_motion(log, _MIDDLE_OF_FOUR),
-        mean=_motion(log, MEAN_OF_FOUR),
-        sensed=SensorMotion(log, sensor),
-        free=known.astype(np.float64),
-        sign=np.where(known, direction(speed, log["speed_noise"]), 0.0),
-        acceleration=log["acceleration"],
-        two_intervals=sensor.two_intervals,
-        stepping=log.u_hold == "held" and "white" not in log,
-        pushed=recording.pushed,
-        levels=recording.levels,
-    )
-
-
-def _motion(log: Log, weights: Array) -> IntervalChannels:
-    """Motion of each interval out of four samples; the first two and the last have the mean of their ends."""
-    unknown = np.broadcast_to(np.nan, len(log))
-
-    def of(name: str) -> Array:
-        if name not in log:
-            return unknown
-        x = log[name]
-        first, last = [x[0], 0.5 * (x[0] + x[1])], [0.5 * (x[-2] + x[-1])]
-        return np.concatenate([first, np.convolve(x, weights, mode="valid"), last])
-
-    return IntervalChannels(of("velocity"), of("position"), unknown, unknown)
-
-
-def direction(speed: Array, noise: Array) -> Array:
-    """Mean of sgn v over each interval, shape (n,), as far as a noisy speed shows it: between -1 and 1.
-
-    noise : standard deviation of the speed's, shape (n,).
-    """
-    before = np.concatenate([speed[:1], speed[:-1]])
-    size = np.abs(speed) + np.abs(before)
-    found = (speed + before) / np.where(size > 0.0, size, 1.0)
-    x = 0.5 * (speed + before) / np.maximum(noise, 1e-300)
-    doubtful = np.flatnonzero(~(np.abs(x) >= _CERTAIN))  # few, as a rule
-    x = x[doubtful]
-    # erf(x / sqrt 2), the mean of sgn of v given v + noise
-    found[doubtful] = np.tanh(np.sqrt(2.0 / np.pi) * (x + 0.044715 * x**3))
-    return np.asarray(found)
-
-
-def mean_of_middles(x: Array) -> Array:
-    """Mean over each interval of a smooth function, from its values in the middle of the intervals."""
-    return np.convolve(np.pad(x, 1, mode="edge"), _MEAN_OF_MIDDLES, mode="valid")
+            bands = [band_of(min(widened * b.hz, POLICY.highest_share / b.sample_time), b.sample_time) for b in bands]
+    elif isinstance(bands, Band):
+        bands = len(recordings) * [bands]
+    made = []
+    for i, (recording, band) in enumerate(zip(recordings, bands, strict=True)):
+        shortest = startup + len(band.taps) + 2 * band.step
+        made += [stretch_of(p, recording, i) for p in recording.pieces if len(p) > shortest]
+    return Equations(tuple(recordings), tuple(made), tuple(bands), startup, len(bands) * (np.ones(1),))

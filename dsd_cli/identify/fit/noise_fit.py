@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dsd_cli.identify.fit.bank import Bank, has_friction
+from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
 from dsd_cli.identify.fit.noise import fitted_noise, passed_variance, whitening
 from dsd_cli.identify.fit.row_weights import inflation, weighed
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.spectrum import SensorNoise
 from dsd_cli.signals.log import Array
 
 
@@ -30,7 +30,7 @@ class Noise:
         return 2.0 * self.variance * self.inflation
 
 
-def measured(plain: Bank, before: Solver, fit: Fit, sensor: SensorNoise, sure: SensorNoise) -> tuple[Solver, Noise]:
+def measured(plain: Bank, before: Solver, fit: Fit) -> tuple[Solver, Noise]:
     """(solver on rows whitened by the noise that no function of single channels explains beside a fit, that noise).
 
     Where the fit has friction, rows in which the direction is not sure are weighed down: what they leave is no evidence
@@ -38,13 +38,12 @@ def measured(plain: Bank, before: Solver, fit: Fit, sensor: SensorNoise, sure: S
 
     Parameters
     ----------
-    plain : bank of the rows in the unit of u. before : the solver that made the fit. sensor : its noise; sure : what
-        of it is taken out of the normal equations.
+    plain : bank of the rows in the unit of u. before : the solver that made the fit.
     """
     equations = plain.equations
     residual = rich_residual(freeform_fits(plain, equations, before.blocks, fit, before.inertia))
-    taps = whitening(fitted_noise(equations.by_stretch(residual), equations.band, sensor), equations.band, sensor)
-    bank = Bank(equations.with_whitening(taps), plain, passed_variance(taps, equations.band, sure))
+    white = equations.with_whitening(*whitening_of(equations, residual))
+    bank = Bank(white, plain, sensor_variance(white))
     solver, noise = _beside(bank, residual, before)
     if not has_friction(fit.terms):
         return solver, noise
@@ -53,6 +52,27 @@ def measured(plain: Bank, before: Solver, fit: Fit, sensor: SensorNoise, sure: S
     if row_weight is None or float(np.mean(row_weight[equations.kept] == 1.0)) <= POLICY.sure_part:
         return solver, noise  # too few are sure to tell a whole set by: on the XL330 7 %
     return _beside(Bank(trusting.equations, plain, trusting.variance), residual, before)
+
+
+def whitening_of(equations: Equations, residual: Array) -> list[Array]:
+    """Of each recording the taps that make white what a fit leaves there, shape (N,), unit of u."""
+    found = []
+    by_recording = equations.by_recording(residual)
+    for recording, band, left in zip(equations.recordings, equations.bands, by_recording, strict=True):
+        sensor = recording.sensor.noise
+        found.append(whitening(fitted_noise(left, band, sensor), band, sensor))
+    return found
+
+
+def sensor_variance(equations: Equations, sure: bool = True) -> float:
+    """Variance that the sensors' noise leaves in a row of the acceleration: the mean over rows.
+
+    sure : as much of it as is taken out of the normal equations.
+    """
+    counts = np.bincount(equations.logs_of_rows, minlength=len(equations.recordings))
+    noises = [r.sensor.sure if sure else r.sensor.noise for r in equations.recordings]
+    passed = [passed_variance(*one) for one in zip(equations.whitening, equations.bands, noises, strict=True)]
+    return passed[0] if len(passed) == 1 else float(np.average(passed, weights=counts))
 
 
 def _beside(bank: Bank, residual: Array, before: Solver) -> tuple[Solver, Noise]:

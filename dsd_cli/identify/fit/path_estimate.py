@@ -18,9 +18,9 @@ import numpy as np
 
 from dsd_cli.effects import Role
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, Term, columns_of, has_friction
-from dsd_cli.identify.fit.equations import Stretch, direction
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.stretches import Stretch, direction
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.forces import IntervalChannels
 from dsd_cli.signals.log import Array, Log, with_channels

@@ -11,6 +11,7 @@ import numpy as np
 
 from dsd_cli.effects import Ranges, Role, get_effect
 from dsd_cli.errors import DataError
+from dsd_cli.identify.fit.band import nearest_bands
 from dsd_cli.identify.fit.bank import Bank, Term, Terms, has_friction
 from dsd_cli.identify.fit.blocks import Blocks, lay_blocks
 from dsd_cli.identify.fit.delay import best_delay
@@ -18,8 +19,7 @@ from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION, inverse_is_eviden
 from dsd_cli.identify.fit.driven_load import with_driven_load
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.errors import Errors
-from dsd_cli.identify.fit.noise import passed_variance
-from dsd_cli.identify.fit.noise_fit import Noise, measured
+from dsd_cli.identify.fit.noise_fit import Noise, measured, sensor_variance
 from dsd_cli.identify.fit.ranges import ranges
 from dsd_cli.identify.fit.row_weights import Weighed, weighed
 from dsd_cli.identify.fit.solve import Fit, Solver
@@ -27,7 +27,6 @@ from dsd_cli.identify.fit.testability import Settings, candidates_of, check_reco
 from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values, terms_of, whole_inertia
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.identify.recordings.spectrum import SensorNoise
 from dsd_cli.identify.results import Score
 from dsd_cli.plant.model import PlantModel
 
@@ -84,8 +83,7 @@ class Problem:
     @property
     def floor(self) -> float:
         """rms of r that the sensor alone leaves in the band, for the inertia that was fitted, unit of u."""
-        noise = noisiest(self.recordings)
-        return self.solver.inertia * math.sqrt(passed_variance(np.ones(1), self.equations.band, noise))
+        return self.solver.inertia * math.sqrt(sensor_variance(self.errors.equations, sure=False))
 
     @property
     def least_missing(self) -> float:
@@ -138,7 +136,8 @@ class Problem:
 
         Raises DataError where they are too short.
         """
-        equations = equations_of(with_driven_load(recordings, model), self.equations.startup, self.equations.band)
+        driven, own = with_driven_load(recordings, model), self.equations
+        equations = equations_of(driven, own.startup, nearest_bands(own.bands, driven))
         if not equations.stretches:
             raise DataError(f"{recordings[0].name}: too short to be judged", "hold out a longer log")
         return Errors(Bank(equations), lay_blocks(equations.lengths, POLICY.gap_rows, recordings[0].name))
@@ -211,10 +210,10 @@ def asked_of_all(problem: Problem, recordings: Sequence[Recording], holdout: Seq
     """
     few = problem.equations
     recordings, holdout = (with_driven_load(some, problem.model) for some in (recordings, holdout))
-    equations = equations_of(recordings, few.startup, few.band)
-    plain = Bank(equations, variance=passed_variance(np.ones(1), few.band, noisiest(recordings, sure=True)))
+    equations = equations_of(recordings, few.startup, few.bands)
+    plain = Bank(equations, variance=sensor_variance(equations))
     blocks = lay_blocks(equations.lengths, POLICY.gap_rows, recordings[0].name)
-    white = Bank(equations.with_whitening(few.whitening), plain, problem.solver.bank.variance)
+    white = Bank(equations.with_whitening(*few.whitening), plain, problem.solver.bank.variance)
     left = problem.solver.on(white, blocks=blocks).squares(fit.terms, fit.tap) / blocks.rows
     ratio = max(left / max(fit.squares / problem.blocks.rows, 1e-300), 1.0)
     noise = replace(problem.noise, variance=ratio * problem.noise.variance)
@@ -232,7 +231,7 @@ def _aside(holdout: Sequence[Recording], equations: Equations) -> Equations | No
     """Equations of recordings that no fit sees, in the same band."""
     if not holdout:
         return None
-    aside = equations_of(holdout, equations.startup, equations.band)
+    aside = equations_of(holdout, equations.startup, nearest_bands(equations.bands, holdout))
     if not aside.stretches:
         raise DataError(f"{holdout[0].name}: too short to be judged", "hold out a longer log")
     return aside
@@ -253,7 +252,7 @@ def _bank(recordings: Sequence[Recording], longest: float, widened: float) -> tu
     startup = math.ceil(longest / recordings[0].sample_time) + 3
     equations = equations_of(recordings, startup, widened=widened)
     check_used(recordings, equations)
-    bank = Bank(equations, variance=passed_variance(np.ones(1), equations.band, noisiest(recordings, sure=True)))
+    bank = Bank(equations, variance=sensor_variance(equations))
     return bank, max(int(longest / bank.tap_time) - 1, 1)
 
 
@@ -289,11 +288,5 @@ def _inertia_by_size(bank: Bank) -> float:
 
 def _with_noise(problem: Problem, fit: Fit) -> Problem:
     """Rows whitened by the noise that no function of single channels explains beside the fit."""
-    sensors = noisiest(problem.recordings), noisiest(problem.recordings, sure=True)
-    solver, noise = measured(problem.errors.bank, problem.solver, fit, *sensors)
+    solver, noise = measured(problem.errors.bank, problem.solver, fit)
     return replace(problem, solver=solver, noise=noise)
-
-
-def noisiest(recordings: Sequence[Recording], sure: bool = False) -> SensorNoise:
-    """The noise of the noisiest sensor; `sure`: what is taken out of the normal equations of it."""
-    return max((r.sensor.sure if sure else r.sensor.noise for r in recordings), key=lambda noise: noise.scale)

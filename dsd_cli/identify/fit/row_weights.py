@@ -163,10 +163,11 @@ def uncertain(equations: Equations) -> Array:
 
     The halo of the smoothing that made the speed is in doubt, too, where it is no wider than a row.
     """
-    taps, white = np.abs(equations.band.taps), np.abs(equations.whitening)
-    band = replace(equations.band, taps=taps / taps.sum())
     shares = []
-    for s in equations.stretches:
+    for s, owner in zip(equations.stretches, equations.owners, strict=True):
+        band, white = equations.bands[owner], np.abs(equations.whitening[owner])
+        taps = np.abs(band.taps)
+        band = replace(band, taps=taps / taps.sum())
         doubt = (s.free == 0.0) | (np.abs(s.sign) < _SURE)
         halo = np.isfinite(s.log["turning"])
         if _shortest_run(halo) <= 2 * band.step + 1:

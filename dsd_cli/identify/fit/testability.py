@@ -79,7 +79,7 @@ def check_used(recordings: Sequence[Recording], equations: Equations) -> None:
     used = {id(s.log) for s in equations.stretches}
     short = [r.name for r in recordings if not any(id(p) in used for p in r.pieces)]
     if short:
-        needed = (equations.startup + len(equations.band.taps)) * equations.sample_time
+        needed = (equations.startup + max(len(b.taps) for b in equations.bands)) * equations.sample_time
         raise TooShort(
             f"{short[0]}: too short: no stretch is longer than {needed:.2g} s", "leave it out, or log longer"
         )

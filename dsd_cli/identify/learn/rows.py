@@ -19,11 +19,10 @@ from dsd_cli.effects import Effect, Role, Shape
 from dsd_cli.identify.fit.bank import drive, effect_columns, inputs_of
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.fit.noise import fitted_noise, passed_variance, whitening
-from dsd_cli.identify.fit.problem import Problem, noisiest
+from dsd_cli.identify.fit.noise_fit import sensor_variance, whitening_of
+from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.row_weights import uncertain
 from dsd_cli.identify.fit.values import coefficients_of
-from dsd_cli.identify.recordings.spectrum import SensorNoise
 from dsd_cli.signals.log import Array
 
 #: Share of a row in which the axis may rest or turn, up to which it counts in full, or little; and how little.
@@ -45,7 +44,7 @@ class Balance:
     delay : steps, also between, at which u acts. u, acceleration, later : drive, measured a, change of the drive over
         one more step.
     own : columns of the model's own effects; given : their coefficients in the model; names : effect of each.
-    weight : of each row. whitening : taps over rows. noise : variance that the sensor leaves in a whitened row of a.
+    weight : of each row. whitening : as of `Equations`. noise : variance that the sensor leaves in a whitened row of a.
     """
 
     problem: Problem
@@ -57,7 +56,7 @@ class Balance:
     given: Array
     names: tuple[str, ...]
     weight: Array
-    whitening: Array
+    whitening: tuple[Array, ...]
     noise: float
 
     @property
@@ -145,10 +144,8 @@ class Balance:
 
     def beside(self, residual: Array) -> Balance:
         """The same, whitened by the noise in what a richer fit leaves, shape (N,), unit of u."""
-        noise = noisiest(self.problem.recordings)
-        band = self.equations.band
-        taps = whitening(fitted_noise(self.equations.by_stretch(residual), band, noise), band, noise)
-        return replace(self, whitening=taps, noise=_noise(self.problem, taps))
+        white = self.equations.with_whitening(*whitening_of(self.equations, residual))
+        return replace(self, whitening=white.whitening, noise=sensor_variance(white))
 
 
 def balance_of(problem: Problem, delay: float | None = None) -> Balance:
@@ -166,7 +163,6 @@ def balance_of(problem: Problem, delay: float | None = None) -> Balance:
     acting = [t for t in problem.base if t.effect.role is not Role.INPUT]
     columns = [bank.columns(t, delay, held=True) for t in acting]
     _, given = coefficients_of(model, problem.base, bank.tap_time)
-    taps = problem.equations.whitening
     return Balance(
         problem,
         delay,
@@ -177,14 +173,9 @@ def balance_of(problem: Problem, delay: float | None = None) -> Balance:
         given[2:],
         tuple(t.id for t, by in zip(acting, columns, strict=True) for _ in by),
         _weights(problem.errors.equations),
-        taps,
-        _noise(problem, taps),
+        problem.equations.whitening,
+        sensor_variance(problem.equations),
     )
-
-
-def _noise(problem: Problem, taps: Array) -> float:
-    sure: SensorNoise = noisiest(problem.recordings, sure=True)
-    return passed_variance(taps, problem.errors.equations.band, sure)
 
 
 def _weights(equations: Equations) -> Array:

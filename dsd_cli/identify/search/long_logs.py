@@ -184,9 +184,12 @@ def _less_explained(judge: Search, fit: Fit, parts: Sequence[Recording]) -> tupl
     times = equations.by_stretch(equations.of_rows([s.frame.times for s in equations.stretches]))
     place = equations.owners
     seen = _seen(times, place, parts)
-    rows = max(int(POLICY.unexplained_seconds / (equations.band.step * equations.sample_time)), 1)
     worst, usual = (0.0, 0, 0.0), 0.0
-    for x, t, i, known in zip(equations.by_stretch(squares), times, place, equations.by_stretch(seen), strict=True):
+    by_stretch = zip(
+        equations.by_stretch(squares), times, place, equations.by_stretch(seen), equations.row_times, strict=True
+    )
+    for x, t, i, known, row_time in by_stretch:
+        rows = max(int(POLICY.unexplained_seconds / row_time), 1)
         if len(x) >= rows:
             means = np.convolve(x, np.ones(rows) / rows, "valid")
             inside = np.convolve(known, np.ones(rows), "valid") >= rows

@@ -75,13 +75,13 @@ def _strong_only(search: Search, fit: Fit) -> Fit:
 def _pulses(search: Search, fit: Fit, values: Array) -> tuple[tuple[float, float], ...]:
     """(start, end) in s, in the order of time; values : what is left beside the fit's laws, shape (N,)."""
     found: list[tuple[float, float, float]] = []
-    row_time = search.equations.band.step * search.equations.sample_time
     times = [s.frame.times for s in search.equations.stretches]
     at = search.equations.by_stretch(search.equations.of_rows(times))
     # a stop or a creep looks like a push
     sure = search.equations.by_stretch(sure_rows(fit.terms, search.equations, POLICY.unsure_push))
     moved = _first_moves(search, fit)
-    for stamps, x, clear, first in zip(at, search.equations.by_stretch(values), sure, moved, strict=True):
+    rows = zip(at, search.equations.by_stretch(values), sure, moved, search.equations.row_times, strict=True)
+    for stamps, x, clear, first, row_time in rows:
         for a, b, level in _strongest(x, clear & (stamps >= first)):
             found.append((float(stamps[a] - 0.5 * row_time), float(stamps[b] + 0.5 * row_time), abs(level)))
     top = max((level for *_, level in found), default=0.0)

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from dsd_cli.effects import Role
 from dsd_cli.effects.memory import one_pole
 from dsd_cli.identify.fit.bank import INERTIA, SHARE, drive, has_friction, inputs_of, of_single_logs, raw_columns
-from dsd_cli.identify.fit.equations import Stretch
 from dsd_cli.identify.fit.row_weights import inflation
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.stretches import Stretch
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array
 

@@ -37,18 +37,19 @@ class Lines:
     def __init__(self, errors: Errors, fit: Fit, cycle: float = math.inf) -> None:
         self._equations, self._cycle = errors.equations, cycle
         self._residual = errors.residual(fit, held_out=False)
+        self._by_stretch = self._equations.by_stretch(self._residual)
 
     @cached_property
     def over_time(self) -> tuple[float, ...]:
         """Frequencies of the strongest lines, Hz."""
-        parts = self._equations.by_stretch(self._residual)
-        row_time = self._equations.band.step * self._equations.sample_time
-        size = 2 * max(len(x) for x in parts)
-        power = sum(np.abs(np.fft.rfft(x - x.mean(), size)) ** 2 for x in parts if len(x))
-        step = 1.0 / (size * row_time)
-        shortest = POLICY.least_periods / (max(len(x) for x in parts) * row_time)
-        last = int(self._equations.band.hz / step) + 1
-        power = _of_time_alone(np.asarray(power)[:last], 1.0 / (self._cycle * step))
+        parts = [(x, t) for x, t in zip(self._by_stretch, self._equations.row_times, strict=True) if len(x)]
+        longest = max(len(x) * t for x, t in parts)
+        step, shortest = 0.5 / longest, POLICY.least_periods / longest
+        power = np.zeros(int(self._equations.band.hz / step) + 1)
+        for x, row_time in parts:  # a line at one frequency, in whichever band
+            own = np.abs(np.fft.rfft(x - x.mean(), round(2.0 * longest / row_time))) ** 2
+            power[: len(own)] += own[: len(power)]
+        power = _of_time_alone(power, 1.0 / (self._cycle * step))
         return tuple(k * step for k in _peaks(power, int(shortest / step) + 1))
 
     @cached_property

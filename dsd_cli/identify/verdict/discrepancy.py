@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import GAIN, freeform_fits, loss_of
 from dsd_cli.identify.fit.noise import structured_share
 from dsd_cli.identify.fit.row_weights import clear_rows, surely_less
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.signals.log import Array
 
 
 @dataclass(frozen=True)
@@ -44,11 +46,21 @@ def discrepancy_of(search: Search, fit: Fit) -> Discrepancy:
     return replace(first, unknown=over_time.unknown or there.unknown)
 
 
+def _structured(equations: Equations, residual: Array) -> float:
+    """Of all recordings: each has its own band. See `structured_share`."""
+    parts = zip(equations.by_recording(residual), equations.bands, strict=True)
+    shares = [structured_share(left, band) for left, band in parts]
+    if len(shares) == 1:
+        return shares[0]
+    powers = np.bincount(equations.logs_of_rows, residual**2, len(shares))
+    return float(powers @ shares) / max(float(powers.sum()), 1e-300)
+
+
 def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) -> Discrepancy:
     errors, equations = search.problem.errors, search.equations
     fits = freeform_fits(errors.bank, equations, search.problem.blocks, fit, search.solver.inertia)
     plain = errors.rmse(fit)
-    share = structured_share(equations.by_stretch(errors.residual(fit, held_out=False)), equations.band)
+    share = _structured(equations, errors.residual(fit, held_out=False))
     noise = plain * math.sqrt(1.0 - share)
     groups = [fits.fit_with(group) for group in fits.groups() if asked(group)]
     if not groups:

@@ -1,0 +1,174 @@
+"""A piece of a recording, prepared for rows: what acts in it per interval, as the measured acceleration averages it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dsd_cli.effects import Channels, Effect, Role
+from dsd_cli.identify.fit.feedback_noise import FeedbackNoise, feedback_noise_of
+from dsd_cli.identify.fit.sensor_motion import SensorMotion
+from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.recordings.regular import MEAN_OF_FOUR
+from dsd_cli.identify.recordings.rest import resting
+from dsd_cli.plant.filtering import delay_taps
+from dsd_cli.plant.forces import IntervalChannels
+from dsd_cli.plant.prediction import Frame
+from dsd_cli.signals.log import Array, Log
+
+#: Standard deviations of the speed's noise beyond which the direction is certain.
+_CERTAIN = 4.0
+#: Value in the middle of the interval between the inner two of four samples (exact for cubics).
+_MIDDLE_OF_FOUR = np.array([-1.0, 9.0, 9.0, -1.0]) / 16.0
+#: Cubic through the values at -1, 0, 1 and 2: the powers (columns) in the weight of each.
+_CUBIC = np.array([[0.0, -2.0, 3.0, -1.0], [6.0, -3.0, -6.0, 3.0], [0.0, 6.0, 3.0, -3.0], [0.0, -1.0, 0.0, 1.0]]) / 6.0
+#: Mean over an interval out of the values in the middle of it and of its neighbours.
+_MEAN_OF_MIDDLES = np.array([1.0, 22.0, 1.0]) / 24.0
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Arrays of shape (n,), per interval that ends at each sample.
+
+    Attributes
+    ----------
+    owner : number of its recording among those of the equations.
+    middle, mean : speed and position in the middle of each interval, and their means over the interval.
+    sensed : what drives a load; `noisy` : with the synthetic noise of the sensor.
+    free : 1 where the axis slides, so that friction's direction is known, 0 where friction holds.
+    sign : mean of sgn v, 0 where it is not known.
+    acceleration : as measured.
+    two_intervals : the acceleration is a mean over both intervals beside a sample.
+    stepping : the command jumps at samples alone; not where it was measured, or put on a regular clock.
+    pushed, levels : see `Recording`.
+    """
+
+    log: Log
+    frame: Frame
+    middle: IntervalChannels
+    mean: IntervalChannels
+    sensed: SensorMotion
+    free: Array
+    sign: Array
+    acceleration: Array
+    two_intervals: bool
+    stepping: bool
+    pushed: tuple[str, float] | None
+    levels: tuple[tuple[str, int, float], ...]
+    owner: int
+    noisy: bool = False
+
+    @cached_property
+    def answer(self) -> FeedbackNoise:
+        """How u answers the noise of the sensor."""
+        return feedback_noise_of(self.log["u"], self.acceleration, self.log.sample_time)
+
+    def channels(self, drive: Array, effect: Effect) -> Channels:
+        """What an effect looks at under that delayed u: means over the interval, or the values in the middle of it."""
+        if effect.role is Role.STRUCTURE:
+            velocity, position = self.sensed.noisy if self.noisy else self.sensed.motion
+            return self.frame.channels(drive, self.mean._replace(velocity=velocity, position=position))
+        if effect.memory:
+            return self.frame.channels(drive, self.mean)
+        return self.frame.channels(drive, self.middle)._replace(interval=np.broadcast_to(0.0, len(drive)))
+
+    def acting(self, x: Array, smooth: bool, held: bool) -> Array:
+        """A force per interval as the acceleration averages it.
+
+        smooth : x is; else it is constant within each interval and jumps between them, as a held u does.
+        held : there is friction, so that at rest all forces balance and count as 0.
+        """
+        return self.averaged(x * self.free if held else x, smooth)
+
+    def commanded(self, command: Array, delay: float, held: bool) -> Array:
+        """A command, `delay` s late, as the acceleration averages it; held: see `acting`.
+
+        Between whole samples the mean of a held u over one interval is linear in the delay, and that under the hat is
+        its integral: by trapezoids from knot to knot. A u that is not held there follows a cubic through four samples.
+        """
+        step = self.frame.log.sample_time
+        whole, part = delay_taps(delay, step)
+
+        def late(samples: float) -> Array:
+            mean = self.frame.mean_u(command, max(samples, 0) * step)
+            mean = mean if samples >= 0 else np.append(mean[1:], mean[-1])
+            return self.acting(mean, not self.stepping, held)
+
+        if part == 0.0:
+            return late(whole)
+        if not self.stepping:
+            nodes = zip(_CUBIC @ part ** np.arange(4.0), range(-1, 3), strict=True)
+            return np.asarray(sum(weight * late(whole + k) for weight, k in nodes))
+        if not self.two_intervals:
+            return late(whole + part)
+        ends, knot = (
+            self.frame.mean_u(command, x * step) * (self.free if held else 1.0) for x in (whole + part, whole)
+        )
+        return 0.5 * (part * ends + knot + (1.0 - part) * np.append(ends[1:], ends[-1]))
+
+    def averaged(self, x: Array, smooth: bool) -> Array:
+        """x per interval -> as the acceleration averages it."""
+        if not self.two_intervals:
+            return x
+        if smooth:
+            return np.convolve(np.concatenate([x[:1], x, x[-1:], x[-1:]]), MEAN_OF_FOUR[::-1], mode="valid")
+        return 0.5 * (x + np.append(x[1:], x[-1]))
+
+
+def stretch_of(log: Log, recording: Recording, owner: int) -> Stretch:
+    """A piece of that recording, which is number `owner`."""
+    sensor, frame = recording.sensor, Frame(log)
+    speed = log["velocity"]
+    known = ~resting(speed, log["rest_speed"])
+    return Stretch(
+        log=log,
+        frame=frame,
+        middle=_motion(log, _MIDDLE_OF_FOUR),
+        mean=_motion(log, MEAN_OF_FOUR),
+        sensed=SensorMotion(log, sensor),
+        free=known.astype(np.float64),
+        sign=np.where(known, direction(speed, log["speed_noise"]), 0.0),
+        acceleration=log["acceleration"],
+        two_intervals=sensor.two_intervals,
+        stepping=log.u_hold == "held" and "white" not in log,
+        pushed=recording.pushed,
+        levels=recording.levels,
+        owner=owner,
+    )
+
+
+def _motion(log: Log, weights: Array) -> IntervalChannels:
+    """Motion of each interval out of four samples; the first two and the last have the mean of their ends."""
+    unknown = np.broadcast_to(np.nan, len(log))
+
+    def of(name: str) -> Array:
+        if name not in log:
+            return unknown
+        x = log[name]
+        first, last = [x[0], 0.5 * (x[0] + x[1])], [0.5 * (x[-2] + x[-1])]
+        return np.concatenate([first, np.convolve(x, weights, mode="valid"), last])
+
+    return IntervalChannels(of("velocity"), of("position"), unknown, unknown)
+
+
+def direction(speed: Array, noise: Array) -> Array:
+    """Mean of sgn v over each interval, shape (n,), as far as a noisy speed shows it: between -1 and 1.
+
+    noise : standard deviation of the speed's, shape (n,).
+    """
+    before = np.concatenate([speed[:1], speed[:-1]])
+    size = np.abs(speed) + np.abs(before)
+    found = (speed + before) / np.where(size > 0.0, size, 1.0)
+    x = 0.5 * (speed + before) / np.maximum(noise, 1e-300)
+    doubtful = np.flatnonzero(~(np.abs(x) >= _CERTAIN))  # few, as a rule
+    x = x[doubtful]
+    # erf(x / sqrt 2), the mean of sgn of v given v + noise
+    found[doubtful] = np.tanh(np.sqrt(2.0 / np.pi) * (x + 0.044715 * x**3))
+    return np.asarray(found)
+
+
+def mean_of_middles(x: Array) -> Array:
+    """Mean over each interval of a smooth function, from its values in the middle of the intervals."""
+    return np.convolve(np.pad(x, 1, mode="edge"), _MEAN_OF_MIDDLES, mode="valid")
