@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.errors import UsageError
+from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.first_look import FirstLook, time_unit_of
 from dsd_cli.files.joints import joint_that_moves
 from dsd_cli.files.recognise import (
     TIME_UNITS,
     Recognised,
+    is_command,
     is_current,
     is_force,
     is_motion,
@@ -56,8 +57,11 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
 
     Raises
     ------
-    UsageError : a column that was given is not there.
+    UsageError : a column that was given is not there. DataError : no column holds numbers.
     """
+    if all(facts_of(one).kind in ("empty", "text") for table in sample.tables for one in table.channels):
+        told = "a row is numbers with a delimiter between them; `dsd columns` shows what was read"
+        raise DataError(f"{path}: no column holds numbers", told)
     given = {role: _named(path, sample, name) for role, name in given.items()}
     tables = [usable(table, given.values()) for table in sample.tables]
     if given:
@@ -188,6 +192,8 @@ def _with_direction(look: FirstLook, table: Table) -> Recognised | None:
 def roles_of(look: FirstLook, table: Table, given: Mapping[str, str]) -> Roles:
     """What its channels are by what they do, as far as the look does not say it."""
     named = {role: one.column for role, one in look.found.items()}
+    if "u" not in named and is_command(named.get("reference", "")):
+        del named["reference"]  # only what it does says of what
     forces = {one.name for one in table.channels if is_force(one.name, one.unit)} - set(given.values())
     u = look.found.get("u")
     if u is not None and u.equals and "u" not in given and not any(one in named for one in MOTION):

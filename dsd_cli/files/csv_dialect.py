@@ -22,6 +22,8 @@ MISSING = frozenset(
     )
 )  # fmt: skip
 COMMENT = ("#", "%")
+#: What tables for the eye rule off their header with: `--- ---`, `|---|:--:|`, `+----+`.
+RULER = re.compile(r"[\s|:+]*(?:[-=]{3,}[\s|:+]*)+")
 DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
 ISO_TIME = re.compile(r"\s*\d{4}-\d\d-\d\d[ T]\d\d:\d\d")
 SPOKEN_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "min": 60.0, "hr": 3600.0}
@@ -36,6 +38,9 @@ _OTHER_FORMATS = {
         "is a pointer of Git LFS, the file itself was not fetched",
         "git lfs pull",
     ),
+    b"SQLite format 3\0": ("is an SQLite database", "write its table as CSV: sqlite3 -header -csv FILE 'select * ..'"),
+    b"WPILOG": ("is a data log of WPILib", "AdvantageScope exports it as CSV or MCAP"),
+    b"Obj\x01": ("is an Avro file", "write it as Parquet or CSV"),
     b"\x1f\x8b": ("is gzip-compressed", "unpack it first"),
     b"PK\x03\x04": ("is a zip archive or a spreadsheet", "export it as CSV"),
     b"\xff\xfe": ("is UTF-16 text", "save it as UTF-8"),
@@ -97,12 +102,12 @@ def fields_of(line: str, delimiter: str) -> list[str]:
 
 
 def is_comment(line: str) -> bool:
-    return not line.strip() or line.lstrip().startswith(COMMENT)
+    return not line.strip() or line.lstrip().startswith(COMMENT) or RULER.fullmatch(line) is not None
 
 
 def uncommented(line: str) -> str:
     """What a comment says: `%time,field.x` and `# t u q` are headers of many tools."""
-    return line.strip().lstrip("".join(COMMENT)).lstrip()
+    return "" if RULER.fullmatch(line) else line.strip().lstrip("".join(COMMENT)).lstrip()
 
 
 def number(text: str) -> float:
@@ -235,7 +240,7 @@ def find_header(source: str, lines: Sequence[str]) -> tuple[Header, int]:
     comment = ""
     for count, line in enumerate(lines):
         if is_comment(line):
-            comment = line if line.strip() else comment
+            comment = line if uncommented(line) else comment
             continue
         below = next((other for other in lines[count + 1 :] if not is_comment(other)), "")
         header = read_header(source, comment, line, below)

@@ -69,13 +69,15 @@ class CsvTable:
         return {} if units is None else dict(zip(header.names, units, strict=False))
 
     def peek(self) -> dict[str, Any]:
-        """Column -> Arrow array of about the first megabytes, of whatever kind Arrow takes it for."""
+        """Column -> Arrow array of about the first megabytes, of whatever kind Arrow takes it for; none without rows."""
         import pyarrow as pa
 
         names = self.column_names
         try:
             batch = self._reader(everything=True).read_next_batch()
-        except (pa.ArrowException, OSError, StopIteration) as error:
+        except StopIteration:
+            return {}
+        except (pa.ArrowException, OSError) as error:
             raise self._explain(0, error) from None
         return {name: batch.column(at) for at, name in enumerate(names) if names.index(name) == at and name}
 

@@ -81,7 +81,7 @@ def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
             return find_layout(source, lines, layout)  # a unit of no channel: the line above is a title
         shown = [text.strip().strip("[]()") for text in first]
         return Found(header, at + 1, shown, [*notes, f"line {at + 1} is taken as units, not data"])
-    return Found(header, skip, None, notes)
+    return Found(header, at, None, notes)
 
 
 _COMMENTED = "the comment in line {} is taken as the header"

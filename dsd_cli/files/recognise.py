@@ -10,7 +10,7 @@ from dsd_cli.signals.units import POSITION, VELOCITY
 
 #: Channel -> words that name it, best first.
 WORDS: Mapping[str, tuple[str, ...]] = {
-    "time": ("t", "time", "timestamp", "stamp", "zeit", "seconds", "sec", "clock"),
+    "time": ("t", "time", "timestamp", "stamp", "zeit", "seconds", "sec", "clock", "ms", "millis", "us", "micros"),
     "d_hat": ("dhat", "disturbance", "dist", "dob", "stoerung"),
     "u": (
         "u", "iq", "torque", "effort", "current", "force", "voltage", "moment", "strom", "drehmoment", "kraft", "tau",
@@ -24,8 +24,11 @@ WORDS: Mapping[str, tuple[str, ...]] = {
         "position", "pos", "q", "theta", "angle", "encoder", "enc", "phi", "x", "winkel", "lage", "displacement",
     ),
 }  # fmt: skip
-#: Words of what was asked for, not measured; of what was measured.
+#: Words of what was asked for, not measured.
 ASKED = {"ref", "reference", "set", "setpoint", "target", "desired", "des", "soll", "cmd", "command", "demand", "goal"}
+#: Those of them that by themselves may be u as well.
+COMMANDS = {"cmd", "command", "demand"}
+#: Of what was measured.
 MEASURED = {"act", "actual", "meas", "measured", "ist", "fbk", "feedback", "real", "motor", "filtered", "filt"}
 #: Words that make a column of another thing whatever else it is called: errors, limits, other axes' business.
 ELSE = {"error", "err", "limit", "max", "min", "status", "temp", "temperature", "id", "index", "count", "mode", "true"}
@@ -42,7 +45,7 @@ IDLE = {"pose", "translation", "stamp"}
 #: Unit of a time -> its name in the config.
 TIME_UNITS = {
     "s": "s", "sec": "s", "second": "s", "seconds": "s", "milliseconds": "ms",
-    "ms": "ms", "msec": "ms", "us": "us", "µs": "us", "μs": "us", "ns": "ns",
+    "ms": "ms", "msec": "ms", "millis": "ms", "micros": "us", "us": "us", "µs": "us", "μs": "us", "ns": "ns",
 }  # fmt: skip
 #: Channel -> unit in a log -> what the config calls it; of u with what its column is multiplied by.
 NAMED: Mapping[str, Mapping[str, str]] = {
@@ -171,12 +174,17 @@ def is_count(name: str) -> bool:
     return bool(_words(name) & COUNTERS)
 
 
+def is_command(name: str) -> bool:
+    """Whether a name says that it is a command, and not of what: a motion that was asked for, or u."""
+    return bool(words := _words(name)) and words <= COMMANDS
+
+
 def is_motion(name: str, unit: str) -> bool:
     """Whether name or unit say that it is a motion, asked for or measured, or a time, and so makes nothing move."""
     words = _words(name)
     said = any(_score(channel, name) > 0.0 for channel in ("time", "position", "velocity", "reference"))
     in_units = any(unit.strip().lower() in NAMED[channel] for channel in NAMED)
-    return (said or in_units or bool(words & IDLE)) and not _score("u", name)
+    return (said or in_units or bool(words & IDLE)) and not _score("u", name) and not is_command(name)
 
 
 def quaternions(names: Collection[str]) -> set[str]:

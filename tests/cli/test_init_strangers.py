@@ -231,3 +231,8 @@ def test_a_part_of_an_orientation_that_is_asked_for_is_taken(tmp_path: Path) -> 
     strangers.text(tmp_path, "one.csv", ["t,taux,qx", *strangers.rows(AXIS, AXIS["t"], AXIS["u"], AXIS["q"])])
     done("init", "one.csv", "--u", "taux", "--force", cwd=tmp_path)
     assert load_config(tmp_path / "dsd.toml").signals.position == "qx"
+
+
+def test_a_text_without_a_column_of_numbers_is_no_question_which_it_is(tmp_path: Path) -> None:
+    (tmp_path / "plotter.txt").write_text("".join(f"u:{k % 7},pos:{k}\n" for k in range(200)))
+    refused(dsd("init", "plotter.txt", cwd=tmp_path), 1, "plotter.txt: no column holds numbers", "`dsd columns` shows")

@@ -56,6 +56,17 @@ def trace(folder: Path, a: dict) -> Path:
     return text(folder, "trace.csv", head + [";".join(map(german, row)) + ";1" for row in zip(*columns, strict=True)])
 
 
+def ruled(folder: Path, a: dict, ruler: str = "---", by: str = "  ") -> Path:
+    """A table for the eye, as databases print it; `cmd` is no motion that was asked for, but u."""
+    columns = zip(1e3 * a["t"], a["u"], a["q"], a["v"], strict=True)
+    body = [by.join(f"{x:<22.7g}" for x in row) for row in columns]
+    return text(folder, "table.txt", [by.join(("ms", "cmd", "enc", "vel")), by.join([ruler] * 4), *body])
+
+
+def markdown(folder: Path, a: dict) -> Path:
+    return ruled(folder, a, ":---:", " | ")
+
+
 def recorder(folder: Path, a: dict) -> Path:
     head = ["Recording", "Drive: Gold 7", "Date: 2023-05-11", "Sampling Time: 2 ms", ""]
     head += ["Time (sec),Position (deg),Velocity (deg/s),Active Current (A)"]
@@ -215,6 +226,8 @@ MADE: dict[str, tuple[Callable[[Path, dict], Path], str, str]] = {
     "scope": (scope, "CH1", "CH2"),
     "sequence": (sequence, "CH1", "CH2"),
     "timetable": (timetable, "Current", "Speed"),
+    "ruled": (ruled, "cmd", "enc"),
+    "markdown": (markdown, "cmd", "enc"),
     "spreadsheet": (spreadsheet, "Strom [A]", "Position [mm]"),
     "clock_time": (clock_time, "Strom", "Drehzahl"),
     "short_names": (short_names, "vir", "qm"),

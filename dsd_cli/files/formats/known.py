@@ -60,6 +60,8 @@ _MAGIC = (
     (b"#ROSBAG V", BAG),
     (b"SQLite format 3\0", BAG),
 )
+#: Names of bags end so: other databases of SQLite are none.
+_BAGS = (".bag", ".db3")
 
 
 def format_of(path: str | Path, head: bytes) -> Format | None:
@@ -69,7 +71,7 @@ def format_of(path: str | Path, head: bytes) -> Format | None:
     if any(head[at : at + 8] == b"\x89HDF\r\n\x1a\n" for at in (512, 1024, 2048)):
         return MAT73 if head.startswith(b"MATLAB") else HDF5  # some call themselves 5.0
     for magic, found in _MAGIC:
-        if head.startswith(magic):
+        if head.startswith(magic) and (found is not BAG or Path(path).suffix.lower() in _BAGS):
             return found
     if head.startswith(b"PK\x03\x04") and _holds_arrays(path):
         return NUMPY
