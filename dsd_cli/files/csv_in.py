@@ -69,7 +69,7 @@ class CsvTable:
         return {} if units is None else dict(zip(header.names, units, strict=False))
 
     def peek(self) -> dict[str, Any]:
-        """Column -> Arrow array of about the first megabytes, of whatever kind Arrow takes it for; none without rows."""
+        """Column -> Arrow array of about its first megabytes, of what Arrow takes it for; none without rows."""
         import pyarrow as pa
 
         names = self.column_names
