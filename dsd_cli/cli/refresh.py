@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dsd_cli.cli.init_log import RHO_LEAST, RHO_OF_LEFT
+from dsd_cli.errors import DataError
 from dsd_cli.files.config import Config, Observer
 from dsd_cli.identify.compare.evaluation import evaluate
 from dsd_cli.plant.model import PlantModel
@@ -55,18 +57,15 @@ def put_states(text: str, given: Given, model: PlantModel, wanted: bool) -> tupl
 
 
 def lacking(config: Config, given: Given, model: PlantModel) -> str:
-    """What of a model [states] and rho do not have, as one line with the way to mend it; "" if nothing.
-
-    Raises
-    ------
-    DataError : see `evaluate`.
-    """
+    """What of a model [states] and rho do not have, as one line with the way to mend it; "" if nothing."""
     if config.states is None:
         return ""
     grids = ("delay", model.delay, config.states.delays), ("inertia", model.inertia, config.states.inertias)
     missing = [f"{name} {value:.4g}" for name, value, grid in grids if not _has(grid, value)]
     said = [f"{' and '.join(missing)} of [model] is no candidate of [states]"] if missing else []
-    rho, suits = config.detector.rho, _rho(given, model, 1.0)
+    rho = suits = config.detector.rho
+    with suppress(DataError):  # of a log that is too short for d_hat the fit may be good all the same
+        suits = _rho(given, model, 1.0)
     if max(rho, suits) > _RHO_SUITS * min(rho, suits):
         said.append(f"detector.rho = {rho:g} does not suit what the model leaves now ({suits:g} does)")
     return f"{', and '.join(said)}: --states mends that" if said else ""

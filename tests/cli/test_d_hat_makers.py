@@ -123,6 +123,23 @@ def test_a_log_that_dsd_made_is_left_alone(tmp_path):
     assert detected(tmp_path, observer(Maker("euler", "newest")))["states"] == detected(tmp_path, CONFIG)["states"]
 
 
+def test_values_from_u_and_d_hat_alone_are_the_true_ones(tmp_path):
+    """Of euler and the newest u, too, which "auto" finds below."""
+    t, u, v = motion(n=2000)
+    write(tmp_path / "log.csv", t, u, made(t, u, v, JN, TAU, "bilinear", "mean"))
+    (tmp_path / "dsd.toml").write_text(observer(Maker("bilinear", "mean")))
+    done = dsd("diagnose", "log.csv", "-c", "dsd.toml", "--format", "json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    values_are_true(json.loads(done.stdout))
+
+
+def values_are_true(result):
+    assert result["verdict"] == "viscous_friction"
+    found = {**result["estimates"], **(result.get("found_values") or {})}
+    assert found["viscous_friction.coefficient"]["value"] == pytest.approx(B, rel=0.02)
+    assert found["inertia"]["value"] == pytest.approx(J, rel=0.02)
+
+
 def test_a_word_that_is_no_filter_is_refused(tmp_path):
     (tmp_path / "dsd.toml").write_text(CONFIG.replace("[model]", 'filter = "tustin"\n[model]'))
     write(tmp_path / "log.csv", *motion(n=1520))
@@ -196,10 +213,7 @@ def test_auto_of_u_and_d_hat_alone_is_the_maker_that_explains_the_log(tmp_path):
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
     assert result["provenance"]["d_hat"] == "logged, made with filter euler, newest u"
-    assert result["verdict"] == "viscous_friction"
-    found = {**result["estimates"], **(result.get("found_values") or {})}
-    assert found["viscous_friction.coefficient"]["value"] == pytest.approx(B, rel=0.02)
-    assert found["inertia"]["value"] == pytest.approx(J, rel=0.02)
+    values_are_true(result)
 
 
 def test_diagnose_says_that_d_hat_was_made_another_way(tmp_path):

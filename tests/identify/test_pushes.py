@@ -111,7 +111,7 @@ def test_pushes_are_looked_for_beside_a_law_that_hides_them():
     assert starts == pytest.approx([2.484, 5.390, 9.231, 13.241, 17.594], abs=0.01)
 
 
-@pytest.mark.parametrize(("what", "seed", "duration"), [("slew_limit", 64611, 3.0), ("gain_drift", 64610, 3.0)])
+@pytest.mark.parametrize(("what", "seed", "duration"), [("slew_limit", 64611, 3.0), ("end_stop", 64800, 20.0)])
 def test_pushes_that_leave_more_than_the_sensor_are_half_sure(what, seed, duration):
     """They fit a part of any law: these were external_force, 96 to 99 %. True pushes leave what the sensor does."""
     found = diagnosed((what,), seed, "speed40k", duration)

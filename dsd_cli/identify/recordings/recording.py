@@ -145,7 +145,7 @@ def _walk(pieces: Sequence[Log], observer: ObserverSettings) -> float:
 
 
 #: Logs are of one rate whose sample times are no further apart than this share.
-_OTHER_RATE = 0.05
+_OTHER_RATE = 0.1
 
 
 def check_one_rate(recordings: Sequence[Recording]) -> None:
