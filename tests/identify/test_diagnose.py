@@ -194,7 +194,7 @@ def test_the_error_is_that_of_the_balance_of_forces(answers, logs):
     assert np.sqrt(np.mean(mean**2)) == pytest.approx(answers["gravity"].score.rmse, rel=0.1)
 
 
-@pytest.mark.parametrize("name", ["viscous_friction", "coulomb_friction", "gravity", "none"])
+@pytest.mark.parametrize("name", ["coulomb_friction", "none"])
 def test_an_encoder_of_4096_counts_is_enough(name):
     """The sensor of most axes, and nothing else: seen through an observer this was indistinguishable from noise."""
     made = [replace(case, encoder_step=2 * np.pi / 4096) for case in cases(name, [1, 2], sensing="position")]

@@ -147,7 +147,7 @@ CUSPS = Law(
 )
 
 
-@pytest.mark.parametrize(("sensor", "motion"), [("speed40k", "moves"), ("enc40k", "moves"), ("enc40k", "sines")])
+@pytest.mark.parametrize(("sensor", "motion"), [("speed40k", "moves"), ("enc40k", "sines")])
 def test_a_curve_is_as_fine_as_the_log_supports_and_its_band_holds_the_law(sensor, motion):
     """A force over the position with cusps; by sines with an encoder the log has no rows for twice the knots again."""
     log, recording, model = asked("cusps", sensor, seed=11, motion=motion, laws={"cusps": CUSPS})
@@ -194,7 +194,7 @@ def test_a_force_over_time_is_no_law_of_the_motion():
     assert found.model.effects.keys() == model.effects.keys()
 
 
-@pytest.mark.parametrize(("true", "dry"), [("inertia", 0.0), ("inertia", 5.0), ("gain", 25.0)])
+@pytest.mark.parametrize(("true", "dry"), [("inertia", 5.0), ("gain", 25.0)])
 def test_a_gain_over_time_is_said_to_be_an_inertia_as_well_where_nothing_tells(true, dry):
     """J falls by a quarter, or the gain of u rises by a third, in the middle of the log. Without friction the two are
     one law, and both are said; dry friction, which a gain does not leave alone, tells them apart."""
@@ -216,7 +216,7 @@ def test_a_gain_over_time_is_said_to_be_an_inertia_as_well_where_nothing_tells(t
         assert "early and late" in named["an inertia that changes over time"].separate
 
 
-@pytest.mark.parametrize(("law", "seed"), [("cross_term", 5), ("gain_by_sign", 6), ("torque_ripple", 6)])
+@pytest.mark.parametrize(("law", "seed"), [("cross_term", 5), ("gain_by_sign", 6)])
 def test_the_delay_is_found_beside_the_law(law, seed):
     """Without the law u looks early or late: a delay that stayed there would leave more than the true force does."""
     log, recording, model = asked(law, seed=seed)

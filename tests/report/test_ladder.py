@@ -164,7 +164,7 @@ def test_a_history() -> None:
     assert (remembered["history"], remembered["log"]) == (HISTORY, [])
 
 
-@pytest.mark.parametrize("steps", [1, 2, 3, 9])
+@pytest.mark.parametrize("steps", [1, 9])
 def test_the_picture(steps: int) -> None:
     more = tuple(Step(i, "gravity", STEPS[2].score, STEPS[2].estimates, GIVEN) for i in range(3, 9))
     ladder = replace(LADDER, steps=(*STEPS, *more)[:steps])
