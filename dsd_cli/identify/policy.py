@@ -131,8 +131,8 @@ class Policy:
     near_fall: float = 0.1  # share of the held-out error from which on an unconfirmed effect is mentioned
     creeping_fall: float = 0.3  # and from which on it halves the belief in "none", where all is left in creeping
     creeping_rise: float = 1.3  # of what is left of all rows over what is where the direction is sure, and no more
-    few_rows: int = 150  # independent equations below which no verdict is surer than 80 %
-    rows_per_effect: int = 75  # and for each effect of the set that was found: five laws explain any few moves
+    few_rows: int = 150  # independent equations below which "nothing" is 80 % sure, and of when u acts nothing is said
+    rows_per_effect: int = 75  # that a push beside laws needs: in a short log they imitate anything
     least_rows_per_effect: int = 25  # below which no verdict on more than one effect is surer than 50 %
 
     least_alone: float = 0.005  # share of the held-out error that an effect takes off alone, to be named
@@ -151,7 +151,9 @@ class Policy:
     tempering: float = 0.5  # exponent on likelihoods: blocks are neither independent nor alike
     least_told_direction: float = 0.9  # of the samples in motion; a sensor that shows fewer cannot identify friction
     surest: float = 0.99  # no verdict is surer: the catalogue is not the world
-    surest_in_part: float = 0.8  # where some effects could not be tested, or rows are few
+    stands_in: float = 3.0  # times what is left; an effect that takes off no more stands in for another half the time
+    rows_of_a_choice: float = 3.0  # independent equations that halve a belief; times the square of the set's size
+    surest_in_part: float = 0.8  # "nothing is missing", where some effects could not be tested
     surest_unnamed: float = 0.5  # a member of a set of which the verdict names none
     surest_unstable: float = 0.9  # where the verdict changes on half of the data or in another band
     narrower_band: float = 0.5  # times the band, in which the verdict is tried again

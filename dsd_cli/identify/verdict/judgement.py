@@ -25,7 +25,7 @@ from dsd_cli.identify.verdict.evidence import NOTHING, Membership, probabilities
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.own_values import ParameterCheck
 from dsd_cli.identify.verdict.resonance import Resonance, note_on
-from dsd_cli.identify.verdict.two_numbers import missing_of, surest_of, unexplained_of
+from dsd_cli.identify.verdict.two_numbers import missing_of, probability_of, surest_of, unexplained_of
 
 
 class Verdict:
@@ -98,12 +98,12 @@ class Verdict:
         known = self._share_of_possible(rmse(self.search.refit), rmse(self.whole))
         named = min(group or [best], key=lambda name: get_effect(name).rarity)
         self._named_for[named] = best
-        tied = (best, *member.rivals)
-        shared = sum(member.probabilities.get(name, 0.0) for name in tied) / len(tied)
-        likely = known * max(member.probabilities.get(named, 0.0), shared)
         if known < POLICY.share_of_possible:
             return UNKNOWN, min(1.0 - max(known, 0.0), self.limits.surest)
-        return named, min(likely, self.surest, member.surest)
+        tied = (best, *member.rivals)
+        shared = sum(member.probabilities.get(name, 0.0) for name in tied) / len(tied)
+        belief = max(member.probabilities.get(named, 0.0), shared)
+        return named, min(known, probability_of(self.search, self.whole, member, belief, self.surest))
 
     def _first(self) -> str:
         """The member with most evidence by itself; a commoner one with nearly the same error is preferred."""
