@@ -97,7 +97,7 @@ class Machine:
         what = self.case.what[0]
         ranking = {c.effect: c for c in said.ranking}
         own = [e for name, e in said.estimates.items() if name.startswith(f"{what}.")]
-        weak = any(e.told in ("weak", "not") for e in own)
+        weak = any(e.grade in ("weak", "not") for e in own)
         return (
             said.verdict == what and set(said.found) == {what} and not ranking[what].indistinguishable_from and not weak
         )
@@ -118,7 +118,7 @@ def left_open(said: Diagnosis) -> bool:
     ranking = {c.effect: c for c in said.ranking}
     ties = any(ranking[name].indistinguishable_from for name in said.found if name in ranking)
     own = [e for name, e in said.estimates.items() if name.partition(".")[0] in said.found]
-    return said.verdict == "unknown" or ties or any(e.told in ("weak", "not") for e in own)
+    return said.verdict == "unknown" or ties or any(e.grade in ("weak", "not") for e in own)
 
 
 def one(case: RigCase, kind: str) -> Row | None:

@@ -149,5 +149,5 @@ def left_open(found: Diagnosis) -> tuple[str, ...]:
     named = found.found or ((found.verdict,) if found.verdict in ranking else ())
     ties = [f"{n} or {r}" for n in named for r in (ranking[n].indistinguishable_from if n in ranking else ())]
     values = found.whole_values or found.estimates
-    weak = [n for n, e in values.items() if e.told in ("weak", "not") and n.partition(".")[0] in named]
+    weak = [n for n, e in values.items() if e.grade in ("weak", "not") and n.partition(".")[0] in named]
     return (*(["what is missing"] if found.verdict == UNKNOWN else []), *ties, *weak)

@@ -29,7 +29,7 @@ class Estimate:
     at_bound : the value stands on its bound, so neither it nor its error is reliable.
     held : the user fixed it; its standard error is 0.
     pull : standard deviations by which the log alone is off the prior; NaN without one.
-    told : "identified", "weak" or "not" by the relative error, "held"; "" where nobody asked.
+    grade : "identified", "weak" or "not" by the relative error, "held"; "" where nobody asked.
     correlations : of its error with those of the values of this fit that stand before it, by their names; none with
         those that are held or that the log does not identify.
     """
@@ -40,7 +40,7 @@ class Estimate:
     at_bound: bool = False
     held: bool = False
     pull: float = math.nan
-    told: str = ""
+    grade: str = ""
     correlations: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -272,7 +272,7 @@ def own_values(estimates: Estimates, effect: str) -> Estimates:
 
 def without_errors(estimates: Estimates) -> Estimates:
     """Values whose standard errors hold for a model that lacks nothing, said of one that does."""
-    return {name: replace(one, std_error=math.nan, told="") for name, one in estimates.items()}
+    return {name: replace(one, std_error=math.nan, grade="") for name, one in estimates.items()}
 
 
 def in_units(result: Any, units: Units) -> Any:

@@ -47,7 +47,7 @@ def estimate_text(estimate: Estimate, unit: bool = True) -> str:
         text += f" {in_words(estimate.unit)}"
     if estimate.held or estimate.at_bound:
         return f"{text} ({'held' if estimate.held else 'at its bound'})"
-    return f"{text} (not identifiable)" if estimate.told == "not" and math.isnan(error) else text
+    return f"{text} (not identifiable)" if estimate.grade == "not" and math.isnan(error) else text
 
 
 def values_text(estimates: Estimates, separator: str = ", ") -> str:
@@ -65,7 +65,7 @@ def estimates_json(estimates: Estimates) -> dict[str, Any]:
             "unit": in_words(e.unit),
             "at_bound": e.at_bound,
             **({"held": True} if e.held else {}),
-            **({"identified": e.told} if e.told else {}),
+            **({"identified": e.grade} if e.grade else {}),
             **({"prior_sigma": number_or_none(e.pull)} if math.isfinite(e.pull) else {}),
         }
         for name, e in estimates.items()

@@ -68,7 +68,7 @@ GRADES = {"identified": "identifiable", "weak": "weakly identifiable", "not": "n
 
 def grade(one: Estimate) -> str:
     """`identifiable`, `weakly identifiable`, `not identifiable`, `held`, and what else to know."""
-    words = [GRADES[one.told]] if one.told else []
+    words = [GRADES[one.grade]] if one.grade else []
     words += ["at its bound"] if one.at_bound else []
     words += [f"{abs(one.pull):.1f} sigma from its prior"] if math.isfinite(one.pull) else []
     return ", ".join(words)

@@ -92,7 +92,7 @@ def test_a_crawl_tells_its_cogging_and_no_inertia():
     assert values["periods"].value == pytest.approx(7.0, abs=0.1)
     assert values["amplitude"].value == pytest.approx(0.8, rel=0.05)
     assert "does not seem to drive" not in " ".join(found.warnings)
-    assert found.estimates["inertia"].told == "not"
+    assert found.estimates["inertia"].grade == "not"
     assert found.estimates["inertia"].value < 1e3 * model.inertia
     assert found.refitted_model.inertia > 1e-9  # no inertia of 1e-99
 

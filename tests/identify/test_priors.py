@@ -136,7 +136,7 @@ def test_all_of_a_known_machine_stays_as_it_is(problem):
     found = Search(pose([seen(EFFECTS)], MODEL, Settings(effects=(), known=known)))
     assert found.problem.scale.model(found.refit) == MODEL
     values = found.problem.values(found.refit).estimates
-    assert {e.told for e in values.values()} == {"held"}
+    assert {e.grade for e in values.values()} == {"held"}
     assert {e.std_error for e in values.values()} == {0.0}
 
 

@@ -72,7 +72,7 @@ def _draws(search: Search, fit: Fit, open_grades: Sequence[Grade]) -> tuple[Plan
     spread = root_of(information(fit, search.solver).covariance(noise.variance * noise.inflation))
     random = np.random.default_rng(_SEED)
     told = search.problem.values(fit).estimates
-    given = {n: v for n, v in flat(search.problem.model).items() if n in told and told[n].told in open_grades}
+    given = {n: v for n, v in flat(search.problem.model).items() if n in told and told[n].grade in open_grades}
     plants = [scale.model(fit).with_values(given)]
     linear = len(fit.total)
     most = np.concatenate([_WIDEST * np.abs(fit.total), np.full(len(spread) - linear, _WIDEST)])
@@ -97,7 +97,7 @@ def values_of(search: Search, first: Explanation, wanted: Sequence[str] | None) 
     """Weak ones, or those that were asked for, with their slopes."""
     estimates = search.problem.values(first.fit).estimates
     if wanted is None:
-        weak = [n for n, e in estimates.items() if e.told in ("weak", "not") and not e.held]
+        weak = [n for n, e in estimates.items() if e.grade in ("weak", "not") and not e.held]
         wanted = [n for n in weak if not _of_angle(n)]
     found, at = [], _flat_of(search, first.fit)
     for name in wanted:

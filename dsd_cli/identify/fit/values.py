@@ -191,7 +191,7 @@ def _found_only(estimates: Mapping[str, Estimate], fit: Fit, known: PriorKnowled
     """Where a fit finds no inertia what is given stays, and nothing is said of it."""
     if whole_inertia(fit) > 0.0 or INERTIA in known.fixed:
         return estimates
-    return {**estimates, INERTIA: replace(estimates[INERTIA], std_error=math.nan, told="not")}
+    return {**estimates, INERTIA: replace(estimates[INERTIA], std_error=math.nan, grade="not")}
 
 
 def _estimate(
@@ -199,11 +199,11 @@ def _estimate(
 ) -> Estimate:
     error = known.seen.get(name, error)
     if name in known.fixed and name not in known.seen:
-        return Estimate(value, 0.0, unit, held=True, told="held")
+        return Estimate(value, 0.0, unit, held=True, grade="held")
     size = 1.0 if unit == "rad" else abs(value)
-    told = grade(size, error, sample_time if name == DELAY else math.nan)
+    by_error = grade(size, error, sample_time if name == DELAY else math.nan)
     judged = not at_bound or (name == DELAY and value == 0.0)  # no delay is less than 0: not a bound of the user
-    return Estimate(value, _told(value, error), unit, at_bound, told=told if judged else "not")
+    return Estimate(value, _told(value, error), unit, at_bound, grade=by_error if judged else "not")
 
 
 def _pull(value: float, prior: tuple[float, float], alone: float, share: float) -> float:

@@ -39,7 +39,7 @@ def _open(story: Story) -> list[str]:
         return [*found, f"the model: {story.ladder.missing}"]
     result = report.result
     said = {"weak": "is weakly identifiable", "not": "is not identifiable"}
-    found += [f"{key} {said[one.told]}" for key, one in result.values.items() if one.told in said]
+    found += [f"{key} {said[one.grade]}" for key, one in result.values.items() if one.grade in said]
     found += [
         f"{key} stands at its bound: neither it nor its error is to be believed"
         for key, one in result.values.items()

@@ -152,5 +152,5 @@ def _value_row(key: str, one: Estimate, given: float | None) -> tuple[Html, ...]
         tag("td", "" if given is None else f"{given:.6g}"),
         tag("td", typeset(estimate_text(bare))),
         left("" if one.unit == "1" else in_words(one.unit)),
-        left(badge(word, GRADES.get(one.told, "note")) if word else "", comma + rest),
+        left(badge(word, GRADES.get(one.grade, "note")) if word else "", comma + rest),
     )
