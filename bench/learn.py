@@ -1,7 +1,7 @@
 """`python -m bench learn`: laws of no catalogue from an outside rig, what `dsd learn` makes of them.
 
 Every law of `tests/oracle/rig_strange_laws.py`, or of `--laws-from FILE.py` (a file with a dictionary `LAWS` of the
-same kind), behind four sensors, from several seeds; then logs with nothing missing.
+same kind), behind four sensors, from several seeds; then logs with nothing missing (`learn_nothing`).
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 
 from bench.engines import ROOT
+from bench.learn_nothing import COMPLETE, known_of
 from bench.learn_truth import law_error
 from bench.marked import put
-from dsd_cli.effects import get_effect
+from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.learn.learning import learn
@@ -29,7 +30,8 @@ from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
-from tests.oracle.rig_strange import LAWS, SENSORS, StrangeLog, make
+from tests.oracle.rig_strange import LAWS, SENSORS, StrangeLog, make, on_motion
+from tests.oracle.rig_strange_laws import Law
 
 #: Form of a law in the rig -> effects of the formula that are that form.
 FORMS = {
@@ -56,6 +58,8 @@ FORMS = {
 
 
 PAGE = ROOT / "docs" / "measured" / "learn.md"
+#: Share of a channel's range around a knot, and samples in it, from which on the log was there.
+_NEAR, _VISITED = 0.004, 3
 #: Errors of a row, as the table has them.
 _HELD_OUT, _SECOND = ("before", "after", "exact_law", "true"), ("second", "second_exact_law", "second_true")
 
@@ -94,7 +98,7 @@ def recording_of(log: StrangeLog, without_law: bool = False) -> tuple[Recording,
         size = len(log.truth)
         channels["u"] = channels["u"] + (1.0 - part) * later[n : n + size] + part * later[n + 1 : n + 1 + size]
     observer = ObserverSettings(log.inertia, 0.01)
-    believed = PlantModel(log.inertia, log.delay, log.believed)
+    believed = PlantModel(log.inertia, log.delay, {**log.believed, **known_of(log)})
     return prepare(Log(channels, 1e-3, log.law), observer), believed
 
 
@@ -116,7 +120,7 @@ def asked(law: str, sensor: str, seed: int, laws: dict[str, Any]) -> Row:
     cpu = time.process_time() - begin
     second, _ = recording_of(other)
     problem = pose([second], found.model, Settings(effects=()))
-    hidden = None if law == "nothing" else {**LAWS, **laws}[law]
+    hidden = None if law in COMPLETE else {**LAWS, **laws}[law]
     on, form = ((), "") if hidden is None else (hidden.on, hidden.form)
     names = set() if found.formula is None else set(found.formula.effects)
     return Row(
@@ -129,36 +133,36 @@ def asked(law: str, sensor: str, seed: int, laws: dict[str, Any]) -> Row:
         names == FORMS[form] if form in FORMS else None,
         found.refitted.heldout_rmse,
         found.after.heldout_rmse,
-        true_error(log) if law != "nothing" else float("nan"),
+        true_error(log) if hidden else float("nan"),
         problem.errors.of_model(found.model).rmse,
-        true_error(other) if law != "nothing" else float("nan"),
-        covered(found, log),
+        true_error(other) if hidden else float("nan"),
+        covered(found, log, hidden),
         cpu,
         "" if found.formula is None else found.formula.text,
         *(() if hidden is None else (law_error(x, hidden, y, model) for x, y in ((log, recording), (other, second)))),
     )
 
 
-def covered(found: Learnt, log: StrangeLog) -> float | None:
-    """Share of the visited knots of a curve over one channel whose band holds the true law; None for other curves."""
-    if found.verdict != LEARNT or len(found.curves) != 1 or len(found.curves[0].channels) != 1:
+def covered(found: Learnt, log: StrangeLog, law: Law | None) -> float | None:
+    """Share of the visited knots of a curve over one channel whose band holds the true law there, evaluated at the
+    knot itself; None for other curves."""
+    if found.verdict != LEARNT or law is None or len(found.curves) != 1 or len(found.curves[0].channels) != 1:
         return None
     curve = found.curves[0]
     effect, channel = get_effect(curve.effect), curve.channels[0]
     if curve.factor != "one" or effect.memory or channel == "u":
         return None
-    q, v = log.motion
-    sign = -np.sign(v) if effect.role.value == "friction" else np.ones(len(v))
-    x = {"velocity": v, "position": q, "time": log.channels["t"]}[channel]
-    moving = np.abs(v) > 0.05 * np.sqrt(np.mean(v**2))
-    inside = []
     knots = np.array(curve.knots[0])
-    for knot, low, high in zip(knots, curve.low, curve.high, strict=True):
-        near = moving & (np.abs(x - knot) < 0.004 * (knots[-1] - knots[0]))
-        if np.isfinite(low) and near.sum() > 3:
-            true = float(np.median((sign * log.truth)[near]))
-            inside.append(low <= true <= high)
-    return float(np.mean(inside)) if inside else None
+    q, v = log.motion
+    x = {"velocity": v, "position": q, "time": log.channels["t"]}[channel]
+    friction = effect.role is Role.FRICTION
+    direction = (np.sign(knots) if channel == "velocity" else np.ones(len(knots))) * friction
+    at = [knots * (name == channel) for name in ("time", "position", "velocity", "acceleration", "u")]
+    level = on_motion(log, law, tuple(at), direction) * (-direction if friction else 1.0)
+    visited = np.array([np.sum(np.abs(x - knot) < _NEAR * np.ptp(knots)) > _VISITED for knot in knots])
+    told = visited & np.isfinite(curve.low) & (direction != 0.0 if friction else True)
+    inside = (np.array(curve.low) <= level) & (level <= np.array(curve.high))
+    return float(np.mean(inside[told])) if told.any() else None
 
 
 def run(laws: Iterable[str], seeds: Iterable[int], sensors: list[str], more: dict[str, Any], out: Path) -> list[Row]:
@@ -179,8 +183,8 @@ def run(laws: Iterable[str], seeds: Iterable[int], sensors: list[str], more: dic
 
 def summary(rows: list[Row]) -> list[str]:
     """The figures, one line each."""
-    strange = [row for row in rows if row.law != "nothing"]
-    clean = [row for row in rows if row.law == "nothing"]
+    strange = [row for row in rows if row.law not in COMPLETE]
+    clean = [row for row in rows if row.law in COMPLETE]
     lines = []
     if strange:
         speed = [row for row in strange if row.exact is not None and row.sensor.startswith("speed")]
@@ -211,7 +215,7 @@ def table(rows: list[Row]) -> list[str]:
     lines = ["| law | right channels | exact form | held-out: without, with, true law, true force | second: with, "
              "true law, true force |",
              "|---|---|---|---|---|"]  # fmt: skip
-    for law in dict.fromkeys(row.law for row in rows if row.law != "nothing"):
+    for law in dict.fromkeys(row.law for row in rows if row.law not in COMPLETE):
         own = [row for row in rows if row.law == law]
         exact = [row for row in own if row.exact is not None]
         form = f"{sum(bool(r.exact) for r in exact)} of {len(exact)}" if exact else "-"
@@ -247,5 +251,6 @@ def main(arguments: list[str] | None = None) -> None:
     sensors = given.sensors.split(",")
     rows = run(laws, range(given.first, given.first + given.seeds), sensors, more, out)
     if given.nothing:
-        rows = run(["nothing"], range(given.first, given.first + given.nothing), sensors, more, out)
+        for seed in range(given.first, given.first + given.nothing):
+            rows = run([list(COMPLETE)[seed % len(COMPLETE)]], [seed], sensors, {**COMPLETE, **more}, out)
     print("\n".join([*summary(rows), "", *table(rows)]))

@@ -60,15 +60,21 @@ class Choice:
     finer: LawFit | None = None
     undecided: bool = False
 
-    def rmse(self, fit: LawFit, rows: Mask | None = None) -> float:
-        """Held-out rms of r, of the rows that count or of these, unit of u."""
-        return left_of(self.judge, fit, rows)
+    def rmse(self, fit: LawFit) -> float:
+        """Held-out rms of r, of the rows that count, unit of u."""
+        return left_of(self.judge, fit)
 
 
 def left_of(judge: Judge, fit: LawFit, rows: Mask | None = None, held_out: bool = True) -> float:
     """Rms of r, of the rows that count or of these, unit of u."""
     keep = judge.balance.equations.kept if rows is None else rows
     return float(np.sqrt(np.mean(judge.residual(fit, held_out)[keep] ** 2)))
+
+
+def surely_left(judge: Judge, fit: LawFit) -> float:
+    """Held-out rms of r, of all rows or of those where the direction is sure, if that is less; unit of u."""
+    sure = judge.balance.weight == 1.0
+    return min(left_of(judge, fit), left_of(judge, fit, sure) if sure.any() else math.inf)
 
 
 def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -> Choice:
@@ -84,7 +90,7 @@ def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -
         return Choice(judge, base, base, (), base, base, "the log has no channel that a law could depend on")
     first, tied = simplest(fits)
     tied += also_an_inertia(judge, first)
-    refused = why_not(judge, base, first)
+    refused = _noise_alone(judge, base) or why_not(judge, base, first)
     if refused:
         return Choice(judge, base, base, (), look.richest, first, refused, undecided=refused == AT_STOPS)
     # a law is as fine as it gets before another is asked for: that would explain what a coarse curve leaves
@@ -247,6 +253,13 @@ def standard_error(a: LawFit, b: LawFit) -> float:
     """Of the difference of two held-out losses, over the blocks."""
     apart = a.losses - b.losses
     return float(np.std(apart, ddof=1) * math.sqrt(len(apart))) if len(apart) > 1 else math.inf
+
+
+def _noise_alone(judge: Judge, base: LawFit) -> str:
+    """That the model alone leaves no more than the sensor may, "" if it does: the error of a coarse sensor follows the
+    motion, so that functions of the motion explain a part of it."""
+    least = POLICY.floor_factor * judge.balance.problem.floor
+    return "" if surely_left(judge, base) > least else "what is left may be the sensor's noise"
 
 
 def why_not(judge: Judge, before: LawFit, after: LawFit) -> str:

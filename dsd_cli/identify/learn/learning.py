@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
@@ -11,7 +10,7 @@ from dsd_cli.identify.backward_elimination import Ended, ended
 from dsd_cli.identify.fit.driven_load import with_driven_load
 from dsd_cli.identify.fit.problem import Problem, pose
 from dsd_cli.identify.fit.testability import Settings
-from dsd_cli.identify.learn.choose import Choice, choose
+from dsd_cli.identify.learn.choose import Choice, choose, surely_left
 from dsd_cli.identify.learn.curves import curves_of, effects_of, gain, views_of, with_scale_in
 from dsd_cli.identify.learn.formulate import formula_of
 from dsd_cli.identify.learn.judge import LawFit
@@ -197,8 +196,7 @@ def _nothing(chosen: Choice, scores: Scores, recordings: Sequence[Recording], ho
     problem = scores.problem
     known = problem.values(scores.search.refit)
     refitted = _held_out(scores.refitted, chosen, chosen.base, holdout)
-    sure = chosen.judge.balance.weight == 1.0
-    left = min(chosen.rmse(chosen.base), chosen.rmse(chosen.base, sure) if sure.any() else math.inf)
+    left = surely_left(chosen.judge, chosen.base)
     verdict, why, least = NOTHING, chosen.refused, problem.least_missing
     share = f"{100.0 * left / max(problem.errors.force, 1e-300):.3g} % of u"
     if not chosen.refused:
