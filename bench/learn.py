@@ -60,6 +60,8 @@ FORMS = {
 PAGE = ROOT / "docs" / "measured" / "learn.md"
 #: Share of a channel's range around a knot, and samples in it, from which on the log was there.
 _NEAR, _VISITED = 0.004, 3
+#: Share of the usual speed below which nothing of a law is seen.
+_MOVES = 0.05
 #: Errors of a row, as the table has them.
 _HELD_OUT, _SECOND = ("before", "after", "exact_law", "true"), ("second", "second_exact_law", "second_true")
 
@@ -152,9 +154,12 @@ def covered(found: Learnt, log: StrangeLog, law: Law | None) -> float | None:
     effect, channel = get_effect(curve.effect), curve.channels[0]
     if curve.factor != "one" or effect.memory or channel == "u":
         return None
+    if set(found.channels) != set(law.on):
+        return 0.0
     knots = np.array(curve.knots[0])
     q, v = log.motion
-    x = {"velocity": v, "position": q, "time": log.channels["t"]}[channel]
+    moves = np.abs(v) > _MOVES * np.sqrt(np.mean(v**2))
+    x = {"velocity": v, "position": q, "time": log.channels["t"]}[channel][moves]
     friction = effect.role is Role.FRICTION
     direction = (np.sign(knots) if channel == "velocity" else np.ones(len(knots))) * friction
     at = [knots * (name == channel) for name in ("time", "position", "velocity", "acceleration", "u")]

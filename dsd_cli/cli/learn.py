@@ -132,18 +132,19 @@ def with_learnt(ladder: Ladder, given: Given, progress: object) -> tuple[Ladder,
     """(the ladder with the law as a rung, where it ends in `unknown` and a law lowers the held-out error further, less
     the effects that only stood in for the law; what was learnt, None where that was not asked).
 
-    What is missing and unexplained at the end is of the model with the law.
+    What is unexplained at the end is of the model with the law; what is missing, with its probabilities, is what that
+    model still has of the diagnosis before.
     """
     from dataclasses import replace
 
-    from dsd_cli.identify.results import UNKNOWN
+    from dsd_cli.identify.results import DELAY, INERTIA, UNKNOWN
 
     top = ladder.steps[-1]
     if ladder.verdict != UNKNOWN:
         return ladder, None
     taken = tuple(name for name in top.model.effects if name not in ladder.steps[0].model.effects)
     found = learnt_from(replace(given, model=top.model), progress, taken)
-    if not found.rungs or not found.after.heldout_rmse < top.score.heldout_rmse:
+    if not found.rungs or not found.rungs[0].score.heldout_rmse < top.score.heldout_rmse:
         why = found.why or "the error does not fall"
         return replace(ladder, stopped=f"{ladder.stopped}; no law was learnt ({why})"), found
     rungs = (replace(rung, step=top.step + 1 + i) for i, rung in enumerate(found.rungs))
@@ -152,7 +153,7 @@ def with_learnt(ladder: Ladder, given: Given, progress: object) -> tuple[Ladder,
         steps=(*ladder.steps, *rungs),
         values=found.estimates,
         correlations=(),
-        missing=tuple(one for one in ladder.missing if one.effect in found.model.effects),
+        missing=tuple(one for one in ladder.missing if one.effect in {INERTIA, DELAY, *found.model.effects}),
         last=replace(ladder.last, unexplained=found.unexplained),
         stopped=in_short(found),
     )

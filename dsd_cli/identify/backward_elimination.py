@@ -35,12 +35,13 @@ def ended(
     reached: PlantModel,
     settings: Settings,
     holdout: Sequence[Recording] = (),
+    newest: str = "",
 ) -> Iterator[Ended]:
     """The model that was reached, then one less for every added effect that no longer matters; the last one stays.
 
     Parameters
     ----------
-    given : the model as it was; its own effects are never taken out, nor is what `reached` took last.
+    given : the model as it was; its own effects are never taken out. newest : what was taken last, nor is this.
     """
     added = tuple(name for name in reached.effects if name not in given.effects)
     reached = settings.known.applied(reached)
@@ -50,7 +51,7 @@ def ended(
     terms = terms_of(problem.solver.known.applied(reached))
     tap = round(reached.delay / problem.solver.bank.tap_time)
     search = Search(problem.measured_again(search.fit(terms, tap)))
-    fit, gone, newest = search.converged(search.fit(terms, tap)), "", next(reversed([*reached.effects]), "")
+    fit, gone = search.converged(search.fit(terms, tap)), ""
     while True:
         yield _ended(search, fit, gone)
         found = _needless(search, fit, newest)

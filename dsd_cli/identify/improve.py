@@ -186,7 +186,8 @@ class _Climb:
         end: Ended | None = None
         settings = replace(self.settings, inverse=last.inverse)
         recordings = with_levels(self.recordings, [one.deviations for one in self.levels])
-        for end in ended(recordings, given, reached, settings, self.holdout):
+        newest = next((s.effect for s in reversed(self.steps) if s.kind == "added"), "")
+        for end in ended(recordings, given, reached, settings, self.holdout, newest):
             if end.without:
                 self.up(end.without, end.score, end.values, end.model, "taken back")
             else:  # the values of the rung, as the whole set and its noise have them; the error is the verdict's

@@ -90,7 +90,7 @@ def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -
         return Choice(judge, base, base, (), base, base, "the log has no channel that a law could depend on")
     first, tied = simplest(fits)
     tied += also_an_inertia(judge, first)
-    refused = _noise_alone(judge, base) or why_not(judge, base, first)
+    refused = _noise_alone(judge, base, first) or why_not(judge, base, first)
     if refused:
         return Choice(judge, base, base, (), look.richest, first, refused, undecided=refused == AT_STOPS)
     # a law is as fine as it gets before another is asked for: that would explain what a coarse curve leaves
@@ -255,10 +255,14 @@ def standard_error(a: LawFit, b: LawFit) -> float:
     return float(np.std(apart, ddof=1) * math.sqrt(len(apart))) if len(apart) > 1 else math.inf
 
 
-def _noise_alone(judge: Judge, base: LawFit) -> str:
+def _noise_alone(judge: Judge, base: LawFit, first: LawFit) -> str:
     """That the model alone leaves no more than the sensor may, "" if it does: the error of a coarse sensor follows the
-    motion, so that functions of the motion explain a part of it."""
-    least = POLICY.floor_factor * judge.balance.problem.floor
+    motion, so that functions of the motion explain a part of it.
+
+    A law of u needs what a diagnosis calls something: where an axis sticks, friction is what u is.
+    """
+    problem = judge.balance.problem
+    least = problem.least_missing if first.forward else POLICY.floor_factor * problem.floor
     return "" if surely_left(judge, base) > least else "what is left may be the sensor's noise"
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from dsd_cli.effects import get_effect
@@ -105,8 +105,17 @@ class Scores:
             self.recordings, replace(model, effects=own), model, replace(self.settings, known=known), self.holdout
         )
 
-    def rung(self, end: Ended, heldout: float, tabled: Iterable[str]) -> Step:
-        """A rung of the ladder, its tables with the scale in; `heldout`: of the law, on the rows that chose it."""
+    def rungs(self, ends: Iterable[Ended], heldout: float, tabled: Collection[str]) -> Iterator[Step]:
+        """Rungs of the ladder. heldout : of the law, on the folds that chose it; each later rung moves it by as much as
+        it moves that of the fit."""
+        first = 0.0
+        for end in ends:
+            own = end.score.heldout_rmse
+            first = first or own
+            yield self._rung(end, heldout * own / first if first else heldout, tabled)
+
+    def _rung(self, end: Ended, heldout: float, tabled: Collection[str]) -> Step:
+        """A rung, its tables with the scale in."""
         model = end.model.changed(effects={name: with_scale_in(end.model.effects[name]) for name in tabled})
         score = self.problem.errors_for(model, self.recordings).of_model(model)
         if self.holdout:
@@ -126,7 +135,7 @@ def _learnt(chosen: Choice, scores: Scores, stand_ins: Sequence[str]) -> Learnt:
     known = formula is not None and bool(by_formula) and formula.known
     begun = scores.problem.model.changed(inertia=_inertia(fit, judge.balance), effects=laws)
     ends = scores.with_law(begun, _held(fit, judge.balance, laws), stand_ins)
-    rungs = [scores.rung(end, chosen.rmse(fit), () if known else tuple(laws)) for end in ends]
+    rungs = list(scores.rungs(ends, chosen.rmse(fit), () if known else tuple(laws)))
     rungs[0] = replace(rungs[0], effect=next(iter(laws)))
     last, problem = rungs[-1], scores.of(rungs[-1].model)
     families = [law.family for law in chosen.fit.laws]

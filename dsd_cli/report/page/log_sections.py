@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import PurePath
 
@@ -84,9 +83,8 @@ def _cards(story: Story) -> list[Html]:
 def _at_the_end(ladder: Ladder) -> Html:
     """The verdict on the model at the end; where a law was learnt, what that leaves."""
     left = ladder.last.unexplained
-    if learnt(ladder) and math.isfinite(left.share_of_u):
-        kind = "good" if left.probability < 0.5 else "warn"
-        return _card("at the end", "a law was learnt", f"{percent(left.share_of_u)} of u stays unexplained", kind)
+    if learnt(ladder):
+        return _card("at the end", "a law was learnt", f"{percent(left.share_of_u)} of u stays unexplained", "warn")
     kind = "good" if ladder.verdict == "none" else "warn"
     what = {"none": "nothing is missing", "unknown": "something unknown"}.get(ladder.verdict, ladder.verdict)
     return _card("at the end", what, f"probability {percent(ladder.last.probability)}", kind)
