@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.errors import DataError, UsageError
+from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.signals.log import Array
@@ -106,3 +107,14 @@ def narrowed(limits: Limits, share: float) -> Limits:
 def with_u(limits: Limits, u: float) -> Limits:
     """The same with another limit of u."""
     return replace(limits, u=u)
+
+
+def noise_of_u(known: Equations) -> float:
+    """What u holds above the band of the logs, unit of u: the controller's answer to the noise of the sensor, on top of
+    what a plant needs. Where u jumps by itself, as under relays, that counts as well."""
+    size = 0.0
+    for stretch, band in zip(known.stretches, known.bands_of_stretches, strict=True):
+        u = stretch.log["u"]
+        rest = u[band.half : len(u) - band.half] - np.convolve(u, band.taps, "valid")
+        size = max(size, float(np.quantile(np.abs(rest), _REACHED)))
+    return size

@@ -85,13 +85,14 @@ class Measure:
 
     def most_u(self, path: Path, most: float) -> float:
         """Largest |u| that a plant needs for a motion, up to `most`."""
-        return max(float(np.abs(u).max()) for u in self._commands(path, most).values())
+        return max(float(np.abs(u).max()) for u in self.commands(path, most).values())
 
     def of_path(self, path: Path, most: float) -> Products:
         """Inner products of a motion that each plant makes exactly, with no more than so large a u."""
-        return self.of_runs({key: (path, u) for key, u in self._commands(path, most).items()})
+        return self.of_runs({key: (path, u) for key, u in self.commands(path, most).items()})
 
-    def _commands(self, path: Path, most: float) -> dict[tuple[int, int], Array]:
+    def commands(self, path: Path, most: float) -> dict[tuple[int, int], Array]:
+        """(explanation, draw) -> what this plant needs for a motion, no more than `most`."""
         keys = dict.fromkeys((c.truth, c.draw) for c in self.cases)
         return {(e, d): command_for(self.targets.explanations[e].draws[d], path, most) for e, d in keys}
 

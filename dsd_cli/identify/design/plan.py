@@ -12,7 +12,7 @@ from dsd_cli.errors import DataError
 from dsd_cli.identify.design.closed_loop import Loop, Run, usual_loop
 from dsd_cli.identify.design.impossible import not_by_motion, told_by_none
 from dsd_cli.identify.design.inverse import Path, command_for
-from dsd_cli.identify.design.limits import Limits, limits_of, narrowed, with_u
+from dsd_cli.identify.design.limits import Limits, limits_of, narrowed, noise_of_u, with_u
 from dsd_cli.identify.design.measure import ENOUGH, Expected, Measure
 from dsd_cli.identify.design.motions import ROOM, Part, Room, generator_values, position_of
 from dsd_cli.identify.design.optimise import Sized, library_of, optimised
@@ -102,7 +102,7 @@ class _Asked:
         """
         search, wanted, room, limits = self.search, self.wanted, self.room, self.room.limits
         names, targets = tuple(e.name for e in targets.explanations), _able_to_move(targets, room)
-        if targets.unknown:  # the plant is none of those that will be simulated
+        if targets.doubtful:  # the plant is none of those that will be simulated
             room = replace(room, limits=narrowed(limits, ROOM))
         report("looking at motions", 0.1)
         impossible = list(not_by_motion(search, targets, self.diagnosis))
@@ -175,11 +175,13 @@ def _verified(
     DataError : however small, a plant breaks a limit.
     """
     room, loop, wanted = how
-    # noise of the sensor, and other gains, take their share of u in a loop that nobody described
-    allowed = room.limits if loop.described else with_u(room.limits, ROOM * room.limits.u)
+    allowed = room.limits if loop.described else narrowed(room.limits, ROOM)  # other gains follow differently
+    allowed = with_u(allowed, max(allowed.u - noise_of_u(measure.known), GENTLE * allowed.u))
     kept = verified(measure.targets, parts, room, loop, allowed)
     first = Measure(measure.search, measure.targets, DRAWS_IN_LOOP, measure.open)
-    expected = first.expected(first.of_runs({key: (run.path, run.u) for key, run in kept.runs.items()}))
+    path = kept.runs[0, 0].path  # that of the plants that were not run to the end, too
+    exact = {key: (path, u) for key, u in first.commands(path, room.limits.u).items()}
+    expected = first.expected(first.of_runs(exact | {key: (run.path, run.u) for key, run in kept.runs.items()}))
     found = answer.plan(_motion(measure, kept.position, room, wanted), first, expected, said[0])
     counted = {e.name for e in measure.targets.explanations} - set(kept.lost)
     return replace(

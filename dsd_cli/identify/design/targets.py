@@ -26,14 +26,16 @@ _MOST, _WITHIN_REACH = 4, 0.05
 @dataclass(frozen=True)
 class Targets:
     """explanations : each once. pairs : of their places, to be distinguished. values : of the first explanation.
-    asked : names that the user gave. unknown : what is missing may be none of the explanations. doubt : probability
-    that what the logs leave beyond the noise is a force."""
+    asked : names that the user gave. unknown : the motion is for the whole catalogue. doubtful : what is missing may be
+    none of the explanations, so that more of them are there to keep the limits. doubt : probability that what the logs
+    leave beyond the noise is a force."""
 
     explanations: tuple[Explanation, ...]
     pairs: tuple[tuple[int, int], ...]
     values: tuple[Value, ...]
     asked: tuple[str, ...] = ()
     unknown: bool = False
+    doubtful: bool = False
     doubt: float = 1.0
 
 
@@ -51,20 +53,24 @@ def targets_of(
     for name in wanted:
         _check(name, search)
     made = _Explanations(search, whole)
-    unknown = not wanted and diagnosis is not None and (doubted or _unknown(diagnosis))
+    doubtful = diagnosis is not None and (doubted or _unknown(diagnosis))
+    unknown = doubtful and not wanted
     pairs = made.asked_for(wanted) if wanted or diagnosis is None else made.left_open(diagnosis, unknown)
     names = list(dict.fromkeys(name for pair in pairs for name in pair))[:_MOST]
+    if doubtful and not unknown and diagnosis is not None:  # asked for by name: the plant may yet be another
+        names += [name for pair in made.left_open(diagnosis, unknown=True) for name in pair]
     first = NONE if unknown else made.name_of(whole)
-    names = [first, *(n for n in names if n != first)]
-    open_grades: tuple[Grade, ...] = ("weak", "not") if unknown else ("not",)  # of what stays as the model says
+    names = list(dict.fromkeys([first, *names]))
+    open_grades: tuple[Grade, ...] = ("weak", "not") if doubtful else ("not",)  # of what stays as the model says
     explanations = tuple(explanation_of(search, name, made.fits[name], open_grades) for name in names)
     if unknown:  # none of them stands: the limits are kept under each, and the motion is for the whole catalogue
-        return Targets(explanations, (), (), unknown=True)
+        return Targets(explanations, (), (), unknown=True, doubtful=True)
     places = tuple((names.index(a), names.index(b)) for a, b in pairs if a in names and b in names)
     values = [n for n in wanted if n in flat(explanations[0].fitted)] if wanted else None
     doubt = math.nan if diagnosis is None else diagnosis.unexplained.probability
     found = values_of(search, explanations[0], values)
-    return Targets(explanations, places, found, tuple(wanted), doubt=1.0 if math.isnan(doubt) else doubt)
+    doubt = 1.0 if math.isnan(doubt) else doubt
+    return Targets(explanations, places, found, tuple(wanted), doubtful=doubtful, doubt=doubt)
 
 
 def _unknown(diagnosis: Diagnosis) -> bool:

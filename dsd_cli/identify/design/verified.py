@@ -32,7 +32,7 @@ Key = tuple[int, int]
 @dataclass(frozen=True)
 class Verified:
     """parts : of the motion. position : of it, shape (n,). runs : what each plant did. lost : names of explanations
-    that broke a limit on every motion. unstable : of those, a line for each whose loop was not stable."""
+    that broke a limit on every motion. unstable : a line for each plant whose loop was not stable."""
 
     parts: tuple[Part, ...]
     position: Array
@@ -42,8 +42,8 @@ class Verified:
 
 
 def verified(targets: Targets, parts: tuple[Part, ...], room: Room, loop: Loop, allowed: Limits) -> Verified:
-    """Parts shrink until no plant breaks a limit in them. With `unknown` an explanation that does so on any motion is
-    not the axis that made the logs, and is not counted.
+    """Parts shrink until no plant breaks a limit in them. Where the explanations are doubtful, one that does so on any
+    motion is not the axis that made the logs, and is not counted. Nor is a draw whose loop is not stable; that is said.
 
     Raises
     ------
@@ -66,12 +66,16 @@ def verified(targets: Targets, parts: tuple[Part, ...], room: Room, loop: Loop, 
             runaway = any(now.scale < GENTLE * first.scale for now, first in zip(smaller, wide, strict=True))
         except UnstableLoopError as failure:
             name = targets.explanations[key[0]].name
+            if key[1]:  # a likely plant that the loop cannot hold is not the axis that made the logs in such a loop
+                order = [k for k in order if k != key]
+                unstable.append(f"{failure.message} with other likely values of {_called(name)}")
+                continue
             smaller, runaway = parts, True
-            why = f"{failure.message} with {'the model alone' if name == NONE else name} as the plant"
+            why = f"{failure.message} with {_called(name)} as the plant"
         if not runaway:  # who broke a limit is asked first
             parts, order = smaller, [key, *(k for k in order if k != key)]
             continue
-        if not (targets.unknown and key[0] > 0):
+        if not (targets.doubtful and key[0] > 0):
             break
         parts, order = wide, [k for k in order if k[0] != key[0]]
         lost.append(targets.explanations[key[0]].name)
@@ -82,6 +86,11 @@ def verified(targets: Targets, parts: tuple[Part, ...], room: Room, loop: Loop, 
     raise DataError(
         f"no motion keeps the limits with every likely plant: {broken}", "widen that limit, or move --start"
     )
+
+
+def _called(name: str) -> str:
+    """An explanation in a sentence."""
+    return "the model alone" if name == NONE else name
 
 
 def _smaller(parts: Sequence[Part], run: Run, room: Room, allowed: Limits) -> tuple[Part, ...]:

@@ -207,6 +207,22 @@ def test_an_unstable_loop_ends_no_plan_while_nobody_knows_what_is_missing(
     assert "the simulated loop is unstable (kp 3) with constant_load as the plant" in plan.warnings
 
 
+def test_an_unstable_loop_with_other_likely_values_ends_no_plan(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A draw is what the logs leave open; only the fitted plant must be held by the loop."""
+    fitted = [e.fitted for e in targets_of(tied.search, tied.whole, tied.diagnosis).explanations]
+
+    def runs(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits: Limits) -> Run:
+        if plant in fitted:
+            return run_loop(plant, loop, planned, limits)
+        raise UnstableLoopError("the simulated loop is unstable (kp 3)", "")
+
+    monkeypatch.setattr("dsd_cli.identify.design.verified.run_loop", runs)
+    plan = tied.plan(seconds=(3.0,))
+    assert "the simulated loop is unstable (kp 3) with other likely values of constant_load" in plan.warnings
+    assert not plan.not_counted
+    assert all(p.nats_expected > p.nats_before for p in plan.pairs)
+
+
 def test_gains_that_hold_no_plant_are_named(tied: Asked) -> None:
     with pytest.raises(DataError, match=r"unstable \(kp 1e\+06, kd 2e\+06\) with the model alone as the plant"):
         tied.plan(seconds=(3.0,), controller=ControllerSettings("pd", Gains(1e6, 2e6), "error"))
