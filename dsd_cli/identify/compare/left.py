@@ -18,7 +18,7 @@ class Part:
     """One piece of a recording.
 
     rows : samples of `log` that count, shape (n,). errors : what is left there, unit of u.
-    series : the same at even distances, 0 where it does not count, shape (m,).
+    series : the same every `interval` s, 0 where it does not count, shape (m,).
     rest_speed : speed within which the axis rests.
     """
 
@@ -28,13 +28,14 @@ class Part:
     rows: NDArray[np.int_]
     errors: Array
     series: Array
+    interval: float
 
 
 @dataclass(frozen=True)
 class Left:
     """All pieces.
 
-    interval : s from row to row. time_constant : over which accelerations are seen, s.
+    interval : s from row to row, of the pieces with most. time_constant : over which accelerations are seen, s.
     least : rms that matters, unit of u.
     """
 
@@ -70,21 +71,30 @@ def left_of_forces(balance: Balance, time_constant: float) -> Left:
         equations.stretches,
         equations.owners,
         equations.centres,
+        equations.row_times,
         equations.by_stretch(balance.residual),
         equations.by_stretch(equations.kept),
         strict=True,
     )
-    for stretch, owner, centres, residual, kept in by_stretch:
+    for stretch, owner, centres, interval, residual, kept in by_stretch:
         recording = equations.recordings[owner]
         rest = max(balance.model.rest_speed, recording.rest_speed)
-        parts.append(Part(recording.name, stretch.log, rest, centres[kept], residual[kept], residual))
+        parts.append(Part(recording.name, stretch.log, rest, centres[kept], residual[kept], residual, interval))
     return Left(tuple(parts), equations.band.step * equations.sample_time, time_constant, balance.least)
 
 
 def left_of_d_hat(evaluation: Evaluation) -> Left:
     """Measured less predicted d_hat, of all samples that count."""
     parts = tuple(
-        Part(s.name, s.log, s.model.rest_speed, np.arange(s.first, len(s.log)), s.errors, s.errors)
+        Part(
+            s.name,
+            s.log,
+            s.model.rest_speed,
+            np.arange(s.first, len(s.log)),
+            s.errors,
+            s.errors,
+            evaluation.sample_time,
+        )
         for s in evaluation.stretches
     )
     return Left(parts, evaluation.sample_time, evaluation.observer.time_constant)

@@ -197,7 +197,7 @@ def _bands(left: Left, errors: Array) -> tuple[Band, ...]:
         own = part.series
         power = np.abs(np.fft.rfft(own)) ** 2 / max(len(own), 1)
         power[1 : (len(own) + 1) // 2] *= 2.0
-        frequency = np.fft.rfftfreq(len(own), left.interval)
+        frequency = np.fft.rfftfreq(len(own), part.interval)
         number = np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, len(energy) - 1)
         energy += np.bincount(number, power, minlength=len(energy))
     total = float(energy.sum())

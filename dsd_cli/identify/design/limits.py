@@ -20,6 +20,8 @@ NAMES = ("position", "velocity", "acceleration", "jerk", "u")
 _RISE = 0.5
 #: Quantile of what a log reached: single samples are noise.
 _REACHED = 0.999
+#: Standard deviations of a normal law beyond which 1 of 1000 lies, and half of all.
+_ONE_IN_1000, _MEDIAN = 3.2905, 0.6745
 
 
 @dataclass(frozen=True)
@@ -110,11 +112,11 @@ def with_u(limits: Limits, u: float) -> Limits:
 
 
 def noise_of_u(known: Equations) -> float:
-    """What u holds above the band of the logs, unit of u: the controller's answer to the noise of the sensor, on top of
-    what a plant needs. Where u jumps by itself, as under relays, that counts as well."""
+    """What noise adds to u in the logs, unit of u: the controller's answer to that of the sensor, above the band, as
+    large as it is in 1 of 1000 samples. By its median, so that jumps of u, as under relays, are none."""
     size = 0.0
     for stretch, band in zip(known.stretches, known.bands_of_stretches, strict=True):
         u = stretch.log["u"]
         rest = u[band.half : len(u) - band.half] - np.convolve(u, band.taps, "valid")
-        size = max(size, float(np.quantile(np.abs(rest), _REACHED)))
+        size = max(size, _ONE_IN_1000 / _MEDIAN * float(np.median(np.abs(rest))))
     return size

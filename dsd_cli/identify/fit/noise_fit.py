@@ -65,14 +65,15 @@ def whitening_of(equations: Equations, residual: Array) -> list[Array]:
 
 
 def sensor_variance(equations: Equations, sure: bool = True) -> float:
-    """Variance that the sensors' noise leaves in a row of the acceleration: the mean over rows.
+    """Variance that the sensors' noise leaves in a row of the acceleration: the mean over rows that count.
 
     sure : as much of it as is taken out of the normal equations.
     """
-    counts = np.bincount(equations.logs_of_rows, minlength=len(equations.recordings))
     noises = [r.sensor.sure if sure else r.sensor.noise for r in equations.recordings]
     passed = [passed_variance(*one) for one in zip(equations.whitening, equations.bands, noises, strict=True)]
-    return passed[0] if len(passed) == 1 else float(np.average(passed, weights=counts))
+    if len(passed) == 1:
+        return passed[0]
+    return float(np.mean(np.array(passed)[equations.logs_of_rows[equations.kept]]))
 
 
 def _beside(bank: Bank, residual: Array, before: Solver) -> tuple[Solver, Noise]:

@@ -132,12 +132,13 @@ class Problem:
         return found.variance_of(found.solver.bank.equations.whitened(self.noise.rows))
 
     def errors_for(self, model: PlantModel, recordings: Sequence[Recording]) -> Errors:
-        """Errors in the same band on (other) recordings, a load driven by this model where it has one.
+        """Errors on these recordings, or on others each in the nearest band, a load driven by this model if it has one.
 
         Raises DataError where they are too short.
         """
         driven, own = with_driven_load(recordings, model), self.equations
-        equations = equations_of(driven, own.startup, nearest_bands(own.bands, driven))
+        same = [r.name for r in recordings] == [r.name for r in self.recordings]
+        equations = equations_of(driven, own.startup, own.bands if same else nearest_bands(own.bands, driven))
         if not equations.stretches:
             raise DataError(f"{recordings[0].name}: too short to be judged", "hold out a longer log")
         return Errors(Bank(equations), lay_blocks(equations.lengths, POLICY.gap_rows, recordings[0].name))
@@ -213,7 +214,9 @@ def asked_of_all(problem: Problem, recordings: Sequence[Recording], holdout: Seq
     equations = equations_of(recordings, few.startup, few.bands)
     plain = Bank(equations, variance=sensor_variance(equations))
     blocks = lay_blocks(equations.lengths, POLICY.gap_rows, recordings[0].name)
-    white = Bank(equations.with_whitening(*few.whitening), plain, problem.solver.bank.variance)
+    whitened = equations.with_whitening(*few.whitening)
+    share = sensor_variance(whitened) / max(sensor_variance(few), 1e-300)  # each log's part of the rows is another
+    white = Bank(whitened, plain, share * problem.solver.bank.variance)
     left = problem.solver.on(white, blocks=blocks).squares(fit.terms, fit.tap) / blocks.rows
     ratio = max(left / max(fit.squares / problem.blocks.rows, 1e-300), 1.0)
     noise = replace(problem.noise, variance=ratio * problem.noise.variance)

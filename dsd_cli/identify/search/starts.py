@@ -46,8 +46,9 @@ class Lines:
         longest = max(len(x) * t for x, t in parts)
         step, shortest = 0.5 / longest, POLICY.least_periods / longest
         power = np.zeros(int(self._equations.band.hz / step) + 1)
-        for x, row_time in parts:  # a line at one frequency, in whichever band
-            own = np.abs(np.fft.rfft(x - x.mean(), round(2.0 * longest / row_time))) ** 2
+        finest = min(t for _, t in parts)
+        for x, row_time in parts:  # a line at one frequency, in whichever band, and of one size
+            own = np.abs(np.fft.rfft(x - x.mean(), round(2.0 * longest / row_time))) ** 2 * (row_time / finest) ** 2
             power[: len(own)] += own[: len(power)]
         power = _of_time_alone(power, 1.0 / (self._cycle * step))
         return tuple(k * step for k in _peaks(power, int(shortest / step) + 1))
