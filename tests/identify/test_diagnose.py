@@ -331,13 +331,6 @@ def test_a_constant_position_is_a_still_axis():
         diagnose([prepare(log, observer)], PlantModel(0.01), observer)
 
 
-def test_recordings_of_different_rates_are_refused(logs):
-    log, model, observer = rig(logs["none"])
-    slow = Log({name: x[::2] for name, x in log.channels.items()}, 2.0 * log.sample_time, "slow.csv")
-    with pytest.raises(UsageError, match=r"slow\.csv"):
-        diagnose([prepare(log, observer), prepare(slow, observer)], model, observer)
-
-
 def test_a_candidate_that_does_not_exist_is_refused(logs):
     with pytest.raises(UsageError):
         diagnosed(logs["none"], settings=Settings(effects=("phlogiston",)))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.effects import catalogue
-from dsd_cli.errors import DataError, UsageError
+from dsd_cli.errors import DataError
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
 from dsd_cli.identify.fit.noise import structured_share
@@ -231,7 +231,7 @@ def test_long_delays_are_tried_and_rows_begin_after_them():
 def test_sample_times_that_differ_are_refused():
     one, other = recorded(duration=3.0), recorded(duration=3.0)
     slow = replace(other, pieces=tuple(replace(p, sample_time=2 * T) for p in other.pieces), name="slow.csv")
-    with pytest.raises(UsageError, match=r"slow\.csv"):
+    with pytest.raises(DataError, match=r"slow\.csv: 0\.\d+ s between samples"):
         pose([one, slow], BELIEVED, Settings())
 
 
