@@ -189,6 +189,11 @@ class Effect:
         return sum(not p.linear and p.numeric for p in self.parameters)
 
     @property
+    def sizes(self) -> int:
+        """Number of parameters that multiply its columns, which least squares solve for; none of one that acts on u."""
+        return sum(p.linear for p in self.parameters)
+
+    @property
     def listed(self) -> bool:
         """Whether it is a list of events, found in the residual over time and not from the ranges of a log."""
         return any(p.listed for p in self.parameters)

@@ -11,7 +11,9 @@ from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.discrepancy import discrepancy_of
+from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Log
 from tests.identify.search_rig import BELIEVED, OBSERVER, T, posed, seen
 
@@ -102,3 +104,21 @@ def test_an_excerpt_answers_for_motion_and_all_rows_for_time():
     assert there.unknown
     assert there.on == here.on
     assert replace(there, noise=0.0) == replace(here, noise=0.0)
+
+
+def test_noise_that_pushes_as_hard_as_u_hides_no_spring():
+    """In open loop white force that nobody logs moves an axis, too: far above the sensor, and no law."""
+    rng, n, step, fine = np.random.default_rng(0), 3000, 0.005, 10
+    t, q, v, place, speed = step * np.arange(n), 0.0, 0.0, np.zeros(n), np.zeros(n)
+    u = sum(np.sin(2.0 * np.pi * f * t + rng.uniform(0.0, 6.0)) for f in (0.3, 0.7, 1.3, 2.1, 3.4))
+    force = u + np.std(u) * rng.normal(size=n)
+    for k in range(n):
+        place[k], speed[k] = q, v
+        for _ in range(fine):
+            v += step / fine * (force[k] - 0.3 * q - 0.05 * v) / 0.01
+            q += step / fine * v
+    channels = {"t": t, "u": u, "velocity": speed + 1e-3 * rng.normal(size=n), "position": place}
+    asked = Settings(effects=("stiffness", "viscous_friction", "coulomb_friction", "gravity", "saturation"))
+    found = diagnose([prepare(Log(channels, step, "log.csv"), OBSERVER)], PlantModel(0.01, 0.0, {}), OBSERVER, asked)
+    assert found.verdict == "stiffness"
+    assert set(found.found) == {"stiffness", "viscous_friction"}

@@ -10,7 +10,9 @@ from dsd_cli.identify.fit.noise_fit import Noise
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.preference import preferred
 from dsd_cli.identify.search.sets import Search
-from tests.identify.search_rig import BELIEVED, posed
+from dsd_cli.identify.verdict.diagnose import diagnose
+from dsd_cli.plant.references import Multisine
+from tests.identify.search_rig import BELIEVED, OBSERVER, posed, seen
 
 NAMES = ("coulomb_friction", "viscous_friction", "quadratic_drag", "viscous_asymmetry", "stiffness", "constant_load")
 PAIR = {"coulomb_friction": {"level": 0.08}, "viscous_friction": {"coefficient": 0.03}}
@@ -139,6 +141,27 @@ def test_of_two_that_cost_the_same_the_commoner_is_taken_unless_the_lead_is_cert
     commoner = replace(options["coulomb_friction"], evidence=0.0)
     rarer = replace(options["constant_load"], evidence=lead)
     assert preferred(search, [rarer, commoner]).effect == named
+
+
+ARM = {"gravity": {"amplitude": 0.3, "phase": 0.4}}
+SPRING = {"stiffness": {"coefficient": 0.2}, "constant_load": {"force": 0.05}, "cubic_stiffness": {"coefficient": 4.0}}
+OF_POSITION = ("gravity", "constant_load", "stiffness", "cubic_stiffness", "viscous_friction")
+
+
+@pytest.mark.parametrize(("hidden", "amplitude"), [(ARM, 1.0), (ARM, 0.05), (SPRING, 0.12)])
+def test_no_weight_is_found_that_a_spring_must_hold(hidden, amplitude):
+    """Over 0.1 rad a weight is a load and a spring, and beside a spring that holds it, it bends as a cubic one does.
+    One arm is likelier than a load and a spring that happen to be its tangent."""
+    search = posed(hidden, OF_POSITION, reference=Multisine((0.7, 1.9, 3.1), amplitude, seed=3), noise=2e-4)
+    assert {t.id for t in search.run(search.refit).terms} == set(hidden)
+
+
+def test_over_a_small_travel_a_hanging_weight_and_a_spring_are_one():
+    """sin(q) of 0.03 rad is q but for 1e-4 of it: one is named, and that it may be the other."""
+    hanging = {"gravity": {"amplitude": 1.0, "phase": 0.0}, "viscous_friction": {"coefficient": 0.01}}
+    found = diagnose([seen(hanging, reference=Multisine((0.7, 1.9, 3.1), 0.015, seed=3))], BELIEVED, OBSERVER)
+    first = found.ranking[0]
+    assert {first.effect, *first.indistinguishable_from} == {"gravity", "stiffness"}
 
 
 def test_the_delay_is_walked_to_from_afar(pair):

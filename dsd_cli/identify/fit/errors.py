@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank, Design, Terms, has_friction
+from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank, Design, Term, Terms, has_friction
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.solve import Fit
@@ -41,6 +41,13 @@ class Errors:
     def moving(self, inertia: float) -> float:
         """rms of u and J a together, unit of u: forces of that size move the axis."""
         return math.hypot(self.force, inertia * _rms(self.bank.acceleration[self._keep]))
+
+    def cancelled(self, fit: Fit, term: Term) -> bool:
+        """Whether others of a fit must hold this one: its force is more than u and J a together, rms."""
+        rows, at = self.bank.design(fit.terms, fit.tap).rows, fit.columns_of(term)
+        force = fit.total[at] @ np.stack(rows[1 + at.start : 1 + at.stop])
+        moving = self.force + whole_inertia(fit) * _rms(self.bank.acceleration[self._keep])
+        return _rms(force[self._keep]) > moving
 
     def residual(self, fit: Fit, held_out: bool = True) -> Array:
         """Of the forward form, each row by the fit that did not see its block, or by the fit to all.

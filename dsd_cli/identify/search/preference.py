@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from dsd_cli.effects import get_effect
+from dsd_cli.effects import Effect, get_effect
 from dsd_cli.identify.fit.bank import Term, Terms
+from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.rounding import ROUNDING
@@ -26,6 +27,7 @@ class Search(Protocol):
     """What of a search is asked for here (`search.sets`)."""
 
     allowed: tuple[str, ...]
+    problem: Problem
 
     def fit(self, terms: Terms, near: int) -> Fit: ...
 
@@ -41,26 +43,55 @@ class Search(Protocol):
 
 def preferred(search: Search, options: Sequence[Option]) -> Option | None:
     """The cheapest, and then the commonest, of those of which the one with most evidence leads by too little to be
-    certain, or to matter in practice."""
+    certain, or to matter in practice; one of more sizes only if none of fewer on the same channels is among them."""
     if not options:
         return None
     best = max(options, key=lambda o: o.evidence)
     as_good = [o for o in options if _as_good(search, o, best)]
-    return min(as_good, key=lambda o: (search.price(o.fit.terms), get_effect(o.effect).rarity, -o.evidence))
+    effects = [get_effect(o.effect) for o in as_good]
+    first = [o for o, e in zip(as_good, effects, strict=True) if not any(_simpler(other, e) for other in effects)]
+    return min(first, key=lambda o: (search.price(o.fit.terms), get_effect(o.effect).rarity, -o.evidence))
 
 
 def in_common_terms(search: Search, fit: Fit) -> Fit:
     """With the commonest of the effects that do the same in place of each member: moved in one direction, dry friction
-    and a load are one column, and so are viscous friction and its asymmetry."""
+    and a load are one column, and so are viscous friction and its asymmetry. Over a small travel a weight is a load and
+    a stiffness, and beside a stiffness that holds it a cubic one: these are taken where they explain more, and where
+    nothing but that stiffness holds the weight."""
     for term in search.added(fit.terms):
         rest, here = tuple(t for t in fit.terms if t != term), {t.id for t in fit.terms}
-        commoner = [e for e in map(get_effect, search.allowed) if e.rarity < term.effect.rarity and e.id not in here]
+        own = Option(term.id, fit, search.evidence(fit))
+        commoner = [e for e in map(get_effect, search.allowed) if _before(e, term.effect) and e.id not in here]
         for effect in sorted((e for e in commoner if not (e.searched or e.listed)), key=lambda e: e.rarity):
             other = search.fit((*rest, Term(effect.id)), fit.tap)
-            option = Option(effect.id, other, search.evidence(other))
-            if _as_good(search, option, Option(term.id, fit, search.evidence(fit))):
+            if _as_good(search, Option(effect.id, other, search.evidence(other)), own):
+                return in_common_terms(search, other)
+        if simple := _simple(term.effect, [name for name in search.allowed if name not in here]):
+            other = search.fit((*rest, *map(Term, simple)), fit.tap)
+            lead = POLICY.least_gain if search.problem.errors.cancelled(fit, term) else 0.0
+            if own.evidence - search.evidence(other) < lead:
                 return in_common_terms(search, other)
     return fit
+
+
+def _before(one: Effect, other: Effect) -> bool:
+    """Whether one of two that do the same is named: the simpler, else the commoner."""
+    return _simpler(one, other) or (one.rarity < other.rarity and not _simpler(other, one))
+
+
+def _simpler(one: Effect, other: Effect) -> bool:
+    """Whether one has fewer sizes, on no other channels: a stiffness than a weight, which it is over a small travel."""
+    return one.role is other.role and {*one.needs} <= {*other.needs} and 0 < one.sizes < other.sizes
+
+
+def _simple(effect: Effect, allowed: Sequence[str]) -> list[str]:
+    """The commonest laws of one size that are simpler than a sine of known period, as many as it has sizes; of any
+    other effect none."""
+    if effect.searched or not any(p.whole_turn for p in effect.parameters):
+        return []
+    alike = (e for e in map(get_effect, allowed) if _simpler(e, effect) and e.sizes == 1)
+    found = sorted((e.rarity, e.id) for e in alike if not (e.searched or e.listed))
+    return [name for _, name in found[: effect.sizes]] if len(found) >= effect.sizes else []
 
 
 def _as_good(search: Search, one: Option, best: Option) -> bool:

@@ -260,7 +260,7 @@ class Search:
                 fit = self._swapped(fit)
             if fit.terms == before.terms:
                 break
-        return in_common_terms(self, fit)
+        return fit if (common := in_common_terms(self, fit)) is fit else self._without_needless(common)
 
     def added(self, terms: Terms) -> Terms:
         """Those that the model does not have."""

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 from dsd_cli.effects import get_effect
+from dsd_cli.identify.fit.direction import needs_acceleration
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import whole_inertia
 from dsd_cli.identify.missing import Missing
@@ -98,11 +99,11 @@ class Verdict:
         known = self._share_of_possible(rmse(self.search.refit), rmse(self.whole))
         named = min(group or [best], key=lambda name: get_effect(name).rarity)
         self._named_for[named] = best
-        if known < POLICY.share_of_possible:
+        believed = sum(member.probabilities.get(name, 0.0) for name in (best, *member.rivals))
+        noise = not (self.beyond.unknown or needs_acceleration(named))  # is left, and no law of the motion follows it
+        if max(known, believed if noise else 0.0) < POLICY.share_of_possible:
             return UNKNOWN, min(1.0 - max(known, 0.0), self.limits.surest)
-        tied = (best, *member.rivals)
-        shared = sum(member.probabilities.get(name, 0.0) for name in tied) / len(tied)
-        belief = max(member.probabilities.get(named, 0.0), shared)
+        belief = max(member.probabilities.get(named, 0.0), believed / (1 + len(member.rivals)))
         return named, min(known, probability_of(self.search, self.whole, member, belief, self.surest))
 
     def _first(self) -> str:
@@ -116,8 +117,7 @@ class Verdict:
 
     def _weightless(self, fit: Fit) -> bool:
         """Whether a fit leaves hardly any inertia: its effects explain u, which is not all friction, by itself."""
-        s = self.search.solver
-        return not s.inverse and whole_inertia(fit) < POLICY.least_inertia * s.inertia
+        return not (s := self.search.solver).inverse and whole_inertia(fit) < POLICY.least_inertia * s.inertia
 
     def _share_of_possible(self, before: float, after: float) -> float:
         """Explained share of the power that could be explained; 1 where nothing unknown remains."""
