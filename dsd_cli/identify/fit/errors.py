@@ -12,6 +12,7 @@ from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import Scale, coefficients_of, terms_of, whole_inertia
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import Score
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
@@ -48,6 +49,12 @@ class Errors:
         force = fit.total[at] @ np.stack(rows[1 + at.start : 1 + at.stop])
         moving = self.force + whole_inertia(fit) * _rms(self.bank.acceleration[self._keep])
         return _rms(force[self._keep]) > moving
+
+    def shaken(self, fit: Fit) -> bool:
+        """Whether lines in time move the axis and u is hardly any of J a: a motion that is the sum of a few sines, as
+        many a reference is, they explain without any u, and with an inertia as large as they like."""
+        lines = any(t.effect.repeats is not None and not t.effect.needs for t in fit.terms)
+        return lines and self.force < POLICY.fair_part * self.moving(whole_inertia(fit))
 
     def residual(self, fit: Fit, held_out: bool = True) -> Array:
         """Of the forward form, each row by the fit that did not see its block, or by the fit to all.

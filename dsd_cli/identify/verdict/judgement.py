@@ -65,8 +65,7 @@ class Verdict:
         return [Option(fit.terms[-1].id, fit, search.evidence(fit)) for fit in fits]
 
     def _better_known(self, member: Option) -> bool:
-        known = self.alone.get(member.effect)
-        return known is not None and known.evidence >= member.evidence
+        return (known := self.alone.get(member.effect)) is not None and known.evidence >= member.evidence
 
     def verdict(self) -> tuple[str, float]:
         """(verdict, probability)."""
@@ -116,8 +115,9 @@ class Verdict:
         return min((best, *near), key=lambda name: get_effect(name).rarity)
 
     def _weightless(self, fit: Fit) -> bool:
-        """Whether a fit leaves hardly any inertia: its effects explain u, which is not all friction, by itself."""
-        return not (s := self.search.solver).inverse and whole_inertia(fit) < POLICY.least_inertia * s.inertia
+        """Whether effects explain u, which is not all friction, by itself (hardly any inertia is left) or J a so."""
+        s, errors = self.search.solver, self.problem.errors
+        return not s.inverse and (whole_inertia(fit) < POLICY.least_inertia * s.inertia or errors.shaken(fit))
 
     def _share_of_possible(self, before: float, after: float) -> float:
         """Explained share of the power that could be explained; 1 where nothing unknown remains."""
