@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.verdict.discrepancy import discrepancy_of
 from dsd_cli.identify.verdict.pushes import _of_place, law_of_pushes, pushed
@@ -116,7 +115,7 @@ def test_pushes_that_leave_more_than_the_sensor_are_half_sure(what, seed, durati
     """They fit a part of any law: these were external_force, 96 to 99 %. True pushes leave what the sensor does."""
     found = diagnosed((what,), seed, "speed40k", duration)
     assert found.verdict == "unknown" or found.probability <= 0.5
-    assert diagnosed(("external_force",), 64740, "speed40k", 3.0).probability == POLICY.surest
+    assert diagnosed(("external_force",), 64740, "speed40k", 3.0).probability > 0.8
 
 
 def test_an_end_stop_behind_a_coarse_encoder_is_no_push():
