@@ -29,6 +29,11 @@ def _rows(kind, flat, sensor, seed, samples=SAMPLES):
     return BAND.rows(x, 0)
 
 
+def _levels(kind, *stretches):
+    """Fitted to the stretches of one log."""
+    return fitted_noise([(stretches, BAND, _sensor(kind))])
+
+
 def _correlation(x, lags=20):
     return np.array([x[:-k] @ x[k:] for k in range(1, lags + 1)]) / (x @ x)
 
@@ -42,10 +47,9 @@ def _white(rows, taps):
 
 @pytest.mark.parametrize("kind", ["position", "velocity"])
 def test_both_levels_come_back_where_both_are_heard(kind):
-    """Of `step` samples a row is one, so that it has their density divided by that."""
-    found = [fitted_noise([_rows(kind, 1.0, J**2, seed)], BAND, _sensor(kind)) for seed in range(4)]
-    assert BAND.step * np.mean([f.flat for f in found]) == pytest.approx(1.0, rel=0.1)
-    assert BAND.step * np.mean([f.sensor for f in found]) == pytest.approx(J**2, rel=0.1)
+    found = [_levels(kind, _rows(kind, 1.0, J**2, seed)) for seed in range(4)]
+    assert np.mean([f.flat for f in found]) == pytest.approx(1.0, rel=0.1)
+    assert np.mean([f.sensor for f in found]) == pytest.approx(J**2, rel=0.1)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -53,7 +57,7 @@ def test_the_density_comes_back_whichever_of_the_two_is_loud(kind):
     """The sum of both is what is told; alike shapes (d_hat at low frequencies) may share it as they like."""
     angle = np.linspace(0.1, end_of(BAND), 30)
     for flat, sensor in ((1.0, 1e-6), (1e-6, 1.0), (1.0, 1.0)):
-        found = fitted_noise([_rows(kind, flat, sensor, 5)], BAND, _sensor(kind))
+        found = _levels(kind, _rows(kind, flat, sensor, 5))
         wanted = (flat + sensor * _sensor(kind).density(angle / BAND.step)) / BAND.step
         loud = wanted > 0.02 * wanted.max()
         np.testing.assert_allclose(found.density(BAND, _sensor(kind), angle)[loud], wanted[loud], rtol=0.2)
@@ -61,13 +65,22 @@ def test_the_density_comes_back_whichever_of_the_two_is_loud(kind):
 
 def test_levels_grow_with_the_square_and_stretches_are_taken_one_by_one():
     rows = _rows("position", 1.0, J**2, 6)
-    one = fitted_noise([rows], BAND, _sensor("position"))
-    ten = fitted_noise([10.0 * rows], BAND, _sensor("position"))
+    one, ten = _levels("position", rows), _levels("position", 10.0 * rows)
     assert ten.flat == pytest.approx(100.0 * one.flat, rel=1e-6)
     assert ten.sensor == pytest.approx(100.0 * one.sensor, rel=1e-6)
     half = len(rows) // 2
-    apart = fitted_noise([rows[:half], rows[half:] + 1e3], BAND, _sensor("position"))
+    apart = _levels("position", rows[:half], rows[half:] + 1e3)
     assert apart.flat == pytest.approx(one.flat, rel=0.1)
+
+
+def test_levels_are_of_the_axis_whatever_the_band_of_a_log_or_how_little_one_shows():
+    """White force noise of one density passes two bands; in a log that moves a tenth as much there is a hundredth."""
+    rng, narrow, quiet = np.random.default_rng(9), band_of(10.0, T), SensorNoise("position", 0.9, 1e-9)
+    x, y = rng.normal(size=(2, SAMPLES))
+    both = fitted_noise([([BAND.rows(x, 0)], BAND, quiet), ([narrow.rows(y, 0)], narrow, quiet)])
+    assert both.flat == pytest.approx(1.0, rel=0.05)
+    one, other = BAND.rows(x, 0), BAND.rows(0.1 * y, 0)
+    assert fitted_noise([([one], BAND, quiet), ([other], BAND, quiet)]).flat == pytest.approx(0.505, rel=0.05)
 
 
 # -- whitening --------------------------------------------------------------------------------------------------------
@@ -89,8 +102,7 @@ def test_noise_becomes_white_within_the_band(kind, mix):
     power = np.mean([np.abs(np.fft.rfft(p)) ** 2 for p in pieces], axis=0) / np.sum(window**2)
     angle = 2 * np.pi * np.arange(size // 2 + 1) / size
     inside = (angle > 0.1) & (angle < end_of(BAND))
-    # a row stands for `step` samples: density per row of what passes is gain^2 S / step at low frequencies
-    level = BAND.step * power[inside] / BAND.gain(angle[inside]) ** 2
+    level = power[inside] / BAND.gain(angle[inside]) ** 2
     s = levels.density(BAND, _sensor(kind), angle[inside])
     trusted = s > 0.2 * s.mean()
     parts = np.array([part.mean() for part in np.array_split(level[trusted], 8)])
@@ -123,7 +135,7 @@ def test_whitening_has_no_phase_and_its_response_is_that_of_its_taps():
 
 
 def test_flat_noise_needs_no_filter():
-    taps = whitening(ForceNoise(4.0, 0.0), BAND, _sensor("position"))
+    taps = whitening(ForceNoise(4.0 * BAND.step, 0.0), BAND, _sensor("position"))
     np.testing.assert_allclose(taps, 0.5 * np.eye(2 * HALF + 1)[HALF], atol=1e-9)
 
 
@@ -131,7 +143,7 @@ def test_no_row_is_trusted_without_bound_where_the_sensor_is_silent():
     """A second difference has no noise at zero frequency: the response there ends at the policy's share."""
     taps = whitening(ForceNoise(0.0, 1.0), BAND, _sensor("position"))
     angle = BAND.angles(256)
-    s = _sensor("position").density(np.minimum(angle, end_of(BAND)) / BAND.step)
+    s = _sensor("position").density(np.minimum(angle, end_of(BAND)) / BAND.step) / BAND.step
     assert response(taps, np.zeros(1))[0] <= 1.05 / math.sqrt(POLICY.flattest * s.mean())
 
 
@@ -140,7 +152,7 @@ def test_a_slow_sine_on_top_is_not_whitened_away():
     for seed in range(4):
         rows = _rows("position", 1.0, J**2, seed)
         sine = 2.0 * rows.std() * np.sin(0.08 * np.arange(len(rows)))
-        taps = whitening(fitted_noise([rows + sine], BAND, _sensor("position")), BAND, _sensor("position"))
+        taps = whitening(_levels("position", rows + sine), BAND, _sensor("position"))
         assert _white(sine, taps).std() / _white(rows, taps).std() > 0.98 * sine.std() / rows.std()
 
 

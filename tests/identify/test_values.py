@@ -180,7 +180,7 @@ def _solver(log, sensor, factor):
     noise = SensorNoise(sensor, 0.0, (size / T**power) ** 2)
     plain = Bank(equations_of([prepare(log, OBSERVER)], 20, band_of(20.0, T)))
     band = plain.equations.band
-    taps = whitening(ForceNoise((factor * FORCE[sensor]) ** 2 / band.step, J**2 / band.step), band, noise)
+    taps = whitening(ForceNoise((factor * FORCE[sensor]) ** 2, J**2), band, noise)
     bank = Bank(plain.equations.with_whitening(taps), plain, passed_variance(taps, band, noise))
     return Solver(bank, lay_blocks(bank.equations.lengths, 5, "x"), J)
 

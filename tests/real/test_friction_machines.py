@@ -55,7 +55,8 @@ def test_a_robot_on_wheels_has_the_friction_that_its_own_tool_says(wheels):
 
 def test_what_it_lacks_and_what_is_left_are_two_numbers(wheels):
     probability = {one["effect"]: one["probability"] for one in wheels["missing"]}
-    assert probability["viscous_friction"] > 0.9
+    assert probability["viscous_friction"] > 0.5  # rather there than not, though something is surely left
+    assert wheels["unexplained"]["probability"] > 0.5
     assert "coulomb_friction" in probability
     assert wheels["unexplained"]["share_of_u"] < 0.077  # own regression with an inertia: 7.7 % left
 

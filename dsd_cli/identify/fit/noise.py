@@ -26,27 +26,35 @@ HALF, _POINTS = 12, 256
 
 
 class ForceNoise(NamedTuple):
-    """Levels of the two parts of S: `flat` is F, `sensor` is J^2 as the residual shows it; unit of u squared."""
+    """Levels of the two parts of S: `flat` is F of samples, `sensor` is J^2 as residuals show it; unit of u squared."""
 
     flat: float
     sensor: float
 
     def density(self, band: Band, noise: SensorNoise, row_angles: Array) -> Array:
-        """S at angles of rows."""
-        return np.asarray(self.flat + self.sensor * noise.density(row_angles / band.step))
+        """That of rows, of which one stands for so many samples, at their angles."""
+        return np.asarray((self.flat + self.sensor * noise.density(row_angles / band.step)) / band.step)
 
 
-def fitted_noise(residual: Sequence[Array], band: Band, noise: SensorNoise) -> ForceNoise:
-    """The two levels from rows (not whitened) that a fit leaves, by stretch."""
-    found = density(residual, _SEGMENT)
-    inside = found.angle <= end_of(band)
-    angle, gain = found.angle[inside], band.gain(found.angle[inside]) ** 2
-    power = np.maximum(found.power[inside] / gain, 1e-300)
-    shapes = np.stack([np.ones(len(angle)), np.maximum(noise.density(angle / band.step), 1e-300)])
-    levels = 0.5 * np.mean(power) / np.mean(shapes, axis=1)
+def fitted_noise(parts: Sequence[tuple[Sequence[Array], Band, SensorNoise]]) -> ForceNoise:
+    """The two levels, from (rows that a fit leaves, not whitened, by stretch; band; sensor's noise) of each log.
+
+    The forces that no model follows, and J, are those of the axis: a log in which it hardly moves shows less of them,
+    and is not the surer for it.
+    """
+    powers, shapes, rows = [], [], []
+    for residual, band, noise in parts:
+        found = density(residual, _SEGMENT)
+        inside = found.angle <= end_of(band)
+        angle, gain = found.angle[inside], band.gain(found.angle[inside]) ** 2
+        powers.append(np.maximum(band.step * found.power[inside] / gain, 1e-300))
+        shapes.append(np.stack([np.ones(len(angle)), np.maximum(noise.density(angle / band.step), 1e-300)]))
+        rows.append(np.full(len(angle), sum(len(x) for x in residual) / len(angle)))
+    power, shape, weight = np.concatenate(powers), np.concatenate(shapes, axis=1), np.concatenate(rows)
+    levels = 0.5 * np.average(power, weights=weight) / np.average(shape, axis=1, weights=weight)
     for _ in range(_ROUNDS):
-        inverse = 1.0 / (levels @ shapes)
-        levels = levels * np.sqrt((shapes @ (power * inverse**2)) / (shapes @ inverse))
+        inverse = 1.0 / (levels @ shape)
+        levels = levels * np.sqrt((shape @ (weight * power * inverse**2)) / (shape @ (weight * inverse)))
     return ForceNoise(float(levels[0]), float(levels[1]))
 
 

@@ -56,12 +56,9 @@ def measured(plain: Bank, before: Solver, fit: Fit) -> tuple[Solver, Noise]:
 
 def whitening_of(equations: Equations, residual: Array) -> list[Array]:
     """Of each recording the taps that make white what a fit leaves there, shape (N,), unit of u."""
-    found = []
-    by_recording = equations.by_recording(residual)
-    for recording, band, left in zip(equations.recordings, equations.bands, by_recording, strict=True):
-        sensor = recording.sensor.noise
-        found.append(whitening(fitted_noise(left, band, sensor), band, sensor))
-    return found
+    sensors = [recording.sensor.noise for recording in equations.recordings]
+    levels = fitted_noise(list(zip(equations.by_recording(residual), equations.bands, sensors, strict=True)))
+    return [whitening(levels, band, sensor) for band, sensor in zip(equations.bands, sensors, strict=True)]
 
 
 def sensor_variance(equations: Equations, sure: bool = True) -> float:
