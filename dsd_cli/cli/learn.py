@@ -132,12 +132,12 @@ def with_learnt(ladder: Ladder, given: Given, progress: object) -> tuple[Ladder,
     """(the ladder with the law as a rung, where it ends in `unknown` and a law lowers the held-out error further, less
     the effects that only stood in for the law; what was learnt, None where that was not asked).
 
-    What is unexplained at the end is of the model with the law; what is missing, with its probabilities, is what that
-    model still has of the diagnosis before.
+    The verdict at the end, and what is unexplained, are of a diagnosis of the model with the law.
     """
     from dataclasses import replace
 
-    from dsd_cli.identify.results import DELAY, INERTIA, UNKNOWN
+    from dsd_cli.identify.results import DELAY, INERTIA, UNKNOWN, in_units
+    from dsd_cli.identify.verdict.diagnose import diagnose
 
     top = ladder.steps[-1]
     if ladder.verdict != UNKNOWN:
@@ -148,14 +148,22 @@ def with_learnt(ladder: Ladder, given: Given, progress: object) -> tuple[Ladder,
         why = found.why or "the error does not fall"
         return replace(ladder, stopped=f"{ladder.stopped}; no law was learnt ({why})"), found
     rungs = (replace(rung, step=top.step + 1 + i) for i, rung in enumerate(found.rungs))
+    settings, units = given.engine_settings, given.settings.signals.units
+    settings = replace(settings, known=replace(settings.known, fixed=found.held))
+    last = diagnose(given.recordings, found.model, given.observer, settings, given.holdout, progress)  # type: ignore[arg-type]
+    last = in_units(last, units)
+    stayed = tuple(one for one in ladder.missing if one.effect in {INERTIA, DELAY, *found.model.effects})
     at_end = replace(
         ladder,
         steps=(*ladder.steps, *rungs),
+        verdict=last.verdict,
+        stopped=in_short(found),
+        last=last,
         values=found.estimates,
         correlations=(),
-        missing=tuple(one for one in ladder.missing if one.effect in {INERTIA, DELAY, *found.model.effects}),
-        last=replace(ladder.last, unexplained=found.unexplained),
-        stopped=in_short(found),
+        warnings=last.warnings,
+        levels=last.levels,
+        missing=(*stayed, *last.missing),
     )
     return at_end, found
 

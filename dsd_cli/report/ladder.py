@@ -127,7 +127,7 @@ def final_line(result: Ladder) -> str:
     if len(result.steps) == 1 and refitted not in ("-", error(last.heldout_rmse)):
         line += f" ({refitted} with the values of [model] fitted again)"
     judged = result.verdict in (NONE, UNKNOWN) or result.verdict == result.last.verdict
-    if judged and not learnt(result):  # the last diagnosis is of the model without what was learnt
+    if judged:
         line += f"; {verdict_line(_judged(result))}"
     return f"{line}; stopped: {result.stopped}" if result.stopped else line
 

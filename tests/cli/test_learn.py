@@ -123,7 +123,11 @@ def test_the_law_file_is_an_effect_that_the_other_commands_take(spot, learnt):
 def test_improve_takes_it_as_the_last_rung(improved):
     result = improved
     last = result["ladder"][-1]
-    assert (result["verdict"], last["kind"], last["effect"]) == ("unknown", "learnt", "friction_curve")
+    assert (last["kind"], last["effect"]) == ("learnt", "friction_curve")
+    # what is missing, and whether that is all, is asked of the model with the law
+    assert (result["verdict"], result["missing"]) == ("none", [])
+    assert result["unexplained"]["probability"] < 0.5
+    assert "nothing" in result["verdict_text"]
     assert last["heldout_rmse"] < 0.3 * result["ladder"][-2]["heldout_rmse"]
     assert "learnt: friction over the position" in result["stopped"]
 

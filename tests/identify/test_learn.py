@@ -233,13 +233,21 @@ def test_the_delay_is_found_beside_the_law(law, seed):
     assert found.after.rmse < 1.1 * least
 
 
-def test_a_formula_goes_on_where_a_faster_motion_goes():
-    """Its table would be held from the fastest speed of the log on, where an eddy brake gets weaker."""
-    log, recording, model = asked("eddy_brake", seed=4)
+@pytest.mark.parametrize(
+    ("law", "times", "true"),
+    [
+        ("eddy_brake", 2.0, lambda s, x: -2.5 * s["size"] * (x / s["vc"]) / (1.0 + (x / s["vc"]) ** 2)),
+        ("end_stop", 1.4, lambda s, x: -12.0 * s["size"] * np.maximum(x - s["q0"], 0.0)),
+    ],
+)
+def test_a_formula_goes_on_where_a_larger_motion_goes(law, times, true):
+    """Its table would be held from the end of what the log visited on, where an eddy brake gets weaker and a stop
+    harder."""
+    log, recording, model = asked(law, seed=4)
     found = learn([recording], model)
-    table = table_of(found.model.effects["curve"], "curve")
-    speeds = np.array([-1.4, 0.3, 1.4]) * np.max(np.abs(log.motion[1]))
+    (table,) = (table_of(values, name) for name, values in found.model.effects.items() if name.startswith("curve"))
+    place = law == "end_stop"
+    x = np.array([-times, 0.3, times]) * np.max(np.abs(log.motion[0 if place else 1]))
     still = np.zeros(3)
-    learnt = table(Channels(still, still, speeds, still, still))
-    x = speeds / log.values["vc"]
-    np.testing.assert_allclose(learnt, -2.5 * log.values["size"] * x / (1.0 + x**2), rtol=0.03)
+    learnt = table(Channels(still, still, *((still, x) if place else (x, still)), still))
+    np.testing.assert_allclose(learnt, true(log.values, x), rtol=0.03, atol=0.01 * log.values["size"])

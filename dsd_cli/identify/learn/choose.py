@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dsd_cli.effects.general import HYSTERESIS
 from dsd_cli.effects.lagging import LAGGED
 from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.fit.golden import golden_section
@@ -155,8 +156,7 @@ def also_an_inertia(judge: Judge, gain: LawFit) -> tuple[LawFit, ...]:
     if columns is None:
         return ()
     other = judge.fit((columns,))
-    near = other.loss - gain.loss <= max(standard_error(other, gain), AS_GOOD * gain.loss)
-    return (other,) if near else ()
+    return (other,) if as_good(other, gain) else ()
 
 
 def refined(judge: Judge, fit: LawFit) -> tuple[LawFit, LawFit | None]:
@@ -176,8 +176,8 @@ def refined(judge: Judge, fit: LawFit) -> tuple[LawFit, LawFit | None]:
 
 
 def _finer(judge: Judge, law: Columns) -> Columns:
-    """A curve over one channel with twice the knots; any other law as it is."""
-    if len(law.family.over) != 1 or law.finer >= FINEST:
+    """A curve over one channel with twice the knots, hysteresis with twice the springs; any other law as it is."""
+    if (len(law.family.over) != 1 and law.family.effect is not HYSTERESIS) or law.finer >= FINEST:
         return law
     return columns_of(law.family, judge.balance, 2 * law.finer) or law
 
@@ -239,14 +239,17 @@ def contains(family: Family, other: Family) -> bool:
 def simplest(fits: Sequence[LawFit]) -> tuple[LawFit, tuple[LawFit, ...]]:
     """(the simplest fit within one standard error of the best, others of other channels that are as good)."""
     best = min(fits, key=lambda f: f.loss)
-    near = [
-        f
-        for f in fits
-        if f.loss - best.loss <= max(standard_error(f, best), AS_GOOD * best.loss) and f.loss < _TIED * best.loss
-    ]
+    near = [f for f in fits if as_good(f, best)]
     first = min(near, key=lambda f: f.laws[-1].family.rank)
     own = set(first.laws[-1].family.on)
     return first, tuple(f for f in near if f is not first and not own <= set(f.laws[-1].family.on))
+
+
+def as_good(other: LawFit, best: LawFit) -> bool:
+    """Whether a fit is within one standard error of a better one; where one block alone has most of the loss, that says
+    nothing, so the loss must be near as well."""
+    near = max(standard_error(other, best), AS_GOOD * best.loss)
+    return other.loss - best.loss <= near and (other is best or other.loss < _TIED * best.loss)
 
 
 def standard_error(a: LawFit, b: LawFit) -> float:

@@ -25,8 +25,8 @@ KNOTS, FINE, IN_PAIR, ROWS_PER_KNOT = 17, 41, 8, 8
 LEAST_ROWS = IN_PAIR * ROWS_PER_KNOT
 #: Knots over the time are wider than so many held-out blocks.
 BLOCKS_PER_KNOT = 3
-#: Radii of the springs that slip, shares of the travel.
-RADII = tuple(float(x) for x in np.geomspace(0.003, 0.4, 14))
+#: Radii of the springs that slip, shares of the travel: the least, the largest; how many there are to begin with.
+RADII, STOPS = (0.003, 0.4), 14
 #: Lags of the friction that acts late, from what the band shows to what a log has often enough to tell.
 LAGS, TIMES_IN_LOG = 7, 10
 #: Least distance of two knots, as a share of the channel's range.
@@ -121,7 +121,7 @@ class Columns:
 def columns_of(family: Family, balance: Balance, finer: int = 1) -> Columns | None:
     """None where the log lacks a channel, or it does not vary; `finer` times as many knots over one channel."""
     if family.effect in (HYSTERESIS, LAGGED):
-        return _stops(family, balance) if family.effect is HYSTERESIS else lags_of(family, balance)
+        return _stops(family, balance, finer) if family.effect is HYSTERESIS else lags_of(family, balance)
     channels = [samples_of(name, balance) for name in family.over]
     if not all(len(x) and np.ptp(x) > 0.0 for x in channels):
         return None
@@ -144,20 +144,21 @@ def _frozen(values: Any) -> Any:
     return tuple(map(_frozen, values)) if isinstance(values, list) else values
 
 
-def _stops(family: Family, balance: Balance) -> Columns | None:
+def _stops(family: Family, balance: Balance, finer: int) -> Columns | None:
     place = samples_of("position", balance)
     travel = float(np.ptp(place)) if len(place) else 0.0
     if not travel > 0.0:
         return None
     resolved = balance.problem.ranges.resolution
-    radii = tuple(r * travel for r in RADII if r * travel > resolved)
+    shares = np.geomspace(*RADII, finer * (STOPS - 1) + 1)
+    radii = tuple(r * travel for r in shares.tolist() if r * travel > resolved)
     stops = Stops(radii, (0.0,) * len(radii))
     rows = tuple(balance.columns(family.effect, {"stops": stops.unit(i)})[0] for i in range(len(radii)))
 
     def values(found: Array) -> Values:
         return family.effect.from_columns((1.0,), {"stops": Stops(radii, tuple(found.tolist()))})
 
-    return Columns(family, rows, np.eye(len(radii)), stops, np.diag(1.0 / np.array(radii)), values)
+    return Columns(family, rows, np.eye(len(radii)), stops, np.diag(1.0 / np.array(radii)), values, finer)
 
 
 def lags_of(family: Family, balance: Balance, times: tuple[float, ...] = ()) -> Columns | None:

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsd_cli.effects import Channels, Effect, Role, Values, catalogue
-from dsd_cli.identify.learn.choose import Choice, standard_error, why_not
+from dsd_cli.identify.learn.choose import Choice, as_good, why_not
 from dsd_cli.identify.learn.dictionary import BASES, MODULATIONS, effect_of, unit_of
 from dsd_cli.identify.learn.families import Columns, Family
-from dsd_cli.identify.learn.formula import AS_GOOD, Formulas, Term
+from dsd_cli.identify.learn.formula import Formulas, Term
 from dsd_cli.identify.learn.judge import Judge, LawFit
 from dsd_cli.identify.learn.law_file import law_source
 from dsd_cli.identify.learn.results import Formula
@@ -58,8 +58,7 @@ def formula_of(chosen: Choice) -> Found | None:
     if not terms:
         return None
     found = fit(terms)
-    near = max(standard_error(found, chosen.fit), AS_GOOD * chosen.fit.loss)
-    replaces = found.loss - chosen.fit.loss <= near
+    replaces = as_good(found, chosen.fit)
     if not replaces and chosen.rmse(found) > _MUCH_WORSE * chosen.rmse(chosen.fit):
         return None
     estimates = _estimates(terms, found, judge)

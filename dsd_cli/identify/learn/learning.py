@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from dsd_cli.effects import get_effect
 from dsd_cli.identify.backward_elimination import Ended, ended
 from dsd_cli.identify.fit.driven_load import with_driven_load
 from dsd_cli.identify.fit.problem import Problem, pose
 from dsd_cli.identify.fit.testability import Settings
-from dsd_cli.identify.learn.choose import Choice, choose, surely_left
+from dsd_cli.identify.fit.values import flat
+from dsd_cli.identify.learn.choose import Choice, choose, left_of, surely_left
 from dsd_cli.identify.learn.curves import curves_of, effects_of, gain, views_of, with_scale_in
 from dsd_cli.identify.learn.formulate import formula_of
-from dsd_cli.identify.learn.judge import LawFit
+from dsd_cli.identify.learn.judge import Judge, LawFit
 from dsd_cli.identify.learn.results import LEARNT, NOT_OF_MOTION, NOTHING, Learnt, Tie
 from dsd_cli.identify.learn.rows import Balance, balance_of
 from dsd_cli.identify.learn.words import of_several, separating
-from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import INERTIA, Score, Step, StepKind
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.discrepancy import discrepancy_of
-from dsd_cli.identify.verdict.two_numbers import unexplained_of
 from dsd_cli.plant.model import PlantModel
 
 Progress = Callable[[str, float], None]
@@ -87,35 +84,21 @@ class Scores:
         """A model and nothing to add to it."""
         return pose(self.recordings, model, replace(self.settings, effects=()), self.holdout)
 
-    def with_law(self, model: PlantModel, held: Sequence[str], stand_ins: Sequence[str]) -> Iterator[Ended]:
-        """A model with the law in it, then one less for every stand-in that is needless beside it; the inertia, or all
-        values of an effect, that are held stay."""
-        fixed = {INERTIA: model.inertia} if INERTIA in held else {}
-        fixed |= {
-            f"{name}.{p.name}": float(model.effects[name][p.name])
-            for name in held
-            if name != INERTIA
-            for p in get_effect(name).parameters
-            if p.numeric
-        }
-        known = self.settings.known
-        known = replace(known, fixed={**fixed, **known.fixed}) if fixed else known
-        own = {name: values for name, values in model.effects.items() if name not in set(stand_ins) - set(held)}
-        return ended(
-            self.recordings, replace(model, effects=own), model, replace(self.settings, known=known), self.holdout
-        )
+    def fixed(self, model: PlantModel, held: Sequence[str]) -> dict[str, float]:
+        """Values that a fit beside the law holds: the inertia, or all of an effect, and what is known."""
+        values = flat(model)
+        found = {name: value for name, value in values.items() if name.partition(".")[0] in held}
+        return {**found, **self.settings.known.fixed}
 
-    def rungs(self, ends: Iterable[Ended], heldout: float, tabled: Collection[str]) -> Iterator[Step]:
-        """Rungs of the ladder. heldout : of the law, on the folds that chose it; each later rung moves it by as much as
-        it moves that of the fit."""
-        first = 0.0
-        for end in ends:
-            own = end.score.heldout_rmse
-            first = first or own
-            yield self._rung(end, heldout * own / first if first else heldout, tabled)
+    def with_law(self, model: PlantModel, held: Mapping[str, float], stand_ins: Sequence[str]) -> Iterator[Ended]:
+        """A model with the law in it, then one less for every stand-in that is needless beside it."""
+        stay = {name.partition(".")[0] for name in held}
+        own = {name: values for name, values in model.effects.items() if name not in set(stand_ins) - stay}
+        settings = replace(self.settings, known=replace(self.settings.known, fixed=held))
+        return ended(self.recordings, replace(model, effects=own), model, settings, self.holdout)
 
-    def _rung(self, end: Ended, heldout: float, tabled: Collection[str]) -> Step:
-        """A rung, its tables with the scale in."""
+    def rung(self, end: Ended, heldout: float, tabled: Collection[str]) -> Step:
+        """A rung of the ladder, its tables with the scale in. heldout : of the law, on the folds that chose it."""
         model = end.model.changed(effects={name: with_scale_in(end.model.effects[name]) for name in tabled})
         score = self.problem.errors_for(model, self.recordings).of_model(model)
         if self.holdout:
@@ -134,8 +117,11 @@ def _learnt(chosen: Choice, scores: Scores, stand_ins: Sequence[str]) -> Learnt:
     fit = formula.fit if formula is not None and by_formula else fit
     known = formula is not None and bool(by_formula) and formula.known
     begun = scores.problem.model.changed(inertia=_inertia(fit, judge.balance), effects=laws)
-    ends = scores.with_law(begun, _held(fit, judge.balance, laws), stand_ins)
-    rungs = list(scores.rungs(ends, chosen.rmse(fit), () if known else tuple(laws)))
+    held = scores.fixed(begun, _held(fit, judge.balance, laws))
+    rungs, gone = list[Step](), list[str]()
+    for end in scores.with_law(begun, held, stand_ins):
+        gone += [end.without] if end.without else []
+        rungs.append(scores.rung(end, _heldout(judge, fit, gone), () if known else tuple(laws)))
     rungs[0] = replace(rungs[0], effect=next(iter(laws)))
     last, problem = rungs[-1], scores.of(rungs[-1].model)
     families = [law.family for law in chosen.fit.laws]
@@ -159,14 +145,16 @@ def _learnt(chosen: Choice, scores: Scores, stand_ins: Sequence[str]) -> Learnt:
         views=views_of(chosen.fit, judge),
         held_out=tuple(r.name for r in scores.holdout),
         rungs=tuple(rungs),
-        unexplained=_unexplained(problem),
+        held=held,
     )
 
 
-def _unexplained(problem: Problem) -> Unexplained:
-    """What a model with the law leaves, by the rule of a diagnosis."""
-    search = Search(problem)
-    return unexplained_of(search, search.refit, discrepancy_of(search, search.refit), POLICY.surest)
+def _heldout(judge: Judge, fit: LawFit, gone: Collection[str]) -> float:
+    """Held-out error of the laws beside the model without these effects, fitted anew in every fold."""
+    if gone:
+        judge = Judge(judge.balance.without(gone))
+        fit = judge.fit(fit.laws)
+    return left_of(judge, fit)
 
 
 def _inertia(fit: LawFit, balance: Balance) -> float:

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.results import Estimate, Estimates, Score, Step
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
@@ -95,7 +94,7 @@ class Learnt:
     model : with the law; estimates : its values. ceiling : held-out error of the best free-form law of all.
     why : one sentence where nothing is learnt. notes : what else is to be known.
     rungs : of the ladder, the law and the stand-ins that are taken back beside it; none where nothing was learnt.
-    unexplained : what the model with the law leaves.
+    held : values that a fit beside the law holds, by name: what the law has as well, and what is known.
     """
 
     logs: tuple[str, ...]
@@ -118,6 +117,6 @@ class Learnt:
     held_out: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     rungs: tuple[Step, ...] = ()
-    unexplained: Unexplained = field(default_factory=Unexplained)
+    held: Mapping[str, float] = field(default_factory=dict)
     views: tuple[View, ...] = field(default=(), compare=False, repr=False)
     units: Units = field(default_factory=Units)

@@ -9,7 +9,7 @@ against it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -141,6 +141,14 @@ class Balance:
         """The same with u so many steps late, as far as the rows allow."""
         moved = balance_of(self.problem, min(max(delay, 0.0), self.problem.most_tap))
         return replace(moved, whitening=self.whitening, noise=self.noise)
+
+    def without(self, effects: Collection[str]) -> Balance:
+        """The same for a model that lacks these effects."""
+        model = self.problem.model
+        own = {name: values for name, values in model.effects.items() if name not in effects}
+        base = tuple(t for t in self.problem.base if t.id not in effects)
+        less = balance_of(replace(self.problem, model=replace(model, effects=own), base=base), self.delay)
+        return replace(less, whitening=self.whitening, noise=self.noise)
 
     def beside(self, residual: Array) -> Balance:
         """The same, whitened by the noise in what a richer fit leaves, shape (N,), unit of u."""

@@ -17,9 +17,11 @@ from dsd_cli.identify.learn.rows import Balance
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
-#: Knots of a table over what the log visited; shares of its span by which the formula goes on at either end.
-#: Another motion may be faster, or driven harder; the travel is as long as it is, and a formula may have a pole there.
-_KNOTS, _FURTHER = 201, {"velocity": 0.5, "u": 0.5}
+#: Knots of a table over what the log visited; shares of its span by which the formula goes on at either end: another
+#: motion may be several times as fast, and driven as much harder, but the travel of an axis is as long as it is.
+_KNOTS, _FURTHER = 201, {"velocity": 1.0, "u": 1.0, "position": 0.5}
+#: Of the way to the pole of a formula, as far as which it goes on: its force is four times as high there.
+_TO_POLE = 0.5
 #: Letter of a channel -> that of a table.
 _OVER = {"v": "velocity", "q": "position", "u": "u", "t": "time"}
 #: Base -> effect and factor of its table, and the channel that it stands over by itself.
@@ -57,21 +59,33 @@ def _table(term: Term, strength: Array, kind: tuple[str, str], balance: Balance)
     """The law at knots over what was visited and `_FURTHER`, and at 0, where it may bend."""
     over, factor = kind
     x = samples_of(over, balance)
-    more = _FURTHER.get(over, 0.0) * float(np.ptp(x))
-    low, high = float(x.min()) - more, float(x.max()) + more
-    knots = np.linspace(low, high, _KNOTS)
-    if over in _FURTHER and low < 0.0 < high:  # squares: closer where roots and signs bend
-        roots = np.linspace(-math.sqrt(-low), math.sqrt(high), _KNOTS)
+    low, high = _ends(term, over, x)
+    count = round(_KNOTS * (high - low) / float(np.ptp(x))) if over == "position" else _KNOTS
+    knots = np.linspace(low, high, count)
+    if over in ("velocity", "u") and low < 0.0 < high:  # squares: closer where roots and signs bend
+        roots = np.linspace(-math.sqrt(-low), math.sqrt(high), count)
         knots = roots * np.abs(roots)
         knots[int(np.argmin(np.abs(knots)))] = 0.0
-    at = {"velocity": np.ones(_KNOTS), "position": np.zeros(_KNOTS), "u": np.ones(_KNOTS), "time": np.zeros(_KNOTS)}
-    at[over] = knots
-    channels = Channels(at["time"], at["u"], at["velocity"], at["position"], np.zeros(_KNOTS))
+    still = np.zeros(count)
+    at = {"velocity": still + 1.0, "position": still, "u": still + 1.0, "time": still} | {over: knots}
+    channels = Channels(at["time"], at["u"], at["velocity"], at["position"], still)
     values = strength @ np.stack(_columns(term, channels))
     if factor != "one":  # the table is what stands before the factor
         values = values / np.where(at[factor] != 0.0, at[factor], np.nan)
         values = np.interp(knots, knots[np.isfinite(values)], values[np.isfinite(values)])
     return Table((over,), (tuple(map(float, knots)),), tuple(map(float, values)), factor)
+
+
+def _ends(term: Term, over: str, x: Array) -> tuple[float, float]:
+    """Where the table of a formula begins and ends: beyond what was visited by `_FURTHER`, short of a pole; an inertia
+    could become negative there."""
+    low, high = float(x.min()), float(x.max())
+    more = [_FURTHER.get(over, 0.0) * (high - low) * (term.kind.base != "inertia")] * 2
+    if term.kind.modulation == "inverse":
+        place = term.values["place"]
+        side = 0 if place < low else 1
+        more[side] = min(more[side], _TO_POLE * abs(place - (low, high)[side]))
+    return low - more[0], high + more[1]
 
 
 def _columns(term: Term, channels: Channels) -> list[Array]:

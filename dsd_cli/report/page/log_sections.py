@@ -82,10 +82,10 @@ def _cards(story: Story) -> list[Html]:
 
 def _at_the_end(ladder: Ladder) -> Html:
     """The verdict on the model at the end; where a law was learnt, what that leaves."""
-    left = ladder.last.unexplained
-    if learnt(ladder):
-        return _card("at the end", "a law was learnt", f"{percent(left.share_of_u)} of u stays unexplained", "warn")
     kind = "good" if ladder.verdict == "none" else "warn"
+    if learnt(ladder):
+        left = f"{percent(ladder.last.unexplained.share_of_u)} of u stays unexplained"
+        return _card("at the end", "a law was learnt", left, kind)
     what = {"none": "nothing is missing", "unknown": "something unknown"}.get(ladder.verdict, ladder.verdict)
     return _card("at the end", what, f"probability {percent(ladder.last.probability)}", kind)
 
