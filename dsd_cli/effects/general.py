@@ -228,10 +228,8 @@ _BEFORE = 0.5
 def _slip_columns(
     channels: Channels, shape: Shape, state: tuple[float, ...] | None
 ) -> tuple[tuple[Any, ...], tuple[float, ...]]:
-    """Minus the mean force of the springs over the interval; state: how far each is stretched at its end.
-
-    Before the first interval the axis is taken to have moved as in it for a while: nobody has seen how it did.
-    """
+    """Minus the mean force of the springs over the interval; state: how far each is stretched at its end. Before the
+    first one the axis is taken to have moved as in it for a while: nobody has seen how it did."""
     stops, moved = shape["stops"], channels.velocity * channels.interval
     first = channels.velocity if np.ndim(moved) == 0 else float(channels.velocity[0]) if len(moved) else 0.0
     before = state or (first * _BEFORE,) * len(stops.radii)  # each holds as far as its radius
@@ -242,10 +240,9 @@ def _slip_columns(
             continue
         begin = min(max(z, -radius), radius)
         if np.ndim(moved) == 0:
-            still = channels.interval == 0.0  # this instant, which moves nothing
-            end = begin if still else min(max(begin + moved, -radius), radius)
+            end = begin if channels.interval == 0.0 else min(max(begin + moved, -radius), radius)
             total = total - 0.5 * stiffness * (begin + end)
-            last.append(z if still else end)
+            last.append(z if channels.interval == 0.0 else end)
         else:
             ends = stretches(moved, radius, begin)
             total = total - 0.5 * stiffness * (np.concatenate([[begin], ends[:-1]]) + ends)
