@@ -20,6 +20,7 @@ import numpy as np
 
 from bench.marked import put
 from bench.plan_page import PAGE, figures
+from dsd_cli.cli.plan_loop import left_open, misled
 from dsd_cli.errors import DsdError
 from dsd_cli.identify.design.plan import Wanted, plan_next
 from dsd_cli.identify.design.results import Motion, Plan
@@ -78,6 +79,12 @@ class Machine:
         keep = lambda search, whole: self.kept.append((search, whole))  # noqa: E731
         return diagnose(recordings, self.model, self.observer, Settings(), on_found=keep)
 
+    def answer(self, together: Diagnosis, newest: Recording) -> tuple[Diagnosis, bool]:
+        """(what the loop takes as its answer, whether that is of the newest log alone)."""
+        if not left_open(together) or not misled(together, alone := diagnose([newest], self.model, self.observer)):
+            return together, False
+        return alone, True
+
     def plan(self, said: Diagnosis) -> tuple[Plan, float]:
         """(plan within the machine's limits, s of CPU)."""
         begin = time.process_time()
@@ -113,14 +120,6 @@ def opened(case: RigCase, kind: str) -> tuple[Machine, Recording, Diagnosis] | N
         return None
 
 
-def left_open(said: Diagnosis) -> bool:
-    """Whether a log ends in a tie, a weak value or `unknown`."""
-    ranking = {c.effect: c for c in said.ranking}
-    ties = any(ranking[name].indistinguishable_from for name in said.found if name in ranking)
-    own = [e for name, e in said.estimates.items() if name.partition(".")[0] in said.found]
-    return said.verdict == "unknown" or ties or any(e.grade in ("weak", "not") for e in own)
-
-
 def one(case: RigCase, kind: str) -> Row | None:
     """A row; None where the poor log left nothing open, or could not be asked."""
     if (known := opened(case, kind)) is None or not left_open(known[-1]):
@@ -137,9 +136,10 @@ def one(case: RigCase, kind: str) -> Row | None:
     row["parts"] = sorted({s.kind for s in plan.stages})
     next_log, exact = machine.run(plan.motion, 1)
     row["broken"] = _broken(plan, exact)
-    after = machine.asked([first, next_log])
-    row |= {"after": after.verdict, "settled": machine.settled(after), "found": list(after.found)}
+    together = machine.asked([first, next_log])
     row["realised"] = _realised(machine, plan)
+    after, row["alone"] = machine.answer(together, next_log)
+    row |= {"after": after.verdict, "settled": machine.settled(after), "found": list(after.found)}
     old, _ = machine.moved(*poor_reference(machine.trial, kind, plan.motion.seconds), 2)
     again = machine.asked([first, old])
     return row | {"after_old": again.verdict, "settled_old": machine.settled(again)}
@@ -180,7 +180,9 @@ def looped(case: RigCase, kind: str) -> Row | None:
             if plan.motion is None:
                 return row | {"settled": machine.settled(said), "experiments": k, "verdict": said.verdict}
             logs.append(machine.run(plan.motion, k + 1)[0])
-            said = machine.asked(logs)
+            said, last = machine.answer(machine.asked(logs), logs[-1])
+            if last:  # as the command does
+                return row | {"settled": machine.settled(said), "experiments": k + 1, "verdict": said.verdict}
     except (DsdError, RuntimeError) as error:
         return row | {"settled": False, "experiments": -1, "verdict": str(error)}
     raise AssertionError("the loop ends above")

@@ -29,6 +29,8 @@ def _plans(rows: Sequence[Row]) -> list[str]:
     found = [
         f"poor logs: {len(rows)}, planned {len(planned)}",
         f"settled after the planned motion: {_of(r['settled'] for r in planned)}",
+        f"of these by the new log alone: {sum(r['settled'] and r.get('alone', False) for r in planned)}; alone it "
+        f"settled wrongly {sum(r.get('alone', False) and not r['settled'] for r in planned)}",
         f"right effect named after it: {_of(r['after'] == r['what'] for r in planned)}",
         f"settled after the old motion for as long: {_of(r['settled_old'] for r in planned)}",
         f"right effect named after that: {_of(r['after_old'] == r['what'] for r in planned)}",

@@ -53,11 +53,27 @@ def closed(job: tuple[Config, list[str], Request, bool], command: str, output: s
         asked = _from_where_it_is(asked, answer.plan)
         answer = planned(settings, paths, asked, quiet)
         open_now = left_open(answer.diagnosis)
+        if open_now and misled(answer.diagnosis, (alone := planned(settings, [str(log)], asked, quiet)).diagnosis):
+            together = f"with the logs before it {', '.join(open_now)} would stay open"
+            note = f"{log} alone leaves nothing open and is the answer; {together}: they mislead"
+            answer, open_now = replace(alone, warnings=(*alone.warnings, note)), ()
         experiments.append(_experiment(reference, log, answer.diagnosis, open_now))
         say(quiet, f"experiment {k}: {answer.diagnosis.verdict}, left open: {', '.join(open_now) or 'nothing'}")
         if not open_now:
             break
     return replace(answer, experiments=tuple(experiments))
+
+
+def misled(together: Diagnosis, alone: Diagnosis) -> bool:
+    """Whether the logs before the newest hide what it says: alone it names an effect and leaves nothing open; with them
+    something stays open, and they do not say that it is another effect.
+
+    A poor log has forces of its own, that no motion of it shows, and a joint fit finds effects for them.
+    """
+    from dsd_cli.identify.results import NONE, UNKNOWN
+
+    same = together.verdict == UNKNOWN or alone.verdict in together.found
+    return same and alone.verdict != NONE and bool(left_open(together)) and not left_open(alone)
 
 
 def _experiment(reference: Path, log: Path, found: Diagnosis, open_now: tuple[str, ...]) -> Experiment:

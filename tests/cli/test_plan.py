@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from dsd_cli.cli.plan_loop import misled
 from dsd_cli.cli.plan_request import Told, _possible
 from dsd_cli.files.motion_out import COLUMNS, motion_text
 from dsd_cli.identify.design.limits import Limits
@@ -216,6 +217,22 @@ def test_the_loop_ends_when_nothing_is_left_open_and_goes_on_where_it_was(folder
     again = json.loads(done(*loop, cwd=folder).stdout)
     assert again["experiments"] == told["experiments"]
     assert (folder / "runs.txt").read_text() == runs  # logs that are there are not run again
+
+
+def _said(verdict: str, *found: str, tied: tuple[str, ...] = ()) -> SimpleNamespace:
+    ranking = [SimpleNamespace(effect=name, indistinguishable_from=tied) for name in found]
+    return SimpleNamespace(verdict=verdict, found=found, ranking=ranking, whole_values={}, estimates={})
+
+
+def test_a_log_that_says_all_alone_is_not_hidden_by_a_poor_one() -> None:
+    alone = _said("coulomb_friction", "coulomb_friction")
+    assert misled(_said("coulomb_friction", "coulomb_friction", tied=("stribeck_friction",)), alone)
+    assert misled(_said("unknown"), alone)
+    # nothing is open; another effect is named; alone it says nothing, or as little
+    assert not misled(_said("coulomb_friction", "coulomb_friction"), alone)
+    assert not misled(_said("gravity", "gravity", tied=("stiffness",)), alone)
+    assert not misled(_said("unknown"), _said("none"))
+    assert not misled(_said("unknown"), _said("coulomb_friction", "coulomb_friction", tied=("stribeck_friction",)))
 
 
 def test_a_command_sees_words_and_no_shell(folder: Path) -> None:
