@@ -10,7 +10,7 @@ import numpy as np
 
 from dsd_cli.effects import Channels, Effect, Role, Values, catalogue
 from dsd_cli.identify.learn.choose import Choice, as_good, why_not
-from dsd_cli.identify.learn.dictionary import BASES, MODULATIONS, effect_of, unit_of
+from dsd_cli.identify.learn.dictionary import BASES, CHANNELS, MODULATIONS, effect_of, unit_of
 from dsd_cli.identify.learn.families import Columns, Family
 from dsd_cli.identify.learn.formula import Formulas, Term
 from dsd_cli.identify.learn.judge import Judge, LawFit
@@ -34,12 +34,13 @@ _MUCH_WORSE = 1.5
 @dataclass(frozen=True)
 class Found:
     """A formula, its fit, and where it explains as much as the curve the effects that a model then has: those of the
-    catalogue, or tables of it. known : whether they are of the catalogue."""
+    catalogue, or tables of it. known : whether they are of the catalogue. on : the channels it depends on."""
 
     formula: Formula
     fit: LawFit
     effects: Mapping[str, Values]
     known: bool
+    on: tuple[str, ...]
 
 
 def formula_of(chosen: Choice) -> Found | None:
@@ -81,13 +82,24 @@ def formula_of(chosen: Choice) -> Found | None:
     )
     merged = {name: v for one in known if one for name, v in one.items()}
     tables = tables_of(terms, strengths_of(values), judge.balance.problem.model, judge.balance)
-    return Found(formula, found, (merged if all_known else tables) if replaces else {}, all_known)
+    on = tuple(dict.fromkeys(name for t in terms for name in _on(t)))
+    return Found(formula, found, (merged if all_known else tables) if replaces else {}, all_known, on)
 
 
 def identified(estimates: Mapping[str, Estimate]) -> bool:
     """Whether the strength of a term is distinguished from 0: else its shape lies where it hardly acts."""
     strengths = [estimates[name] for name in ("coefficient", "amplitude") if name in estimates]
     return all(abs(e.value) > _LEAST_SIGMAS * e.std_error for e in strengths)
+
+
+def _on(term: Term) -> tuple[str, ...]:
+    """Channels of a term as those of a family: friction looks at the direction alone, unless it is over the speed."""
+    over = {"t": "time", "": ""}.get(term.kind.over, CHANNELS.get(term.kind.over, ""))
+    own: tuple[str, ...] = {"dry": ("direction",), "load": ("direction", "u"), "inertia": ("acceleration",)}.get(
+        term.kind.base, BASES[term.kind.base].needs
+    )
+    names = [*own, *([over] if over else [])]
+    return tuple(name for name in dict.fromkeys(names) if name != "direction" or "velocity" not in names)
 
 
 def _name(term: Term) -> str:

@@ -129,7 +129,9 @@ def _learnt(chosen: Choice, scores: Scores, stand_ins: Sequence[str]) -> Learnt:
         logs=tuple(r.name for r in scores.recordings),
         verdict=LEARNT,
         family=of_several(families),
-        channels=tuple(dict.fromkeys(name for family in families for name in family.on)),
+        channels=formula.on
+        if formula is not None and by_formula
+        else tuple(dict.fromkeys(name for family in families for name in family.on)),
         curves=curves_of(chosen.fit, judge, list(curves), chosen.finer),
         formula=None if formula is None else formula.formula,
         score=scores.given,

@@ -51,15 +51,17 @@ def tables_of(
         effect, factor, own = _TABLES[term.kind.base]
         over = _OVER.get(term.kind.over, own)
         name = free_name(effect.id, {*model.effects, *found})
-        found[name] = effect.from_columns((1.0,), {"table": _table(term, strength, (over, factor), balance)})
+        x = samples_of(over, balance)
+        table = _table(term, strength, (over, factor), x, _ends(term, over, x))
+        if effect is INERTIA_CURVE and balance.inertia + min(table.values) <= 0.0:  # no inertia is negative
+            table = _table(term, strength, (over, factor), x, (float(x.min()), float(x.max())))
+        found[name] = effect.from_columns((1.0,), {"table": table})
     return found
 
 
-def _table(term: Term, strength: Array, kind: tuple[str, str], balance: Balance) -> Table:
-    """The law at knots over what was visited and `_FURTHER`, and at 0, where it may bend."""
-    over, factor = kind
-    x = samples_of(over, balance)
-    low, high = _ends(term, over, x)
+def _table(term: Term, strength: Array, kind: tuple[str, str], x: Array, ends: tuple[float, float]) -> Table:
+    """The law at knots between these ends, as dense as over what was visited (`x`), and at 0, where it may bend."""
+    (over, factor), (low, high) = kind, ends
     count = round(_KNOTS * (high - low) / float(np.ptp(x))) if over == "position" else _KNOTS
     knots = np.linspace(low, high, count)
     if over in ("velocity", "u") and low < 0.0 < high:  # squares: closer where roots and signs bend
@@ -77,10 +79,9 @@ def _table(term: Term, strength: Array, kind: tuple[str, str], balance: Balance)
 
 
 def _ends(term: Term, over: str, x: Array) -> tuple[float, float]:
-    """Where the table of a formula begins and ends: beyond what was visited by `_FURTHER`, short of a pole; an inertia
-    could become negative there."""
+    """Where the table of a formula begins and ends: beyond what was visited by `_FURTHER`, short of a pole."""
     low, high = float(x.min()), float(x.max())
-    more = [_FURTHER.get(over, 0.0) * (high - low) * (term.kind.base != "inertia")] * 2
+    more = [_FURTHER.get(over, 0.0) * (high - low)] * 2
     if term.kind.modulation == "inverse":
         place = term.values["place"]
         side = 0 if place < low else 1
