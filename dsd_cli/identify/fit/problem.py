@@ -274,12 +274,15 @@ def _laid_out(
 
     found : the best delay on fewer rows; believed : that of the model, s. given : the inertia that the user believes,
     where the inverse form is evidence: beside functions of the motion it is known as well as it can be; else 0.
+
+    J0 gives what is left of the motion the unit of u. A weight or friction that the model lacks swamps J beside its own
+    effects alone, and then whatever is left is a small force: functions of the motion take that away.
     """
     bank, most_tap = _bank(recordings, longest, settings.band)
     blocks = lay_blocks(bank.equations.lengths, POLICY.gap_rows, recordings[0].name)
     solver = Solver(bank, blocks, known=settings.known, inverse=given > 0.0)
     tap = best_delay(solver, beside, most_tap, round(found / bank.tap_time), believed=believed)
-    inertia = whole_inertia(solver.fit(beside if solver.inverse else base, tap))
+    inertia = max(whole_inertia(solver.fit(terms, tap)) for terms in ((beside,) if solver.inverse else (base, beside)))
     solver = Solver(bank, blocks, inertia or given or _inertia_by_size(bank), settings.known, inverse=solver.inverse)
     return solver, most_tap, solver.fit(base, tap)
 
