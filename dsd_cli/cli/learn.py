@@ -163,7 +163,7 @@ def with_learnt(ladder: Ladder, given: Given, progress: object) -> tuple[Ladder,
         correlations=(),
         warnings=last.warnings,
         levels=last.levels,
-        missing=(*stayed, *last.missing),
+        missing=tuple({one.effect: one for one in (*stayed, *last.missing)}.values()),
     )
     return at_end, found
 

@@ -221,32 +221,23 @@ def stretches(moved: Array, radius: float, before: float) -> Array:
     return out
 
 
-#: s for which an axis is taken to have moved at the speed with which a log begins: about a move of a servo.
-_BEFORE = 0.5
-
-
 def _slip_columns(
     channels: Channels, shape: Shape, state: tuple[float, ...] | None
 ) -> tuple[tuple[Any, ...], tuple[float, ...]]:
-    """Minus the mean force of the springs over the interval; state: how far each is stretched at its end. Before the
-    first one the axis is taken to have moved as in it for a while: nobody has seen how it did."""
+    """Minus the mean force of the springs over the interval; state: how far each is stretched at its end."""
     stops, moved = shape["stops"], channels.velocity * channels.interval
-    first = channels.velocity if np.ndim(moved) == 0 else float(channels.velocity[0]) if len(moved) else 0.0
-    before = state or (first * _BEFORE,) * len(stops.radii)  # each holds as far as its radius
+    before = state or (0.0,) * len(stops.radii)
     total, last = 0.0 * moved, []
     for radius, stiffness, z in zip(stops.radii, stops.stiffnesses, before, strict=True):
         if stiffness == 0.0:
             last.append(z)
-            continue
-        begin = min(max(z, -radius), radius)
-        if np.ndim(moved) == 0:
-            end = begin if channels.interval == 0.0 else min(max(begin + moved, -radius), radius)
-            total = total - 0.5 * stiffness * (begin + end)
-            last.append(z if channels.interval == 0.0 else end)
+        elif np.ndim(moved) == 0:
+            last.append(min(max(z + moved, -radius), radius))
+            total = total - 0.5 * stiffness * (z + last[-1])
         else:
-            ends = stretches(moved, radius, begin)
-            total = total - 0.5 * stiffness * (np.concatenate([[begin], ends[:-1]]) + ends)
-            last.append(float(ends[-1]) if len(ends) else begin)
+            ends = stretches(moved, radius, z)
+            total = total - 0.5 * stiffness * (np.concatenate([[z], ends[:-1]]) + ends)
+            last.append(float(ends[-1]) if len(ends) else z)
     return (total,), tuple(last)
 
 
