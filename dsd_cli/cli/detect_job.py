@@ -13,7 +13,6 @@ from dsd_cli.cli.detect_checks import Judgement
 from dsd_cli.cli.ending import interrupt_ends_reading
 from dsd_cli.cli.labels_out import LabelsFile, NoLabels, Write, json_lines
 from dsd_cli.cli.plan import (
-    TIME_SCALE,
     TRUTH,
     as_logged,
     detection_plan,
@@ -43,6 +42,7 @@ from dsd_cli.files.watched import about_rows
 from dsd_cli.report.detection import Detection, print_table, to_json
 from dsd_cli.report.terminal import json_text
 from dsd_cli.signals.cleaning import BRIDGE, Cleaner
+from dsd_cli.signals.clock import TIME_SCALE
 
 if TYPE_CHECKING:
     from dsd_cli.detect.watched import WatchedSession

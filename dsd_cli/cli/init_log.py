@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import json
 import math
-import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from dsd_cli.cli.init_questions import column_question, step_question
 from dsd_cli.cli.init_roles import Chosen, choose
-from dsd_cli.cli.init_units import Units, units_of
-from dsd_cli.errors import DsdError, printable, source_name
+from dsd_cli.cli.init_units import Units, step_of, units_of
+from dsd_cli.errors import DsdError, source_name
 from dsd_cli.files.config import Signals
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.first_look import time_unit_of
@@ -26,7 +26,7 @@ from dsd_cli.identify.checks import CheckResult, check_log
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import predict_d_hat
-from dsd_cli.signals.clock import FASTEST, SLOWEST
+from dsd_cli.signals.clock import FASTEST, SLOWEST, TIME_SCALE
 from dsd_cli.signals.log import Array, Log
 from dsd_cli.signals.units import POSITION, VELOCITY
 
@@ -39,7 +39,6 @@ RHO_OF_LEFT, RHO_OF_U = 1.5, 0.1
 #: rho at least, as a share of u: no sensor is better than that.
 RHO_LEAST = 0.002
 _SCALE_KEYS = {"u": "u_scale", "velocity": "velocity_scale", "position": "position_scale"}
-_TIME_SCALE = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 @dataclass
@@ -92,9 +91,11 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
         chosen = choose(source_name(name), looked, asked.given)
     out.said += chosen.said
     _name_columns(chosen, out)
-    if not chosen.missing:
+    unstamped = not chosen.missing and not chosen.clock and "time" not in chosen.found
+    step = _rows_apart(chosen, asked, looked.sample_time, out) if unstamped else None
+    if not chosen.missing and (step or not unstamped):
         try:
-            loaded, factors = _read(path, chosen, looked.sample_time, asked.layout, out)
+            loaded, factors = _read(path, chosen, step, asked.layout, out)
         except DsdError as error:
             said = str(error).replace(path, source_name(name))
             out.said.append(f"its rows could not be read ({said}); the numbers are those of the template")
@@ -105,24 +106,24 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
     text = headed(template_text("lab"), source_name(name))
     for (section, key), written in out.values.items():
         text = with_value(text, section, key, written)
-    return Proposed(text, out.said) if not chosen.missing else _question(name, chosen, asked.given, text, out.said)
+    if not chosen.missing and (step or not unstamped):
+        return Proposed(text, out.said)
+    left = (column_question if chosen.missing else step_question)(name, chosen, asked.given, text)
+    return Proposed(left.text, out.said, left.question, left.command)
 
 
-def _question(path: str, chosen: Chosen, given: Mapping[str, str], text: str, said: list[str]) -> Proposed:
-    """What is left to say, the command that says it, and the line of the config in which it is missing."""
-    what = "the control input (torque, force, current, voltage)" if chosen.missing == "u" else "the motion"
-    listed = ", ".join(chosen.candidates[:8]) + (" ..." if len(chosen.candidates) > 8 else "")
-    text = with_value(
-        text, "signals", chosen.missing, '""', printable(f"# <- MISSING: {what}{listed and f'; one of {listed}'}")
-    )
-    moves = any(one in chosen.found for one in ("d_hat", "velocity", "position"))
-    named = {role: column for role, column in given.items() if role != "u"}
-    named = {"u": given.get("u", chosen.found["u"].column if "u" in chosen.found else "NAME"), **named}
-    if not moves:
-        named.setdefault("position", "NAME")
-    options = " ".join(f"--{role} {shlex.quote(column)}" for role, column in named.items())
-    command = f"dsd init {shlex.quote(path)} --force {options}"
-    return Proposed(text, said, f"which column is {what}? {listed or 'none looks like it'}", command)
+def _rows_apart(chosen: Chosen, asked: Asked, said: float | None, out: Proposal) -> float | None:
+    """s between the rows of a log without a clock: as the user or the file says, or the motion; None: nothing does."""
+    told = asked.values.get(("signals", "sample_time"))
+    if isinstance(told, int | float):
+        return float(told)
+    found = step_of(chosen.table, chosen.found)
+    why = "the file says so"
+    if not said and found is not None and found[1]:
+        said, why = found[0], f'"{chosen.found["velocity"].column}" is the slope of the position then'
+    if said:
+        out.put("signals", "sample_time", said, why)
+    return said
 
 
 def _name_columns(chosen: Chosen, out: Proposal) -> None:
@@ -176,17 +177,16 @@ def _read(
         names = {"t": time.column, **names}
         unit = time.time_unit or ""
     else:
-        sample_time = told or 0.001
-        said = "the file says so" if told else "no time is recognised; put yours"
-        out.put("signals", "sample_time", sample_time, said)
+        sample_time = told
     if not unit:
-        step = load_log(path, names, most_rows=1, layout=layout).log.sample_time
-        unit = time_unit_of(step)
+        first = load_log(path, names, most_rows=1, layout=layout).log
+        step = first.sample_time
+        unit = time_unit_of(step, float(first["t"][0]))
         out.said.append(f"time_unit: not said; steps of {step:g} are taken as {unit}")
     out.put("signals", "time_unit", unit)
-    _settle_units(units_of(chosen.table, found, _TIME_SCALE[unit], sample_time), out)
+    _settle_units(units_of(chosen.table, found, TIME_SCALE[unit], sample_time), out)
     factors = _factors(out)
-    scale = _TIME_SCALE[unit]
+    scale = TIME_SCALE[unit]
     loaded = load_log(
         path, names, sample_time=sample_time, time_scale=scale, factors=factors, most_rows=ROWS, layout=layout
     )
@@ -259,9 +259,9 @@ def _without_inertia(log: Log, out: Proposal) -> None:
 def _doubt_time_unit(step: float, out: Proposal) -> None:
     """Say so where the unit in a name makes a sample time that no servo log has, and another unit would not."""
     unit = json.loads(out.values.get(("signals", "time_unit"), '"s"'))
-    as_written = step / _TIME_SCALE[unit]
+    as_written = step / TIME_SCALE[unit]
     likely = time_unit_of(as_written)
-    seconds = as_written * _TIME_SCALE[likely]
+    seconds = as_written * TIME_SCALE[likely]
     if not FASTEST <= step <= SLOWEST and FASTEST <= seconds <= SLOWEST:
         out.said.append(
             f"time_unit: in {unit}, rows are {step:g} s apart; in {likely} they would be {seconds:g} s: which?"

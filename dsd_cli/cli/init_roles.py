@@ -24,7 +24,7 @@ from dsd_cli.files.recognise import (
 )
 from dsd_cli.files.sample import Sample, Table
 from dsd_cli.identify.roles import Channel, Guess, Roles, facts_of, guess_roles
-from dsd_cli.signals.clock import UNITS
+from dsd_cli.signals.clock import TIME_SCALE
 from dsd_cli.signals.log import Array
 
 #: Roles that the user can name, and those of which one is needed.
@@ -208,12 +208,14 @@ def _seconds(look: FirstLook, table: Table) -> float:
     time = look.found.get("time")
     if time is None:
         return 1.0
-    unit = time.time_unit or time_unit_of(next(_step(one) for one in table.channels if one.name == time.column))
-    return {"s": 1.0, **UNITS}[unit]
+    stamps = next(one.values for one in table.channels if one.name == time.column)
+    there = np.zeros(1) if stamps is None else stamps[np.isfinite(stamps)]
+    unit = time.time_unit or time_unit_of(_step(there), float(there[0]) if there.size else 0.0)
+    return TIME_SCALE[unit]
 
 
-def _step(channel: Channel) -> float:
-    steps = np.diff(channel.values) if channel.values is not None else np.zeros(0)
+def _step(stamps: Array) -> float:
+    steps = np.diff(stamps)
     steps = steps[steps > 0.0]
     return float(np.median(steps)) if steps.size else 1.0
 
@@ -243,11 +245,11 @@ def _chosen(look: FirstLook, table: Table, roles: Roles) -> Chosen:
     taken = {one.column for one in found.values()}
     likely = [name for name in roles.causes if name not in taken]
     rest = [one.name for one in table.channels if one.name not in taken and one.name not in likely]
-    rest = [name for name in rest if roles.facts[name].moves and roles.facts[name].kind != "clock"] or rest
+    rest = [name for name in rest if roles.facts[name].moves and roles.facts[name].kind != "clock"]
     candidates = tuple(name for name in (*likely, *rest) if missing != "u" or not is_motion(name, look.units[name]))
     return Chosen(found, roles.found, look.clock, table, (), missing, candidates if missing else ())
 
 
 def time_scale(unit: str) -> float:
     """s per unit of time."""
-    return {"s": 1.0, **UNITS}[TIME_UNITS.get(unit, unit)]
+    return TIME_SCALE[TIME_UNITS.get(unit, unit)]

@@ -50,16 +50,31 @@ def units_of(table: Table | None, found: Mapping[str, Recognised], seconds: floa
     return Units({"velocity_scale": float(f"{1.0 / scale:.6g}")}, why)
 
 
-#: Units that are tried where none is said; SI first, of which rad and m cannot be told from each other.
+#: Units that are tried where none is said; a factor of 1000 may be mm and m/s as well as um and mm/s, and says nothing.
 _PAIRS = (
     ("rad", "deg/s"),
     ("deg", "rad/s"),
     ("rad", "rpm"),
     ("turn", "rpm"),
     ("deg", "rpm"),
-    ("mm", "m/s"),
-    ("m", "mm/s"),
 )
+
+
+def step_of(table: Table | None, found: Mapping[str, Recognised]) -> tuple[float, bool] | None:
+    """s between rows that make the velocity the slope of the position, and whether the units of both are said.
+
+    None: the one is not the slope of the other, or only the unit of one is said.
+    """
+    p, w = found.get("position"), found.get("velocity")
+    if table is None or p is None or w is None or bool(p.named) != bool(w.named):
+        return None
+    scale = _scale(table, found, 1.0, 1.0)
+    if scale is None or scale <= 0.0:
+        return None
+    if not p.named:
+        return float(f"{1.0 / scale:.4g}"), False
+    (of_p, position), (of_w, velocity) = POSITION[p.named], VELOCITY[w.named]
+    return (float(f"{position / (velocity * scale):.4g}"), True) if of_p == of_w else None
 
 
 def _from_one(p: Recognised, w: Recognised, scale: float) -> Units:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.cli.plan import TIME_SCALE, TRUTH, detection_plan, limits, log_columns, naming, optional_columns, rows_read
+from dsd_cli.cli.plan import TRUTH, detection_plan, limits, log_columns, naming, optional_columns, rows_read
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.rows import Rows
 from dsd_cli.detect.session import Session
@@ -16,6 +16,7 @@ from dsd_cli.files.table_source import TableSource
 from dsd_cli.files.tables_in import open_table
 from dsd_cli.files.watched import Watch, watched
 from dsd_cli.signals.cleaning import BRIDGE, Cleaner
+from dsd_cli.signals.clock import TIME_SCALE
 from dsd_cli.signals.log import Array
 
 

@@ -24,14 +24,13 @@ from dsd_cli.files.windowed import Window
 from dsd_cli.plant.maker import Maker
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.cleaning import MEASURED
+from dsd_cli.signals.clock import TIME_SCALE
 from dsd_cli.signals.log import DHatSource
 from dsd_cli.signals.outliers import Limits
 
 if TYPE_CHECKING:
     from dsd_cli.files.logs import LoadedLog
 
-#: s per unit of the time column.
-TIME_SCALE = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 #: Channels that d_hat can be had from, best first.
 DISTURBANCE = ("d_hat", "velocity", "position")
 TRUTH = ("true_delay", "true_inertia")

@@ -27,10 +27,11 @@ RULER = re.compile(r"[\s|:+]*(?:[-=]{3,}[\s|:+]*)+")
 DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
 ISO_TIME = re.compile(r"\s*\d{4}-\d\d-\d\d[ T]\d\d:\d\d")
 SPOKEN_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "min": 60.0, "hr": 3600.0}
-#: `0.004 sec`; [31.12.2024 or 12/31/2024 or 2 days] 23:59:59.999 [PM].
+MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+#: `0.004 sec`; [31.12.2024, 12/31/2024, 31-Dec-2024 or 2 days] 23:59:59.999 [PM].
 SPOKEN_TIME = re.compile(
     r"\s*(?:([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s?(s|sec|ms|msec|us|min|hr)"
-    r"|(?:(\d{1,2}\.\d{1,2}\.\d{4})[ T]|(\d{1,2}/\d{1,2}/\d{4}) )?"
+    r"|(?:(\d{1,2}\.\d{1,2}\.\d{4})[ T]|(\d{1,2}/\d{1,2}/\d{4}) |(\d{1,2}-[A-Za-z]{3}-\d{4}) )?"
     r"(?:(\d+) days? )?(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+)?) ?([AaPp][Mm])?)\s*"
 )
 _OTHER_FORMATS = {
@@ -132,7 +133,8 @@ def number(text: str) -> float:
 def seconds(text: str) -> float:
     """A time stamp: a number, or a date and time (taken as UTC without a zone) as seconds since 1970.
 
-    Dates are ISO 8601, 31.12.2024 or 12/31/2024; hours with minutes and seconds alone, and `0.004 sec`, are durations.
+    Dates are ISO 8601, 31.12.2024, 12/31/2024 or 31-Dec-2024; hours with minutes and seconds alone, and `0.004 sec`,
+    are durations.
 
     Raises
     ------
@@ -143,13 +145,13 @@ def seconds(text: str) -> float:
         return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
     if (found := SPOKEN_TIME.fullmatch(text)) is None:
         return number(text)
-    value, unit, dotted, slashed, days, hours, minutes, rest, half = found.groups()
+    value, unit, dotted, slashed, spelt, days, hours, minutes, rest, half = found.groups()
     if unit:
         return number(value) * SPOKEN_UNITS[unit.lower()]
     day = 86400.0 * int(days or 0)
-    if date := dotted or slashed:
-        parts = [int(part) for part in re.split(r"[./]", date)]
-        year, month, of_month = (parts[2], parts[1], parts[0]) if dotted else (parts[2], parts[0], parts[1])
+    if date := dotted or slashed or spelt:
+        parts = [MONTHS.index(one.lower()) + 1 if one.isalpha() else int(one) for one in re.split(r"[./-]", date)]
+        year, month, of_month = (parts[2], parts[0], parts[1]) if slashed else (parts[2], parts[1], parts[0])
         day = datetime(year, month, of_month, tzinfo=UTC).timestamp()
     hour = int(hours) % 12 + 12 * (half.lower() == "pm") if half else int(hours)
     return day + 3600.0 * hour + 60.0 * int(minutes) + number(rest)

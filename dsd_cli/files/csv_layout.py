@@ -222,6 +222,9 @@ def _above(rows: Sequence[Row], body: Body) -> Found:
 def _wide(rows: Sequence[Row], body: Body) -> list[Row]:
     """The last two rows, or the last one, that are as wide as the body and text, by and large."""
     wide: list[Row] = []
+    first = ""
+    if rows and len(rows[-1].cells) == body.fields > 1 and not any(map(str.strip, rows[-1].cells[1:])):
+        first, rows = rows[-1].cells[0].strip(), rows[:-1]  # pandas has the name of the index below all others
     for row in reversed(rows):
         filled = sum(bool(cell.strip()) for cell in row.cells)
         off = abs(len(row.cells) - body.fields)
@@ -230,6 +233,8 @@ def _wide(rows: Sequence[Row], body: Body) -> list[Row]:
         wide.insert(0, row._replace(cells=[cell.strip() for cell in row.cells]))
         if len(wide) == 2:
             break
+    if first and wide and not wide[0].cells[0]:
+        wide[0].cells[0] = first
     return wide
 
 

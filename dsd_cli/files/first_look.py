@@ -67,10 +67,14 @@ def _units_row(path: str, found: Mapping[str, Recognised]) -> dict[str, str]:
     return table.units
 
 
-def time_unit_of(step: float) -> str:
-    """The unit in which a sample time of that number is one of a servo log."""
-    from dsd_cli.signals.clock import FASTEST, SLOWEST, UNITS
+def time_unit_of(step: float, first: float = 0.0) -> str:
+    """The unit in which a sample time of that number is one of a servo log, and `first`, a stamp, is of our days."""
+    from dsd_cli.signals.clock import EPOCHS, FASTEST, SLOWEST, UNITS, YEAR, YEARS
 
+    for unit, begins in EPOCHS.items():
+        scale = UNITS.get(unit, 1.0)
+        if YEARS[0] <= begins + first * scale / YEAR <= YEARS[1] and FASTEST <= step * scale <= SLOWEST:
+            return unit
     if FASTEST <= step <= SLOWEST:
         return "s"
     return next((unit for unit, scale in UNITS.items() if FASTEST <= step * scale <= SLOWEST), "s")

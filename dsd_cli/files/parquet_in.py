@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
+import numpy as np
+
 from dsd_cli.errors import DataError
-from dsd_cli.files.arrow_arrays import as_float64, is_number_type
+from dsd_cli.files.arrow_arrays import as_float64, is_number_type, numbers
+from dsd_cli.files.formats.messages import LONGEST_ARRAY
 from dsd_cli.files.table_source import Batch, choose_columns
 
 BATCH_ROWS = 1 << 17
@@ -33,13 +36,16 @@ class ParquetTable:
         except (pa.ArrowException, OSError) as error:
             raise DataError(f"{name}: not a readable Parquet file ({_first_line(error)})", "write it again") from None
         schema = self._file.schema_arrow
-        self.column_names: list[str] = list(schema.names)
+        self._members = self._lists()
+        nested = {column for column, _ in self._members.values()}
+        self.column_names: list[str] = [*(name for name in schema.names if name not in nested), *self._members]
         self.columns = choose_columns(name, self.column_names, columns, optional)
         self.metadata = key_values(self._file.metadata.metadata)
         self.warnings: list[str] = []
         self.unreadable = 0
         for column in self.columns.values():
-            _check_type(name, column, schema.field(column).type)
+            if column not in self._members:
+                _check_type(name, column, schema.field(column).type)
         if self._file.metadata.num_rows == 0:
             raise DataError(f"{name}: has no rows")
 
@@ -54,21 +60,68 @@ class ParquetTable:
 
         flat = [field.name for field in self._file.schema_arrow if not pa.types.is_nested(field.type)]
         try:
-            batch = next(self._file.iter_batches(rows, columns=flat, use_threads=threaded()))
+            batch = next(self._file.iter_batches(rows, columns=self._read_of([*flat, *self._members]), **_as_usual()))
+            found = {name: batch.column(name) for name in flat}
+            return found | {name: self._column(batch, name) for name in self._members}
         except (pa.ArrowException, OSError) as error:
             raise DataError(f"{self.name}: is damaged ({_first_line(error)})", "write it again") from None
-        return dict(zip(batch.schema.names, batch.columns, strict=True))
+
+    def _lists(self) -> dict[str, tuple[str, int]]:
+        """`column/1`, ... -> column and place in it, of columns of lists of numbers, as long as the first row's are."""
+        import pyarrow as pa
+
+        lists = [
+            field.name
+            for field in self._file.schema_arrow
+            if _is_list(field.type) and is_number_type(field.type.value_type)
+        ]
+        if not lists or not self._file.metadata.num_rows:
+            return {}
+        try:
+            first = next(self._file.iter_batches(1, columns=lists, **_as_usual()))
+        except (pa.ArrowException, OSError) as error:
+            raise DataError(f"{self.name}: is damaged ({_first_line(error)})", "write it again") from None
+        sizes = {name: len(first.column(name)[0].as_py() or ()) for name in lists}
+        return {f"{name}/{k + 1}": (name, k) for name, n in sizes.items() if n <= LONGEST_ARRAY for k in range(n)}
+
+    def _read_of(self, columns: Collection[str]) -> list[str]:
+        """The columns of the file that hold these."""
+        return list(dict.fromkeys(self._members.get(name, (name, 0))[0] for name in columns))
+
+    def _column(self, batch: Any, name: str) -> Any:
+        """A column as an Arrow array; of lists the member, NaN where a list is shorter or not there."""
+        if name not in self._members:
+            return batch.column(name)
+        import pyarrow.compute as pc
+
+        column, at = self._members[name]
+        lists = batch.column(column)
+        lengths = np.nan_to_num(as_float64(pc.list_value_length(lists))).astype(np.int64)
+        there = lengths > at
+        values = np.full(lengths.size, np.nan)
+        values[there] = as_float64(lists.flatten())[(np.cumsum(lengths) - lengths + at)[there]]
+        return numbers(values)
 
     def batches(self) -> Iterator[Batch]:
         import pyarrow as pa
 
         try:
-            columns = list(dict.fromkeys(self.columns.values()))
-            for batch in self._file.iter_batches(BATCH_ROWS, columns=columns, use_threads=threaded()):
-                values = {c: as_float64(batch.column(name)) for c, name in self.columns.items()}
+            columns = self._read_of(self.columns.values())
+            for batch in self._file.iter_batches(BATCH_ROWS, columns=columns, **_as_usual()):
+                values = {c: as_float64(self._column(batch, name)) for c, name in self.columns.items()}
                 yield Batch(batch.num_rows, values)
         except (pa.ArrowException, OSError) as error:
             raise DataError(f"{self.name}: is damaged ({_first_line(error)})", "write it again") from None
+
+
+def _as_usual() -> dict[str, bool]:
+    return {"use_threads": threaded()}
+
+
+def _is_list(kind: Any) -> bool:
+    import pyarrow as pa
+
+    return bool(pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind))
 
 
 def threaded() -> bool:

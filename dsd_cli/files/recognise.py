@@ -14,11 +14,11 @@ WORDS: Mapping[str, tuple[str, ...]] = {
     "d_hat": ("dhat", "disturbance", "dist", "dob", "stoerung"),
     "u": (
         "u", "iq", "torque", "effort", "current", "force", "voltage", "moment", "strom", "drehmoment", "kraft", "tau",
-        "control", "input", "thrust", "volts",
+        "control", "input", "thrust", "volts", "duty", "pwm",
     ),
     "velocity": (
         "velocity", "vel", "speed", "v", "omega", "w", "rpm", "qd", "dq", "dtheta", "thetadot", "drehzahl",
-        "geschwindigkeit", "rate",
+        "geschwindigkeit", "rate", "erpm",
     ),
     "position": (
         "position", "pos", "q", "theta", "angle", "encoder", "enc", "phi", "x", "winkel", "lage", "displacement",
@@ -26,6 +26,8 @@ WORDS: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 #: Words of what was asked for, not measured.
 ASKED = {"ref", "reference", "set", "setpoint", "target", "desired", "des", "soll", "cmd", "command", "demand", "goal"}
+#: Words of u that with a motion in the name say whose input it is: input_pos is asked for.
+GENERAL = {"u", "control", "input"}
 #: Those of them that by themselves may be u as well.
 COMMANDS = {"cmd", "command", "demand"}
 #: Of what was measured.
@@ -208,7 +210,10 @@ def unit_in(name: str, channel: str) -> str:
         return str(inside[-1])
     moves = COUNTS | NAMED.get(channel, {}).keys()
     known: Collection[str] = TIME_UNITS if channel == "time" else OF_U if channel == "u" else moves
-    words = [word.lower() for word in _WORD.findall(name.rpartition("/")[2]) if word.lower() != "per"]
+    last = name.rpartition("/")[2]
+    if channel == "u" and last.rpartition("_")[0] and (unit := last.rpartition("_")[2].lower()) in OF_U:
+        return unit  # mNm is one word
+    words = [word.lower() for word in _WORD.findall(last) if word.lower() != "per"]
     for many in (2, 1):
         if len(words) > many and "/".join(words[-many:]) in known:
             return "/".join(words[-many:])
@@ -221,6 +226,9 @@ def _score(channel: str, column: str) -> float:
     words = [word.lower() for word in _WORD.findall(last)]
     joined = "".join(words)
     around = {word.lower() for word in _WORD.findall(group)}
+    moves = any(_word_score(one, words, joined) > 0.0 for one in ("velocity", "position"))
+    if moves and set(words) & GENERAL:
+        words = [word for word in words if word not in GENERAL] if channel == "u" else [*words, "setpoint"]
     asked = bool((set(words) | around) & ASKED)
     if set(words) & ELSE or not words or (around & QUATERNIONS and len(joined) == 1):
         return 0.0

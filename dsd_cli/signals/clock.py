@@ -21,7 +21,12 @@ JITTER = 0.01
 REGULAR = 0.002
 
 SLOWEST, FASTEST = 0.2, 5e-6  # s; sample times outside are worth a word
-UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "100ns": 1e-7}
+#: s per unit of a time column.
+TIME_SCALE = {"s": 1.0, **UNITS}
+#: Years of which logs are, s in one, and the year in which stamps of a unit begin: Unix, and FILETIME of Windows.
+YEARS, YEAR = (1990, 2100), 31_556_952.0
+EPOCHS = {"s": 1970, "ms": 1970, "us": 1970, "ns": 1970, "100ns": 1601}
 
 
 class Clock(NamedTuple):

@@ -30,6 +30,10 @@ DSPACE = ["Time [ms]", "i_q [A]", "i_d [A]", "pos_rad", "n_act [rpm]", "Temp_Mot
         (["joint_states/effort/elbow", "joint_states/velocity/elbow", "joint_states/position/elbow"],
          [None, "joint_states/effort/elbow", None, "joint_states/velocity/elbow", "joint_states/position/elbow", None]),
         (["iq/Time", "iq/Data", "speed/Time", "speed/Data"], ["iq/Time", "iq/Data", None, "speed/Data", None, None]),
+        (["input_pos", "pos_estimate", "vel_estimate"],
+         [None, None, None, "vel_estimate", "pos_estimate", "input_pos"]),
+        (["input_pos", "input_vel", "control_angle", "pos"], [None, None, None, None, "pos", "input_pos"]),
+        (["ms", "current_motor", "duty_cycle", "erpm"], ["ms", "current_motor", None, "erpm", None, None]),
         (["a", "b", "c"], [None] * 6),
     ],
 )  # fmt: skip
@@ -46,6 +50,7 @@ def test_units_in_names() -> None:
     assert found["position"].factor == pytest.approx(math.pi / 180)
     assert recognise(["t", "i", "position [counts]"])["position"].factor is None
     spoken = {column: recognise([column])["u"].spoken for column in ("Torque_Nm", "force_N", "current [mA]", "u")}
+    assert (recognise(["torque_cmd_mNm"])["u"].factor, recognise(["current_mA"])["u"].factor) == (1e-3, 1e-3)
     assert spoken == {"Torque_Nm": "N m", "force_N": "N", "current [mA]": "0.001 A", "u": ""}
 
 
@@ -161,9 +166,8 @@ def test_the_voltage_of_a_supply_is_no_u(fed: str, tmp_path: Path) -> None:
     sag = 12.0 - 0.1 * data["u"] ** 2
     table = {"t": data["t"], fed: sag, "duty": data["u"], "position": data["position"], "velocity": data["velocity"]}
     (tmp_path / "a.csv").write_text(csv_text(table))
-    assert "by its name" not in next(
-        line for line in dsd("init", "a.csv", cwd=tmp_path).stderr.splitlines() if fed in line
-    )
+    done("init", "a.csv", cwd=tmp_path)
+    assert load_config(tmp_path / "dsd.toml").signals.u == "duty"
 
 
 def test_units_of_a_scopes_symbols_are_read(tmp_path: Path) -> None:
@@ -240,14 +244,32 @@ def test_which_columns_belong_to_one_joint(columns: list[str], expected: dict[st
 def test_without_a_time_or_units_it_says_what_it_took(tmp_path: Path) -> None:
     data = axis(3000)
     (tmp_path / "a.csv").write_text(csv_text({"torque": data["u"], "speed": data["velocity"]}))
-    said = done("init", "a.csv", cwd=tmp_path).stderr
-    assert "sample_time = 0.001: no time is recognised; put yours" in said
+    asked = dsd("init", "a.csv", cwd=tmp_path)
+    assert (asked.returncode, "how many s are its rows apart?" in asked.stderr) == (1, True)
+    assert "sample_time = 0.0 " in (tmp_path / "dsd.toml").read_text()
+    said = done("init", "a.csv", "--force", "--set", "signals.sample_time=0.001", cwd=tmp_path).stderr
     assert 'the unit of "speed" is not said; it is taken as rad/s or m/s' in said
     assert load_config(tmp_path / "dsd.toml").signals.sample_time == 0.001
     (tmp_path / "b.csv").write_text(csv_text({"t": data["t"] * 1e6, "torque": data["u"], "speed": data["velocity"]}))
     said = done("init", "b.csv", "--force", cwd=tmp_path).stderr
     assert "time_unit: not said; steps of 1000 are taken as us" in said
     assert "which?" not in said
+
+
+@pytest.mark.parametrize(("units", "code"), [((" [rad]", " [rad/s]"), 0), (("", ""), 1)])
+def test_without_a_time_the_slope_says_how_far_rows_are_apart(
+    units: tuple[str, str], code: int, tmp_path: Path
+) -> None:
+    """Only where both units are said: else it may be one of the units that is another, and it asks."""
+    data = axis(3000, 0.005)
+    table = {"torque": data["u"], f"angle{units[0]}": data["position"], f"speed{units[1]}": data["velocity"]}
+    (tmp_path / "a.csv").write_text(csv_text(table))
+    answer = dsd("init", "a.csv", cwd=tmp_path)
+    assert answer.returncode == code, answer.stderr
+    if code == 0:
+        assert load_config(tmp_path / "dsd.toml").signals.sample_time == pytest.approx(0.005, rel=1e-3)
+    else:
+        assert answer.stderr.splitlines()[-1].endswith("--set signals.sample_time=0.005")
 
 
 @pytest.mark.parametrize(("unit", "scale", "doubted"), [("ms", 1.0, True), ("s", 1e3, True), ("ms", 1e3, False)])

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 from scipy.io import savemat
 
 ROWS, STEP = 3000, 0.002
@@ -216,6 +218,45 @@ def titled(folder: Path, a: dict) -> Path:
     return text(folder, "starter.csv", head + body, encoding="latin-1")
 
 
+def filetime(folder: Path, a: dict) -> Path:
+    """Stamps in steps of 100 ns since 1601, torque in thousandths of the rated one."""
+    stamps = [133_800_000_000_000_000 + round(1e7 * t) for t in a["t"]]
+    body = [f"{s},{row}" for s, row in zip(stamps, rows(a, np.round(1e2 * a["u"]), a["q"], a["v"]), strict=True)]
+    return text(folder, "ticks.csv", ["Timestamp,nTorqueActual,fActPos,fActVelo", *body])
+
+
+def matlab_dates(folder: Path, a: dict) -> Path:
+    day = datetime.datetime(2026, 11, 23, 9, 30)
+    stamps = [(day + datetime.timedelta(seconds=float(t))).strftime("%d-%b-%Y %H:%M:%S.%f") for t in a["t"]]
+    body = [f"{s},{row}" for s, row in zip(stamps, rows(a, a["u"], a["q"]), strict=True)]
+    return text(folder, "table.csv", ["Time,MotorTorque,JointAngle", *body])
+
+
+def joint_states(folder: Path, a: dict) -> Path:
+    """JSON lines of ROS: whole seconds and the rest, joints by their names."""
+    one = [
+        {"topic": "/js", "msg": {"header": {"stamp": {"sec": 1_760_000_000 + int(t), "nanosec": round(1e9 * (t % 1))}},
+                                 "name": ["arm", "hand"], "position": [q, 0.1], "effort": [u, 0.0]}}
+        for t, q, u in zip(*(a[k].tolist() for k in "tqu"), strict=True)
+    ]  # fmt: skip
+    return text(folder, "states.jsonl", [json.dumps(record) for record in one])
+
+
+def lists(folder: Path, a: dict) -> Path:
+    """LeRobot: lists in Parquet, of which one row has none."""
+    pairs = {name: [[x, 0.5] for x in a[k].tolist()] for name, k in (("state", "q"), ("effort", "u"))}
+    pairs["effort"][7] = None
+    table = {"timestamp": a["t"], "frame_index": np.arange(ROWS), **pairs}
+    pq.write_table(pa.table(table), folder / "episode.parquet")
+    return folder / "episode.parquet"
+
+
+def two_levels(folder: Path, a: dict) -> Path:
+    """pandas: columns of three levels, and the name of the index below them."""
+    head = [",motor,stage,stage", ",force,pos,vel", ",N,um,mm/s", "time,,,"]
+    return text(folder, "levels.csv", head + rows(a, a["t"], a["u"], 1e6 * a["q"], 1e3 * a["v"]))
+
+
 #: Every one of them, and the columns of u and of position or velocity in it.
 MADE: dict[str, tuple[Callable[[Path, dict], Path], str, str]] = {
     "twincat": (twincat, "ActTorque", "ActPos"),
@@ -242,5 +283,10 @@ MADE: dict[str, tuple[Callable[[Path, dict], Path], str, str]] = {
     "codesys": (codesys, "PLC_PRG.axis.fActTorque", "PLC_PRG.axis.fActPosition"),
     "rostopic": (rostopic, "field.effort0", "field.position0"),
     "savetxt": (savetxt, "tau[Nm]", "q[rad]"),
+    "filetime": (filetime, "nTorqueActual", "fActPos"),
+    "matlab_dates": (matlab_dates, "MotorTorque", "JointAngle"),
+    "joint_states": (joint_states, "msg/effort/arm", "msg/position/arm"),
+    "lists": (lists, "effort/1", "state/1"),
+    "two_levels": (two_levels, "force", "pos"),
     "titled": (titled, "r79[0] Drehmomentsollwert [Nm]", "r61[0] Drehzahlistwert [1/min]"),
 }

@@ -74,7 +74,7 @@ MISTAKES = {
     "no clock": ('[signals]\ntime = ""', "[signals] sample_time is missing"),
     "two clocks": ('[signals]\ntime = "t"\nsample_time = 1', "signals.sample_time = 1.0: must be left out"),
     "column twice": ('[signals]\nd_hat = "u"', 'signals.d_hat = "u": must be another column: signals.u has it'),
-    "unit": ('[signals]\ntime_unit = "min"', 'time_unit = "min": must be one of "s", "ms", "us", "ns"'),
+    "unit": ('[signals]\ntime_unit = "min"', 'time_unit = "min": must be one of "s", "ms", "us", "ns", "100ns"'),
     "flag": ("[detector]\nobserver_filter = 1", "detector.observer_filter = 1: must be true or false"),
     "fraction": ("[detector]\nwindow = 1.5", "detector.window = 1.5: must be an integer of at least 1"),
     "zero window": ("[detector]\nwindow = 0", "detector.window = 0: must be an integer of at least 1"),

@@ -66,8 +66,8 @@ class Signals(Section):
     sample_time: float | None = key(
         number(lower=SHORTEST), "time between samples, for logs without a time column", "s", default=None
     )
-    time_unit: Literal["s", "ms", "us", "ns"] = key(
-        choice("s", "ms", "us", "ns"), "unit of the time column", default="s"
+    time_unit: Literal["s", "ms", "us", "ns", "100ns"] = key(
+        choice("s", "ms", "us", "ns", "100ns"), "unit of the time column", default="s"
     )
     u: str = key(_control_input(), "column with the control input", default="u")
     d_hat: str | None = _column("d_hat", "the observed disturbance, in the unit of u")

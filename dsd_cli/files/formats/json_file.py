@@ -15,6 +15,7 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.formats.base import InMemory, check_size
+from dsd_cli.files.formats.messages import fields
 from dsd_cli.signals.log import Array
 
 #: Bytes of memory to a byte of text, once it is read.
@@ -128,17 +129,9 @@ def _rows(rows: list[Any], rows_of: Mapping[int, Sequence[str]]) -> Table:
 
 def _records(records: list[Any]) -> Table:
     """Records of named numbers, to any depth."""
-    flat = [_flat("", record) for record in records if isinstance(record, Mapping)]
+    flat = [dict(fields(record)) for record in records if isinstance(record, Mapping)]
     names = list(dict.fromkeys(name for record in flat for name in record))[:MOST_FIELDS]
     return {name: np.array([record.get(name, np.nan) for record in flat], dtype=np.float64) for name in names}
-
-
-def _flat(prefix: str, value: Any) -> dict[str, float]:
-    if isinstance(value, Mapping):
-        return {k: v for key, part in value.items() for k, v in _flat(f"{prefix}/{key}".lstrip("/"), part).items()}
-    if isinstance(value, list):
-        return {k: v for at, part in enumerate(value) for k, v in _flat(f"{prefix}/{at + 1}", part).items()}
-    return {prefix: float(value)} if isinstance(value, int | float) and abs(value) < 1e300 else {}
 
 
 def _joined(tables: list[Table]) -> Table:

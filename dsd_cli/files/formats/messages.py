@@ -12,12 +12,15 @@ from dsd_cli.signals.log import Array
 
 #: Numbers of an array in a message that are taken; longer ones are pictures and clouds.
 LONGEST_ARRAY = 64
+#: No reading of a sensor is larger: JSON has whole numbers that no float64 holds.
+LARGEST = 1e300
 
 
 def fields(message: Any, prefix: str = "") -> Iterator[tuple[str, float]]:
     """(name, value) of every number in a message; members of an array by the message's own `name` list, else from 1."""
     if isinstance(message, bool | int | float | np.number | np.bool_):
-        yield prefix, float(message)
+        if not isinstance(message, int | float) or abs(message) < LARGEST:
+            yield prefix, float(message)
         return
     if isinstance(message, str | bytes) or message is None:
         return
@@ -27,6 +30,9 @@ def fields(message: Any, prefix: str = "") -> Iterator[tuple[str, float]]:
                 yield from fields(part, f"{prefix}/{at + 1}")
         return
     members = _members(message)
+    if prefix and (ticks := _ticks(members)) is not None:
+        yield prefix, ticks / 1e9
+        return
     names: Any = members.get("name")
     for key, value in members.items():
         way = f"{prefix}/{key}" if prefix else key
@@ -63,11 +69,16 @@ def stamp(message: Any) -> int | None:
     at = None if header is None else _members(header).get("stamp")
     if at is None:
         return None
-    parts = _members(at)
-    seconds, rest = parts.get("sec", parts.get("seconds")), parts.get("nanosec", parts.get("nanos", parts.get("nsec")))
-    if seconds is None or rest is None:
+    return _ticks(_members(at))
+
+
+def _ticks(parts: Mapping[str, Any]) -> int | None:
+    """A time in whole seconds and the rest, as ROS, protobuf and their JSON write it, in ns; None: it is none."""
+    whole = next((parts[key] for key in ("sec", "secs", "seconds") if key in parts), None)
+    rest = next((parts[key] for key in ("nanosec", "nanos", "nsec", "nsecs") if key in parts), None)
+    if len(parts) != len(("whole", "rest")) or not isinstance(whole, int) or not isinstance(rest, int):
         return None
-    return int(seconds) * 1_000_000_000 + int(rest)
+    return whole * 1_000_000_000 + rest
 
 
 class Topic:

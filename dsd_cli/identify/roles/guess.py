@@ -31,8 +31,9 @@ ROWS, CHANNELS = 60_000, 14
 FEWEST = 50
 #: Longest time by which a measured position comes after the one that was asked for, samples.
 LONGEST = 200
-#: A position that has a name is believed where the velocity is its slope to this share.
-DOUBTED = 0.9
+#: A position that has a name is believed where the velocity is its slope nearly as well as of another: what is left of
+#: one that was asked for, the tracking error, is more than this many times what is left of the measured one.
+DOUBTED = 3.0
 ONLY_CAUSE = "only what makes it move says so"
 
 
@@ -185,12 +186,11 @@ def _find_motion(look: _Look) -> None:
 
 def _doubt_position(look: _Look, p: str, w: str, free: Sequence[str]) -> None:
     """A position whose name says so, but of which the velocity is not the slope, gives way to one of which it is."""
-    if slope_of(look.t, look.values[p], look.values[w]).share > DOUBTED:
-        return
+    mine = slope_of(look.t, look.values[p], look.values[w]).share
     share, best = max(
         ((slope_of(look.t, look.values[other], look.values[w]).share, other) for other in free), default=(0.0, p)
     )
-    if share > IS_SLOPE:
+    if share > IS_SLOPE and 1.0 - mine > DOUBTED * (1.0 - share) + BETTER_SLOPE:
         look.found["position"] = Guess(best, f"{w} is its slope, and not that of {p}")
 
 
