@@ -52,12 +52,15 @@ def _others(known: Mapping[str, Sequence[Row]]) -> list[str]:
     broken, plans = sum(len(r["broken"]) for r in limits), sum(r["plans"] for r in limits)
     worst = max((by for r in limits for one in r["broken"] for by in one.values()), default=0.0)
     right = {k: _of(r[k] for r in impossible) for r in impossible[:1] for k in r if k != "seed"}
-    return [
-        f"- loops settled within three experiments: {_of(r['settled'] for r in loops)}, by one: "
-        f"{_of(r['settled'] and r['experiments'] == 1 for r in loops)}",
-        f"- a limit broken by one of five plans of a log: {broken} of {plans} plans, by {100.0 * worst:.0f} % at most",
-        *(f"- what no motion identifies, {name}: right in {count}" for name, count in right.items()),
-    ]
+    found = []
+    if loops:
+        by_one = _of(r["settled"] and r["experiments"] == 1 for r in loops)
+        found.append(f"loops settled within three experiments: {_of(r['settled'] for r in loops)}, by one: {by_one}")
+    if limits:
+        most = f"by {100.0 * worst:.0f} % at most"
+        found.append(f"a limit broken by one of five plans of a log: {broken} of {plans} plans, {most}")
+    found += [f"what no motion identifies, {name}: right in {count}" for name, count in right.items()]
+    return [f"- {line}" for line in found]
 
 
 def _table(rows: Sequence[Row]) -> list[str]:
