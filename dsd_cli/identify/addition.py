@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from dsd_cli.effects import free_name, get_effect, kind_of
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.identify.fit.driven_load import with_driven_load
+from dsd_cli.identify.fit.driven_load import both_driven
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
@@ -56,7 +56,7 @@ def add_effect(
     told = response_settings(search, effect_id, asked)
     if told is not None:
         there = told.known.added_to(model, effect_id)
-        driven, aside = with_driven_load(recordings, there), with_driven_load(holdout, there)
+        driven, aside = both_driven(recordings, holdout, there)
         problem = pose(driven, model, told, aside)
         search = Search(problem)
     fit = search.refit if own else _with_effect(search, effect_id)

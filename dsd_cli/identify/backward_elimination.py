@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from dsd_cli.identify.fit.bank import Terms
-from dsd_cli.identify.fit.driven_load import with_driven_load
+from dsd_cli.identify.fit.driven_load import both_driven
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import terms_of
@@ -45,7 +45,7 @@ def ended(
     """
     added = tuple(name for name in reached.effects if name not in given.effects)
     reached = settings.known.applied(reached)
-    recordings, holdout = with_driven_load(recordings, reached), with_driven_load(holdout, reached)
+    recordings, holdout = both_driven(recordings, holdout, reached)
     problem = pose(recordings, given, replace(settings, effects=added), holdout)
     search = Search(problem)
     terms = terms_of(problem.solver.known.applied(reached))

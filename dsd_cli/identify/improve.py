@@ -150,7 +150,7 @@ class _Climb:
         self.settings = replace(self.settings, taken=(*self.settings.taken, taken.effect))
         self.added[taken.effect] = Missing(taken.effect, taken.probability)
         if taken.seen:
-            known = self.settings.known.seeing(taken.effect, taken.seen)
+            known = self.settings.known.seeing(taken.effect, taken.seen, {})
             self.settings = replace(self.settings, known=known)
 
     def _beside_the_set(self, last: Diagnosis, chosen: str) -> Addition | None:

@@ -176,7 +176,7 @@ class Bank:
 
     @cached_property
     def _noise_acceleration(self) -> Array:
-        rows = self.equations.plain([s.sensed.noise for s in self.equations.stretches])
+        rows = self.equations.plain([s.sensed.noise * s.clear for s in self.equations.stretches])
         return self.equations.whitened(rows)
 
     def drive(self, inputs: Terms, tap: float, keep: bool = True, held: bool = False) -> Array:

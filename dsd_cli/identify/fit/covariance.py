@@ -106,7 +106,8 @@ class Information:
         self, held: Sequence[Array], priors: Sequence[tuple[Array, float]], weight: float
     ) -> tuple[Array, Array, Array, Array, Array]:
         """(sizes of the unknowns; free directions, priors, data, inverse of both: in unknowns of size 1)."""
-        size = np.sqrt(np.maximum(np.diag(self.normal), 1e-300))
+        size = np.sqrt(np.maximum(np.diag(self.normal), 0.0))
+        size[size == 0.0] = 1.0  # nothing depends on it, as on the gap of a load whose contacts are known
         prior = [row / spread for row, spread in priors] if weight > 0.0 else []
         pulls = np.array(prior).reshape(-1, len(size)) / size
         free = _free(np.array(held).reshape(-1, len(size)) / size, len(size))

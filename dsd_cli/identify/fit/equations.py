@@ -126,9 +126,21 @@ class Equations:
 
     @cached_property
     def kept(self) -> NDArray[np.bool_]:
-        """Rows in which the direction of friction is known for a large enough share."""
+        """Rows in which the direction of friction, and what the load does, is known for a large enough share."""
         free = self.plain([s.averaged(s.free, False) for s in self.stretches])
         return np.asarray(free > POLICY.least_free)
+
+    @cached_property
+    def counting(self) -> float:
+        """Share of the samples that count: less than 1 where contacts of a load are known."""
+        return float(np.mean(np.concatenate([s.clear for s in self.stretches])))
+
+    def in_full(self) -> Equations:
+        """With all samples, also those where a load may touch."""
+        if self.counting == 1.0:
+            return self
+        stretches = (replace(s, clear=np.ones(len(s.log))) for s in self.stretches)
+        return replace(self, stretches=tuple(stretches))
 
     def with_whitening(self, *taps: Array) -> Equations:
         """The same rows, to be whitened by these taps: of each recording."""

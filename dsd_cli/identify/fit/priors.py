@@ -52,11 +52,22 @@ class PriorKnowledge:
         there = {INERTIA, DELAY, *model.effects}
         return model.with_values({n: v for n, v in self.fixed.items() if n.partition(".")[0] in there})
 
-    def seeing(self, effect_id: str, values: Mapping[str, tuple[float, float]]) -> PriorKnowledge:
-        """With the values (and standard errors) of an effect that the response has identified."""
-        fixed = {f"{effect_id}.{name}": value for name, (value, _) in values.items()}
-        errors = {f"{effect_id}.{name}": error for name, (_, error) in values.items()}
+    def seeing(
+        self, effect_id: str, values: Mapping[str, tuple[float, float]], beside: Mapping[str, tuple[float, float]]
+    ) -> PriorKnowledge:
+        """With the values (and standard errors) of an effect that the response has identified; `beside`: of inertia and
+        delay, which keep what is held."""
+        found = {n: pair for n, pair in beside.items() if n not in self.fixed}
+        found |= {f"{effect_id}.{name}": pair for name, pair in values.items()}
+        fixed, errors = ({n: pair[i] for n, pair in found.items()} for i in (0, 1))
         return replace(self, fixed={**self.fixed, **fixed}, seen={**self.seen, **errors})
+
+    def holding_effects(self, model: PlantModel, effects: Iterable[str]) -> PriorKnowledge:
+        """With all values that the model has of these effects fixed, of which nothing else is known."""
+        there = {f"{name}.{p}": v for name in effects for p, v in model.effects.get(name, {}).items()}
+        there = {name: value for name, value in there.items() if name not in self.fixed}
+        unknown = dict.fromkeys(there, math.nan)
+        return replace(self, fixed={**self.fixed, **there}, seen={**self.seen, **unknown})
 
     def added_to(self, model: PlantModel, effect_id: str) -> PlantModel:
         """The model with an effect in it all of whose values are fixed."""

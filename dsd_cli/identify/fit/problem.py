@@ -16,7 +16,7 @@ from dsd_cli.identify.fit.bank import Bank, Term, Terms, has_friction
 from dsd_cli.identify.fit.blocks import Blocks, lay_blocks
 from dsd_cli.identify.fit.delay import best_delay
 from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION, inverse_is_evidence, needs_acceleration
-from dsd_cli.identify.fit.driven_load import with_driven_load
+from dsd_cli.identify.fit.driven_load import both_driven, by_contacts, with_driven_load
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.errors import Errors
 from dsd_cli.identify.fit.noise_fit import Noise, measured, sensor_variance
@@ -165,7 +165,8 @@ def pose(
     check_recordings((*recordings, *holdout), model)
     known = settings.known
     model = known.applied(model)
-    recordings, holdout = with_driven_load(recordings, model), with_driven_load(holdout, model)
+    recordings, holdout = both_driven(recordings, holdout, model)
+    known = known.holding_effects(model, (r.pushed[0] for r in recordings if r.pushed and by_contacts([r])))
     candidates, untestable = candidates_of(recordings, holdout, model, settings)
     base, step = terms_of(model), recordings[0].sample_time
     longest = POLICY.longest_delay_share * max(len(p) for r in recordings for p in r.pieces) * step
@@ -184,8 +185,9 @@ def pose(
     found = best_delay(solver, beside, most_tap, about, believed=model.delay) * bank.tap_time
     found = 0.0 if inverse else found  # a friction that hardly changes is as well explained by a u of seconds ago
     wanted = min(max(POLICY.least_delay_range, 2.0 * found, 2.0 * model.delay), longest)
+    given = model.inertia if inverse else 0.0
     solver, most_tap, fit = _laid_out(
-        recordings, wanted, base, beside, settings, found, believed=model.delay, given=model.inertia if inverse else 0.0
+        recordings, wanted, base, beside, replace(settings, known=known), found, believed=model.delay, given=given
     )
     errors = Errors(solver.bank, solver.blocks, _aside(holdout, solver.bank.equations))
     problem = Problem(
@@ -210,7 +212,7 @@ def asked_of_all(problem: Problem, recordings: Sequence[Recording], holdout: Seq
     fit : of the excerpts. The noise keeps its spectrum there; its variance grows if the fit leaves more in all rows.
     """
     few = problem.equations
-    recordings, holdout = (with_driven_load(some, problem.model) for some in (recordings, holdout))
+    recordings, holdout = (with_driven_load(some, problem.model, few.counting < 1.0) for some in (recordings, holdout))
     equations = equations_of(recordings, few.startup, few.bands)
     plain = Bank(equations, variance=sensor_variance(equations))
     blocks = lay_blocks(equations.lengths, POLICY.gap_rows, recordings[0].name)

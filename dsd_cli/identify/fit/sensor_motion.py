@@ -41,10 +41,16 @@ class SensorMotion:
         return self._integrated(self.log["acceleration"] + self.noise)
 
     def _integrated(self, acceleration: Array) -> tuple[Array, Array]:
-        """Mean speed and position of each interval that the measured accelerations add up to, from rest."""
-        step = self.log.sample_time
-        speeds = np.cumsum(acceleration) * step
-        before = np.concatenate([[0.0], speeds[:-1]])
-        mean = before if self.sensor.two_intervals else 0.5 * (before + speeds)
-        ends = np.cumsum(mean) * step
-        return mean, ends - 0.5 * mean * step
+        return integrated(acceleration, self.log.sample_time, self.sensor.two_intervals)
+
+
+def integrated(acceleration: Array, step: float, two_intervals: bool) -> tuple[Array, Array]:
+    """Mean speed and position of each interval that accelerations add up to, from rest.
+
+    step : s. two_intervals : each is a mean over both intervals beside its sample.
+    """
+    speeds = np.cumsum(acceleration) * step
+    before = np.concatenate([[0.0], speeds[:-1]])
+    mean = before if two_intervals else 0.5 * (before + speeds)
+    ends = np.cumsum(mean) * step
+    return mean, ends - 0.5 * mean * step

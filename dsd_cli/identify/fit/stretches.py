@@ -38,8 +38,9 @@ class Stretch:
     middle, mean : speed and position in the middle of each interval, and their means over the interval.
     sensed : what drives a load; `noisy` : with the synthetic noise of the sensor.
     free : 1 where the axis slides, so that friction's direction is known, 0 where friction holds.
+    clear : weight of each sample in every row: less than 1 where a load with play may touch (`fit.contacts`).
     sign : mean of sgn v, 0 where it is not known.
-    acceleration : as measured.
+    measured : acceleration.
     two_intervals : the acceleration is a mean over both intervals beside a sample.
     stepping : the command jumps at samples alone; not where it was measured, or put on a regular clock.
     pushed, levels : see `Recording`.
@@ -51,8 +52,9 @@ class Stretch:
     mean: IntervalChannels
     sensed: SensorMotion
     free: Array
+    clear: Array
     sign: Array
-    acceleration: Array
+    measured: Array
     two_intervals: bool
     stepping: bool
     pushed: tuple[str, float] | None
@@ -63,7 +65,12 @@ class Stretch:
     @cached_property
     def answer(self) -> FeedbackNoise:
         """How u answers the noise of the sensor."""
-        return feedback_noise_of(self.log["u"], self.acceleration, self.log.sample_time)
+        return feedback_noise_of(self.log["u"], self.measured, self.log.sample_time)
+
+    @property
+    def acceleration(self) -> Array:
+        """As measured, where it counts."""
+        return self.measured * self.clear
 
     def channels(self, drive: Array, effect: Effect) -> Channels:
         """What an effect looks at under that delayed u: means over the interval, or the values in the middle of it."""
@@ -106,15 +113,16 @@ class Stretch:
         ends, knot = (
             self.frame.mean_u(command, x * step) * (self.free if held else 1.0) for x in (whole + part, whole)
         )
-        return 0.5 * (part * ends + knot + (1.0 - part) * np.append(ends[1:], ends[-1]))
+        return 0.5 * (part * ends + knot + (1.0 - part) * np.append(ends[1:], ends[-1])) * self.clear
 
     def averaged(self, x: Array, smooth: bool) -> Array:
         """x per interval -> as the acceleration averages it."""
         if not self.two_intervals:
-            return x
+            return x * self.clear
         if smooth:
-            return np.convolve(np.concatenate([x[:1], x, x[-1:], x[-1:]]), MEAN_OF_FOUR[::-1], mode="valid")
-        return 0.5 * (x + np.append(x[1:], x[-1]))
+            ends = np.concatenate([x[:1], x, x[-1:], x[-1:]])
+            return np.convolve(ends, MEAN_OF_FOUR[::-1], mode="valid") * self.clear
+        return 0.5 * (x + np.append(x[1:], x[-1])) * self.clear
 
 
 def stretch_of(log: Log, recording: Recording, owner: int) -> Stretch:
@@ -129,8 +137,9 @@ def stretch_of(log: Log, recording: Recording, owner: int) -> Stretch:
         mean=_motion(log, MEAN_OF_FOUR),
         sensed=SensorMotion(log, sensor),
         free=known.astype(np.float64),
+        clear=log["clear"] if "clear" in log else np.ones(len(log)),
         sign=np.where(known, direction(speed, log["speed_noise"]), 0.0),
-        acceleration=log["acceleration"],
+        measured=log["acceleration"],
         two_intervals=sensor.two_intervals,
         stepping=log.u_hold == "held" and "white" not in log,
         pushed=recording.pushed,

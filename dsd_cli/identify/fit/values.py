@@ -148,7 +148,7 @@ def fitted_values(
             terms[i] = type(terms[i]).of(terms[i].id, {**terms[i].shape, name: value * math.exp(step)})
         return flat(_model(bare, tuple(terms), fit.widths, fit.tap, theta))
 
-    units, known = _units(fit.terms), solver.known
+    units, known = units_of(fit.terms), solver.known
     bounds = {name: (known.limits(name), units[name][1:]) for name in values}
     stuck = {n for n, v in values.items() if n not in known.fixed and any(_on_bound(v, *b) for b in bounds[n])}
     usual = found.covariance(floor, complete=complete)
@@ -180,6 +180,8 @@ def fitted_values(
     }
     with np.errstate(over="ignore", invalid="ignore"):
         together = spread / np.maximum(np.outer(errors, errors), 1e-300)
+    still = [n in known.fixed for n in values]  # with errors of rounding, if any
+    together[still], together[:, still] = 0.0, 0.0
     estimates = _with_correlations(_found_only(estimates, fit, known), together)
     doubtful = errors > POLICY.tied_error * np.abs(list(values.values()))
     told = zip(values, np.abs(together[0]), doubtful, strict=True)
@@ -274,7 +276,7 @@ def _jacobian(at: Callable[[Array], dict[str, float]], values: dict[str, float],
     return np.array(rows).T
 
 
-def _units(terms: Terms) -> dict[str, tuple[str, float, float]]:
+def units_of(terms: Terms) -> dict[str, tuple[str, float, float]]:
     """Value -> (unit, lower, upper)."""
     units = {INERTIA: ("{u}/({v}/s)", 0.0, math.inf), DELAY: ("s", 0.0, math.inf)}
     for term in terms:

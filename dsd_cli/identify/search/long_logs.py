@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from dsd_cli.identify.fit.bank import Term, has_friction
-from dsd_cli.identify.fit.driven_load import with_driven_load
+from dsd_cli.identify.fit.driven_load import both_driven
 from dsd_cli.identify.fit.problem import Problem, asked_of_all, pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
@@ -71,7 +71,7 @@ def searched_with(
     found : the model with more effects in it.
     """
     found = settings.known.applied(found)
-    recordings, holdout = with_driven_load(recordings, found), with_driven_load(holdout, found)
+    recordings, holdout = both_driven(recordings, holdout, found)
     parts = excerpts(recordings)
     search = Search(pose(parts, model, settings, holdout, near=found.delay))
     terms, tap = terms_of(found), search.refit.tap

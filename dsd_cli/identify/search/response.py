@@ -16,8 +16,10 @@ from dsd_cli.effects import Role
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.search.contact_play import seen_by_contacts
 from dsd_cli.identify.search.modes import Modes
 from dsd_cli.identify.search.play import LATE, Play
+from dsd_cli.identify.search.seen import COUPLING, PLAY, Seen, is_a_load
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.signals import (
     Signals,
@@ -34,33 +36,8 @@ from dsd_cli.identify.search.signals import (
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
-#: The effects that a response shows.
-COUPLING, PLAY = "flexible_coupling", "backlash"
 #: Rounds in which the delay is moved, samples that it moves at most, and less than which it stays.
 _ROUNDS, _MOST_MOVED, _NEAR = 5, 3.0, 0.3
-
-
-@dataclass(frozen=True)
-class Seen:
-    """An effect that the response shows for certain.
-
-    Attributes
-    ----------
-    values : {parameter: (value, standard error)}. rivals : what explains the response as well.
-    nats : gained over a rigid axis and over one behind a lag.
-    fall : share of the whitened output error that it takes off. highest_hz : up to which frequency was looked.
-    resonance_hz : of motor against load.
-    model : what it is of, with all other effects that were found, and their values beside it.
-    """
-
-    effect: str
-    values: dict[str, tuple[float, float]]
-    rivals: tuple[str, ...]
-    nats: float
-    fall: float
-    highest_hz: float
-    resonance_hz: float
-    model: PlantModel
 
 
 @dataclass(frozen=True)
@@ -90,10 +67,15 @@ def response_of(search: Search, whole: Fit, asked: Sequence[str], doubtful: bool
         even where no load swings.
     """
     look = _swinging(search, whole)
-    if look is None:
-        return None
-    found = _load_in(search, asked, doubtful, look)
-    return found if found.seen is not None else replace(found, line_hz=_steady_line(search, look))
+    found = _load_in(search, asked, doubtful, look) if look is not None else None
+    followed = found is not None and found.seen is not None and found.seen.effect == PLAY
+    if not followed and PLAY in asked and (doubtful or PLAY in search.problem.model.effects):
+        touching = seen_by_contacts(search.excerpt or search)
+        if touching is not None:
+            return Response(touching)
+    if look is None or found is None or found.seen is not None:
+        return found
+    return replace(found, line_hz=_steady_line(search, look))
 
 
 @dataclass(frozen=True)
@@ -131,7 +113,7 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     values, damping = modes.values(at, variance_of(swinging))
     inside = values["frequency"][0] < highest  # further out it is how the log samples u
     if COUPLING not in asked or not (
-        inside and _agreed(over_rigid) and _a_load(values) and damping < POLICY.response_damping
+        inside and _agreed(over_rigid) and is_a_load(values["load_share"][0]) and damping < POLICY.response_damping
     ):
         return Response(None, rattles)
     fresh = _whatever_the_noise(signals, rival)
@@ -231,7 +213,8 @@ def _play(search: Search, look: _Look, others: Sequence[Array]) -> _Found | None
     told = gap > POLICY.play_deviations * max(spread, 0.0) and gap > resolved
     free = [signals.rows(x) for x in signals.given]
     rival = min((left(np.column_stack([x, *free]), signals.target) for x in others), key=_squares)
-    certain = told and _a_load(values) and _agreed(gains(rival, rest))
+    white = correlation_time(rest) < POLICY.response_correlated  # a load that no simulation follows leaves more
+    certain = told and white and is_a_load(values["load_share"][0]) and _agreed(gains(rival, rest))
     fresh = _whatever_the_noise(signals, rival)
     certain = certain and _enough(gains(fresh(rival), fresh(rest)))
     return _Found(values, _told_model(look, play, at, delay, values), rest, rival, certain)
@@ -256,11 +239,6 @@ def _whatever_the_noise(signals: Signals, rival: Array) -> Callable[[Array], Arr
     calm = without_line(signals, strongest_line(signals, rival))
     fresh = innovations(calm(rival), signals.step)
     return lambda rows: fresh(calm(rows))
-
-
-def _a_load(values: dict[str, tuple[float, float]]) -> bool:
-    share = values["load_share"][0]
-    return POLICY.response_share < share < 1.0 - POLICY.response_share
 
 
 def _agreed(by_block: Array) -> bool:

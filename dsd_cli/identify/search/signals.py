@@ -70,7 +70,7 @@ def delay_of(search: Search, fit: Fit) -> float:
 
 def signals_of(search: Search, fit: Fit, delay: float) -> Signals | None:
     """The signals beside the effects of a fit, u that late (s); None where too few rows are left."""
-    equations = search.problem.errors.bank.equations
+    equations = search.problem.errors.bank.equations.in_full()
     step, noise = equations.sample_time, equations.recordings[0].sensor.noise
     held, inputs = has_friction(fit.terms), inputs_of(fit.terms)
     u, before, after = (drive(equations, inputs, d) for d in (delay, max(delay - step, 0.0), delay + step))

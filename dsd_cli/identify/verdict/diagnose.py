@@ -80,12 +80,12 @@ def diagnose(
     report("how sure", 0.8)
     whole, first = strongest_first(search, whole)
     found = [t.id for t in search.added(whole.terms) if shown.seen is None]
-    limits = limits_of(search, whole, shown.settings, shown.seen)
+    limits = limits_of(search, whole, shown.settings, shown.seen or shown.other)
     if asked.against:  # with nothing told u was neither late nor smoothed
         limits = replace(limits, time=CommandTime())
     members = {} if limits.blocked else memberships(search, whole, found, beyond.unknown)
     options = [*search.options(search.refit), *first]
-    verdict = Verdict(search, options, whole, members, own_values(search), beyond, shown, limits)
+    verdict = Verdict(search, options, whole, members, own_values(search, shown), beyond, shown, limits)
     if verdict.rising:  # what raises the error stands in for something else: the search begins again without it
         asked = asked.without([verdict.rising])
         return diagnose(apart.plain, model, observer, asked, holdout, progress, stability, on_told, on_found)

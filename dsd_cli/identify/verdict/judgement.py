@@ -74,6 +74,8 @@ class Verdict:
             return UNKNOWN, 0.9
         if self.seen is not None:
             return self.seen.effect, POLICY.surest / (1.0 + len(self.seen.rivals))
+        if self.shown.other is not None:
+            return self.own.wrong, self.own.probability
         if self.members:
             return self._of_members()
         known = self._share_of_possible(self.own.score.heldout_rmse, self.own.refitted.heldout_rmse)
@@ -140,8 +142,7 @@ class Verdict:
         return one is not None and rmse(one.fit) < (1.0 - POLICY.least_alone) * rmse(self.search.refit)
 
     def _only_together(self) -> bool:
-        """Whether several effects leave no more than the sensor: none need lower the error without the others, for
-        inertia and delay make up for those."""
+        """Whether several effects leave no more than the sensor: inertia and delay may make up for one without them."""
         complete = not self.beyond.unknown and not above_floor(self.search, self.whole)
         less = self.problem.errors.rmse(self.whole) < (1.0 - POLICY.least_alone) * self.own.score.rmse
         return len(self.members) > 1 and complete and less
@@ -160,15 +161,14 @@ class Verdict:
         search = self.search
         useful = [o for o in self.options if search.practical(search.refit, o.fit)]
         narrow = self.search.equations.band.hz < POLICY.narrow_band_hz
-        in_part = self.problem.untestable or narrow or beside_stops(search, search.refit)
+        in_part = self.problem.untestable or narrow or self.shown.counted or beside_stops(search, search.refit)
         surest = min(POLICY.surest_in_part, self.surest) if in_part else self.surest
         if self._in_creeping() is not None:
             surest = min(surest, POLICY.surest_untold)
         return min(0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING], surest)
 
     def _in_creeping(self) -> Option | None:
-        """The effect that would take much off what is left, but at stops and in creeping alone, where nothing is sure:
-        a friction that is strong at low speeds shows nowhere else."""
+        """An effect that would take much off what is left, but only at stops and in creeping, where nothing is sure."""
         search, rmse = self.search, self.problem.errors.rmse
         if not self.options or not only_at_stops(search, search.refit):
             return None
@@ -178,16 +178,16 @@ class Verdict:
     def diagnosis(self) -> Diagnosis:
         """The whole answer."""
         problem, verdict, score, refitted = self.problem, self.named, self.own.score, self.own.refitted
-        stops, said = said_of_stops(self.search, self.whole), (*self.shown.said, *self.own.said)
+        stops, said = said_of_stops(self.search, self.whole), (*self.shown.warnings, *self.own.said)
         ranking = self._ranking(score, refitted)
         named = next((c for c in ranking if c.effect == verdict), None)
         fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
-        known, refit, nearest = problem.values(fit), problem.values(self.search.refit), self._nearest()
+        known, given, nearest = problem.values(fit), self.shown.given or self.search, self._nearest()
+        refit = given.problem.values(given.refit)
         several = len(self.members) > 1
         joint = problem.values(self.whole) if several else known
         unknown, source = self.beyond.unknown, problem.recordings[0].provenance
-        own = verdict in problem.model.effects
-        one = self.seen is not None or verdict == self.own.wrong != ""
+        one, own = self.seen is not None or verdict == self.own.wrong != "", verdict in problem.model.effects
         return Diagnosis(
             logs=tuple(r.name for r in problem.recordings),
             samples=sum(r.samples for r in problem.recordings),
@@ -247,7 +247,7 @@ class Verdict:
             for name, reason in self.problem.untestable.items()
         ]
         own = [replace(c, heldout_rmse_before=score.heldout_rmse) for c in self.own.candidates]
-        lead = own if self.own.wrong and not self.members else []
+        lead = own if self.own.wrong and not self.members and not self.shown.by_contacts else []
         return (*lead, *found, *(c for c in own if c not in lead), *untestable)
 
     def _candidate(self, option: Option, refitted: Score) -> Candidate:

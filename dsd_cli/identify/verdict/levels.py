@@ -85,6 +85,8 @@ def stand_ins(search: Search, whole: Fit) -> dict[str, tuple[str, ...]]:
     most = -_loss(search, whole, []) - search.price(whole.terms)
     found = {}
     for member in search.added(whole.terms):
+        if member.effect.coupling is not None and search.equations.counting < 1.0:
+            continue  # rows that count have no load in them
         rest = search.fit(tuple(t for t in whole.terms if t != member), whole.tap)
         tried = {names: _evidence(search, rest, names) for names in _groups(search, rest, member)}
         best = max(tried, key=lambda names: tried[names], default=())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.search.response import Seen
+from dsd_cli.identify.search.seen import Seen
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.axis_match import AxisMatch, axis_match
 from dsd_cli.identify.verdict.command_time import CommandTime, command_time
@@ -84,5 +85,8 @@ def limits_of(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
     sign, free = (np.concatenate(x) for x in zip(*((s.sign, s.free) for s in stretches), strict=True))
     moving = free > 0.0
     direction = float(np.mean(np.abs(sign[moving]))) if moving.any() else 1.0
-    idle = idle_part(search, whole, settings, seen)
-    return Limits(axis_match(search, whole), idle, command_time(search, whole, settings), direction)
+    if seen is not None and not math.isnan(seen.off):  # motor and load keep the momentum that all of u gives them
+        idle, common = None, AxisMatch(1.0, search.problem.blocks.rows)
+    else:
+        idle, common = idle_part(search, whole, settings, seen), axis_match(search, whole)
+    return Limits(common, idle, command_time(search, whole, settings), direction)

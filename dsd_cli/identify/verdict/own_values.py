@@ -13,13 +13,18 @@ from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term, has_friction
 from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.identify.fit.row_weights import many_sure, surely_less
-from dsd_cli.identify.fit.values import LEAST_INERTIA, flat
+from dsd_cli.identify.fit.values import LEAST_INERTIA, flat, terms_of, units_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
+from dsd_cli.identify.search.seen import Seen, is_a_load
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.shapes import refined
+from dsd_cli.identify.verdict.resonance import Resonance, note_on
 from dsd_cli.plant.model import PlantModel
 
+FOLLOWS_NOISE = (
+    "the load of the model is not followed: its values, fitted again, would be nearly all of the inertia or none of it"
+)
 #: Golden section steps.
 STEPS = 30
 
@@ -39,9 +44,37 @@ class ParameterCheck:
     said: tuple[str, ...] = ()
 
 
-def own_values(search: Search) -> ParameterCheck:
+def own_values(search: Search, shown: Resonance | None = None) -> ParameterCheck:
     """Scores of the model as given and refitted, and the ranked candidates "inertia" and "delay", and first the effect
-    of the model whose values are wrong."""
+    of the model whose values are wrong.
+
+    shown : of a load, which may show beyond doubt that the model has other values of it.
+    """
+    if shown is None or (shown.given is None and shown.other is None):
+        return _fitted_values(search)
+    if shown.other is not None:
+        return _contradicted(search, _fitted_values(search), shown.other, shown.wrong)
+    errors, bare = search.problem.errors, shown.given or search
+    fitted = bare.problem.scale.model(bare.refit)
+    return replace(
+        _fitted_values(bare), score=errors.of_model(search.problem.model), refitted=errors.of_model(fitted), wrong=""
+    )
+
+
+def _contradicted(search: Search, found: ParameterCheck, seen: Seen, wrong: str) -> ParameterCheck:
+    """What was seen says that an effect of the model, or its inertia, has other values."""
+    score = search.problem.errors_for(seen.model, search.problem.recordings).of_model(seen.model)
+    errors, units = (score.rmse, found.score.heldout_rmse, score.heldout_rmse), units_of(terms_of(seen.model))
+    pairs = {f"{seen.effect}.{name}": pair for name, pair in seen.values.items()}
+    pairs |= {INERTIA: (seen.model.inertia, seen.errors.get(INERTIA, math.nan))}
+    values = {n.rpartition(".")[2]: Estimate(*pairs[n], units[n][0]) for n in pairs if n.partition(".")[0] == wrong}
+    note = note_on(seen, search.equations.band.hz)
+    first = Candidate(wrong, *errors, POLICY.surest, values, note=note, model=seen.model, score=score)
+    rest = tuple(replace(c, probability=0.0) for c in found.candidates if c.effect != wrong)
+    return replace(found, candidates=(first, *rest), wrong=wrong, probability=POLICY.surest)
+
+
+def _fitted_values(search: Search) -> ParameterCheck:
     problem, refit = search.problem, search.refit
     score, refitted = problem.errors.of_model(problem.model), problem.score(refit)
     believed, said = _at_the_logs_zero(search)
@@ -57,6 +90,8 @@ def own_values(search: Search) -> ParameterCheck:
         return ParameterCheck(score, refitted, candidates, "", 0.0, said)
     best = candidates[0] if candidates else None
     reached = given.rmse**2 - best.rmse_after**2 if best is not None else 0.0
+    if any("load_share" in v and not is_a_load(v["load_share"]) for v in fitted.model.effects.values()):
+        return ParameterCheck(score, refitted, candidates, "", 0.0, (*said, FOLLOWS_NOISE))
     wrong = best.effect if best is not None and reached > POLICY.one_value_share * fall else sure[0].split(".")[0]
     if wrong in (INERTIA, DELAY) and not _seen_elsewhere(search, believed, fitted.model):
         return ParameterCheck(score, refitted, candidates, "", 0.0, said)

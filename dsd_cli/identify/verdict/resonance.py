@@ -11,9 +11,12 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.results import DELAY, INERTIA
+from dsd_cli.identify.search.contact_play import same_play
 from dsd_cli.identify.search.drift_search import searched
 from dsd_cli.identify.search.long_logs import searched_with
-from dsd_cli.identify.search.response import COUPLING, PLAY, Seen, response_of
+from dsd_cli.identify.search.response import response_of
+from dsd_cli.identify.search.seen import COUPLING, PLAY, Seen
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import PlantModel
 
@@ -28,6 +31,10 @@ LINE = (
     "something pushes at {hz:.3g} Hz, above {band:.3g} Hz where the balance of forces ends for this sensor: it cannot "
     "show what (a finer sensor could)"
 )
+COUNTED = (
+    "errors are of the {share:.0f} % of the samples in which the motor is alone in its play: where it touches the load "
+    "nothing tells the force between them"
+)
 
 
 @dataclass(frozen=True)
@@ -35,7 +42,10 @@ class Resonance:
     """A search that knows what the response shows.
 
     seen : the load that is the answer; None where it is in the model, or others come first. settings : with its values.
-    rattles, line_hz : see `Response`.
+    rattles, line_hz : see `Response`. other : the play that contacts show where the model has it with
+    another value, `wrong`: the effect or "inertia".
+    given : where it is not `search`, that of the model without the load: in rows where a motor is alone any model of
+    it fits.
     """
 
     search: Search
@@ -44,10 +54,29 @@ class Resonance:
     seen: Seen | None
     rattles: bool = False
     line_hz: float = math.nan
+    other: Seen | None = None
+    wrong: str = ""
+    given: Search | None = None
+
+    @property
+    def by_contacts(self) -> bool:
+        """Whether motor and load were seen to touch."""
+        return self.seen is not None and not math.isnan(self.seen.off)
+
+    @property
+    def counted(self) -> tuple[str, ...]:
+        """What errors are of, where contacts of a load are known."""
+        share = self.search.equations.counting
+        return (COUNTED.format(share=100.0 * share),) if share < 1.0 else ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """All that is said of the load, for people."""
+        return (*self.counted, *self.said)
 
     @property
     def said(self) -> tuple[str, ...]:
-        """Warnings, for people."""
+        """Why the answer may be another, for people."""
         found = []
         if self.rattles:
             found.append(RATTLES)
@@ -70,11 +99,11 @@ def with_response(
 
     Where the balance finds the load itself, its resonance lies within the band and the response knows no better values,
     nothing changes; where the response shows no load, the balance's is dropped. Effects that are found beside the load
-    come first: it is the answer once nothing else is missing.
+    come first: it is the answer once nothing else is missing. Contacts are the answer beside whatever is missing.
     """
     unchanged = Resonance(search, whole, settings, None)
     asked = [name for name in SHOWN if name in search.allowed or name in model.effects]
-    if not asked or any(settings.known.concerns(name) for name in SHOWN):
+    if not asked or any(settings.known.concerns(name) for name in SHOWN) or search.equations.counting < 1.0:
         return unchanged
     report("the response above the band", 0.7)
     found = {t.id for t in whole.terms}
@@ -85,7 +114,9 @@ def with_response(
     unchanged = replace(unchanged, rattles=response.rattles, line_hz=response.line_hz)
     if seen is None:
         return _without_load(unchanged, recordings, model, holdout, report)
-    known = replace(settings, known=settings.known.seeing(seen.effect, seen.values))
+    if not math.isnan(seen.off):
+        return _with_contacts(replace(unchanged, rattles=doubtful), seen, recordings, model, holdout)
+    known = replace(settings, known=settings.known.seeing(seen.effect, seen.values, {}))
     values = {name: value for name, (value, _) in seen.values.items()}
     there = model.changed(None, None, {seen.effect: values}) if seen.effect in model.effects else seen.model
     rest = replace(known, effects=tuple(name for name in search.allowed if name not in SHOWN))
@@ -102,6 +133,26 @@ def with_response(
     )
     search, whole = searched_with(recordings, there, model, known, holdout)
     return Resonance(search, whole, known, None if others else seen, response.rattles)
+
+
+def _with_contacts(
+    found: Resonance, seen: Seen, recordings: Sequence[Recording], model: PlantModel, holdout: Sequence[Recording]
+) -> Resonance:
+    """The play that contacts show, if what it leaves in the rows that count then is much less; or that the model's is
+    another: no value is changed unsaid."""
+    own = model.effects.get(seen.effect)
+    if own is not None:
+        off = abs(model.inertia - seen.model.inertia) > POLICY.contradicting_deviations * seen.errors[INERTIA]
+        wrong = seen.effect if not same_play(own, seen) else INERTIA if off else ""
+        return replace(found, whole=found.search.refit, rattles=False, other=seen, wrong=wrong) if wrong else found
+    there = {INERTIA: seen.model.inertia, DELAY: seen.model.delay}
+    beside = {name: (there[name], error) for name, error in seen.errors.items()}
+    known = replace(found.settings, known=found.settings.known.seeing(seen.effect, seen.values, beside))
+    search, whole = searched_with(recordings, seen.model, model, known, holdout)
+    before = found.search.problem.errors.rmse(found.search.refit)
+    if not search.problem.errors.rmse(whole) < POLICY.driven_gain * before:
+        return found
+    return Resonance(search, whole, known, seen, given=found.search)
 
 
 def _needed(beside: Search, whole: Fit, model: PlantModel) -> tuple[str, ...]:
@@ -163,11 +214,16 @@ def response_settings(search: Search, effect_id: str, settings: Settings) -> Set
     seen = response.seen if response is not None else None
     if seen is None or _in_band(seen, search):
         return None
-    return replace(settings, known=settings.known.seeing(effect_id, seen.values))
+    return replace(settings, known=settings.known.seeing(effect_id, seen.values, {}))
 
 
 def note_on(seen: Seen, band_hz: float) -> str:
     """How it was seen, for people."""
+    if not math.isnan(seen.off):
+        return (
+            "seen sample by sample, where motor and load touch and where the motor is alone: the contacts lie on both"
+            f" flanks of one play to {100.0 * seen.off:.2g} % of it"
+        )
     place = "above" if seen.resonance_hz > band_hz else "in"
     return (
         f"seen in the response of the acceleration to u up to {seen.highest_hz:.3g} Hz: motor against load swing at"

@@ -17,7 +17,8 @@ from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.long_logs import posed
-from dsd_cli.identify.search.response import Seen, response_of
+from dsd_cli.identify.search.response import response_of
+from dsd_cli.identify.search.seen import Seen
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array, with_channels
 

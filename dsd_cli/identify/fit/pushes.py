@@ -1,0 +1,84 @@
+"""What moves an axis from outside, beside what it did, as contacts of a load are looked for in it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsd_cli.identify.fit.sensor_motion import integrated
+from dsd_cli.identify.recordings.spectrum import SensorNoise
+from dsd_cli.signals.log import Array
+
+#: Lengths of windows, samples, and shares of the usual acceleration that the noise of their means may have.
+_WINDOWS, _NOISE = (1, 3, 5, 7, 11, 15, 21, 31), (0.6, 0.25, 0.1)
+#: s over which what both masses do together may drift away from what F says, and knots in that time.
+_DRIFT, _KNOTS = 1.0, 20
+
+
+@dataclass(frozen=True)
+class Pushes:
+    """What moves an axis, as its acceleration averages it; lists hold one array of shape (n,) per stretch.
+
+    forces : F, then what a sample of delay less and each coefficient change in it: [column][stretch], unit of u.
+    noise : of the acceleration. two_intervals : as of a `Stretch`. step : s. before : F per interval.
+    """
+
+    acceleration: list[Array]
+    forces: list[list[Array]]
+    noise: SensorNoise
+    two_intervals: bool
+    step: float
+    before: list[Array]
+
+    @cached_property
+    def moved(self) -> list[list[Array]]:
+        """Double integrals of the acceleration and of each column of forces, [column][stretch]."""
+        every = [self.acceleration, *self.forces]
+        return [[integrated(x, self.step, self.two_intervals)[1] for x in by] for by in every]
+
+    @cached_property
+    def counts(self) -> list[int]:
+        """Slow functions of time of each stretch."""
+        return [2 + int(len(x) * self.step / _DRIFT) for x in self.acceleration]
+
+    def drift(self, stretch: int, rows: NDArray[np.int_]) -> Array:
+        """Slow functions of time at these samples of a stretch, zero for the others' columns, shape (n, k)."""
+        before, count = sum(self.counts[:stretch]), self.counts[stretch]
+        x, basis = rows / len(self.acceleration[stretch]), np.zeros((len(rows), sum(self.counts)))
+        basis[:, before : before + count] = np.stack([x, *(np.cos(np.pi * j * x) for j in range(count - 1))], axis=1)
+        return basis
+
+    def drifted(self, stretch: int, coefficients: Array) -> Array:
+        """Their sum at every sample, by straight lines between knots that are close against `_DRIFT`."""
+        rows = np.arange(len(self.acceleration[stretch]))
+        knots = np.append(rows[:: max(int(_DRIFT / (_KNOTS * self.step)), 1)], rows[-1:])
+        return np.interp(rows, knots, self.drift(stretch, knots) @ coefficients)
+
+    def net(self, changes: Array) -> list[Array]:
+        """F with these changes."""
+        by_stretch = zip(*self.forces, strict=True)
+        return [f + sum(c * x for c, x in zip(changes, rest, strict=True)) for f, *rest in by_stretch]
+
+    def smooth(self, x: Array, width: int) -> Array:
+        """Means over so many samples; of means again, where a position is differenced twice."""
+        box = np.full(width, 1.0 / width)
+        return np.convolve(x, np.convolve(box, box) if self.two_intervals else box, "same")
+
+    def spread(self, width: int) -> float:
+        """Standard deviation of the noise of a window, unit of acceleration."""
+        return self._spreads[width]
+
+    @cached_property
+    def _spreads(self) -> dict[int, float]:
+        made = self.noise.made(4096, np.random.default_rng(0))
+        return {w: float(np.std(self.smooth(made, w)[2 * w : -2 * w])) for w in _WINDOWS}
+
+    def widths(self, inertia: float) -> list[int]:
+        """Windows: short ones show quick bounces, long ones small forces."""
+        usual = math.sqrt(np.mean(np.concatenate(self.forces[0]) ** 2)) / inertia
+        found = [next((w for w in _WINDOWS if self.spread(w) < share * usual), 0) for share in _NOISE]
+        return sorted({w for w in found if w})
