@@ -178,15 +178,20 @@ def fitted_values(
         )
         for (name, value), error in zip(values.items(), errors, strict=True)
     }
-    with np.errstate(over="ignore", invalid="ignore"):
-        together = spread / np.maximum(np.outer(errors, errors), 1e-300)
-    still = [n in known.fixed for n in values]  # with errors of rounding, if any
-    together[still], together[:, still] = 0.0, 0.0
+    together = _correlations(spread, errors, [n in known.fixed for n in values])
     estimates = _with_correlations(_found_only(estimates, fit, known), together)
     doubtful = errors > POLICY.tied_error * np.abs(list(values.values()))
     told = zip(values, np.abs(together[0]), doubtful, strict=True)
     tied = tuple(name for name, r, d in told if r > POLICY.tied_correlation and d and name not in (INERTIA, DELAY))
     return Fitted(scale.model(fit), estimates, tied, _correlated(together, estimates))
+
+
+def _correlations(spread: Array, errors: Array, held: list[bool]) -> Array:
+    """Of values; those that are held have errors of rounding, if any."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = np.asarray(spread / np.maximum(np.outer(errors, errors), 1e-300))
+    found[held], found[:, held] = 0.0, 0.0
+    return found
 
 
 def _found_only(estimates: Mapping[str, Estimate], fit: Fit, known: PriorKnowledge) -> Mapping[str, Estimate]:
