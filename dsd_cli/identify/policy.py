@@ -125,8 +125,8 @@ class Policy:
     response_rise: float = 0.02  # of the held-out error in the band, that such a load may cost there
     driven_gain: float = 0.7  # of the error with a load that the sensor drives, that one driven by the model may leave
     play_deviations: float = 5.0  # standard errors of a gap, which it must have
-    play_alone: float = 0.1  # of the force in contact, that may push a motor alone in its play; of what is no play 0.15
-    play_off: float = 0.03  # of the play, by which contacts may lie off its flanks; of what is no play 0.09 and more
+    play_alone: float = 0.1  # of the force in contact, that may push a motor which is alone in its play
+    play_off: float = 0.03  # of the play, by which contacts may lie off its flanks; of true play up to 0.02
 
     # -- vetoes --
     least_inertia: float = 0.01  # of the inertia first fitted; a set that leaves less explains u by itself

@@ -33,7 +33,7 @@ LINE = (
 )
 COUNTED = (
     "errors are of the {share:.0f} % of the samples in which the motor is alone in its play: where it touches the load "
-    "nothing tells the force between them"
+    "the force between them is not identifiable"
 )
 
 
