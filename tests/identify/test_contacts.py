@@ -2,6 +2,7 @@
 
 import math
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -102,6 +103,21 @@ def test_what_else_is_missing_is_left_where_the_motor_is_alone():
     rest = weight * (masses.motor * log.acceleration[0] - push)
     columns = weight[:, None] * np.stack([line.imag, line.real], axis=1)
     assert np.linalg.lstsq(columns, rest, rcond=None)[0] == pytest.approx([hidden, 0.0], abs=0.05 * hidden)
+
+
+def test_a_stretch_shorter_than_a_window_is_no_trouble():
+    masses, push, speed, _ = rattling(11)
+    log = pushes(push, speed, 11)
+    short = replace(
+        log,
+        acceleration=[*log.acceleration, log.acceleration[0][:9]],
+        forces=[[*by, by[0][:9]] for by in log.forces],
+        before=[*log.before, log.before[0][:9]],
+    )
+    both = masses.motor + masses.load
+    whole, found = (contacts_with(x, masses.motor, both, masses.gap) for x in (log, short))
+    assert found.gap == pytest.approx(whole.gap, rel=0.02)
+    assert [len(x) for x in found.alone(short)] == [len(push), 9]
 
 
 def test_contacts_of_another_motor_are_none():

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.identify.fit.pushes import Pushes
+from dsd_cli.identify.fit.pushes import Pushes, centred
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
 
@@ -148,7 +148,7 @@ def _alike(value: float, given: float, error: float) -> bool:
 
 def _eroded(marks: NDArray[np.bool_], width: int) -> NDArray[np.bool_]:
     """Those with no other within so many samples."""
-    return np.convolve(~marks, np.ones(2 * width + 1), "same") < _NONE
+    return centred((~marks).astype(np.float64), np.ones(2 * width + 1)) < _NONE
 
 
 def _settled(pushes: Pushes, found: Contacts, resting: bool) -> Contacts | None:

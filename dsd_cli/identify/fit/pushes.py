@@ -66,7 +66,7 @@ class Pushes:
     def smooth(self, x: Array, width: int) -> Array:
         """Means over so many samples; of means again, where a position is differenced twice."""
         box = np.full(width, 1.0 / width)
-        return np.convolve(x, np.convolve(box, box) if self.two_intervals else box, "same")
+        return centred(x, np.convolve(box, box) if self.two_intervals else box)
 
     def spread(self, width: int) -> float:
         """Standard deviation of the noise of a window, unit of acceleration."""
@@ -82,3 +82,9 @@ class Pushes:
         usual = math.sqrt(np.mean(np.concatenate(self.forces[0]) ** 2)) / inertia
         found = [next((w for w in _WINDOWS if self.spread(w) < share * usual), 0) for share in _NOISE]
         return sorted({w for w in found if w})
+
+
+def centred(x: Array, kernel: Array) -> Array:
+    """Convolution with a kernel of odd length, shape of x, also where x is shorter than the kernel."""
+    first = len(kernel) // 2
+    return np.convolve(x, kernel)[first : first + len(x)]
