@@ -73,7 +73,7 @@ def improve(
         if not climb.steps:
             climb.up(AS_GIVEN, last.score, last.refitted_values, last.given)
             model = last.given
-        climb.levels = last.levels
+        climb.levels, climb.settings = last.levels, replace(climb.settings, begun=None)
         if last.verdict in (NONE, UNKNOWN):
             return climb.ladder(last, _why(last, refused))
         stop = _stop(climb.steps, last)
@@ -92,8 +92,10 @@ def improve(
         with_it = climb.up_with(last, taken)
         if with_it is None:
             refused.append(chosen)
-        else:
-            model = with_it
+            continue
+        model = with_it
+        if chosen in last.found:
+            climb.settings = replace(climb.settings, begun=last.whole_model)
 
 
 class _Climb:

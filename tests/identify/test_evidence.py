@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.bank import Bank, Term
 from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
@@ -195,6 +195,19 @@ def test_what_is_left_beyond_the_noise_is_of_unknown_size(search):
         assert gains.sum() == pytest.approx(expected)
         np.testing.assert_allclose(gains / gains.sum(), (before.losses - whole.losses) / (before.loss - whole.loss))
         assert other.evidence(whole) - other.evidence(before) == pytest.approx(expected - other.price(whole.terms))
+
+
+def test_rows_count_by_their_weights(search):
+    """Above the noise, rows of which nine in ten have a tenth of the weight are worth a tenth and 0.9 hundredths."""
+    search, whole = search
+    equations, quiet = search.equations, replace(search.noise, variance=1e-9 * search.noise.variance)
+    size = sum(equations.lengths)
+    weight = np.where(np.arange(size) % 10 == 0, 1.0, 0.1)
+    bank = Bank(replace(equations, row_weight=weight), search.problem.errors.bank)
+    weighed = Search(replace(search.problem, noise=quiet, solver=search.solver.on(bank)))
+    before, after = (weighed.fit(fit.terms, fit.tap) for fit in (search.refit, whole))
+    expected = 0.5 * size * (0.1 + 0.9 * 0.01) * np.log(before.loss / after.loss)
+    assert weighed.gains(before, after).sum() == pytest.approx(expected, rel=0.01)
 
 
 def test_what_must_be_searched_and_what_happened_once_costs_more(search):

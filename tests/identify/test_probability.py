@@ -5,8 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from dsd_cli.identify.missing import Missing
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.verdict.diagnose import diagnose
+from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 
@@ -51,3 +53,15 @@ def test_a_short_log_that_one_effect_explains_is_nearly_as_sure_as_a_long_one():
     assert verdict == "coulomb_friction"
     assert long == missing["coulomb_friction"]
     assert short < long
+
+
+@pytest.mark.parametrize(("believed", "first"), [(0.78, "viscous_friction"), (0.3, "coulomb_friction")])
+def test_a_member_that_is_rather_there_than_not_comes_before_one_with_more_evidence_alone(believed, first, monkeypatch):
+    alone = {"coulomb_friction": 100.0, "viscous_friction": 50.0}
+    monkeypatch.setattr(Verdict, "__init__", lambda _self: None)
+    monkeypatch.setattr(Verdict, "_lowers", lambda _self, _name: True)
+    monkeypatch.setattr(Verdict, "_worth", lambda _self, name: (True, True, alone[name]))
+    verdict = Verdict()
+    verdict.members, verdict.alone = dict.fromkeys(alone), {}
+    verdict.missing = (Missing("viscous_friction", believed), Missing("coulomb_friction", 0.02))
+    assert verdict._first() == first

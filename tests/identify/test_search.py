@@ -8,9 +8,10 @@ import pytest
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.noise_fit import Noise
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.search.long_logs import searched_as_is
 from dsd_cli.identify.search.preference import preferred
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.diagnose import diagnose
+from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.references import Multisine
 from tests.identify.search_rig import BELIEVED, OBSERVER, posed, seen
 
@@ -198,3 +199,13 @@ def test_a_run_reports_shares_that_grow(pair):
     pair.run(pair.refit, told.append)
     assert told == sorted(told)
     assert all(0.0 <= share < 1.0 for share in told)
+
+
+def test_what_the_last_rung_found_is_weighed_too(monkeypatch):
+    """A search that takes no step finds a set only if it was found before."""
+    recording, before = seen(PAIR), replace(BELIEVED, effects=PAIR)
+    monkeypatch.setattr(Search, "run", lambda _, start, *__, **___: start)
+    for begun, found in ((None, set()), (before, set(PAIR))):
+        asked = Settings(effects=NAMES, begun=begun)
+        _, whole = searched_as_is([recording], BELIEVED, asked, (), lambda _what, _share: None)
+        assert {t.id for t in whole.terms} == found

@@ -1,6 +1,7 @@
 """Fits out of sums of products against least squares on explicit rows, both ways round; signs by trying all sets."""
 
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -28,7 +29,7 @@ VISCOUS, COULOMB, LOAD, GRAVITY = (
 class Columns:
     """Stands for a bank: any columns under the names of effects; `variance` of the noise in each."""
 
-    tap_time = 1e-3
+    tap_time, equations = 1e-3, SimpleNamespace(counted=float(ROWS))
 
     def __init__(self, drives, acceleration, columns, variance=()):
         self.drives, self.acceleration, self.by_term, self.variance = drives, acceleration, columns, variance

@@ -30,7 +30,7 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
     def price(tap: int, keep: bool = False) -> float:
         left = max(solver.squares(terms, tap, keep=keep), 1e-300)
         distance = abs(tap * solver.bank.tap_time - believed)
-        return 0.5 * solver.blocks.rows * math.log(left) + distance / POLICY.least_delay_range
+        return 0.5 * solver.bank.equations.counted * math.log(left) + distance / POLICY.least_delay_range
 
     known = {first: price(first, keep=True)}  # keeps the columns that do not depend on the delay
 

@@ -125,6 +125,11 @@ class Equations:
         return list(np.split(rows, np.cumsum(self.lengths)[:-1]))
 
     @cached_property
+    def counted(self) -> float:
+        """Whole rows that they count as, by the squares of their weights: the likelihood is of so many."""
+        return float(sum(self.lengths)) if self.row_weight is None else float(self.row_weight @ self.row_weight)
+
+    @cached_property
     def kept(self) -> NDArray[np.bool_]:
         """Rows in which the direction of friction, and what the load does, is known for a large enough share."""
         free = self.plain([s.averaged(s.free, False) for s in self.stretches])

@@ -77,6 +77,6 @@ def _beside(bank: Bank, residual: Array, before: Solver) -> tuple[Solver, Noise]
     """(solver on the rows of a bank, the noise in those that count)."""
     equations = bank.equations
     white = equations.whitened(residual)[equations.kept]
-    counted = float(len(white)) if equations.row_weight is None else float(equations.row_weight @ equations.row_weight)
+    counted = float(len(white)) if equations.row_weight is None else equations.counted
     noise = Noise(float(white @ white) / counted, inflation(white), residual)
     return before.on(bank, noise.variance * noise.inflation), noise

@@ -67,8 +67,8 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     """
     fit, solver = _exact(fit, solver)
     equations = solver.bank.equations
-    if (row_weight := equations.row_weight) is not None:
-        return Weighed(solver, fit, _residual(fit, solver.bank), float(row_weight @ row_weight))
+    if equations.row_weight is not None:
+        return Weighed(solver, fit, _residual(fit, solver.bank), equations.counted)
     counted = equations.kept if has_friction(fit.terms) else np.ones(len(plain.acceleration), dtype=bool)
     sure = counted & sure_rows(fit.terms, equations, POLICY.unsure_share)
     sure &= uncertain(equations) <= _harmless(fit, solver.bank, sure)

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from dsd_cli.effects import kind_of
 from dsd_cli.identify.fit.bank import Term, has_friction
 from dsd_cli.identify.fit.driven_load import both_driven
 from dsd_cli.identify.fit.problem import Problem, asked_of_all, pose
@@ -149,7 +150,22 @@ def _found(
         whole = search.fit(begun.terms, begun.tap)
     search = Search(search.problem.measured_again(whole))
     report("sets of effects, the noise measured anew", 0.5)
-    return search, identified_only(search, search.run(search.settled(search.fit(whole.terms, whole.tap))))
+    whole = search.run(search.settled(search.fit(whole.terms, whole.tap)))
+    kept = _kept(search, settings)
+    if kept is not None and kept.terms != whole.terms:
+        whole = max(whole, search.run(kept), key=search.evidence)
+    return search, identified_only(search, whole)
+
+
+def _kept(search: Search, settings: Settings) -> Fit | None:
+    """What the last rung found, as far as it is asked for; single events are found beside the laws."""
+    if settings.begun is None:
+        return None
+    asked, own = {kind_of(name) for name in search.allowed}, {t.id for t in search.base}
+    there = [t for t in terms_of(settings.begun) if t.id in own or (kind_of(t.id) in asked and not t.effect.listed)]
+    if not own <= {t.id for t in there}:
+        return None
+    return search.settled(search.fit(tuple(there), round(settings.begun.delay / search.solver.bank.tap_time)))
 
 
 def on_all(

@@ -80,7 +80,7 @@ class Search:
         What is left beyond the noise is force that no effect describes, and what takes a hundredth off it is no surer
         than if it were noise: N/2 ln of it, from where it exceeds the noise on.
         """
-        rows = self.problem.blocks.rows + more
+        rows = self.equations.counted + more
         over = 2.0 * squares / (rows * self.noise.nats)
         return 0.5 * rows * (over if over < 1.0 else 1.0 + math.log(over))
 

@@ -28,6 +28,9 @@ from dsd_cli.identify.verdict.own_values import ParameterCheck
 from dsd_cli.identify.verdict.resonance import Resonance, note_on
 from dsd_cli.identify.verdict.two_numbers import missing_of, probability_of, surest_of, unexplained_of
 
+#: Probability from which on an effect is rather there than not.
+_EVEN = 0.5
+
 
 class Verdict:
     """Derives the verdict from the search and assembles the result."""
@@ -47,6 +50,7 @@ class Verdict:
         self.options, self.whole, self.members, self.own, self.beyond = options, whole, members, own, beyond
         self.limits, self._named_for = limits, dict[str, str]()
         self.surest = surest_of(search, whole, limits)
+        self.missing = missing_of(search, whole, members, self.surest)
         self.alone = {o.effect: o for o in options}
         self.alone |= {o.effect: o for o in self._members_alone() if not self._better_known(o)}
         self.rising = ""  # the effect that would be named, if the held-out error did not rise with it
@@ -83,10 +87,8 @@ class Verdict:
         likely, varies = known * self.own.probability, beyond.unknown and beyond.of_gain  # then no one inertia is right
         if self.own.wrong and known >= POLICY.share_of_possible and not left_over and not varies:
             return self.own.wrong, min(likely, self.surest)
-        if beyond.unknown:
-            return UNKNOWN, min(0.9, self.limits.surest)
-        if left_over or self.shown.said:
-            return UNKNOWN, min(0.6, self.limits.surest)
+        if beyond.unknown or left_over or self.shown.said:
+            return UNKNOWN, min(0.9 if beyond.unknown else 0.6, self.limits.surest)
         return NONE, self._nothing()
 
     def _of_members(self) -> tuple[str, float]:
@@ -108,12 +110,14 @@ class Verdict:
         return named, min(known, probability_of(self.search, self.whole, member, belief, self.surest))
 
     def _first(self) -> str:
-        """The member with most evidence by itself; a commoner one with nearly the same error is preferred."""
-        best = max(self.members, key=self._worth)
+        """Of those that are rather there than not, if any is, the member with most evidence by itself; a commoner one
+        with nearly the same error is preferred."""
+        believed = [one.effect for one in self.missing if one.probability >= _EVEN and self._lowers(one.effect)]
+        best = max(members := believed or [*self.members], key=self._worth)
         if best not in self.alone:
             return best
         limit = (1.0 + POLICY.nearly_the_same) * self.problem.errors.rmse(self.alone[best].fit)
-        near = [m for m in self.members if m in self.alone and self.problem.errors.rmse(self.alone[m].fit) <= limit]
+        near = [m for m in members if m in self.alone and self.problem.errors.rmse(self.alone[m].fit) <= limit]
         return min((best, *near), key=lambda name: get_effect(name).rarity)
 
     def _weightless(self, fit: Fit) -> bool:
@@ -186,8 +190,9 @@ class Verdict:
         refit = given.problem.values(given.refit)
         several = len(self.members) > 1
         joint = problem.values(self.whole) if several else known
-        unknown, source = self.beyond.unknown, problem.recordings[0].provenance
-        one, own = self.seen is not None or verdict == self.own.wrong != "", verdict in problem.model.effects
+        unknown, source, own = self.beyond.unknown, problem.recordings[0].provenance, verdict in problem.model.effects
+        one = self.seen is not None or verdict == self.own.wrong != ""
+        certain = self.sure if verdict == NONE else POLICY.surest
         return Diagnosis(
             logs=tuple(r.name for r in problem.recordings),
             samples=sum(r.samples for r in problem.recordings),
@@ -219,12 +224,8 @@ class Verdict:
             depends_on=self.beyond.on if unknown else (),
             held_out=tuple(r.name for r in problem.holdout),
             nearest=nearest,
-            missing=(Missing(verdict, self.sure),)
-            if one
-            else missing_of(self.search, self.whole, self.members, self.surest),
-            unexplained=unexplained_of(
-                self.search, self.whole, self.beyond, self.sure if verdict == NONE else POLICY.surest
-            ),
+            missing=(Missing(verdict, self.sure),) if one else self.missing,
+            unexplained=unexplained_of(self.search, self.whole, self.beyond, certain),
         )
 
     def _nearest(self) -> str:
