@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from dsd_cli.identify.missing import Missing
 from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.verdict import judgement
 from dsd_cli.identify.verdict.diagnose import diagnose
+from dsd_cli.identify.verdict.evidence import Membership
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
@@ -55,13 +56,33 @@ def test_a_short_log_that_one_effect_explains_is_nearly_as_sure_as_a_long_one():
     assert short < long
 
 
-@pytest.mark.parametrize(("believed", "first"), [(0.78, "viscous_friction"), (0.3, "coulomb_friction")])
-def test_a_member_that_is_rather_there_than_not_comes_before_one_with_more_evidence_alone(believed, first, monkeypatch):
+@pytest.mark.parametrize(
+    ("dry", "rivals", "first"),
+    [
+        (0.02, (), "viscous_friction"),
+        (0.02, ("presliding_friction",), "coulomb_friction"),
+        (0.6, (), "coulomb_friction"),
+    ],
+    ids=["replaced", "tied", "believed"],
+)
+def test_a_member_that_is_rather_there_than_not_comes_before_one_with_more_evidence_alone(
+    dry, rivals, first, monkeypatch
+):
+    """A member counts with what ties with it: that dry friction is there is as sure as its name is open."""
     alone = {"coulomb_friction": 100.0, "viscous_friction": 50.0}
-    monkeypatch.setattr(Verdict, "__init__", lambda _self: None)
-    monkeypatch.setattr(Verdict, "_lowers", lambda _self, _name: True)
-    monkeypatch.setattr(Verdict, "_worth", lambda _self, name: (True, True, alone[name]))
+    for name, stand_in in {
+        "__init__": lambda _self: None,
+        "_lowers": lambda _self, _name: True,
+        "_worth": lambda _self, name: (True, True, alone[name]),
+    }.items():
+        monkeypatch.setattr(Verdict, name, stand_in)
+    monkeypatch.setattr(judgement, "probability_of", lambda _search, _whole, _member, belief, _surest: belief)
     verdict = Verdict()
-    verdict.members, verdict.alone = dict.fromkeys(alone), {}
-    verdict.missing = (Missing("viscous_friction", believed), Missing("coulomb_friction", 0.02))
+    verdict.search = verdict.whole = verdict.surest = None
+    verdict.alone, verdict.members = (
+        {},
+        {"viscous_friction": Membership("viscous_friction", {"viscous_friction": 0.78}, ())},
+    )
+    shares = {"coulomb_friction": dry, "presliding_friction": 1.0 - dry}
+    verdict.members["coulomb_friction"] = Membership("coulomb_friction", shares, rivals)
     assert verdict._first() == first

@@ -40,6 +40,11 @@ class Membership:
     alike: tuple[str, ...] = ()
     surest: float = 1.0
 
+    @property
+    def place(self) -> float:
+        """Belief that it, or one of its rivals, is there."""
+        return sum(self.probabilities.get(name, 0.0) for name in (self.effect, *self.rivals))
+
 
 def memberships(search: Search, whole: Fit, effects: Iterable[str], unknown: bool) -> dict[str, Membership]:
     """Of each of these effects; `unknown` : something remains that nothing explains."""

@@ -50,7 +50,6 @@ class Verdict:
         self.options, self.whole, self.members, self.own, self.beyond = options, whole, members, own, beyond
         self.limits, self._named_for = limits, dict[str, str]()
         self.surest = surest_of(search, whole, limits)
-        self.missing = missing_of(search, whole, members, self.surest)
         self.alone = {o.effect: o for o in options}
         self.alone |= {o.effect: o for o in self._members_alone() if not self._better_known(o)}
         self.rising = ""  # the effect that would be named, if the held-out error did not rise with it
@@ -102,17 +101,16 @@ class Verdict:
         known = self._share_of_possible(rmse(self.search.refit), rmse(self.whole))
         named = min(group or [best], key=lambda name: get_effect(name).rarity)
         self._named_for[named] = best
-        believed = sum(member.probabilities.get(name, 0.0) for name in (best, *member.rivals))
         noise = not (self.beyond.unknown or needs_acceleration(named))  # is left, and no law of the motion follows it
-        if max(known, believed if noise else 0.0) < POLICY.share_of_possible:
+        if max(known, member.place if noise else 0.0) < POLICY.share_of_possible:
             return UNKNOWN, min(1.0 - max(known, 0.0), self.limits.surest)
-        belief = max(member.probabilities.get(named, 0.0), believed / (1 + len(member.rivals)))
+        belief = max(member.probabilities.get(named, 0.0), member.place / (1 + len(member.rivals)))
         return named, min(known, probability_of(self.search, self.whole, member, belief, self.surest))
 
     def _first(self) -> str:
-        """Of those that are rather there than not, if any is, the member with most evidence by itself; a commoner one
-        with nearly the same error is preferred."""
-        believed = [one.effect for one in self.missing if one.probability >= _EVEN and self._lowers(one.effect)]
+        """The one worth most alone of those that, or what ties with them, are rather there; of near ones a commoner."""
+        likely = {n: probability_of(self.search, self.whole, m, m.place, self.surest) for n, m in self.members.items()}
+        believed = [name for name in self.members if likely[name] >= _EVEN and self._lowers(name)]
         best = max(members := believed or [*self.members], key=self._worth)
         if best not in self.alone:
             return best
@@ -224,7 +222,9 @@ class Verdict:
             depends_on=self.beyond.on if unknown else (),
             held_out=tuple(r.name for r in problem.holdout),
             nearest=nearest,
-            missing=(Missing(verdict, self.sure),) if one else self.missing,
+            missing=(Missing(verdict, self.sure),)
+            if one
+            else missing_of(self.search, self.whole, self.members, self.surest),
             unexplained=unexplained_of(self.search, self.whole, self.beyond, certain),
         )
 
