@@ -26,10 +26,7 @@ from dsd_cli.identify.verdict.evidence import NOTHING, Membership, probabilities
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.own_values import ParameterCheck
 from dsd_cli.identify.verdict.resonance import Resonance, note_on
-from dsd_cli.identify.verdict.two_numbers import missing_of, probability_of, surest_of, unexplained_of
-
-#: Probability from which on an effect is rather there than not.
-_EVEN = 0.5
+from dsd_cli.identify.verdict.two_numbers import EVEN, missing_of, probability_of, surest_of, unexplained_of
 
 
 class Verdict:
@@ -110,7 +107,7 @@ class Verdict:
     def _first(self) -> str:
         """The one worth most alone of those that, or what ties with them, are rather there; of near ones a commoner."""
         likely = {n: probability_of(self.search, self.whole, m, m.place, self.surest) for n, m in self.members.items()}
-        believed = [name for name in self.members if likely[name] >= _EVEN and self._lowers(name)]
+        believed = [name for name in self.members if likely[name] >= EVEN and self._lowers(name)]
         best = max(members := believed or [*self.members], key=self._worth)
         if best not in self.alone:
             return best

@@ -20,6 +20,9 @@ from dsd_cli.identify.verdict.evidence import Membership
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.pushes import pushes_leave_more
 
+#: Probability from which on an effect is rather there than not.
+EVEN = 0.5
+
 
 def surest_of(search: Search, whole: Fit, limits: Limits) -> float:
     """Upper bound on any probability: by the number of independent equations, and by the log itself. Every effect was
