@@ -194,7 +194,7 @@ def _finding(code: int, said: bytes, folder: Path, before: set[str], arguments: 
 
 def _asks(said: bytes) -> bool:
     """Whether `init` ends in its question: what it found stands before it, and in a config with one line marked."""
-    return b"\ndsd: error: " in said and b"which column is " in said.splitlines()[-1]
+    return b"\ndsd: error: " in said and b": say it: dsd init " in said.splitlines()[-1]
 
 
 def _wrong_output(code: int, folder: Path, arguments: list[str]) -> str:
