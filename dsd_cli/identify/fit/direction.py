@@ -9,16 +9,11 @@ acceleration, in which it had to show, says nothing.
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-
 from dsd_cli.effects import Role, get_effect
-from dsd_cli.identify.fit.bank import INERTIA, Bank, Terms
-from dsd_cli.identify.fit.freeform import SIZE, FreeformFits, freeform_fits
-from dsd_cli.identify.fit.gram import solve, total_gram, without_noise
-from dsd_cli.identify.fit.row_weights import inflation
+from dsd_cli.identify.fit.bank import INERTIA, Terms
+from dsd_cli.identify.fit.gram import total_gram, without_noise
 from dsd_cli.identify.fit.solve import Solver
+from dsd_cli.identify.fit.values import whole_inertia
 from dsd_cli.identify.policy import POLICY
 
 #: Why an effect cannot be told in the inverse form.
@@ -30,43 +25,20 @@ NEEDS_ACCELERATION = (
 def inverse_is_evidence(solver: Solver, beside: Terms, inertia: float, tap: int) -> bool:
     """Whether J a, without the sensor's noise, is too small a part of u (`POLICY.fair_part`) to be evidence.
 
-    J is the most that the log allows beside functions of the motion, as far as it is to be believed
-    (`POLICY.believed_inertia`): a controller that follows the motion leaves any inertia open, down to none at all.
+    J is that of the log beside functions of the motion, as far as it is to be believed (`POLICY.believed_inertia`): a
+    controller that follows the motion leaves any inertia open, down to none at all.
 
     Parameters
     ----------
     solver : on rows in the unit of u. beside : all effects that are functions of the motion without a shape, whether
         asked for or not. inertia, tap : those of the model.
     """
-    bank = solver.bank
-    one = Solver(bank, solver.blocks, solver.inertia, solver.known, inverse=True)
-    most = _most_inertia(freeform_fits(bank, bank.equations, solver.blocks, one.fit(beside, tap), inertia), bank)
-    likely = min(max(most, inertia / POLICY.believed_inertia), inertia * POLICY.believed_inertia)
-    design = bank.design((), tap)
+    one = Solver(solver.bank, solver.blocks, solver.inertia, solver.known, inverse=True)
+    fitted = whole_inertia(one.fit(beside, tap))
+    likely = min(max(fitted, inertia / POLICY.believed_inertia), inertia * POLICY.believed_inertia)
+    design = solver.bank.design((), tap)
     gram = without_noise(total_gram(design.rows), design.noise, len(design.rows[0]))
     return likely**2 * float(gram[1 + INERTIA, 1 + INERTIA]) < POLICY.fair_part**2 * float(gram[0, 0])
-
-
-def _most_inertia(beside: FreeformFits, bank: Bank) -> float:
-    """J beside functions of every channel of the motion, and `POLICY.value_deviations` standard errors; infinite where
-    they leave no more of the acceleration than the sensor's noise.
-
-    Cogging, or whatever else has a shape that is still to be found, would lean on J: what is left of u and of the
-    acceleration beside those functions says what J is.
-    """
-    drive, acceleration, *others = beside.base
-    for group in beside.groups():
-        if len(group) == 1:
-            others += beside.columns(group)[0]
-    columns = np.stack(others)
-    u, a = (x - solve(total_gram([x, *others])[None], SIZE)[0] @ columns for x in (-drive, acceleration))
-    power = float(a @ a) - bank.variance * len(a)
-    if power <= bank.variance * len(a):
-        return math.inf
-    inertia = float(a @ u) / power
-    left = u - inertia * a
-    free = max(len(left) - len(columns), 1)
-    return inertia + POLICY.value_deviations * math.sqrt(float(left @ left) / free * inflation(left) / power)
 
 
 def needs_acceleration(effect_id: str) -> bool:
