@@ -1,17 +1,22 @@
 """How sure a name is: less where much stays unexplained beside it, hardly less in a short log that leaves nothing."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from dsd_cli.identify.fit.testability import Settings
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.verdict import judgement
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.evidence import Membership
 from dsd_cli.identify.verdict.judgement import Verdict
+from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
+from tests.report.examples import DIAGNOSIS
 
 STEP, INERTIA, LEVEL = 0.002, 0.05, 0.4
 #: Hz, rad/s, rad: what sixteen sines do no line in time can do for them; what two do one line and a stiffness can.
@@ -86,3 +91,11 @@ def test_a_member_that_is_rather_there_than_not_comes_before_one_with_more_evide
     shares = {"coulomb_friction": dry, "presliding_friction": 1.0 - dry}
     verdict.members["coulomb_friction"] = Membership("coulomb_friction", shares, rivals)
     assert verdict._first() == first
+
+
+def test_a_doubtful_answer_is_not_asked_again_on_parts():
+    """What four more searches found could not change it: nothing is asked, so that no recording is needed."""
+    doubtful = replace(DIAGNOSIS, probability=POLICY.surest_unstable)
+    assert with_stability(doubtful, (), PlantModel(INERTIA, 0.0, {}), Settings()) is doubtful
+    with pytest.raises(IndexError):
+        with_stability(replace(DIAGNOSIS, probability=0.95), (), PlantModel(INERTIA, 0.0, {}), Settings())

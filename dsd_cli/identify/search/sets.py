@@ -44,7 +44,6 @@ MOST_CHALLENGERS, WORTH_CHALLENGING = 3, 0.5
 #: Pairs of effects that are cross-validated, of all that are fitted.
 MOST_PAIRS = 4
 
-
 __all__ = ["Option", "Search"]
 
 
@@ -255,7 +254,8 @@ class Search:
         """Shapes refined together, needless members dropped, members swapped for better ones."""
         for _ in range(3):
             before = fit
-            fit = self.refined(self._without_needless(self.refined(fit)))
+            found = self.refined(fit)
+            fit = found if (less := self._without_needless(found)) is found else self.refined(less)
             if len(self.added(fit.terms)) > 1:
                 fit = self._swapped(fit)
             if fit.terms == before.terms:

@@ -25,10 +25,13 @@ def with_stability(
 ) -> Diagnosis:
     """The diagnosis with its variants; a verdict that changes in one of them is at most 90 % sure.
 
-    "unknown" and wrong values of the model are left as they are: a search alone does not identify them; nor does a
-    search in the band identify what the response above it shows.
+    A verdict that is no surer than that is left as it is: four searches, as dear as the diagnosis, could not change
+    it. So are "unknown" and wrong values of the model: a search alone does not identify them; nor does a search in the
+    band identify what the response above it shows.
     """
     if found.verdict in (UNKNOWN, INERTIA, DELAY) or found.verdict in model.effects:
+        return found
+    if found.probability <= POLICY.surest_unstable:
         return found
     if any(c.seen for c in found.ranking if c.effect == found.verdict):
         return found
