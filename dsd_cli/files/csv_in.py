@@ -81,6 +81,16 @@ class CsvTable:
             raise self._explain(0, error) from None
         return {name: batch.column(at) for at, name in enumerate(names) if names.index(name) == at and name}
 
+    def texts(self, column: str) -> list[str]:
+        """All cells of a column, as they are written."""
+        import pyarrow as pa
+
+        kinds = {f"c{self.column_names.index(column)}": pa.string()}
+        try:
+            return [text for batch in self._reader(kinds=kinds) for text in batch.column(0).to_pylist()]
+        except (pa.ArrowException, OSError) as error:
+            raise self._explain(0, error) from None
+
     def batches(self) -> Iterator[Batch]:
         import pyarrow as pa
 
@@ -93,8 +103,11 @@ class CsvTable:
         except (pa.ArrowException, OSError, ValueError) as error:  # the last of a stamp in words
             raise self._explain(rows, error) from None
 
-    def _reader(self, everything: bool = False) -> Any:
-        """Arrow's, of the columns that are needed; of everything in large blocks, where it finds out what they hold."""
+    def _reader(self, everything: bool = False, kinds: Mapping[str, Any] | None = None) -> Any:
+        """Arrow's, of the columns that are needed; of everything in large blocks, where it finds out what they hold.
+
+        kinds : of other columns than these, by their places (`c0`).
+        """
         import pyarrow as pa
         import pyarrow.csv as pc
 
@@ -105,6 +118,7 @@ class CsvTable:
             types[f"c{at}"] = pa.timestamp("ns", "UTC" if dialects.has_zone(first[at]) else None)
         elif at is not None and at < len(first) and dialects.SPOKEN_TIME.fullmatch(first[at]):
             types[f"c{at}"] = pa.string()
+        types = dict(kinds or types)
         source, skip, delimiter = self._source(header.delimiter, skip)
         return pc.open_csv(
             source,

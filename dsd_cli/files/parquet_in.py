@@ -66,6 +66,16 @@ class ParquetTable:
         except (pa.ArrowException, OSError) as error:
             raise DataError(f"{self.name}: is damaged ({_first_line(error)})", "write it again") from None
 
+    def texts(self, column: str) -> list[str]:
+        """All cells of a column, as they are written."""
+        import pyarrow as pa
+
+        try:
+            parts = [batch.column(0) for batch in self._file.iter_batches(BATCH_ROWS, columns=[column], **_as_usual())]
+        except (pa.ArrowException, OSError) as error:
+            raise DataError(f"{self.name}: is damaged ({_first_line(error)})", "write it again") from None
+        return ["" if text is None else str(text) for part in parts for text in part.to_pylist()]
+
     def _lists(self) -> dict[str, tuple[str, int]]:
         """`column/1`, ... -> column and place in it, of columns of lists of numbers, as long as the first row's are."""
         import pyarrow as pa

@@ -9,17 +9,19 @@ import numpy as np
 
 from dsd_cli.errors import DataError, source_name
 from dsd_cli.files.csv_dialect import MISSING, is_number, seconds
+from dsd_cli.files.csv_in import CsvTable
 from dsd_cli.files.csv_layout import CsvLayout
-from dsd_cli.files.formats.base import Group
-from dsd_cli.files.formats.known import HEAD_BYTES, format_of, is_bag, open_container
+from dsd_cli.files.formats.base import Container, Group
+from dsd_cli.files.formats.known import HEAD_BYTES, LONG, format_of, is_bag, open_container
+from dsd_cli.files.formats.long_form import ROWS, long_form, peeked
 from dsd_cli.files.parquet_in import ParquetTable
 from dsd_cli.files.table_source import read_head
 from dsd_cli.files.tables_in import is_stream, open_table
 from dsd_cli.identify.roles import Channel
 from dsd_cli.signals.log import Array
 
-#: Rows of each channel that are looked at, and channels of a table.
-ROWS, CHANNELS = 100_000, 400
+#: Channels of a table that are looked at.
+CHANNELS = 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,26 +54,30 @@ def sample(path: str, layout: CsvLayout | None = None) -> Sample:
         raise DataError(f"{source_name(path)}: can be read only once", "write it to a file first")
     kind = format_of(path, b"" if is_bag(path) else read_head(path, HEAD_BYTES))
     if kind is not None:
-        file = open_container(path, kind)
-        tables = [
-            Table(group.name, tuple(_of_group(file, group)), group.rows, group.clock)
-            for group in file.groups
-            if group.rows > 1
-        ]
-        return Sample(tuple(_merged(tables)), tuple(file.notes))
+        return _of_container(open_container(path, kind))
     table = open_table(path, {}, (), layout=layout)
+    assert isinstance(table, CsvTable | ParquetTable)
+    first = peeked(table)
+    if long_form(table, first) is not None:
+        return _of_container(open_container(path, LONG))
     if isinstance(table, ParquetTable):
-        return Sample((Table("", tuple(_of_arrow(table.peek(ROWS), {})), table.rows),))
-    from dsd_cli.files.csv_in import CsvTable
-
-    assert isinstance(table, CsvTable)
-    channels = tuple(_of_arrow(table.peek(), table.units))
+        return Sample((Table("", tuple(_of_arrow(first, {})), table.rows),))
+    channels = tuple(_of_arrow(first, table.units))
     return Sample((Table("", channels, None),), tuple(table.warnings), table.sample_time)
 
 
-def _of_group(file: object, group: Group) -> Iterator[Channel]:
+def _of_container(file: Container) -> Sample:
+    tables = [
+        Table(group.name, tuple(_of_group(file, group)), group.rows, group.clock)
+        for group in file.groups
+        if group.rows > 1
+    ]
+    return Sample(tuple(_merged(tables)), tuple(file.notes))
+
+
+def _of_group(file: Container, group: Group) -> Iterator[Channel]:
     names = list(group.units)[:CHANNELS]
-    found = file.read(group, names, 0, ROWS)  # type: ignore[attr-defined]
+    found = file.read(group, names, 0, ROWS)
     for name in names:
         values: Array = found[name]
         yield Channel(group.full(name), values, group.units[name])

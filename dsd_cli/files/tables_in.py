@@ -44,21 +44,42 @@ def open_table(
         return _of_stream(sys.stdin.buffer, "<stdin>", columns, optional, layout)
     if is_stream(path):
         return _of_stream(_opened(path), str(path), columns, optional, layout)
-    from dsd_cli.files.formats.known import HEAD_BYTES, format_of, is_bag
+    from dsd_cli.files.formats.known import HEAD_BYTES, LONG, format_of, is_bag
+    from dsd_cli.files.own_clocks import on_one_clock
 
     head = b"" if is_bag(path) else read_head(path, HEAD_BYTES)
+    other = None if head.startswith(PARQUET_MAGIC) else format_of(path, head)
+    if other is None:
+        try:
+            return on_one_clock(_of_columns(str(path), head, columns, optional, layout), u_hold)
+        except DataError:
+            if not _is_long(path):
+                raise
+            other = LONG
+    from dsd_cli.files.formats.table import ContainerTable
+
+    return on_one_clock(ContainerTable(path, other, columns, optional, u_hold), u_hold)
+
+
+def _of_columns(
+    path: str, head: bytes, columns: Mapping[str, str], optional: Collection[str], layout: CsvLayout | None
+) -> TableSource:
     if head.startswith(PARQUET_MAGIC):
         from dsd_cli.files.parquet_in import ParquetTable
 
-        return ParquetTable(str(path), columns, optional)
-    other = format_of(path, head)
-    if other is None:
-        from dsd_cli.files.csv_in import CsvTable
+        return ParquetTable(path, columns, optional)
+    from dsd_cli.files.csv_in import CsvTable
 
-        return CsvTable(str(path), columns, optional, layout)
-    from dsd_cli.files.formats.table import ContainerTable
+    return CsvTable(path, columns, optional, layout)
 
-    return ContainerTable(path, other, columns, optional, u_hold)
+
+def _is_long(path: str | Path) -> bool:
+    from dsd_cli.files.formats.long_form import long_form, opened
+
+    try:
+        return long_form(opened(str(path), {})) is not None
+    except DataError:
+        return False
 
 
 def _of_stream(

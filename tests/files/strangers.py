@@ -257,6 +257,37 @@ def two_levels(folder: Path, a: dict) -> Path:
     return text(folder, "levels.csv", head + rows(a, a["t"], a["u"], 1e6 * a["q"], 1e3 * a["v"]))
 
 
+def merged(folder: Path, a: dict) -> Path:
+    """PlotJuggler: two topics, each with stamps of its own, and blank cells in between."""
+    moved = [f"{t:.6f},,{q:.9g},{v:.9g}" for t, q, v in zip(a["t"], a["q"], a["v"], strict=True)]
+    drove = [f"{t + 0.0007:.6f},{u:.9g},," for t, u in zip(a["t"], a["u"], strict=True)]
+    both = [row for pair in zip(moved, drove, strict=True) for row in pair]
+    return text(folder, "merged.csv", ["__time,/drive/torque,/joint/position,/joint/velocity", *both])
+
+
+def series(folder: Path, a: dict) -> Path:
+    """InfluxDB: three rows about the columns, and a row for each value, one signal after the other."""
+    head = ["#group,false,false,true,true,false,true,true", "#datatype,string,long,dateTime:RFC3339,dateTime:RFC3339,"]
+    head = [head[0], head[1] + "double,string,string", "#default,_result,,,,,,"]
+    day = datetime.datetime(2025, 3, 1, 9, tzinfo=datetime.UTC)
+    stamps = [(day + datetime.timedelta(seconds=float(t))).isoformat(timespec="microseconds") for t in a["t"]]
+    names = (("angle", "q"), ("current", "u"))
+    body = [
+        f",,{k},2025-03-01T00:00:00Z,{stamp},{x:.9g},{name},axis1"
+        for k, (name, key) in enumerate(names)
+        for stamp, x in zip(stamps, a[key], strict=True)
+    ]
+    return text(folder, "query.csv", [*head, ",result,table,_start,_time,_value,_field,_measurement", *body])
+
+
+def joints(folder: Path, a: dict) -> Path:
+    """A row for each joint and stamp; the other one rests."""
+    pairs = [((t, "arm", q, u), (t, "hand", 0.1, 0.0)) for t, q, u in zip(*(a[k] for k in "tqu"), strict=True)]
+    names, rows = ("time", "joint", "position", "effort"), [row for pair in pairs for row in pair]
+    pq.write_table(pa.table(dict(zip(names, zip(*rows, strict=True), strict=True))), folder / "joints.parquet")
+    return folder / "joints.parquet"
+
+
 #: Every one of them, and the columns of u and of position or velocity in it.
 MADE: dict[str, tuple[Callable[[Path, dict], Path], str, str]] = {
     "twincat": (twincat, "ActTorque", "ActPos"),
@@ -288,5 +319,8 @@ MADE: dict[str, tuple[Callable[[Path, dict], Path], str, str]] = {
     "joint_states": (joint_states, "msg/effort/arm", "msg/position/arm"),
     "lists": (lists, "effort/1", "state/1"),
     "two_levels": (two_levels, "force", "pos"),
+    "merged": (merged, "/drive/torque", "/joint/position"),
+    "series": (series, "current", "angle"),
+    "joints": (joints, "arm/effort", "arm/position"),
     "titled": (titled, "r79[0] Drehmomentsollwert [Nm]", "r61[0] Drehzahlistwert [1/min]"),
 }

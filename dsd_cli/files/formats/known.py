@@ -40,6 +40,8 @@ MCAP = Format("MCAP", "mcap_file", "McapFile", ("mcap",), "mcap")
 BAG = Format("a ROS bag", "ros_bag", "RosBag", ("rosbags",), "ros")
 JSON = Format("JSON", "json_file", "JsonFile")
 CODESYS = Format("a trace of CODESYS", "codesys", "CodesysTrace")
+#: What only the rows say, and so nobody asks until a column is missing.
+LONG = Format("a table with a row for each value", "long_form", "LongFile")
 
 FORMATS = (NUMPY, ARROW, MAT, NETCDF, MAT73, HDF5, MDF, TDMS, MCAP, BAG, JSON, CODESYS)
 

@@ -139,6 +139,7 @@ def _looked(
     table = {name: by_name[name][:most] for name in moving}
     rows = min((x.size for x in table.values()), default=0)
     t = by_name[clock][:rows] * scale if clock in by_name else np.arange(rows, dtype=np.float64)
+    table = {name: _filled(t, x[:rows]) for name, x in table.items()}
     good = np.isfinite(t)
     for x in table.values():
         good &= np.isfinite(x[:rows])
@@ -149,6 +150,14 @@ def _looked(
         values = {n: x for n, x in values.items() if facts[n].kind != "clock" or not _straight(t, x) or n in wanted}
     steps = np.diff(t)
     return _Look(values, t, float(np.median(steps)) if steps.size else 1.0, dict(found))
+
+
+def _filled(t: Array, x: Array) -> Array:
+    """A channel that is blank in most rows, as one with its own clock is, on straight lines between its values."""
+    there = np.isfinite(x) & np.isfinite(t)
+    if not 0 < 2 * there.sum() <= x.size or np.any(np.diff(t[there]) < 0.0):
+        return x
+    return np.interp(t, t[there], x[there], left=np.nan, right=np.nan)
 
 
 def _straight(t: Array, x: Array) -> bool:

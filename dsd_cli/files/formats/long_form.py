@@ -1,0 +1,123 @@
+"""Tables with a row for each value (time, name, value), as databases of time series and `melt` write them: turned.
+
+Each name is a channel; several columns of values give `name/column`. Values that have the same stamp are one row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsd_cli.files.arrow_arrays import as_float64, is_number_type
+from dsd_cli.files.csv_in import CsvTable
+from dsd_cli.files.formats.base import InMemory, check_size
+from dsd_cli.files.parquet_in import ParquetTable
+from dsd_cli.files.recognise import is_time
+from dsd_cli.signals.log import Array
+
+#: Rows that are looked at.
+ROWS = 100_000
+#: A text, or a whole number, names a channel where it comes so many times, in the mean, ...
+AGAIN = 10
+#: ... and stamps rise in this share of the steps from each of its rows to its next.
+RISES = 0.97
+#: Where there are several columns of values, names change in this share of the steps from row to row at least, and
+#: where they are numbers stamps stand still: else they may be states of one axis, or a counter.
+ALTERNATE = 0.5
+
+
+class Long(NamedTuple):
+    """Which columns hold the stamps, the names (joined by `/`) and the values."""
+
+    time: str
+    names: tuple[str, ...]
+    values: tuple[str, ...]
+
+
+class LongFile(InMemory):
+    """A CSV or Parquet file of this form; see `Container`."""
+
+    def __init__(self, path: str) -> None:
+        long = long_form(opened(path, {}))
+        assert long is not None, "who opens it has asked"
+        places = {"t": long.time} | {str(k): column for k, column in enumerate(long.values)}
+        table = opened(path, places)
+        parts = [batch.columns for batch in table.batches()]
+        columns = {name: np.concatenate([part[name] for part in parts]) for name in places}
+        texts = [table.texts(column) for column in long.names]
+        varying = [text for text in texts if len(set(text)) > 1] or texts[:1]
+        names, codes = np.unique(["/".join(row) for row in zip(*varying, strict=True)], return_inverse=True)
+        t, rows = np.unique(columns["t"], return_inverse=True)
+        check_size(path, 8.0 * t.size * len(names) * len(long.values))
+        channels = {long.time: t}
+        for at, name in enumerate(names):
+            mine = codes == at
+            for k, column in enumerate(long.values):
+                full = f"{name}/{column}" if len(long.values) > 1 else name
+                channels[full] = np.full(t.size, np.nan)
+                channels[full][rows[mine]] = columns[str(k)][mine]
+        super().__init__(channels, dict(table.metadata))
+        self.notes.append(f'it has a row for each value: the channels are what "{", ".join(long.names)}" says')
+
+
+def long_form(table: CsvTable | ParquetTable, first: Mapping[str, Any] | None = None) -> Long | None:
+    """The form of a table, by its first rows; None where each row has a value of every channel.
+
+    Raises
+    ------
+    DataError : it cannot be read.
+    """
+    first = peeked(table) if first is None else first
+    found = form_of({name: column.slice(0, ROWS) for name, column in first.items()})
+    if found is None or any(len(set(first[name].to_pylist())) > 1 for name in found.names):
+        return found
+    return found if any(len(set(table.texts(name))) > 1 for name in found.names) else None  # names one after the other
+
+
+def peeked(table: CsvTable | ParquetTable) -> dict[str, Any]:
+    """Column -> Arrow array of its first rows."""
+    return table.peek(ROWS) if isinstance(table, ParquetTable) else table.peek()
+
+
+def form_of(columns: Mapping[str, Any]) -> Long | None:
+    """The same of Arrow arrays: within each name stamps rise, and it has one value, or names alternate."""
+    numbers = {name: as_float64(column) for name, column in columns.items() if is_number_type(column.type)}
+    texts = [name for name, column in columns.items() if name not in numbers and _names(column.to_pylist())]
+    if texts:
+        said = ["/".join(map(str, row)) for row in zip(*(columns[name].to_pylist() for name in texts), strict=True)]
+        return _form(tuple(texts), np.unique(said, return_inverse=True)[1], numbers)
+    whole = (name for name, x in numbers.items() if np.all(x == np.round(x)) and _names(x.tolist()))
+    forms = (_form((name,), np.unique(numbers[name], return_inverse=True)[1], numbers) for name in whole)
+    return next((form for form in forms if form is not None and _stand(numbers[form.time])), None)
+
+
+def _names(cells: list[Any]) -> bool:
+    """Whether they come again."""
+    return 0 < AGAIN * len(set(cells)) <= len(cells)
+
+
+def _stand(t: Array) -> bool:
+    return bool(np.mean(np.diff(t) == 0.0) >= ALTERNATE)
+
+
+def _form(names: tuple[str, ...], codes: NDArray[np.int64], numbers: Mapping[str, Array]) -> Long | None:
+    order = np.argsort(codes, kind="stable")
+    inside = np.diff(codes[order]) == 0
+    steps = {name: np.diff(x[order])[inside] for name, x in numbers.items()}
+    clocks = [name for name, step in steps.items() if step.size and np.mean(step > 0.0) >= RISES]
+    if not clocks:
+        return None
+    time = max(clocks, key=is_time)
+    values = tuple(name for name, step in steps.items() if name != time and np.any(np.abs(step) > 0.0))
+    alternate = np.mean(np.diff(codes) != 0) >= ALTERNATE
+    return Long(time, names, values) if len(values) == 1 or (values and alternate) else None
+
+
+def opened(path: str, columns: Mapping[str, str]) -> CsvTable | ParquetTable:
+    """A CSV or Parquet file."""
+    with open(path, "rb") as file:
+        parquet = file.read(4) == b"PAR1"
+    return ParquetTable(path, columns) if parquet else CsvTable(path, columns)

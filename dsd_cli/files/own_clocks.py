@@ -1,0 +1,95 @@
+"""Columns of one table that were written each at times of its own, with blank cells in between, as merged topics are.
+
+What holds of channels of different clocks (`formats.join`) holds of these: a row with all of them need not exist.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from dsd_cli.errors import DataError
+from dsd_cli.files.formats.join import Joined, Sampled, join
+from dsd_cli.files.parquet_in import BATCH_ROWS
+from dsd_cli.files.table_source import Batch, TableSource
+from dsd_cli.files.wrapped import WrappedTable
+from dsd_cli.signals.log import Array, Hold
+
+#: A column has a clock of its own where it is blank in this share or more of the rows in which any has a value.
+BLANK = 0.5
+#: Rows from which on that is a clock.
+FEWEST = 20
+
+
+def on_one_clock(table: TableSource, u_hold: Hold) -> TableSource:
+    """The table with its columns at the stamps of the slowest of them; itself where it has no stamps."""
+    return _OwnClocks(table, u_hold) if "t" in table.columns and len(table.columns) > 2 else table
+
+
+def is_blank(values: Mapping[str, Array]) -> bool:
+    """Whether one of these columns, shape (n,) each, has a clock of its own; an empty one has none at all."""
+    there = np.array([np.isfinite(column) for column in values.values()])
+    rows, counts = int(there.any(axis=0).sum()), there.sum(axis=1)
+    return bool(rows >= FEWEST and (counts > 0).all() and (counts <= (1.0 - BLANK) * rows).any())
+
+
+class _OwnClocks(WrappedTable):
+    """A table with blank cells is read into memory and joined; any other one passes in its batches."""
+
+    def __init__(self, table: TableSource, u_hold: Hold) -> None:
+        super().__init__(table)
+        self._u_hold, self._notes = u_hold, list[str]()
+
+    @property
+    def warnings(self) -> list[str]:
+        return [*self._table.warnings, *self._notes]
+
+    def batches(self) -> Iterator[Batch]:
+        batches = iter(self._table.batches())
+        first = next(batches, None)
+        if first is None:
+            return
+        if not is_blank({name: column for name, column in first.columns.items() if name != "t"}):
+            yield first
+            yield from batches
+            return
+        parts = [first.columns, *(batch.columns for batch in batches)]
+        columns = {name: np.concatenate([part[name] for part in parts]) for name in first.columns}
+        for joined in self._joined(columns.pop("t"), columns):
+            for start in range(0, joined.t.size, BATCH_ROWS):
+                cut = slice(start, start + BATCH_ROWS)
+                values = {name: column[cut] for name, column in joined.values.items()}
+                yield Batch(joined.t[cut].size, {"t": joined.t[cut], **values})
+
+    def _joined(self, t: Array, columns: Mapping[str, Array]) -> Iterator[Joined]:
+        """The recordings in it, one after the other: each begins where the stamps go back.
+
+        Raises
+        ------
+        DataError : in none of them have all columns values at the same time.
+        """
+        stamped = np.flatnonzero(np.isfinite(t))
+        failed: DataError | None = None
+        for rows in np.split(stamped, np.flatnonzero(np.diff(t[stamped]) < 0.0) + 1):
+            try:
+                joined = join(self.name, self._parts(t[rows], {n: x[rows] for n, x in columns.items()}), self._u_hold)
+            except DataError as error:
+                failed = error
+                continue
+            self._notes = self._notes or joined.notes
+            yield joined
+        if failed is not None and not self._notes:
+            raise failed
+
+    def _parts(self, t: Array, columns: Mapping[str, Array]) -> list[Sampled]:
+        """Columns with values in the same rows are of one clock."""
+        clocks: dict[bytes, list[str]] = {}
+        for name, column in columns.items():
+            clocks.setdefault(np.isfinite(column).tobytes(), []).append(name)
+        parts = []
+        for names in clocks.values():
+            rows = np.isfinite(columns[names[0]])
+            label = ", ".join(self.columns[name] for name in names)
+            parts.append(Sampled(label, t[rows], {name: columns[name][rows] for name in names}))
+        return parts

@@ -1,0 +1,48 @@
+"""Tables with a row for each value, and tables that look a little like one and are none."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from dsd_cli.files.formats.long_form import form_of
+from dsd_cli.files.tables_in import open_table
+
+T, ROWS = np.arange(200) * 0.01, 200
+U, Q = np.sin(3.0 * T), np.cos(T)
+
+
+def form(**columns):
+    return form_of({name: pa.array(values) for name, values in columns.items()})
+
+
+def test_names_one_after_the_other_and_in_turns():
+    blocks = form(time=np.tile(T, 2), name=["u"] * ROWS + ["q"] * ROWS, value=np.concatenate([U, Q]))
+    turns = form(time=np.repeat(T, 2), name=["u", "q"] * ROWS, value=np.ravel([U, Q], order="F"))
+    own = form(time=np.sort([*T, *(T + 0.003)]), name=["u", "q"] * ROWS, value=np.ravel([U, Q], order="F"))
+    assert blocks == turns == own == ("time", ("name",), ("value",))
+    joints = form(t=np.repeat(T, 2), id=np.tile([3, 7], ROWS), a=np.repeat(U, 2), b=np.repeat(Q, 2))
+    assert joints == ("t", ("id",), ("a", "b"))
+
+
+def test_states_trials_counters_and_remarks_are_no_names():
+    assert form(t=T, u=U, q=Q, mode=["rest"] * 100 + ["run"] * 100) is None
+    assert form(t=np.tile(T, 2), u=np.tile(U, 2), q=np.tile(Q, 2), trial=["a"] * ROWS + ["b"] * ROWS) is None
+    assert form(t=T, u=U, q=Q, toggle=np.arange(ROWS) % 2, packet=np.arange(ROWS) % 8) is None
+    assert form(t=T, u=U, q=Q, remark=[f"row {k}" for k in range(ROWS)]) is None
+    assert form(t=T, u=U, q=Q) is None
+
+
+@pytest.mark.parametrize("missing", [False, True])
+def test_the_values_of_one_stamp_are_one_row(tmp_path, missing):
+    """In whatever order they come; blank where a stamp has no value of a name."""
+    rows = [f"{t!r},{name},{x!r}" for t, u, q in zip(T.tolist(), U.tolist(), Q.tolist(), strict=True)
+            for name, x in (("iq", u), ("enc", q))]  # fmt: skip
+    rows = rows[:60] + rows[61:] if missing else sorted(rows, key=lambda row: row.split(",")[1])
+    (tmp_path / "log.csv").write_text("\n".join(["time,name,value", *rows]) + "\n")
+    table = open_table(tmp_path / "log.csv", {"t": "time", "u": "iq", "position": "enc"})
+    (batch,) = table.batches()
+    u = U.copy()
+    u[30] = np.nan if missing else u[30]
+    for name, expected in (("t", T), ("u", u), ("position", Q)):
+        np.testing.assert_array_equal(batch.columns[name], expected)
+    assert table.warnings == ['it has a row for each value: the channels are what "name" says']
