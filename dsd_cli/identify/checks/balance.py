@@ -52,13 +52,16 @@ class Balance:
         return (1.0 - part) * self.u[whole] + part * self.u[np.minimum(whole + 1, self.u.size - 1)]
 
 
-def balance(stretches: Sequence[Stretch], band: Band, cutoff: float, reach: tuple[float, float]) -> Balance | None:
+def balance(
+    stretches: Sequence[Stretch], band: Band, cutoff: float, reach: tuple[float, float], cycle: float
+) -> Balance | None:
     """Rows of all stretches that are long enough; None if there are too few.
 
     Parameters
     ----------
     cutoff : Hz, at most that of the band.
     reach : s before and after a row within which u must be there.
+    cycle : s after which the motion repeats itself, see `in_phase`.
     """
     T = stretches[0].T
     keep = LowPass(T, cutoff)
@@ -71,7 +74,7 @@ def balance(stretches: Sequence[Stretch], band: Band, cutoff: float, reach: tupl
         rows = keep.rows(s.t.size, max(before, after))
         if s.u is None or measured is None or rows.size < 2:
             continue
-        measured_speed = _speed(s, band)
+        measured_speed = speed_of(s, band)
         speed = keep(measured_speed)
         position = s.position if s.position is not None else np.cumsum(speed) * T
         a = keep(difference(measured, T, band.source))
@@ -87,9 +90,18 @@ def balance(stretches: Sequence[Stretch], band: Band, cutoff: float, reach: tupl
     moving = np.abs(columns[:, 0]) > REST * np.sqrt(np.mean(columns[:, 0] ** 2))
     if moving.sum() < 4 * columns.shape[1]:
         return None
-    a, columns, starts = a[moving], columns[moving], starts[moving]
+    kept = np.flatnonzero(moving)[in_phase(starts[moving] * T, cycle)]
+    a, columns, starts = a[kept], columns[kept], starts[kept]
     stored = orthonormal(np.column_stack([a, columns[:, 2:]]))
     return Balance(a, columns[:, 0], orthonormal(columns), stored, starts, np.concatenate(us), T, (before, after))
+
+
+def in_phase(t: Array, cycle: float) -> NDArray[np.int64]:
+    """The order of rows at t (s) whose blocks are left out in turn: of the phase where the motion repeats itself.
+
+    All cycles lack the same forces at the same places, so that blocks of time would agree in whatever is wrong.
+    """
+    return np.argsort(t % cycle, kind="stable")
 
 
 def without(basis: Array, x: Array) -> Array:
@@ -97,8 +109,8 @@ def without(basis: Array, x: Array) -> Array:
     return np.asarray(x - basis @ (basis.T @ x))
 
 
-def _speed(s: Stretch, band: Band) -> Array:
-    """From the same channel as the acceleration, so that both have one sign."""
+def speed_of(s: Stretch, band: Band) -> Array:
+    """Speed of a stretch, shape (n,), from the same channel as the acceleration, so that both have one sign."""
     if band.source == "velocity":
         assert s.velocity is not None
         return s.velocity

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dsd_cli.effects import get_effect
 from dsd_cli.errors import UsageError
-from dsd_cli.identify.checks.balance import REST, motion_columns, orthonormal, without
+from dsd_cli.identify.checks.balance import REST, in_phase, motion_columns, orthonormal, without
 from dsd_cli.identify.checks.instruments import asked_for, in_two_stages
 from dsd_cli.identify.checks.lowpass import LowPass
 from dsd_cli.identify.checks.motion import Motion, motion_of
@@ -168,7 +168,7 @@ class _Rows:
 
 def _rows(view: View, model: PlantModel, values: Sequence[_Value], observer: ObserverSettings | None) -> _Rows | None:
     """None: too few."""
-    parts = []
+    parts, offset = [], 0.0
     for s in view.stretches:
         motion = motion_of(s, view, observer)
         if motion is None:
@@ -178,11 +178,17 @@ def _rows(view: View, model: PlantModel, values: Sequence[_Value], observer: Obs
         speed = motion.velocity[rows]
         moving = np.abs(speed) > REST * np.sqrt(np.mean(motion.velocity**2))
         if s.u is not None and moving.sum() > 2:
-            parts.append(_stretch_rows(s, motion, keep, rows[moving], model, values))
+            at = offset + s.T * rows[moving]
+            parts.append((*_stretch_rows(s, motion, keep, rows[moving], model, values), at))
+        offset += s.T * s.t.size
     if not parts:
         return None
-    left, slopes, others, along, u = (np.concatenate(x) for x in zip(*parts, strict=True))
-    return _Rows(left, slopes, others, along, float(np.std(u))) if left.size >= 4 * len(values) else None
+    *found, u, at = (np.concatenate(x) for x in zip(*parts, strict=True))
+    if at.size < 4 * len(values):
+        return None
+    order = in_phase(at, view.cycle)
+    left, slopes, others, along = (x[order] for x in found)
+    return _Rows(left, slopes, others, along, float(np.std(u)))
 
 
 def _stretch_rows(

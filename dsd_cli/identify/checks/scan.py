@@ -18,6 +18,8 @@ BLOCKS = 16
 _COARSE, _FINE = 6.0, 25
 #: But no more than this share of the longest stretch.
 _SHARE = 0.2
+#: Of a cycle of the motion the share by which u may be later than what it does.
+_AHEAD = 0.25
 
 
 @dataclass(frozen=True)
@@ -52,9 +54,13 @@ class Scanned:
         return abs(self.inertia) / max(self.inertia_error, 1e-300)
 
 
-def reach(longest: float) -> tuple[float, float]:
-    """(s before, s after a row) within which u is needed, for a longest stretch of so many s."""
-    return min(LATEST, _SHARE * longest), min(-EARLIEST, _SHARE * longest)
+def reach(longest: float, cycle: float) -> tuple[float, float]:
+    """(s before, s after a row) within which u is needed, for a longest stretch of so many s.
+
+    cycle : s after which the motion repeats itself, and a delay beyond that suits as well: in all less is tried.
+    """
+    before = min(LATEST, _SHARE * longest, (1.0 - _AHEAD) * cycle)
+    return before, min(-EARLIEST, _SHARE * longest, _AHEAD * cycle)
 
 
 def scan(rows: Balance, cutoff: float) -> tuple[Scanned | None, Scanned | None]:

@@ -19,6 +19,7 @@ def cycle_of(speed: Array, sample_time: float) -> float:
     Infinite where the motion does not repeat itself. What is a cycle later is the same again: so such a motion
     identifies no delay beyond it, and no line in time at one of its harmonics from a force that depends on the motion.
     """
+    speed = _sized(speed)
     step = -(-len(speed) // _SAMPLES)
     speed = speed[: len(speed) // step * step].reshape(-1, step).mean(axis=1)
     most = int(len(speed) / POLICY.least_cycles)
@@ -39,3 +40,19 @@ def cycle_of(speed: Array, sample_time: float) -> float:
     first = int(np.argmax(again))
     last = first + int(np.argmin(np.append(again[first:], False)))
     return float(gone[0] + first + int(np.argmax(later[first:last]))) * step * sample_time
+
+
+def repeats_after(x: Array, sample_time: float) -> float:
+    """s after which a signal is about the same again, or about the same with the other sign; infinite: it is never."""
+    cycle = cycle_of(x, sample_time)
+    half = round(0.5 * cycle / sample_time) if math.isfinite(cycle) else 0
+    if not half:
+        return cycle
+    later, before = _sized(x)[half:], _sized(x)[:-half]
+    turned = float(np.dot(later, before)) <= -POLICY.cycle_alike * float(np.linalg.norm(later) * np.linalg.norm(before))
+    return 0.5 * cycle if turned else cycle
+
+
+def _sized(x: Array) -> Array:
+    """With 1 for its largest, whose squares are numbers."""
+    return x / max(float(np.abs(x).max(initial=0.0)), 1e-300)

@@ -92,3 +92,22 @@ def test_in_a_closed_loop_values_are_within_their_errors(seed):
     inertia, delay = check_log(looped(seed)).parameters
     assert abs(delay.value - 0.002) < 3.0 * delay.std_error
     assert abs(inertia.value - 0.02) < 3.0 * inertia.std_error
+
+
+@pytest.mark.parametrize(
+    ("levels", "every", "light", "dry", "late"),
+    [((1.0, -1.0), 30, 0.06, 0.0, 7), ((1.0, 0.0, -1.0, 0.0), 75, 0.2, 0.5, 4)],
+)
+def test_a_motion_that_repeats_itself_has_no_delay_of_a_cycle_nor_a_sure_wrong_one(levels, every, light, dry, late):
+    """Not so: 67 ms for 7, a cycle later; and 3.63 +- 0.05 for 4, as all cycles agree in what is wrong."""
+    J, v, q = VISCOUS * light, 0.0, 0.0
+    u = np.tile(np.repeat(levels, every), ROWS)[:ROWS]
+    channels = np.empty((2, ROWS))
+    for k in range(ROWS):
+        channels[:, k] = v, q
+        v, q = moved(u[k - late] if k >= late else 0.0, v, q, (J, VISCOUS, dry))
+    result = check_log(Log({"u": u, "velocity": channels[0], "position": channels[1]}, T))
+    assert not result.errors
+    inertia, delay = result.parameters
+    assert inertia.value == pytest.approx(J, rel=0.05)
+    assert abs(delay.value - late * T) < 3.0 * delay.std_error < 1.5 * T
