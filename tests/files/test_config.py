@@ -177,11 +177,12 @@ def test_an_effect_may_live_on_the_grid_alone() -> None:
 class TestOverride:
     def test_values_effects_and_list_items(self) -> None:
         config = load_template("paper-delay-change").override(
-            ["model.inertia=0.7", "detector.method=imm", "simulate.events.0.delay = 0.2", "states.delays=[0.2,0.4]"],
+            ["model.inertia=0.7", "detector.method=imm", "simulate.events.0.delay = 0.2", "states.delays=[0.2,0.4]"]
+            + ["signals.d_hat="],
             ["coulomb_friction:level=0.5"],
         )
         assert config.model.inertia == 0.7
-        assert config.detector.method == "imm"
+        assert (config.detector.method, config.signals.d_hat) == ("imm", None)
         assert config.require(Simulate).events[0].delay == 0.2
         assert config.require(States).delays == (0.2, 0.4)
         assert config.model.effects == {"coulomb_friction": {"level": 0.5}}
@@ -199,6 +200,7 @@ class TestOverride:
         [
             ("model.inertia", "--set model.inertia: write KEY=VALUE"),
             ("=1", "--set =1: write KEY=VALUE"),
+            ("model.inertia=", 'model.inertia = "": must be a number'),
             ("model.inertia=1 2", "'1 2' is not a TOML value"),
             ("model.inertia=1\nx=2", "is not a TOML value"),
             ("model.inertia=-1", "with --set: model.inertia = -1: must be a number above 0"),

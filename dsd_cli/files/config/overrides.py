@@ -74,8 +74,8 @@ def _put(tables: dict[str, Any], parts: list[str], value: Any, option: str) -> N
 
 
 def _value(text: str, option: str) -> Any:
-    """A TOML value; a bare word, which TOML would want quoted, is a text."""
-    text = text.strip()
+    """A TOML value; a bare word, which TOML would want quoted, is a text, and so is nothing at all."""
+    text = text.strip() or '""'
     try:
         parsed = tomllib.loads(f"value = {text}")
         if len(parsed) == 1:
