@@ -57,6 +57,9 @@ def settle_clock(stamps: Array) -> Clock:
         steps = np.diff(finite)
     steps = steps[(steps > 0) & np.isfinite(steps)]
     if steps.size == 0:
+        if finite.size and finite[-1] < finite[0]:
+            what = f"time goes backwards from row to row, from {finite[0]:g} s to {finite[-1]:g} s"
+            raise DataError(f"no sample time can be found: {what}", "sort the rows by their time, the first one first")
         found = "no finite time stamp" if finite.size == 0 else f"time stays at {finite[-1]:g} s"
         raise DataError(
             f"no sample time can be found: {found} in the first {stamps.size} row(s)",

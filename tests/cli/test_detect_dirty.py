@@ -125,6 +125,7 @@ REFUSED = {
     "no disturbance": (b"t,u,x\n" + ROW.encode() * 3, "neither d_hat nor velocity nor position"),
     "twice u": (b"t,u,d_hat,u\n" + b"1,2,3,4\n" * 3, '2 columns are called "u"'),
     "time stands still": (b"t,u,d_hat\n" + ROW.encode() * 300, "time stays at 0.3 s"),
+    "newest first": (b"t,u,d_hat\n" + b"".join(b"%d,1.0,0.5\n" % (300 - k) for k in range(300)), "time goes backwards"),
     "no value at all": (b"t,u,d_hat\n" + b"nan,nan,nan\n" * 20, "no finite time stamp"),
     "binary": (b"\x00\x01\x02" * 50, "neither CSV nor Parquet"),
     "half a Parquet": (b"PAR1" + b"x" * 100, "not a readable Parquet file"),
