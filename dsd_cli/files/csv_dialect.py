@@ -9,7 +9,10 @@ from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from typing import NamedTuple
 
+import numpy as np
+
 from dsd_cli.errors import DataError
+from dsd_cli.signals.log import Array
 
 DELIMITERS = (",", ";", "\t")
 #: What loggers write where there is no value; "nan" and "inf" are numbers to both parsers.
@@ -171,6 +174,17 @@ def is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def stamps_in(texts: Sequence[str | None]) -> Array | None:
+    """Stamps in words as s, and numbers; None: they are something else."""
+    there = [text for text in texts[:20] if text is not None and text.strip() not in MISSING]
+    if not there or not all(map(is_number, there)):
+        return None
+    try:
+        return np.array([math.nan if text is None else seconds(text) for text in texts])
+    except ValueError:
+        return None
 
 
 def read_header(source: str, comment: str, line: str, below: str | None = None) -> Header:

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
 from dsd_cli.errors import DataError, source_name
-from dsd_cli.files.csv_dialect import MISSING, is_number, seconds
+from dsd_cli.files.csv_dialect import stamps_in
 from dsd_cli.files.csv_in import CsvTable
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.formats.base import Container, Group
@@ -107,17 +105,6 @@ def _of_arrow(columns: dict[str, object], units: dict[str, str]) -> Iterator[Cha
         if is_number_type(kind):
             yield Channel(name, as_float64(column), unit, pa.types.is_boolean(kind))
         elif pa.types.is_string(kind):
-            yield Channel(name, _stamps(column.to_pylist()), unit)  # type: ignore[attr-defined]
+            yield Channel(name, stamps_in(column.to_pylist()), unit)  # type: ignore[attr-defined]
         else:
             yield Channel(name, None, unit)
-
-
-def _stamps(texts: list[str | None]) -> Array | None:
-    """Stamps in words as s; None: they are something else."""
-    there = [text for text in texts[:20] if text is not None and text.strip() not in MISSING]
-    if not there or not all(map(is_number, there)):
-        return None
-    try:
-        return np.array([np.nan if text is None else seconds(text) for text in texts])
-    except ValueError:
-        return None

@@ -177,15 +177,17 @@ def test_an_effect_may_live_on_the_grid_alone() -> None:
 class TestOverride:
     def test_values_effects_and_list_items(self) -> None:
         config = load_template("paper-delay-change").override(
-            ["model.inertia=0.7", "detector.method=imm", "simulate.events.0.delay = 0.2", "states.delays=[0.2,0.4]"]
-            + ["signals.d_hat="],
+            ["model.inertia=0.7", "detector.method=imm", "simulate.events.0.delay = 0.2", "states.delays=[0.2,0.4]"],
             ["coulomb_friction:level=0.5"],
         )
         assert config.model.inertia == 0.7
-        assert (config.detector.method, config.signals.d_hat) == ("imm", None)
+        assert config.detector.method == "imm"
         assert config.require(Simulate).events[0].delay == 0.2
         assert config.require(States).delays == (0.2, 0.4)
         assert config.model.effects == {"coulomb_friction": {"level": 0.5}}
+
+    def test_nothing_is_no_column(self) -> None:
+        assert parse_config(STATES).override(["signals.d_hat="]).signals.d_hat is None
 
     def test_the_original_stays(self) -> None:
         config = load_template("paper-step")

@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.errors import DataError
+from dsd_cli.files.csv_dialect import stamps_in
 from dsd_cli.files.formats.base import InMemory, check_size
+from dsd_cli.files.formats.long_form import form_by_texts, turned
 from dsd_cli.files.formats.messages import fields
 from dsd_cli.signals.log import Array
 
@@ -93,8 +95,10 @@ def _collect(value: Any, name: str, found: dict[str, Table], rows_of: Mapping[in
 
 
 def _numbers(value: Any) -> Array | None:
-    """A list of numbers, null where one is missing; None for anything else."""
+    """A list of numbers, or of stamps in words, null where one is missing; None for anything else."""
     value = _listed(value)
+    if isinstance(value, list) and value and all(isinstance(one, str | None) for one in value):
+        return stamps_in(value)
     if not isinstance(value, list) or not value or not any(isinstance(one, int | float) for one in value[:10]):
         return None
     if any(not isinstance(one, int | float) and one is not None for one in value):
@@ -128,10 +132,20 @@ def _rows(rows: list[Any], rows_of: Mapping[int, Sequence[str]]) -> Table:
 
 
 def _records(records: list[Any]) -> Table:
-    """Records of named numbers, to any depth."""
-    flat = [dict(fields(record)) for record in records if isinstance(record, Mapping)]
+    """Records of named numbers, to any depth; numbers and stamps in quotes are some, other texts may name a value."""
+    maps = [record for record in records if isinstance(record, Mapping)]
+    flat = [dict(fields(record)) for record in maps]
     names = list(dict.fromkeys(name for record in flat for name in record))[:MOST_FIELDS]
-    return {name: np.array([record.get(name, np.nan) for record in flat], dtype=np.float64) for name in names}
+    table = {name: np.array([record.get(name, np.nan) for record in flat], dtype=np.float64) for name in names}
+    texts: dict[str, list[str]] = {}
+    for key in [key for key, value in maps[0].items() if isinstance(value, str)]:
+        cells = [cell if isinstance(cell := record.get(key), str) else None for record in maps]
+        if (column := stamps_in(cells)) is not None:
+            table[key] = np.where(np.isnan(column), table.get(key, np.nan), column)
+        else:
+            texts[key] = [cell or "" for cell in cells]
+    long = form_by_texts(table, texts)
+    return table if long is None else turned("", long, table, texts)
 
 
 def _joined(tables: list[Table]) -> Table:

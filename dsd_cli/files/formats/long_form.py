@@ -36,6 +36,11 @@ class Long(NamedTuple):
     names: tuple[str, ...]
     values: tuple[str, ...]
 
+    @property
+    def note(self) -> str:
+        """What to say of it."""
+        return f"it has a row for each value, named by {', '.join(self.names)}"
+
 
 class LongFile(InMemory):
     """A CSV or Parquet file of this form; see `Container`."""
@@ -46,21 +51,28 @@ class LongFile(InMemory):
         places = {"t": long.time} | {str(k): column for k, column in enumerate(long.values)}
         table = opened(path, places)
         parts = [batch.columns for batch in table.batches()]
-        columns = {name: np.concatenate([part[name] for part in parts]) for name in places}
-        texts = [table.texts(column) for column in long.names]
-        varying = [text for text in texts if len(set(text)) > 1] or texts[:1]
-        names, codes = np.unique(["/".join(row) for row in zip(*varying, strict=True)], return_inverse=True)
-        t, rows = np.unique(columns["t"], return_inverse=True)
-        check_size(path, 8.0 * t.size * len(names) * len(long.values))
-        channels = {long.time: t}
-        for at, name in enumerate(names):
-            mine = codes == at
-            for k, column in enumerate(long.values):
-                full = f"{name}/{column}" if len(long.values) > 1 else name
-                channels[full] = np.full(t.size, np.nan)
-                channels[full][rows[mine]] = columns[str(k)][mine]
-        super().__init__(channels, dict(table.metadata))
-        self.notes.append(f'it has a row for each value: the channels are what "{", ".join(long.names)}" says')
+        columns = [np.concatenate([part[name] for part in parts]) for name in places]
+        numbers = dict(zip((long.time, *long.values), columns, strict=True))
+        super().__init__(turned(path, long, numbers, {name: table.texts(name) for name in long.names}))
+        self.metadata = dict(table.metadata)
+        self.notes.append(long.note)
+
+
+def turned(path: str, long: Long, numbers: Mapping[str, Array], texts: Mapping[str, list[str]]) -> dict[str, Array]:
+    """The stamps in their order, and the values of each name, NaN where it has none, all of shape (stamps,)."""
+    said = [texts[name] for name in long.names]
+    varying = [text for text in said if len(set(text)) > 1] or said[:1]
+    names, codes = np.unique(["/".join(row) for row in zip(*varying, strict=True)], return_inverse=True)
+    t, rows = np.unique(numbers[long.time], return_inverse=True)
+    check_size(path, 8.0 * t.size * len(names) * len(long.values))
+    channels = {long.time: t}
+    for at, name in enumerate(names.tolist()):
+        mine = codes == at
+        for column in long.values:
+            full = f"{name}/{column}" if len(long.values) > 1 else name
+            channels[full] = np.full(t.size, np.nan)
+            channels[full][rows[mine]] = numbers[column][mine]
+    return channels
 
 
 def long_form(table: CsvTable | ParquetTable, first: Mapping[str, Any] | None = None) -> Long | None:
@@ -85,13 +97,21 @@ def peeked(table: CsvTable | ParquetTable) -> dict[str, Any]:
 def form_of(columns: Mapping[str, Any]) -> Long | None:
     """The same of Arrow arrays: within each name stamps rise, and it has one value, or names alternate."""
     numbers = {name: as_float64(column) for name, column in columns.items() if is_number_type(column.type)}
-    texts = [name for name, column in columns.items() if name not in numbers and _names(column.to_pylist())]
-    if texts:
-        said = ["/".join(map(str, row)) for row in zip(*(columns[name].to_pylist() for name in texts), strict=True)]
-        return _form(tuple(texts), np.unique(said, return_inverse=True)[1], numbers)
+    texts = {name: list(map(str, column.to_pylist())) for name, column in columns.items() if name not in numbers}
+    if (form := form_by_texts(numbers, texts)) is not None or any(map(_names, texts.values())):
+        return form
     whole = (name for name, x in numbers.items() if np.all(x == np.round(x)) and _names(x.tolist()))
     forms = (_form((name,), np.unique(numbers[name], return_inverse=True)[1], numbers) for name in whole)
     return next((form for form in forms if form is not None and _stand(numbers[form.time])), None)
+
+
+def form_by_texts(numbers: Mapping[str, Array], texts: Mapping[str, list[str]]) -> Long | None:
+    """The same, of channels whose names are texts, of columns with as many rows each."""
+    names = tuple(name for name, cells in texts.items() if _names(cells))
+    if not names:
+        return None
+    said = ["/".join(row) for row in zip(*(texts[name] for name in names), strict=True)]
+    return _form(names, np.unique(said, return_inverse=True)[1], numbers)
 
 
 def _names(cells: list[Any]) -> bool:

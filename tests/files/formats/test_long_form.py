@@ -1,5 +1,7 @@
 """Tables with a row for each value, and tables that look a little like one and are none."""
 
+import json
+
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -45,4 +47,18 @@ def test_the_values_of_one_stamp_are_one_row(tmp_path, missing):
     u[30] = np.nan if missing else u[30]
     for name, expected in (("t", T), ("u", u), ("position", Q)):
         np.testing.assert_array_equal(batch.columns[name], expected)
-    assert table.warnings == ['it has a row for each value: the channels are what "name" says']
+    assert table.warnings == ["it has a row for each value, named by name"]
+
+
+def test_records_of_json_and_their_stamps_in_words(tmp_path):
+    """2025-03-01T09:00:00Z is 1740819600 s; a number in quotes is one."""
+    rows = [
+        {"ts": f"2025-03-01T09:00:{k / 100:09.6f}Z", "name": name, "value": repr(x[k])}
+        for k in range(ROWS)
+        for name, x in (("iq", U.tolist()), ("enc", Q.tolist()))
+    ]
+    (tmp_path / "log.jsonl").write_text("\n".join(map(json.dumps, rows)) + "\n")
+    (batch,) = open_table(tmp_path / "log.jsonl", {"t": "ts", "u": "iq", "position": "enc"}).batches()
+    np.testing.assert_allclose(batch.columns["t"], 1740819600.0 + T, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(batch.columns["u"], U)
+    np.testing.assert_array_equal(batch.columns["position"], Q)
