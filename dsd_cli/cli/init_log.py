@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsd_cli.cli.init_questions import column_question, step_question
+from dsd_cli.cli.init_questions import column_question, step_question, without_coarse_stamps
 from dsd_cli.cli.init_roles import Chosen, choose
 from dsd_cli.cli.init_units import Units, step_of, units_of
 from dsd_cli.errors import DsdError, source_name
@@ -80,15 +80,14 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
     ------
     DataError : it cannot be read. UsageError : a column that was named is not there.
     """
-    out = Proposal()
-    name = name or path
-    looked = sample(path, asked.layout)
-    out.said += looked.notes
+    name, looked = name or path, sample(path, asked.layout)
+    out = Proposal(said=list(looked.notes))
     chosen = choose(source_name(name), looked, asked.given)
     while chosen.missing and asked.ask is not None:
         answer = asked.ask(chosen.missing, chosen.candidates)
         asked = asked._replace(given={**asked.given, chosen.missing: answer})
         chosen = choose(source_name(name), looked, asked.given)
+    chosen = without_coarse_stamps(chosen)
     out.said += chosen.said
     _name_columns(chosen, out)
     unstamped = not chosen.missing and not chosen.clock and "time" not in chosen.found
@@ -113,7 +112,7 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
 
 
 def _rows_apart(chosen: Chosen, asked: Asked, said: float | None, out: Proposal) -> float | None:
-    """s between the rows of a log without a clock: as the user or the file says, or the motion; None: nothing does."""
+    """s between the rows of a log without a clock: as the user, the file or the motion says; None: nothing does."""
     told = asked.values.get(("signals", "sample_time"))
     if isinstance(told, int | float):
         return float(told)

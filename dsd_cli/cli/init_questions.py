@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
-from dsd_cli.cli.init_roles import Chosen
+import numpy as np
+
+from dsd_cli.cli.init_roles import Chosen, Coarse, step_in
 from dsd_cli.cli.init_units import step_of
 from dsd_cli.errors import printable
+from dsd_cli.files.first_look import time_unit_of
 from dsd_cli.files.template import with_value
+from dsd_cli.signals.clock import TIME_SCALE
+
+#: A time is coarser than the rows where it stands still in this share of the steps from row to row.
+COARSE = 0.5
 
 
 class Question(NamedTuple):
@@ -20,11 +28,32 @@ class Question(NamedTuple):
     command: str
 
 
+def without_coarse_stamps(chosen: Chosen) -> Chosen:
+    """Without a time that stands still from row to row in half of them or more.
+
+    One row of each stamp would be left, and of a faster u a sample in place of its mean.
+    """
+    time = chosen.found.get("time")
+    channels = () if time is None or chosen.table is None else chosen.table.channels
+    values = next((one.values for one in channels if time is not None and one.name == time.column), None)
+    stamps = np.zeros(1) if values is None else values[np.isfinite(values)]
+    steps = np.diff(stamps)
+    if time is None or not steps.any() or steps.min() < 0.0 or np.mean(steps == 0.0) < COARSE:
+        return chosen
+    unit = time.time_unit or time_unit_of(step_in(stamps), float(stamps[0]))
+    apart = float(f"{TIME_SCALE[unit] * (stamps[-1] - stamps[0]) / steps.size:.3g}")
+    what = f'"{time.column}" stands still in {100 * np.mean(steps == 0.0):.0f} % of them; {apart:g} if they are even'
+    found = {role: one for role, one in chosen.found.items() if role != "time"}
+    return replace(chosen, found=found, coarse=Coarse(what, apart))
+
+
 def step_question(path: str, chosen: Chosen, given: Mapping[str, str], text: str) -> Question:
-    """The question for the time from row to row, with what the motion would make of it."""
+    """The question for the time from row to row, with what the motion, or stamps that are too coarse, make of it."""
     found = step_of(chosen.table, chosen.found)
     what, value = "how many s are its rows apart? nothing in it says", "SECONDS"
-    if found is not None:
+    if chosen.coarse is not None:
+        what, value = f"how many s are its rows apart? {chosen.coarse.what}", f"{chosen.coarse.apart:g}"
+    elif found is not None:
         value = f"{found[0]:g}"
         velocity, position = (chosen.found[role].column for role in ("velocity", "position"))
         what += f'; {value} if "{velocity}" and "{position}" are in units that belong together (rad/s and rad)'

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,6 +37,13 @@ TABLES = 4
 EVEN = 1e-3
 
 
+class Coarse(NamedTuple):
+    """Stamps that are coarser than the rows: what to say of them, and s from row to row if these are even."""
+
+    what: str
+    apart: float
+
+
 @dataclass(frozen=True, eq=False)
 class Chosen:
     """The columns of the channels, with their units, and why; `table` has them all, None: they are in several.
@@ -50,6 +58,7 @@ class Chosen:
     said: tuple[str, ...]
     missing: str = ""
     candidates: tuple[str, ...] = ()
+    coarse: Coarse | None = None
 
 
 def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
@@ -210,11 +219,12 @@ def _seconds(look: FirstLook, table: Table) -> float:
         return 1.0
     stamps = next(one.values for one in table.channels if one.name == time.column)
     there = np.zeros(1) if stamps is None else stamps[np.isfinite(stamps)]
-    unit = time.time_unit or time_unit_of(_step(there), float(there[0]) if there.size else 0.0)
+    unit = time.time_unit or time_unit_of(step_in(there), float(there[0]) if there.size else 0.0)
     return TIME_SCALE[unit]
 
 
-def _step(stamps: Array) -> float:
+def step_in(stamps: Array) -> float:
+    """The usual step forward of stamps; 1 where there is none."""
     steps = np.diff(stamps)
     steps = steps[steps > 0.0]
     return float(np.median(steps)) if steps.size else 1.0

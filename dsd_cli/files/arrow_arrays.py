@@ -71,6 +71,30 @@ def is_number_type(kind: Any) -> bool:
     return any(check(value) for check in (*number, *time))
 
 
+def records_of(schema: Any) -> dict[str, tuple[str, ...]]:
+    """`column/field`, ... -> the way to it, of the numbers in columns of records, to any depth."""
+    import pyarrow as pa
+
+    found: dict[str, tuple[str, ...]] = {}
+
+    def collect(kind: Any, way: tuple[str, ...]) -> None:
+        for field in kind:
+            if pa.types.is_struct(field.type):
+                collect(field.type, (*way, field.name))
+            elif way and is_number_type(field.type):
+                found["/".join((*way, field.name))] = (*way, field.name)
+
+    collect(schema, ())
+    return found
+
+
+def in_record(column: Any, way: Sequence[str]) -> Any:
+    """What lies there in an array of records; null where a record around it is."""
+    for name in way:
+        column = column.flatten()[column.type.get_field_index(name)]
+    return column
+
+
 def numbers(values: NDArray[Any], there: NDArray[np.bool_] | None = None) -> Any:
     """Numbers or booleans as an Arrow array; null where not `there`."""
     import pyarrow as pa

@@ -105,12 +105,16 @@ def _is_text(fields: Sequence[str]) -> bool:
     return bool(there) and not any(map(is_number, there))
 
 
-#: What a preamble calls the time from row to row, and the number that follows; its unit before or after that.
-_INTERVAL = re.compile(
-    r"(?:sampl\w*[ _]?(?:time|interval|period)|abtastzeit|trace period|delta_?x|\binterval)[ _a-z]*"
-    r"[\[(]?(s|ms|us|µs)?[\])]?[\"\s:;,=]+([\d.,]+(?:e[-+]?\d+)?)\s*(s|ms|us|µs)?\b",
-    re.IGNORECASE,
+#: What a preamble calls the time from row to row, or how many there are in a second; the unit before or after a number.
+_VALUE = r"[ _a-z]*[\[(]?({0})?[\])]?[\"\s:;,=]+([\d.,]+(?:e[-+]?\d+)?)\s*({0})?\b"
+_INTERVAL, _RATE = (
+    re.compile(names + _VALUE.format(units), re.IGNORECASE)
+    for names, units in (
+        (r"(?:sampl\w*[ _]?(?:time|interval|period)|abtastzeit|trace period|delta_?x|\binterval)", "s|ms|us|µs"),
+        (r"(?:sampl\w*[ _]?(?:rate|freq\w*)|abtastrate|abtastfrequenz|\bfs(?=\W.*hz))", "hz|khz"),
+    )
 )
+_SCALE = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "hz": 1.0, "khz": 1e3}
 
 
 def sample_time_of(lines: Sequence[str], found: Found) -> float | None:
@@ -119,10 +123,10 @@ def sample_time_of(lines: Sequence[str], found: Found) -> float | None:
     if is_number(text := units.get("increment", "-")) and text.strip() not in MISSING:
         return float(text)
     for line in lines[: found.skip]:
-        if (said := _INTERVAL.search(line)) and is_number(said[2]):
-            unit = (said[1] or said[3] or "s").lower()
-            step = number(said[2]) * {"s": 1.0, "ms": 1e-3}.get(unit, 1e-6)
-            return step if step > 0.0 else None
+        for kind in (_INTERVAL, _RATE):
+            if (said := kind.search(line)) and is_number(said[2]) and (value := number(said[2])) > 0.0:
+                value *= _SCALE[(said[1] or said[3] or "s").lower()]
+                return value if kind is _INTERVAL else 1.0 / value
     return None
 
 

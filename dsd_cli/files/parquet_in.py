@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.files.arrow_arrays import as_float64, is_number_type, numbers
+from dsd_cli.files.arrow_arrays import as_float64, in_record, is_number_type, numbers, records_of
 from dsd_cli.files.formats.messages import LONGEST_ARRAY
 from dsd_cli.files.table_source import Batch, choose_columns
 
@@ -36,15 +36,16 @@ class ParquetTable:
         except (pa.ArrowException, OSError) as error:
             raise DataError(f"{name}: not a readable Parquet file ({_first_line(error)})", "write it again") from None
         schema = self._file.schema_arrow
-        self._members = self._lists()
-        nested = {column for column, _ in self._members.values()}
-        self.column_names: list[str] = [*(name for name in schema.names if name not in nested), *self._members]
+        self._members, self._records = self._lists(), records_of(schema)
+        self._home = {name: column for name, (column, *_) in (self._members | self._records).items()}
+        nested = set(self._home.values())
+        self.column_names: list[str] = [*(name for name in schema.names if name not in nested), *self._home]
         self.columns = choose_columns(name, self.column_names, columns, optional)
         self.metadata = key_values(self._file.metadata.metadata)
         self.warnings: list[str] = []
         self.unreadable = 0
         for column in self.columns.values():
-            if column not in self._members:
+            if column not in self._home:
                 _check_type(name, column, schema.field(column).type)
         if self._file.metadata.num_rows == 0:
             raise DataError(f"{name}: has no rows")
@@ -55,14 +56,14 @@ class ParquetTable:
         return int(self._file.metadata.num_rows)
 
     def peek(self, rows: int) -> dict[str, Any]:
-        """Column -> Arrow array of its first rows; columns of records are left out."""
+        """Column -> Arrow array of its first rows."""
         import pyarrow as pa
 
         flat = [field.name for field in self._file.schema_arrow if not pa.types.is_nested(field.type)]
         try:
-            batch = next(self._file.iter_batches(rows, columns=self._read_of([*flat, *self._members]), **_as_usual()))
+            batch = next(self._file.iter_batches(rows, columns=self._read_of([*flat, *self._home]), **_as_usual()))
             found = {name: batch.column(name) for name in flat}
-            return found | {name: self._column(batch, name) for name in self._members}
+            return found | {name: self._column(batch, name) for name in self._home}
         except (pa.ArrowException, OSError) as error:
             raise DataError(f"{self.name}: is damaged ({_first_line(error)})", "write it again") from None
 
@@ -96,10 +97,13 @@ class ParquetTable:
 
     def _read_of(self, columns: Collection[str]) -> list[str]:
         """The columns of the file that hold these."""
-        return list(dict.fromkeys(self._members.get(name, (name, 0))[0] for name in columns))
+        return list(dict.fromkeys(self._home.get(name, name) for name in columns))
 
     def _column(self, batch: Any, name: str) -> Any:
         """A column as an Arrow array; of lists the member, NaN where a list is shorter or not there."""
+        if name in self._records:
+            column, *way = self._records[name]
+            return in_record(batch.column(column), way)
         if name not in self._members:
             return batch.column(name)
         import pyarrow.compute as pc

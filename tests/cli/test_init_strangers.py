@@ -77,6 +77,17 @@ def test_what_is_missing_is_asked_with_the_command_that_says_it(tmp_path: Path) 
     refused(dsd("init", path.name, "--force", "--u", "gamma", cwd=tmp_path), 2, 'no column "gamma"', "alpha, beta")
 
 
+def test_stamps_that_are_coarser_than_the_rows_are_no_clock(tmp_path: Path) -> None:
+    """At 10 ms one row of five was left, and the rest said to be left out by `check` alone."""
+    lines = strangers.rows(AXIS, np.floor(100.0 * AXIS["t"] + 1e-6) / 100.0, AXIS["u"], AXIS["q"])
+    strangers.text(tmp_path, "log.csv", ["time,torque,pos", *lines])
+    last = dsd("init", "log.csv", cwd=tmp_path).stderr.splitlines()[-1]
+    assert '"time" stands still in 80 % of them; 0.002 if they are even' in last
+    done(*shlex.split(last.partition("say it: ")[2])[1:], cwd=tmp_path)
+    answer = json.loads(done("check", "log.csv", "--format", "json", cwd=tmp_path).stdout)
+    assert answer["by_log"][0]["seconds"] == pytest.approx(strangers.ROWS * strangers.STEP)
+
+
 def test_on_a_terminal_it_is_asked(tmp_path: Path) -> None:
     ambiguous(tmp_path)
     master, slave = pty.openpty()

@@ -251,6 +251,15 @@ def lists(folder: Path, a: dict) -> Path:
     return folder / "episode.parquet"
 
 
+def structs(folder: Path, a: dict) -> Path:
+    """Messages as columns of records, one of them in another, in Parquet; a record that is missing has no numbers."""
+    inner = pa.StructArray.from_arrays([pa.array(a["q"]), pa.array(a["v"])], ["position", "velocity"])
+    state = pa.StructArray.from_arrays([inner], ["joint"], mask=pa.array(np.arange(ROWS) == 7))
+    drive = pa.StructArray.from_arrays([pa.array(a["u"]), pa.array(["run"] * ROWS)], ["torque", "mode"])
+    pq.write_table(pa.table({"stamp": a["t"], "state": state, "drive": drive}), folder / "messages.parquet")
+    return folder / "messages.parquet"
+
+
 def two_levels(folder: Path, a: dict) -> Path:
     """pandas: columns of three levels, and the name of the index below them."""
     head = [",motor,stage,stage", ",force,pos,vel", ",N,um,mm/s", "time,,,"]
@@ -318,6 +327,7 @@ MADE: dict[str, tuple[Callable[[Path, dict], Path], str, str]] = {
     "matlab_dates": (matlab_dates, "MotorTorque", "JointAngle"),
     "joint_states": (joint_states, "msg/effort/arm", "msg/position/arm"),
     "lists": (lists, "effort/1", "state/1"),
+    "structs": (structs, "drive/torque", "state/joint/position"),
     "two_levels": (two_levels, "force", "pos"),
     "merged": (merged, "/drive/torque", "/joint/position"),
     "series": (series, "current", "angle"),

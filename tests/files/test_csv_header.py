@@ -4,7 +4,7 @@ import pytest
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.csv_dialect import read_header
-from dsd_cli.files.csv_layout import CsvLayout, Found, look
+from dsd_cli.files.csv_layout import CsvLayout, Found, look, sample_time_of
 
 TIME, OTHER, UNITS = ["t", "u", "q", "v"], ["time", "1", "2", "3"], ["ms", "Nm", "deg", "deg/s"]
 ROWS = [f"{k / 250},{0.5 + k / 8},{-k / 16},{k / 32}" for k in range(12)]
@@ -122,3 +122,12 @@ def test_names_that_are_units_too() -> None:
     rows = [row.rpartition(",")[0] for row in ROWS]
     assert seen("s,v,a", *rows).header.names == ["s", "v", "a"]
     assert seen("# log of run 3", "s,v,a", *rows).header.names == ["s", "v", "a"]
+
+
+@pytest.mark.parametrize(
+    ("said", "step"),
+    [("# fs = 500 Hz", 2e-3), ("# Sampling rate [kHz]: 2.5", 4e-4), ("# Abtastrate;250", 4e-3), ("# fs = 5 A", None)],
+)
+def test_a_rate_above_the_numbers_says_how_far_rows_are_apart(said, step):
+    lines = [said, "u,q", *(f"{k}.5,{k * k}" for k in range(50))]
+    assert sample_time_of(lines, seen(*lines)) == (None if step is None else pytest.approx(step))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.files.arrow_arrays import as_float64, is_number_type
+from dsd_cli.files.arrow_arrays import as_float64, in_record, is_number_type, records_of
 from dsd_cli.files.formats.base import Group
 from dsd_cli.files.parquet_in import key_values
 from dsd_cli.signals.log import Array
@@ -34,7 +34,8 @@ class ArrowFile:
             self._batch = batches.__getitem__
             self._edges = [0, *accumulate(batch.num_rows for batch in batches)]
         self.metadata = key_values(schema.metadata)
-        names = {one.name: "" for one in schema if is_number_type(one.type)}
+        self._ways = {one.name: (one.name,) for one in schema if is_number_type(one.type)} | records_of(schema)
+        names = dict.fromkeys(self._ways, "")
         self.groups: Sequence[Group] = [Group("", self._edges[-1], names)] if self._edges[-1] else []
 
     def read(self, group: Group, channels: Sequence[str], start: int, rows: int) -> dict[str, Array]:
@@ -46,7 +47,8 @@ class ArrowFile:
             batch = self._batch(k)
             cut = slice(max(start - begin, 0), min(stop, end) - begin)
             for name in channels:
-                parts[name].append(as_float64(batch.column(name))[cut])
+                column, *way = self._ways[name]
+                parts[name].append(as_float64(in_record(batch.column(column), way))[cut])
         return {name: np.concatenate(found) for name, found in parts.items()}
 
 
