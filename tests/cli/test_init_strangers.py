@@ -32,7 +32,7 @@ def test_a_strangers_file_ends_in_a_config_that_check_takes(name: str, tmp_path:
     assert [one["what"] for one in answer["findings"] if one["severity"] == "error"] == []
     assert answer["by_log"][0]["seconds"] == pytest.approx(strangers.ROWS * strangers.STEP, rel=0.03)
     factors = {"trace": 1e-3, "spreadsheet": 1e-3, "twincat": 1e-3, "recorder": np.pi / 180, "degrees": np.pi / 180}
-    factors["two_levels"] = 1e-6
+    factors |= {"two_levels": 1e-6, "printed": np.pi / 180}
     if motion == config.signals.position:
         assert config.signals.factors().get("position", 1.0) == pytest.approx(factors.get(name, 1.0))
 
@@ -246,5 +246,5 @@ def test_a_part_of_an_orientation_that_is_asked_for_is_taken(tmp_path: Path) -> 
 
 
 def test_a_text_without_a_column_of_numbers_is_no_question_which_it_is(tmp_path: Path) -> None:
-    (tmp_path / "plotter.txt").write_text("".join(f"u:{k % 7},pos:{k}\n" for k in range(200)))
+    (tmp_path / "plotter.txt").write_text("".join(f"u:0x{k % 7:x},pos:0x{k:x}\n" for k in range(200)))
     refused(dsd("init", "plotter.txt", cwd=tmp_path), 1, "plotter.txt: no column holds numbers", "`dsd columns` shows")

@@ -260,6 +260,13 @@ def structs(folder: Path, a: dict) -> Path:
     return folder / "messages.parquet"
 
 
+def printed(folder: Path, a: dict) -> Path:
+    """Firmware: names with values and units behind a stamp, and what else it has to say."""
+    columns = zip(1e3 * a["t"], a["u"], np.degrees(a["q"]), strict=True)
+    body = [f"I ({1200 + t:.0f}) axis1: torque={u:.6g}Nm, angle={q:.7g}deg" for t, u, q in columns]
+    return text(folder, "monitor.log", ["boot: esp-idf v5.1", *body[:900], "W (3001) wifi: retry=3", *body[900:]])
+
+
 def two_levels(folder: Path, a: dict) -> Path:
     """pandas: columns of three levels, and the name of the index below them."""
     head = [",motor,stage,stage", ",force,pos,vel", ",N,um,mm/s", "time,,,"]
@@ -328,6 +335,7 @@ MADE: dict[str, tuple[Callable[[Path, dict], Path], str, str]] = {
     "joint_states": (joint_states, "msg/effort/arm", "msg/position/arm"),
     "lists": (lists, "effort/1", "state/1"),
     "structs": (structs, "drive/torque", "state/joint/position"),
+    "printed": (printed, "torque", "angle"),
     "two_levels": (two_levels, "force", "pos"),
     "merged": (merged, "/drive/torque", "/joint/position"),
     "series": (series, "current", "angle"),

@@ -40,10 +40,11 @@ MCAP = Format("MCAP", "mcap_file", "McapFile", ("mcap",), "mcap")
 BAG = Format("a ROS bag", "ros_bag", "RosBag", ("rosbags",), "ros")
 JSON = Format("JSON", "json_file", "JsonFile")
 CODESYS = Format("a trace of CODESYS", "codesys", "CodesysTrace")
+PAIRS = Format("lines of names with values", "pairs", "PairsFile")
 #: What only the rows say, and so nobody asks until a column is missing.
 LONG = Format("a table with a row for each value", "long_form", "LongFile")
 
-FORMATS = (NUMPY, ARROW, MAT, NETCDF, MAT73, HDF5, MDF, TDMS, MCAP, BAG, JSON, CODESYS)
+FORMATS = (NUMPY, ARROW, MAT, NETCDF, MAT73, HDF5, MDF, TDMS, MCAP, BAG, JSON, CODESYS, PAIRS)
 
 _MAGIC = (
     (b"\x93NUMPY", NUMPY),
@@ -68,6 +69,8 @@ _BAGS = (".bag", ".db3")
 
 def format_of(path: str | Path, head: bytes) -> Format | None:
     """The format of a file that begins with `head` (`HEAD_BYTES`), or of a folder; None: none of these."""
+    from dsd_cli.files.formats.pairs import are_pairs
+
     if is_bag(path):
         return BAG
     if any(head[at : at + 8] == b"\x89HDF\r\n\x1a\n" for at in (512, 1024, 2048)):
@@ -87,7 +90,7 @@ def format_of(path: str | Path, head: bytes) -> Format | None:
         return CODESYS
     if text[:1] in (b"{", b"["):
         return None if _is_units_first(text) else JSON
-    return None
+    return PAIRS if are_pairs(head) else None
 
 
 def _is_units_first(first: bytes) -> bool:

@@ -1,0 +1,63 @@
+"""Lines of names with their values, as firmware prints them: `u:0.52,pos:1.25`, `I (1250) axis: tau=0.52Nm q=1.25`."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from dsd_cli.files.csv_dialect import decode, is_number, seconds
+from dsd_cli.files.formats.base import InMemory
+from dsd_cli.signals.log import Array
+
+#: A name, its value, and a unit right behind that.
+PAIR = re.compile(
+    r"([A-Za-z_][\w./\[\]]*)\s*[=:]\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|-?inf)([A-Za-z%°]+(?:/s)?)?(?![\w.:])"
+)
+#: What may be a stamp before the first of them.
+STAMP = re.compile(r"\d{4}-\d\d-\d\d[ T][\d:.]+|\d+(?:[.:]\d+)*")
+#: Pairs in a line, lines and the share of them with the same names, at least.
+FEWEST, LINES, ALIKE = 2, 5, 0.6
+
+
+class PairsFile(InMemory):
+    """Lines with the names that most lines have, and `time` where they begin with a stamp; see `Container`."""
+
+    def __init__(self, path: str) -> None:
+        lines = decode(Path(path).read_bytes()).splitlines()
+        names = _names(lines)
+        units: dict[str, str] = {}
+        values: list[list[float]] = []
+        stamps: list[float] = []
+        for line in lines:
+            found = list(PAIR.finditer(line))
+            if tuple(one[1] for one in found) == names:
+                values.append([float(one[2]) for one in found])
+                units |= {one[1]: one[3] for one in found if one[3]}
+                stamp = STAMP.search(line, 0, found[0].start())
+                stamps.append(seconds(stamp[0]) if stamp and is_number(stamp[0]) else np.nan)
+        channels: dict[str, Array] = dict(zip(names, np.array(values).T.copy(), strict=True))
+        t = np.array(stamps)
+        if "time" not in channels and np.all(np.diff(t) >= 0.0) and t[-1] > t[0]:
+            channels = {"time": t, **channels}
+        super().__init__(channels, units=units)
+        if left := sum(bool(line.strip()) for line in lines) - len(values):
+            self.notes.append(f"{left} line(s) without {', '.join(names)} are left out")
+
+
+def are_pairs(head: bytes) -> bool:
+    """Whether a file that begins so is one."""
+    if b"\0" in head or not (b"=" in head or b":" in head):
+        return False
+    return bool(_names(decode(head).splitlines()[:-1]))
+
+
+def _names(lines: list[str]) -> tuple[str, ...]:
+    """The names in most lines; () where these are too few."""
+    there = [line for line in lines if line.strip()]
+    counted = Counter(tuple(one[1] for one in PAIR.finditer(line)) for line in there[: 40 * LINES])
+    names, count = counted.most_common(1)[0] if counted else ((), 0)
+    enough = len(set(names)) == len(names) >= FEWEST and count >= max(LINES, ALIKE * counted.total())
+    return names if enough else ()
