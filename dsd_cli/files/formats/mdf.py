@@ -9,9 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from dsd_cli.errors import DataError
 from dsd_cli.files.formats.base import CLOCK, RECORDED, Group, numbers
 from dsd_cli.files.formats.formulas import check_formulas
 from dsd_cli.signals.log import Array
+
+#: Types of channels of version 4 that have no bits: they count the rows.
+VIRTUAL = (3, 6)
 
 
 class MdfFile:
@@ -65,7 +69,10 @@ class MdfFile:
         return out
 
     def _check(self, at: int, place: int | None, name: str) -> None:
-        """Look at every formula that reading the channel, or the stamps (None), would run: also those of its parts."""
+        """Look at every formula that reading the channel, or the stamps (None), would run: also those of its parts.
+
+        Where a channel lies outside of its record the library would read, and write, what is not its own.
+        """
         own: list[Any] = self._mdf.groups[at].channels
         asked = [] if place is None else [own[place]]
         master = self._mdf.masters_db.get(at)
@@ -74,6 +81,19 @@ class MdfFile:
             asked = own
         for channel in asked:
             check_formulas(f"{self._path}: {name}", channel.conversion)
+            if not _lies_in(self._mdf.groups[at].channel_group, channel):
+                raise DataError(
+                    f"{self._path}: is damaged ({channel.name} lies outside of its record)", "write it again"
+                )
+
+
+def _lies_in(record: Any, channel: Any) -> bool:
+    """Whether the bits of a channel, of either version, are some of its record; those of a virtual one are nowhere."""
+    if getattr(channel, "channel_type", 0) in VIRTUAL:
+        return True
+    of_bytes, of_bits = ("byte_offset", "additional_byte_offset"), ("bit_offset", "start_offset")
+    first = sum(8 * getattr(channel, name, 0) for name in of_bytes) + sum(getattr(channel, name, 0) for name in of_bits)
+    return bool(first + channel.bit_count <= 8 * record.samples_byte_nr)
 
 
 @contextmanager

@@ -110,6 +110,16 @@ def test_an_element_that_there_cannot_be_ends_no_process(whole, spoiled, tmp_pat
         read(path, names)
 
 
+def test_a_channel_that_lies_outside_of_its_record_ends_no_process(tmp_path: Path) -> None:
+    """asammdf reads, and writes, what is not its own."""
+    path, names = mdf(tmp_path, channels(300))
+    content, placed = path.read_bytes(), bytes([8, 0, 0, 0, 64, 0, 0, 0])
+    assert placed in content
+    path.write_bytes(content.replace(placed, bytes([236, *placed[1:]])))
+    with pytest.raises(DataError, match=r"is damaged .*outside of its record"):
+        read(path, names)
+
+
 def test_an_archive_of_numpy_of_a_version_that_there_is_not_is_one_line(tmp_path: Path) -> None:
     path, names = npz(tmp_path, channels(50))
     content = bytearray(path.read_bytes())
