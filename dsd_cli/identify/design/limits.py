@@ -20,6 +20,8 @@ NAMES = ("position", "velocity", "acceleration", "jerk", "u")
 _RISE = 0.5
 #: Quantile of what a log reached: single samples are noise.
 _REACHED = 0.999
+#: Times what the logs reached, from where on a limit leaves room for what they have not seen.
+_FAR = 2.0
 #: Standard deviations of a normal law beyond which 1 of 1000 lies, and half of all.
 _ONE_IN_1000, _MEDIAN = 3.2905, 0.6745
 
@@ -70,10 +72,9 @@ def limits_of(
     """
     low, high = given.get("position", (math.nan, math.nan))
     if "position" not in given:
-        places = [p["position"] for r in recordings for p in r.pieces if "position" in p]
-        if not places:
+        low, high = _visited(recordings)
+        if math.isnan(low):
             raise DataError("the logs have no position that does not drift", "give --limit position=LOW:HIGH")
-        low, high = min(float(q.min()) for q in places), max(float(q.max()) for q in places)
     if not low < high:
         raise UsageError(f"limit position = {low:g}:{high:g}", "the first must be below the second")
     sizes = {name: given[name][1] for name in NAMES[1:] if name in given}
@@ -86,6 +87,21 @@ def limits_of(
     if not low <= start <= high:
         raise UsageError(f"plan.start = {start:g}", f"must be within the position's limits, {low:g} to {high:g}")
     return Limits(low, high, **sizes, start=start, given=tuple(given))
+
+
+def unvisited(limits: Limits, recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Of position and velocity those whose limits are far from what the logs reached: nobody knows what acts there."""
+    low, high = _visited(recordings)
+    room = {"position": limits.high - limits.low > _FAR * (high - low)}
+    room["velocity"] = limits.velocity > _FAR * _reached(recordings)["velocity"]
+    return tuple(name for name, far in room.items() if far)
+
+
+def _visited(recordings: Sequence[Recording]) -> tuple[float, float]:
+    """Ends of the position in the logs, NaN where they have none."""
+    places = [p["position"] for r in recordings for p in r.pieces if "position" in p]
+    ends = [(float(q.min()), float(q.max())) for q in places]
+    return (min(a for a, _ in ends), max(b for _, b in ends)) if ends else (math.nan, math.nan)
 
 
 def _reached(recordings: Sequence[Recording]) -> dict[str, float]:

@@ -12,7 +12,7 @@ from dsd_cli.errors import DataError
 from dsd_cli.identify.design.closed_loop import Loop, Run, usual_loop
 from dsd_cli.identify.design.impossible import not_by_motion, told_by_none
 from dsd_cli.identify.design.inverse import Path, command_for
-from dsd_cli.identify.design.limits import Limits, limits_of, narrowed, noise_of_u, with_u
+from dsd_cli.identify.design.limits import Limits, limits_of, narrowed, noise_of_u, unvisited, with_u
 from dsd_cli.identify.design.measure import ENOUGH, Expected, Measure
 from dsd_cli.identify.design.motions import ROOM, Part, Room, generator_values, position_of
 from dsd_cli.identify.design.optimise import Sized, library_of, optimised
@@ -72,14 +72,18 @@ def plan_next(
     limits = limits_of(search.problem.recordings, wanted.limits, wanted.start, band.hz)
     asked = _Asked(search, observer, wanted, Room(limits, band.hz, planning_step(band)), diagnosis)
     targets = targets_of(search, whole, diagnosis, wanted.names)
-    try:
-        return asked.planned(targets, report)
-    except DataError:
-        if diagnosis is None or wanted.names or targets.unknown:
-            raise
-    # effects that no motion can be planned for are none, as forces a hundred times u that cancel out in a slow log
+    further = unvisited(limits, search.problem.recordings) if targets.nothing and not wanted.names else ()
+    if further:
+        note = f"nothing is left open where the logs have been: the motion is for the {' and '.join(further)} beyond"
+    else:
+        try:
+            return asked.planned(targets, report)
+        except DataError:
+            if diagnosis is None or wanted.names or targets.unknown:
+                raise
+        # effects that no motion can be planned for are none, as forces a hundred times u that cancel out in a slow log
+        note = f"no motion keeps the limits if {targets.explanations[0].name} is right: planned as with unknown"
     plan = asked.planned(targets_of(search, whole, diagnosis, doubted=True), report)
-    note = f"no motion keeps the limits if {targets.explanations[0].name} is right: planned as with unknown"
     return replace(plan, warnings=(*plan.warnings, note))
 
 
@@ -108,7 +112,7 @@ class _Asked:
         impossible = list(not_by_motion(search, targets, self.diagnosis))
         measure = Measure(search, targets, _DRAWS_IN_SEARCH)
         empty = _Answer(search, targets, limits, self.diagnosis, names)
-        if not (targets.pairs or targets.values or targets.unknown):
+        if targets.nothing:
             return empty.plan(None, measure, measure.expected(measure.nothing), impossible)
         library = library_of(measure, room, wanted.seconds[0], lambda x: report("looking at motions", 0.1 + 0.4 * x))
         if not library:

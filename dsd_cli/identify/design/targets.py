@@ -38,6 +38,11 @@ class Targets:
     doubtful: bool = False
     doubt: float = 1.0
 
+    @property
+    def nothing(self) -> bool:
+        """Whether there is nothing to find out."""
+        return not (self.pairs or self.values or self.unknown)
+
 
 def targets_of(
     search: Search, whole: Fit, diagnosis: Diagnosis | None, wanted: Sequence[str] = (), *, doubted: bool = False

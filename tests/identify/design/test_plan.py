@@ -56,8 +56,8 @@ class Asked:
         return plan_next(self.search, self.whole, self.diagnosis, self.observer, asked)
 
 
-def poor(what: str, kind: str, seed: int) -> Asked:
-    case = RigCase(what=(what,), seed=seed, sensing="enc4096", duration=10.0)
+def poor(what: str, kind: str, seed: int, sensing: str = "enc4096") -> Asked:
+    case = RigCase(what=(what,), seed=seed, sensing=sensing, duration=10.0)
     trial = find_trial(case)
     log, _ = follow(case, trial, *poor_reference(trial, kind, 8.0))
     observer = ObserverSettings(trial.design.inertia, 0.01)
@@ -121,6 +121,21 @@ def test_where_nobody_knows_what_is_missing_the_motion_is_for_the_whole_catalogu
     next_log = prepare(Log(log, asked.case.sample_time, "next"), asked.observer)
     after = diagnose([asked.recording, next_log], asked.model, asked.observer, Settings())
     assert after.found == (what,)
+
+
+def test_where_nothing_is_missing_the_motion_goes_on_to_what_the_log_never_visited() -> None:
+    """Within 0.1 rad a cubic spring is 1e-3 of u. Limits as wide as the log leave nothing to find out."""
+    asked = poor("cubic_stiffness", "small", 87113, "speed40k")
+    assert asked.diagnosis.verdict == "none"
+    assert plan_next(asked.search, asked.whole, asked.diagnosis, asked.observer, Wanted()).motion is None
+    plan = asked.plan()
+    assert plan.motion is not None
+    assert "nothing is left open where the logs have been" in plan.warnings[-1]
+    t = np.arange(len(plan.motion.position)) * plan.motion.step
+    log, _ = follow(asked.case, asked.trial, t, (plan.motion.position, plan.motion.velocity, plan.motion.u), take=1)
+    next_log = prepare(Log(log, asked.case.sample_time, "next"), asked.observer)
+    after = diagnose([asked.recording, next_log], asked.model, asked.observer, Settings())
+    assert (after.verdict, after.found) == ("cubic_stiffness", ("cubic_stiffness",))
 
 
 def test_the_motion_begins_and_ends_at_rest_within_the_limits(tied: Asked) -> None:
