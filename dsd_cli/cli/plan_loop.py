@@ -66,14 +66,16 @@ def closed(job: tuple[Config, list[str], Request, bool], command: str, output: s
 
 def misled(together: Diagnosis, alone: Diagnosis) -> bool:
     """Whether the logs before the newest hide what it says: alone it names an effect and leaves nothing open; with them
-    something stays open, and they do not say that it is another effect.
+    something stays open, and they do not say that it is another effect: it is found with them, or tied to what is.
 
     A poor log has forces of its own, that no motion of it shows, and a joint fit finds effects for them.
     """
-    from dsd_cli.identify.results import NONE, UNKNOWN
+    from dsd_cli.identify.results import UNKNOWN
 
-    same = together.verdict == UNKNOWN or alone.verdict in together.found
-    return same and alone.verdict != NONE and bool(left_open(together)) and not left_open(alone)
+    found = [c for c in together.ranking if c.effect in together.found]
+    may_be = {*together.found, *(rival for c in found for rival in c.indistinguishable_from)}
+    same = together.verdict == UNKNOWN or alone.verdict in may_be
+    return same and alone.verdict in alone.found and bool(left_open(together)) and not left_open(alone)
 
 
 def _experiment(reference: Path, log: Path, found: Diagnosis, open_now: tuple[str, ...]) -> Experiment:

@@ -228,10 +228,13 @@ def test_a_log_that_says_all_alone_is_not_hidden_by_a_poor_one() -> None:
     alone = _said("coulomb_friction", "coulomb_friction")
     assert misled(_said("coulomb_friction", "coulomb_friction", tied=("stribeck_friction",)), alone)
     assert misled(_said("unknown"), alone)
+    # with all logs it is one of a tie, and the other was taken
+    assert misled(_said("stribeck_friction", "stribeck_friction", tied=("coulomb_friction",)), alone)
     # nothing is open; another effect is named; alone it says nothing, or as little
     assert not misled(_said("coulomb_friction", "coulomb_friction"), alone)
     assert not misled(_said("gravity", "gravity", tied=("stiffness",)), alone)
     assert not misled(_said("unknown"), _said("none"))
+    assert not misled(_said("unknown"), _said("gravity"))  # a value of the model, and nothing found
     assert not misled(_said("unknown"), _said("coulomb_friction", "coulomb_friction", tied=("stribeck_friction",)))
 
 
