@@ -71,6 +71,20 @@ def is_number_type(kind: Any) -> bool:
     return any(check(value) for check in (*number, *time))
 
 
+def texts_of(column: Any) -> list[str | None] | None:
+    """The texts of an Arrow array, bytes that are no UTF-8 replaced; None: it holds something else."""
+    import pyarrow as pa
+
+    if pa.types.is_dictionary(column.type):
+        column = column.dictionary_decode()
+    if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
+        return None
+    try:
+        return list(column.to_pylist())
+    except UnicodeDecodeError:
+        return [None if raw is None else raw.decode("utf-8", "replace") for raw in column.cast(pa.binary()).to_pylist()]
+
+
 def records_of(schema: Any) -> dict[str, tuple[str, ...]]:
     """`column/field`, ... -> the way to it, of the numbers in columns of records, to any depth."""
     import pyarrow as pa

@@ -7,6 +7,7 @@ of units, and a preamble; [csv] says where these are when that is not so.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -77,8 +78,9 @@ def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
     data = is_data(first, body.fields, body.numeric)
     notes = [_COMMENTED.format(max(k for k in range(skip) if lines[k].strip()) + 1)] if header.line_is_data else []
     if len(first) == body.fields and len(rows) > 1 and not data and (_is_text(first) or _names_of_units(first)):
-        if any(cell.strip() and not name for name, cell in zip(header.names, first, strict=True)):
-            return find_layout(source, lines, layout)  # a unit of no channel: the line above is a title
+        times = Counter(filter(None, header.names))
+        if any(cell.strip() and times[name] != 1 for name, cell in zip(header.names, first, strict=True)):
+            return find_layout(source, lines, layout)  # a unit of no channel: the line above is a title, or a group
         shown = [text.strip().strip("[]()") for text in first]
         return Found(header, at + 1, shown, [*notes, f"line {at + 1} is taken as units, not data"])
     return Found(header, at, None, notes)

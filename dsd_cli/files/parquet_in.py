@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.files.arrow_arrays import as_float64, in_record, is_number_type, numbers, records_of
+from dsd_cli.files.arrow_arrays import as_float64, in_record, is_number_type, numbers, records_of, texts_of
 from dsd_cli.files.formats.messages import LONGEST_ARRAY
 from dsd_cli.files.table_source import Batch, choose_columns
 
@@ -33,7 +33,7 @@ class ParquetTable:
                 pre_buffer=False,
                 buffer_size=1 << 20,
             )
-        except (pa.ArrowException, OSError) as error:
+        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
             raise DataError(f"{name}: not a readable Parquet file ({_first_line(error)})", "write it again") from None
         schema = self._file.schema_arrow
         self._members, self._records = self._lists(), records_of(schema)
@@ -64,7 +64,7 @@ class ParquetTable:
             batch = next(self._file.iter_batches(rows, columns=self._read_of([*flat, *self._home]), **_as_usual()))
             found = {name: batch.column(name) for name in flat}
             return found | {name: self._column(batch, name) for name in self._home}
-        except (pa.ArrowException, OSError) as error:
+        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
             raise DataError(f"{self.name}: is damaged ({_first_line(error)})", "write it again") from None
 
     def texts(self, column: str) -> list[str]:
@@ -73,9 +73,9 @@ class ParquetTable:
 
         try:
             parts = [batch.column(0) for batch in self._file.iter_batches(BATCH_ROWS, columns=[column], **_as_usual())]
-        except (pa.ArrowException, OSError) as error:
+        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
             raise DataError(f"{self.name}: is damaged ({_first_line(error)})", "write it again") from None
-        return ["" if text is None else str(text) for part in parts for text in part.to_pylist()]
+        return ["" if text is None else str(text) for part in parts for text in texts_of(part) or part.to_pylist()]
 
     def _lists(self) -> dict[str, tuple[str, int]]:
         """`column/1`, ... -> column and place in it, of columns of lists of numbers, as long as the first row's are."""
@@ -90,7 +90,7 @@ class ParquetTable:
             return {}
         try:
             first = next(self._file.iter_batches(1, columns=lists, **_as_usual()))
-        except (pa.ArrowException, OSError) as error:
+        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
             raise DataError(f"{self.name}: is damaged ({_first_line(error)})", "write it again") from None
         sizes = {name: len(first.column(name)[0].as_py() or ()) for name in lists}
         return {f"{name}/{k + 1}": (name, k) for name, n in sizes.items() if n <= LONGEST_ARRAY for k in range(n)}
@@ -124,7 +124,7 @@ class ParquetTable:
             for batch in self._file.iter_batches(BATCH_ROWS, columns=columns, **_as_usual()):
                 values = {c: as_float64(self._column(batch, name)) for c, name in self.columns.items()}
                 yield Batch(batch.num_rows, values)
-        except (pa.ArrowException, OSError) as error:
+        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
             raise DataError(f"{self.name}: is damaged ({_first_line(error)})", "write it again") from None
 
 

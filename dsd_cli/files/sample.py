@@ -97,14 +97,12 @@ def _merged(tables: list[Table]) -> Iterator[Table]:
 def _of_arrow(columns: dict[str, object], units: dict[str, str]) -> Iterator[Channel]:
     import pyarrow as pa
 
-    from dsd_cli.files.arrow_arrays import as_float64, is_number_type
+    from dsd_cli.files.arrow_arrays import as_float64, is_number_type, texts_of
 
     for name, column in list(columns.items())[:CHANNELS]:
         kind = column.type  # type: ignore[attr-defined]
         unit = units.get(name, "")
         if is_number_type(kind):
             yield Channel(name, as_float64(column), unit, pa.types.is_boolean(kind))
-        elif pa.types.is_string(kind):
-            yield Channel(name, stamps_in(column.to_pylist()), unit)  # type: ignore[attr-defined]
         else:
-            yield Channel(name, None, unit)
+            yield Channel(name, stamps_in(texts_of(column) or ()), unit)

@@ -131,3 +131,9 @@ def test_names_that_are_units_too() -> None:
 def test_a_rate_above_the_numbers_says_how_far_rows_are_apart(said, step):
     lines = [said, "u,q", *(f"{k}.5,{k * k}" for k in range(50))]
     assert sample_time_of(lines, seen(*lines)) == (None if step is None else pytest.approx(step))
+
+
+def test_groups_above_the_names_are_no_names():
+    """pandas writes columns of two levels so: `drive` stood for two columns, whose units were `t` and `tau`."""
+    rows = [f"{k},{k / 250},{k / 8},{k / 16}" for k in range(12)]
+    assert seen(",drive,drive,axis", ",t,tau,q", *rows).header.names == ["", "t", "tau", "q"]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.files.arrow_arrays import as_float64, is_number_type
+from dsd_cli.files.arrow_arrays import as_float64, is_number_type, texts_of
 from dsd_cli.files.csv_in import CsvTable
 from dsd_cli.files.formats.base import InMemory, check_size
 from dsd_cli.files.parquet_in import ParquetTable
@@ -84,7 +84,7 @@ def long_form(table: CsvTable | ParquetTable, first: Mapping[str, Any] | None = 
     """
     first = peeked(table) if first is None else first
     found = form_of({name: column.slice(0, ROWS) for name, column in first.items()})
-    if found is None or any(len(set(first[name].to_pylist())) > 1 for name in found.names):
+    if found is None or any(len(set(texts_of(first[name]) or first[name].to_pylist())) > 1 for name in found.names):
         return found
     return found if any(len(set(table.texts(name))) > 1 for name in found.names) else None  # names one after the other
 
@@ -97,7 +97,8 @@ def peeked(table: CsvTable | ParquetTable) -> dict[str, Any]:
 def form_of(columns: Mapping[str, Any]) -> Long | None:
     """The same of Arrow arrays: within each name stamps rise, and it has one value, or names alternate."""
     numbers = {name: as_float64(column) for name, column in columns.items() if is_number_type(column.type)}
-    texts = {name: list(map(str, column.to_pylist())) for name, column in columns.items() if name not in numbers}
+    said = {name: texts_of(column) for name, column in columns.items()}
+    texts = {name: [cell or "" for cell in cells] for name, cells in said.items() if cells is not None}
     if (form := form_by_texts(numbers, texts)) is not None or any(map(_names, texts.values())):
         return form
     whole = (name for name, x in numbers.items() if np.all(x == np.round(x)) and _names(x.tolist()))

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from dsd_cli.identify.checks import clock
 from dsd_cli.identify.checks.channels import check_channels, check_jumps
 from dsd_cli.identify.checks.d_hat_maker import check_maker
@@ -41,6 +43,7 @@ __all__ = [
 _ORDER = {"error": 0, "warning": 1, "note": 2}
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of a corrupt cell (1e300) a square is no number, and nothing is seen
 def check_log(
     log: Log,
     model: PlantModel | None = None,

@@ -83,7 +83,7 @@ def _band(stretches: Sequence[Stretch], source: Source) -> Band | None:
     f, power = _spectrum([difference(x, T, source) for x in channels], T)
     gain = _gain(f, T, source)
     step = max(encoder_step(x) or _rare_step(x) for x in channels)
-    level = 2.0 * T * step**2 / 12.0
+    level = 2.0 * T * (step * step) / 12.0  # of a huge step infinite: nothing is seen
     if step == 0.0:  # each sees some signal as noise: the spectrum jumps, the high differences smooth motion
         level = min(_white_level(f, power, gain, T), 2.0 * T * max(noise_of(x) for x in channels) ** 2)
     noise = level * gain

@@ -20,6 +20,7 @@ STRANGE = {
     "constant": {"u": np.ones(N), "d_hat": np.ones(N)},
     "tiny": {"u": 1e-150 * RNG.normal(size=N), "velocity": 1e-150 * np.cumsum(RNG.normal(size=N))},
     "huge": {"u": 1e90 * RNG.normal(size=N), "position": 1e90 * np.cumsum(RNG.normal(size=N))},
+    "one corrupt cell": {"u": RNG.normal(size=N), "velocity": 1e160 * np.eye(1, N, 7)[0]},
     "u alone": {"u": RNG.normal(size=N)},
     "ramp": {"u": RNG.normal(size=N), "position": np.arange(N) * 1.0, "velocity": np.ones(N)},
     "one step": {"u": RNG.normal(size=N), "position": np.repeat([0.0, 1.0], N // 2)},
