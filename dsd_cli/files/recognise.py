@@ -80,6 +80,7 @@ OTHER_UNITS = COUNTS | {
 _FACTORS = {"position": POSITION, "velocity": VELOCITY}
 _IN_BRACKETS = re.compile(r"[\[(<]\s*([^\])>]*?)\s*[\])>]")
 _NUMBER = re.compile(r"(?:/\d+|\s*[\[(]\d+[\])])+$")
+_HEX = re.compile(r"0x[0-9a-fA-F]+")
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|°")
 
 
@@ -222,7 +223,7 @@ def unit_in(name: str, channel: str) -> str:
 
 def _score(channel: str, column: str) -> float:
     """How well the name fits; 0 where it does not."""
-    group, _, last = _IN_BRACKETS.sub(" ", column).rpartition("/")
+    group, _, last = _HEX.sub(" ", _IN_BRACKETS.sub(" ", column)).rpartition("/")
     words = [word.lower() for word in _WORD.findall(last)]
     joined = "".join(words)
     around = {word.lower() for word in _WORD.findall(group)}

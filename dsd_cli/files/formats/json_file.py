@@ -145,7 +145,7 @@ def _records(records: list[Any]) -> Table:
         else:
             texts[key] = [cell or "" for cell in cells]
     long = form_by_texts(table, texts)
-    return table if long is None else turned("", long, table, texts)
+    return table if long is None else turned("", long, table, texts)[0]
 
 
 def _joined(tables: list[Table]) -> Table:

@@ -15,17 +15,18 @@ from dsd_cli.files.arrow_arrays import as_float64, is_number_type, texts_of
 from dsd_cli.files.csv_in import CsvTable
 from dsd_cli.files.formats.base import InMemory, check_size
 from dsd_cli.files.parquet_in import ParquetTable
-from dsd_cli.files.recognise import is_time
+from dsd_cli.files.recognise import is_time, is_unit
 from dsd_cli.signals.log import Array
 
 #: Rows that are looked at.
 ROWS = 100_000
 #: A text, or a whole number, names a channel where it comes so many times, in the mean, ...
 AGAIN = 10
-#: ... and stamps rise in this share of the steps from each of its rows to its next.
+#: ... and stamps rise, or all fall, in this share of the steps from each of its rows to its next.
 RISES = 0.97
-#: Where there are several columns of values, names change in this share of the steps from row to row at least, and
-#: where they are numbers stamps stand still: else they may be states of one axis, or a counter.
+#: Where there are several columns of values, names change in this share of the steps from row to row at least: else
+#: they may be trials, or states of one axis. Where names are numbers, stamps stand still in that share, too, or values
+#: change within a name by less than that share of their change from row to row: else they may be counters.
 ALTERNATE = 0.5
 
 
@@ -53,26 +54,44 @@ class LongFile(InMemory):
         parts = [batch.columns for batch in table.batches()]
         columns = [np.concatenate([part[name] for part in parts]) for name in places]
         numbers = dict(zip((long.time, *long.values), columns, strict=True))
-        super().__init__(turned(path, long, numbers, {name: table.texts(name) for name in long.names}))
-        self.metadata = dict(table.metadata)
+        channels, units = turned(path, long, numbers, {name: table.texts(name) for name in long.names})
+        super().__init__(channels, dict(table.metadata), units)
         self.notes.append(long.note)
 
 
-def turned(path: str, long: Long, numbers: Mapping[str, Array], texts: Mapping[str, list[str]]) -> dict[str, Array]:
-    """The stamps in their order, and the values of each name, NaN where it has none, all of shape (stamps,)."""
-    said = [texts[name] for name in long.names]
-    varying = [text for text in said if len(set(text)) > 1] or said[:1]
-    names, codes = np.unique(["/".join(row) for row in zip(*varying, strict=True)], return_inverse=True)
+def turned(
+    path: str, long: Long, numbers: Mapping[str, Array], texts: Mapping[str, list[str]]
+) -> tuple[dict[str, Array], dict[str, str]]:
+    """The stamps in their order and the values of each name, NaN where it has none, of shape (stamps,); their units."""
+    kept = _needed({name: texts[name] for name in long.names})
+    names, first, codes = np.unique(_joined([texts[name] for name in kept]), return_index=True, return_inverse=True)
+    of_units = [name for name in long.names if name not in kept and all(map(is_unit, texts[name]))]
     t, rows = np.unique(numbers[long.time], return_inverse=True)
     check_size(path, 8.0 * t.size * len(names) * len(long.values))
-    channels = {long.time: t}
+    channels, units = {long.time: t}, {}
     for at, name in enumerate(names.tolist()):
         mine = codes == at
         for column in long.values:
             full = f"{name}/{column}" if len(long.values) > 1 else name
             channels[full] = np.full(t.size, np.nan)
             channels[full][rows[mine]] = numbers[column][mine]
-    return channels
+            units[full] = texts[of_units[0]][first[at]] if of_units and len(long.values) == 1 else ""
+    return channels, units
+
+
+def _joined(texts: list[list[str]]) -> list[str]:
+    return ["/".join(row) for row in zip(*texts, strict=True)]
+
+
+def _needed(texts: Mapping[str, list[str]]) -> list[str]:
+    """The columns that distinguish the names, without those that follow from others, as units do."""
+    kept = sorted(texts, key=lambda name: all(map(is_unit, set(texts[name]))))
+    different = len(set(_joined([texts[name] for name in kept])))
+    for name in reversed(kept.copy()):
+        rest = [texts[other] for other in kept if other != name]
+        if rest and len(set(_joined(rest))) == different:
+            kept.remove(name)
+    return [name for name in texts if name in kept]
 
 
 def long_form(table: CsvTable | ParquetTable, first: Mapping[str, Any] | None = None) -> Long | None:
@@ -102,8 +121,12 @@ def form_of(columns: Mapping[str, Any]) -> Long | None:
     if (form := form_by_texts(numbers, texts)) is not None or any(map(_names, texts.values())):
         return form
     whole = (name for name, x in numbers.items() if np.all(x == np.round(x)) and _names(x.tolist()))
-    forms = (_form((name,), np.unique(numbers[name], return_inverse=True)[1], numbers) for name in whole)
-    return next((form for form in forms if form is not None and _stand(numbers[form.time])), None)
+    for name in whole:
+        codes = np.unique(numbers[name], return_inverse=True)[1]
+        form = _form((name,), codes, numbers)
+        if form is not None and (_stand(numbers[form.time]) or _go_on(codes, [numbers[one] for one in form.values])):
+            return form
+    return None
 
 
 def form_by_texts(numbers: Mapping[str, Array], texts: Mapping[str, list[str]]) -> Long | None:
@@ -111,8 +134,7 @@ def form_by_texts(numbers: Mapping[str, Array], texts: Mapping[str, list[str]]) 
     names = tuple(name for name, cells in texts.items() if _names(cells))
     if not names:
         return None
-    said = ["/".join(row) for row in zip(*(texts[name] for name in names), strict=True)]
-    return _form(names, np.unique(said, return_inverse=True)[1], numbers)
+    return _form(names, np.unique(_joined([texts[name] for name in names]), return_inverse=True)[1], numbers)
 
 
 def _names(cells: list[Any]) -> bool:
@@ -124,11 +146,26 @@ def _stand(t: Array) -> bool:
     return bool(np.mean(np.diff(t) == 0.0) >= ALTERNATE)
 
 
+def _go_on(codes: NDArray[np.int64], values: list[Array]) -> bool:
+    """Whether values go on from a row of a name to its next rather than from row to row."""
+    order = np.argsort(codes, kind="stable")
+    inside = np.diff(codes[order]) == 0
+    within = np.array([_change(np.diff(x[order])[inside]) for x in values])
+    across = np.array([_change(np.diff(x)) for x in values])
+    return bool(np.median(within - ALTERNATE * across) < 0.0)
+
+
+def _change(steps: Array) -> float:
+    there = np.abs(steps[np.isfinite(steps)])
+    return float(there.mean()) if there.size else 0.0
+
+
 def _form(names: tuple[str, ...], codes: NDArray[np.int64], numbers: Mapping[str, Array]) -> Long | None:
     order = np.argsort(codes, kind="stable")
     inside = np.diff(codes[order]) == 0
     steps = {name: np.diff(x[order])[inside] for name, x in numbers.items()}
-    clocks = [name for name, step in steps.items() if step.size and np.mean(step > 0.0) >= RISES]
+    ways = {name: max(np.mean(step > 0.0), np.mean(step < 0.0)) for name, step in steps.items() if step.size}
+    clocks = [name for name, share in ways.items() if share >= RISES]
     if not clocks:
         return None
     time = max(clocks, key=is_time)

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from dsd_cli.files.formats.long_form import form_of
+from dsd_cli.files.formats.long_form import LongFile, form_of
 from dsd_cli.files.tables_in import open_table
 
 T, ROWS = np.arange(200) * 0.01, 200
@@ -24,6 +24,9 @@ def test_names_one_after_the_other_and_in_turns():
     assert blocks == turns == own == ("time", ("name",), ("value",))
     joints = form(t=np.repeat(T, 2), id=np.tile([3, 7], ROWS), a=np.repeat(U, 2), b=np.repeat(Q, 2))
     assert joints == ("t", ("id",), ("a", "b"))
+    frames = form(t=np.sort([*T, *(T + 0.003)]), id=np.tile([513, 385], ROWS),
+                  a=np.ravel([Q, U], order="F"), b=np.ravel([U, 24.0 + 0.1 * Q], order="F"))  # fmt: skip
+    assert frames == ("t", ("id",), ("a", "b"))
 
 
 def test_states_trials_counters_and_remarks_are_no_names():
@@ -48,6 +51,16 @@ def test_the_values_of_one_stamp_are_one_row(tmp_path, missing):
     for name, expected in (("t", T), ("u", u), ("position", Q)):
         np.testing.assert_array_equal(batch.columns[name], expected)
     assert table.warnings == ["it has a row for each value, named by name"]
+
+
+def test_newest_first_and_a_column_of_units(tmp_path):
+    rows = [f"{t!r},{name},{unit},{x!r}" for t, u, q in zip(T.tolist(), U.tolist(), Q.tolist(), strict=True)
+            for name, unit, x in (("iq", "A", u), ("enc", "deg", q))]  # fmt: skip
+    (tmp_path / "log.csv").write_text("\n".join(["time,name,unit,value", *reversed(rows)]) + "\n")
+    file = LongFile(str(tmp_path / "log.csv"))
+    (group,) = file.groups
+    assert group.units == {"time": "", "enc": "deg", "iq": "A"}
+    np.testing.assert_array_equal(file.read(group, ["time", "iq"], 0, ROWS)["iq"], U)
 
 
 def test_records_of_json_and_their_stamps_in_words(tmp_path):
