@@ -1,16 +1,19 @@
 """The search over sets: no step that does not gain, no needless member, and stand-ins give way to the truth."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.bank import SHARE, Term
 from dsd_cli.identify.fit.noise_fit import Noise
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.search import preference
 from dsd_cli.identify.search.long_logs import searched_as_is
 from dsd_cli.identify.search.preference import preferred
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict import command_time
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.references import Multisine
 from tests.identify.search_rig import BELIEVED, OBSERVER, posed, seen
@@ -209,3 +212,25 @@ def test_what_the_last_rung_found_is_weighed_too(monkeypatch):
         asked = Settings(effects=NAMES, begun=begun)
         _, whole = searched_as_is([recording], BELIEVED, asked, (), lambda _what, _share: None)
         assert {t.id for t in whole.terms} == found
+
+
+def test_terms_that_go_round_in_a_circle_end_where_they_began(monkeypatch):
+    """Simpler than one, commoner than another, which is commoner than the first: a log ended in a RecursionError."""
+    sets = [SimpleNamespace(terms=(Term(name),)) for name in ("gravity", "constant_load", "stiffness")]
+    following = dict(zip((s.terms for s in sets), (*sets[1:], sets[0]), strict=True))
+    monkeypatch.setattr(preference, "_one_commoner", lambda _, fit: following[fit.terms])
+    assert preference.in_common_terms(None, sets[1]) is sets[1]
+
+
+def test_the_error_of_a_filter_beside_columns_that_are_nearly_one_is_a_number():
+    """The inverse of their Gram matrix has rounding on its diagonal, also below 0, of which a root was taken."""
+    random = np.random.default_rng(76)
+    x = random.normal(size=(5, 200)) * 10.0 ** random.uniform(-6, 6, size=(5, 1))
+    x[4] = x[3] * (1.0 + 1e-8 * random.normal(size=200))
+    x[SHARE] = 1e-3 * x[SHARE] + 1e-6 * x[2]
+    assert np.linalg.pinv(x @ x.T)[SHARE, SHARE] < 0.0
+    rows = [random.normal(size=200), *x]
+    bank = SimpleNamespace(tap_time=1.0, design=lambda *_, **__: SimpleNamespace(rows=rows))
+    search = SimpleNamespace(solver=SimpleNamespace(bank=bank), noise=SimpleNamespace(inflation=1.0))
+    freed = command_time._freed(search, (), 0)
+    assert 0.0 < freed.error < np.inf

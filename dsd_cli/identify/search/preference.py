@@ -57,7 +57,19 @@ def in_common_terms(search: Search, fit: Fit) -> Fit:
     """With the commonest of the effects that do the same in place of each member: moved in one direction, dry friction
     and a load are one column, and so are viscous friction and its asymmetry. Over a small travel a weight is a load and
     a stiffness, and beside a stiffness that holds it a cubic one: these are taken where they explain more, and where
-    nothing but that stiffness holds the weight."""
+    nothing but that stiffness holds the weight.
+
+    What is simpler and what is commoner may go round in a circle: it ends where it was before.
+    """
+    been: set[frozenset[str]] = set()
+    while (here := frozenset(t.id for t in fit.terms)) not in been:
+        been.add(here)
+        fit = _one_commoner(search, fit)
+    return fit
+
+
+def _one_commoner(search: Search, fit: Fit) -> Fit:
+    """With one member in commoner terms; the same where there is none."""
     for term in search.added(fit.terms):
         rest, here = tuple(t for t in fit.terms if t != term), {t.id for t in fit.terms}
         own = Option(term.id, fit, search.evidence(fit))
@@ -65,12 +77,12 @@ def in_common_terms(search: Search, fit: Fit) -> Fit:
         for effect in sorted((e for e in commoner if not (e.searched or e.listed)), key=lambda e: e.rarity):
             other = search.fit((*rest, Term(effect.id)), fit.tap)
             if _as_good(search, Option(effect.id, other, search.evidence(other)), own):
-                return in_common_terms(search, other)
+                return other
         if simple := _simple(term.effect, [name for name in search.allowed if name not in here]):
             other = search.fit((*rest, *map(Term, simple)), fit.tap)
             lead = POLICY.least_gain if search.problem.errors.cancelled(fit, term) else 0.0
             if own.evidence - search.evidence(other) < lead:
-                return in_common_terms(search, other)
+                return other
     return fit
 
 

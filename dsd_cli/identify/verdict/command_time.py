@@ -134,9 +134,10 @@ def _freed(search: Search, terms: Terms, tap: int) -> _Freed:
     bank = search.solver.bank
     rows = np.stack(bank.design(terms, tap, keep=False).rows)
     x = rows[1:]
-    theta = np.linalg.lstsq(x.T, rows[0], rcond=None)[0]
+    inverse = np.linalg.pinv(x.T, rcond=x.shape[1] * np.finfo(float).eps)
+    theta = inverse @ rows[0]
     left = rows[0] - theta @ x
-    variance = float(np.linalg.pinv(x @ x.T)[SHARE, SHARE] * np.mean(left**2) * search.noise.inflation)
+    variance = float(inverse[SHARE] @ inverse[SHARE] * np.mean(left**2) * search.noise.inflation)
     return _Freed(tap, -float(theta[SHARE]) * bank.tap_time, math.sqrt(variance) * bank.tap_time, left)
 
 
