@@ -84,6 +84,7 @@ class Parameter:
     `listed` : the value is a list of events (`external_force.events`), not a number: the shape is
     {"edges": ((start, end), ...)}, s, with a column per event.
     `data` : it is no number but a list or a word that says which law this is; no fit changes it, and `split` checks it.
+    `optional` : such a one that may be left out.
     """
 
     name: str
@@ -94,6 +95,7 @@ class Parameter:
     linear: bool = True
     listed: bool = False
     data: bool = False
+    optional: bool = False
 
     @property
     def numeric(self) -> bool:

@@ -24,6 +24,8 @@ _KNOTS = Parameter("knots", "", "a list of increasing numbers for each channel, 
 _VALUES = Parameter("values", "{u}", "the law at the knots; with two channels a row per knot of the first",
                     data=True, linear=False)  # fmt: skip
 _FACTOR = Parameter("factor", "", "what the table is multiplied by: one, velocity or u", data=True, linear=False)
+_SEEN = Parameter("seen", "", "for each channel the ends of what the law was learnt from, where the knots go on beyond",
+                  data=True, linear=False, optional=True)  # fmt: skip
 _SCALE = Parameter("scale", "", "what a fit multiplies it by; 1 as learnt")
 
 
@@ -96,7 +98,7 @@ def _from_standstill(table: Table) -> tuple[tuple[float, ...], tuple[float, ...]
 def _tabled(name: str, role: Role, law: str, summary: str, needs: tuple[str, ...], **others: Any) -> Effect:
     found = {
         "columns": _columns,
-        "parameters": (_CHANNELS, _KNOTS, _VALUES, _FACTOR, _SCALE),
+        "parameters": (_CHANNELS, _KNOTS, _VALUES, _FACTOR, _SCALE, _SEEN),
         "needs_of": _needs,
         **others,
     }
@@ -189,6 +191,7 @@ INERTIA_CURVE = _tabled(
         Parameter("values", "{u}/({v}/s)", "what the inertia has more there", data=True, linear=False),
         _FACTOR,
         _SCALE,
+        _SEEN,
     ),
 )
 

@@ -31,12 +31,14 @@ class Table:
     channels : one or two of `OVER`. knots : for each channel, increasing, in its unit.
     values : at the knots, unit of u; with two channels a row for each knot of the first.
     factor : what the table is multiplied by, one of `FACTORS`.
+    seen : for each channel the ends of what it was learnt from, where its knots go on beyond; (): they do not.
     """
 
     channels: tuple[str, ...]
     knots: tuple[tuple[float, ...], ...]
     values: Numbers
     factor: str = "one"
+    seen: tuple[tuple[float, float], ...] = ()
 
     @property
     def size(self) -> int:
@@ -69,13 +71,18 @@ class Table:
             found = np.where(x < end, step, found)
         return found * ((x >= knots[0]) & (x <= knots[-1]))
 
+    def ends(self, name: str) -> tuple[float, float]:
+        """Of a channel of this table where the law is known: of what was seen, else of the knots."""
+        i = self.channels.index(name)
+        return self.seen[i] if self.seen else (self.knots[i][0], self.knots[i][-1])
+
     def beyond(self, name: str, x: Any) -> float:
-        """Share of x, shape (n,), a channel of this table, that lies beyond the knots, where the law is held."""
+        """Share of x, shape (n,), a channel of this table, that lies beyond where the law is known."""
         if name == "speed":
             x = np.abs(x)
-        knots = self.knots[self.channels.index(name)]
-        margin = 0.01 * (knots[-1] - knots[0])
-        return float(np.mean((x < knots[0] - margin) | (x > knots[-1] + margin)))
+        low, high = self.ends(name)
+        margin = 0.01 * (high - low)
+        return float(np.mean((x < low - margin) | (x > high + margin)))
 
     @cached_property
     def _knots(self) -> list[Any]:
@@ -140,7 +147,16 @@ def table_of(values: Mapping[str, Any], effect: str) -> Table:
     wanted = (len(knots[0]), len(knots[1])) if len(channels) == 2 else (1, len(knots[0]))
     if (len(found), *{len(one) for one in found}) != wanted:
         raise UsageError(f"{effect}.values", f"must be {wanted[1]} numbers" + f" in {wanted[0]} rows" * (wanted[0] > 1))
-    return Table(channels, knots, found if len(channels) == 2 else found[0], factor)
+    return Table(channels, knots, found if len(channels) == 2 else found[0], factor, _seen(values, channels, effect))
+
+
+def _seen(values: Mapping[str, Any], channels: tuple[str, ...], effect: str) -> tuple[tuple[float, float], ...]:
+    if "seen" not in values:
+        return ()
+    ends = tuple(numbers_of(one, f"{effect}.seen") for one in _listed(values["seen"]))
+    if len(ends) != len(channels) or any(len(one) != 2 or one[0] >= one[1] for one in ends):
+        raise UsageError(f"{effect}.seen", "must be the two ends for each channel: [[-1.0, 1.0]]")
+    return tuple((low, high) for low, high in ends)
 
 
 def numbers_of(values: Any, what: str, kind: str = "finite numbers", above: float = -math.inf) -> tuple[float, ...]:
@@ -166,4 +182,5 @@ def values_of(table: Table, scale: float = 1.0) -> dict[str, Any]:
         "values": table.values,
         "factor": table.factor,
         "scale": scale,
+        **({"seen": table.seen} if table.seen else {}),
     }

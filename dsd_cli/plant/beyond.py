@@ -1,4 +1,4 @@
-"""Where a law that is a table is used beyond its knots: it is held there, and nobody has seen what it does."""
+"""Where a law that is a table is used beyond what it was learnt from: nobody has seen what it does there."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ _WORTH_SAYING = 0.001
 
 
 def held_beyond(model: PlantModel, logs: Iterable[Log]) -> list[str]:
-    """One line for each table of the model and channel that a log takes beyond the table's ends."""
+    """One line for each table of the model and channel that a log takes beyond where the law is known."""
     logs = list(logs)
     lines = []
     for name, values in model.effects.items():
         table = get_effect(name).to_columns(values)[1].get("table")
         if not isinstance(table, Table):
             continue
-        for channel, knots in zip(table.channels, table.knots, strict=True):
-            share = max(_shares(table, channel, logs), default=0.0)
+        for channel in table.channels:
+            share, (low, high) = max(_shares(table, channel, logs), default=0.0), table.ends(channel)
             if share > _WORTH_SAYING:
-                known = f"{name} is known for {channel} from {knots[0]:.4g} to {knots[-1]:.4g}"
-                lines.append(f"{known}; {100.0 * share:.1f} % of the samples lie beyond, where its ends are held")
+                goes_on = "where its formula goes on, unseen" if table.seen else "where its ends are held"
+                known = f"{name} is known for {channel} from {low:.4g} to {high:.4g}"
+                lines.append(f"{known}; {100.0 * share:.1f} % of the samples lie beyond, {goes_on}")
     return lines
 
 

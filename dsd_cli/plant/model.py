@@ -117,11 +117,12 @@ def _checked_values(effect: Effect, values: Mapping[str, Any]) -> Mapping[str, A
         if name not in known:
             raise UsageError(f"effect {effect.id} has no parameter '{name}'", "it has " + ", ".join(known))
     for name, parameter in known.items():
-        if name not in values:
+        if name not in values and not parameter.optional:
             raise UsageError(f"effect {effect.id} lacks {name}", parameter.meaning)
         if parameter.numeric:
             _check(f"{effect.id}.{name}", values[name], lower=parameter.lower, upper=parameter.upper)
-    checked = {name: float(values[name]) if p.numeric else values[name] for name, p in known.items()}
+    there = {name: p for name, p in known.items() if name in values}
+    checked = {name: float(values[name]) if p.numeric else values[name] for name, p in there.items()}
     if any(p.data for p in known.values()):
         effect.to_columns(checked)  # says what is wrong with a table
     return MappingProxyType(checked)

@@ -59,7 +59,7 @@ def test_values_come_back_and_further_ones_have_a_number(name):
     back = effect.from_columns(*effect.to_columns(LAWS[name]))
     again = effect.from_columns(*effect.to_columns(back))
     assert again == back
-    assert list(back) == [p.name for p in effect.parameters]
+    assert list(back) == [p.name for p in effect.parameters if not p.optional]
     assert back["scale"] == LAWS[name]["scale"]
     assert get_effect(f"{name}_2").columns is effect.columns
     assert effect.searched == 0
@@ -169,6 +169,21 @@ def test_beyond_its_knots_a_law_is_held_and_that_is_said():
     assert "curve is known for position from -1 to 1; 50.0 %" in line
     assert held_beyond(model, [Log({"t": np.arange(2.0), "position": np.zeros(2)}, 1.0, "log")]) == []
     assert find_effect("curve_2") is not None
+
+
+def test_beyond_what_it_was_learnt_from_a_formula_goes_on_and_that_is_said():
+    log = Log({"t": np.arange(4.0), "position": np.array([0.0, 0.1, 0.8, 0.9])}, 1.0, "log")
+    model = PlantModel(1.0, 0.0, {"curve": {**LAWS["curve"], "seen": [[-0.5, 0.5]]}})
+    (line,) = held_beyond(model, [log])
+    assert line == (
+        "curve is known for position from -0.5 to 0.5; 50.0 % of the samples lie beyond, where its formula goes on,"
+        " unseen"
+    )
+    assert model.effects["curve"]["seen"] == [[-0.5, 0.5]]
+    assert "seen" not in PlantModel(1.0, 0.0, {"curve": LAWS["curve"]}).effects["curve"]
+    for bad in (0.5, [], [[0.5, -0.5]], [[0.0]], [[0.0, 1.0], [0.0, 1.0]]):
+        with pytest.raises(UsageError, match="seen"):
+            PlantModel(1.0, 0.0, {"curve": {**LAWS["curve"], "seen": bad}})
 
 
 CONFIG = """

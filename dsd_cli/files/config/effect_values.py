@@ -108,6 +108,6 @@ def check_complete(values: EffectValues, at: Place, believed: EffectValues = NON
 
     for name, given in values.items():
         for p in get_effect(name).parameters:
-            if p.name not in given and p.name not in believed.get(name, {}):
+            if not p.optional and p.name not in given and p.name not in believed.get(name, {}):
                 bounds = f", at least {p.lower:g}" if p.lower > -math.inf else ""
                 raise at.child(name).missing(p.name, f"{p.meaning}{bounds}")

@@ -75,7 +75,8 @@ def _table(term: Term, strength: Array, kind: tuple[str, str], x: Array, ends: t
     if factor != "one":  # the table is what stands before the factor
         values = values / np.where(at[factor] != 0.0, at[factor], np.nan)
         values = np.interp(knots, knots[np.isfinite(values)], values[np.isfinite(values)])
-    return Table((over,), (tuple(map(float, knots)),), tuple(map(float, values)), factor)
+    seen = ((float(x.min()), float(x.max())),)
+    return Table((over,), (tuple(map(float, knots)),), tuple(map(float, values)), factor, seen)
 
 
 def _ends(term: Term, over: str, x: Array) -> tuple[float, float]:
