@@ -22,7 +22,7 @@ def _write(joint: Joint) -> bytes:
     for name, values in joint.model.effects.items():
         effect = joint.effect(name)
         assert effect is not None
-        for parameter in effect.parameters:
+        for parameter in (one for one in effect.parameters if one.name in values):  # an optional one may be left out
             unit, meaning = words(parameter.unit), parameter.meaning
             value = values[parameter.name]
             text = number(value) if parameter.numeric else json.dumps(value, allow_nan=False)
