@@ -80,7 +80,7 @@ def _options(arguments: Sequence[str] | None) -> Any:
         "--beside", type=Path, action="append", default=[], help="rows of an earlier run to compare with"
     )
     parser.add_argument("--table", action="store_true", help="print what is there and ask nothing")
-    parser.add_argument("--page", action="store_true", help="write docs/paired.md and its picture from what is there")
+    parser.add_argument("--page", action="store_true", help="write the page and its picture of what is there")
     options = parser.parse_args(arguments)
     options.output.parent.mkdir(parents=True, exist_ok=True)
     return options

@@ -131,7 +131,7 @@ def tiers() -> list[Tier]:
             Tier(f"d_hat: {how}, {pairing} u", partial(_by_maker, how=how, pairing=pairing), 0.75)
             for how, pairing in makers
         ),
-        _told("euler", "newest", {"filter": "euler", "u": "newest"}, "told"),
-        _told("bilinear", "mean", {"filter": "bilinear", "u": "mean"}, "told"),
+        _told("euler", "newest", {"filter": "euler", "u": "newest"}, "given"),
+        _told("bilinear", "mean", {"filter": "bilinear", "u": "mean"}, "given"),
         _told("euler", "newest", {"filter": "auto", "u": "auto"}, "found"),
     ]
