@@ -5,7 +5,7 @@
  *   driven     the same two masses under a force on the motor: what the load is given
  *
  * memory.py holds the readable twins: the same operations in the same order (built without fused multiply-add), but for
- * `driven`, which takes all steps under one law at once and differs by rounding.
+ * masses under one law, whose steps are taken at once: they differ by rounding.
  * CPython limited API and buffers of doubles only: no NumPy headers.
  */
 #define PY_SSIZE_T_CLEAN
@@ -62,7 +62,6 @@ static PyObject *one_pole(PyObject *module, PyObject *args) {
 /* wa^2, 2 zeta wa, gap/2, wa, 1 / depth at which the damping of a contact is fully there */
 typedef struct { double square, drag, half_gap, rate, fade; } Coupling;
 typedef struct { double position, velocity, motor_velocity, interval; } Load;
-typedef struct { double position, velocity, slope, interval; } Motor;  /* motion in one interval */
 
 /* how deep in contact the damping is fully there, as a share of gap/2 */
 #define FULL_DAMPING 0.1
@@ -87,122 +86,42 @@ static double pull(const Coupling *c, double apart, double closing, int *laws) {
     return 0.0;
 }
 
-static double pull_at(const Coupling *c, const Motor *m, double s, double position, double velocity, int *laws) {
-    const double place = m->position + m->velocity * (s - 0.5 * m->interval) + 0.5 * m->slope * s * (s - m->interval);
-    const double speed = m->velocity + m->slope * (s - 0.5 * m->interval);
-    return pull(c, place - position, speed - velocity, laws);
+/* One classical Runge-Kutta step of h of the load's own position and speed, seen from a motor whose speed changes at
+ * the rate slope. Returns the mean pull; the laws that hold on its way are added to the laws */
+static double step(const Coupling *k, double slope, double h, double *apart, double *closing, int *laws) {
+    const double q = *apart, v = *closing, q2 = q + 0.5 * h * (v + 0.25 * h * slope), v2 = v + 0.5 * h * slope;
+    const double a1 = pull(k, q, v, laws), a2 = pull(k, q2, v2 - 0.5 * h * a1, laws);
+    const double a3 = pull(k, q2 - 0.25 * h * h * a1, v2 - 0.5 * h * a2, laws);
+    const double q4 = q + h * (v + 0.5 * h * slope), v4 = v + h * slope;
+    const double a4 = pull(k, q4 - 0.5 * h * h * a2, v4 - h * a3, laws);
+    *apart = q4 - h * h / 6.0 * (a1 + a2 + a3);
+    *closing = v4 - h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
+    pull(k, *apart, *closing, laws);
+    return (a1 + 2.0 * a2 + 2.0 * a3 + a4) / 6.0;
 }
 
-/* one classical Runge-Kutta step from s; the laws that hold on its way */
-static int step(const Coupling *c, const Motor *m, double s, double h, Load *load) {
-    int laws = 0;
-    const double q = load->position, v = load->velocity;
-    const double a1 = pull_at(c, m, s, q, v, &laws);
-    const double v2 = v + 0.5 * h * a1, a2 = pull_at(c, m, s + 0.5 * h, q + 0.5 * h * v, v2, &laws);
-    const double v3 = v + 0.5 * h * a2, a3 = pull_at(c, m, s + 0.5 * h, q + 0.5 * h * v2, v3, &laws);
-    const double v4 = v + h * a3, a4 = pull_at(c, m, s + h, q + h * v3, v4, &laws);
-    load->position = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4);
-    load->velocity = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
-    pull_at(c, m, s + h, load->position, load->velocity, &laws);
-    return laws;
-}
-
-/* one interval by steps of at most so many radians of the load's own oscillation; a step within which one law ends and
- * another begins is cut into PARTS */
+/* an interval is cut into steps of at most so many radians of the load's own oscillation; a step within which one law
+ * ends and another begins is cut into PARTS */
 #define STEP 0.2
 #define STEP_WITH_GAP 0.1
 #define PARTS 8
 #define MOST_STEPS 10000.0
 
-static void advance(const Coupling *c, const Motor *m, Load *load) {
-    double count = ceil(c->rate * m->interval / (c->half_gap > 0.0 ? STEP_WITH_GAP : STEP)), h;
-    Py_ssize_t i, j, steps;
-    if (!(count >= 1.0)) count = 1.0;
-    if (count > MOST_STEPS) count = MOST_STEPS;
-    steps = (Py_ssize_t)count;
-    h = m->interval / count;
-    for (i = 0; i < steps; i++) {
-        const double s = (double)i * h;
-        Load end = *load;
-        const int laws = step(c, m, s, h, &end);
-        if (laws & (laws - 1)) {
-            end = *load;
-            for (j = 0; j < PARTS; j++) step(c, m, s + (double)j * h / PARTS, h / PARTS, &end);
-        }
-        *load = end;
-    }
-}
-
-static PyObject *load_rows(PyObject *module, PyObject *args) {
-    PyObject *objects[4];
-    Columns c;
-    Coupling k;
-    Load load;
-    Motor m;
-    Py_ssize_t i;
-    (void)module;
-    if (!PyArg_ParseTuple(args, "OOO(dddd)(dddd)O", &objects[0], &objects[1], &objects[2], &k.square, &k.drag,
-                          &k.half_gap, &k.rate, &load.position, &load.velocity, &load.motor_velocity, &load.interval,
-                          &objects[3])) return NULL;
-    if (open_columns(&c, objects, 4)) return NULL;
-    k.fade = 1.0 / (FULL_DAMPING * k.half_gap);
-    {
-        const double *position = c.view[0].buf, *velocity = c.view[1].buf, *interval = c.view[2].buf;
-        double *out = c.view[3].buf;
-        Py_BEGIN_ALLOW_THREADS
-        for (i = 0; i < c.rows; i++) {
-            const double before = load.velocity;
-            m.position = position[i];
-            m.velocity = velocity[i];
-            m.interval = interval[i];
-            m.slope = (m.velocity - load.motor_velocity) / (0.5 * (m.interval + load.interval));
-            advance(&k, &m, &load);
-            out[i] = (load.velocity - before) / m.interval;
-            load.motor_velocity = m.velocity;
-            load.interval = m.interval;
-        }
-        Py_END_ALLOW_THREADS
-    }
-    close_columns(&c);
-    return Py_BuildValue("(dddd)", load.position, load.velocity, load.motor_velocity, load.interval);
-}
-
-/* apart and closing of two masses: closing' = push - lighter pull, lighter = 1 / the motor's share of the inertia. Returns
- * the pull of the load in the mean over a step of h; the laws that hold on its way are added to the laws */
-static double pair_step(const Coupling *k, double push, double lighter, double h, double *apart, double *closing,
-                        int *laws) {
-    const double q = *apart, v = *closing;
-    const double p1 = pull(k, q, v, laws), a1 = push - p1 * lighter;
-    const double v2 = v + 0.5 * h * a1, p2 = pull(k, q + 0.5 * h * v, v2, laws), a2 = push - p2 * lighter;
-    const double v3 = v + 0.5 * h * a2, p3 = pull(k, q + 0.5 * h * v2, v3, laws), a3 = push - p3 * lighter;
-    const double v4 = v + h * a3, p4 = pull(k, q + h * v3, v4, laws), a4 = push - p4 * lighter;
-    *apart = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4);
-    *closing = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
-    return (p1 + 2.0 * p2 + 2.0 * p3 + p4) / 6.0;
-}
-
-/* The same step where one linear law is sure to hold throughout, c' = v, v' = push - lighter (square c + drag v), as the
- * map that it then is: (c, v, push) -> (c, v). The numbers are those of the step, for a part of its work */
+/* The same step where one linear law is sure to hold throughout, as the map that it then is: (apart, closing, what
+ * drives the motor) -> (apart, closing). The numbers are those of the step, for a part of its work */
 typedef struct { double qq, qv, qp, vq, vv, vp; } Map;
 
-static Map linear_step(double square, double drag, double h) {
-    /* sums of (h A)^n / n! and, for the push, of (h A)^n / (n + 1)!, up to the fourth order */
-    double power[4] = {1.0, 0.0, 0.0, 1.0}, all[4] = {1.0, 0.0, 0.0, 1.0}, held[4] = {1.0, 0.0, 0.0, 1.0}, next[4];
-    int order, i;
-    for (order = 1; order <= 4; order++) {
-        const double share = h / order;
-        next[0] = -power[1] * square * share, next[1] = (power[0] - power[1] * drag) * share;
-        next[2] = -power[3] * square * share, next[3] = (power[2] - power[3] * drag) * share;
-        for (i = 0; i < 4; i++) {
-            power[i] = next[i], all[i] += next[i];
-            if (order < 4) held[i] += next[i] / (order + 1);
-        }
-    }
-    return (Map){all[0], all[1], h * held[1], all[2], all[3], h * held[3]};
+static Map linear_load(Coupling k, double h) {
+    Map m = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0};
+    int laws = 0;
+    k.half_gap = 0.0;
+    step(&k, 0.0, h, &m.qq, &m.vq, &laws), step(&k, 0.0, h, &m.qv, &m.vv, &laws);
+    step(&k, 1.0, h, &m.qp, &m.vp, &laws);
+    return m;
 }
 
-/* whether the law at a flank holds for a whole step from there: no point of it comes near the play or a pull. Pulls stay
- * below twice the first one, if that is more than what they can change by */
+/* whether the law at a flank holds for a whole step from there: no point of it comes near the play or a pull. Pulls
+ * stay below twice the first one, if that is more than what they can change by */
 static int stays_in_contact(const Coupling *k, double depth, double v, double push, double lighter, double h) {
     const double pulls = k->square * depth + k->drag * v, most = fabs(push) + 2.0 * lighter * fabs(pulls);
     const double moved = h * (fabs(v) + h * most);
@@ -224,7 +143,7 @@ static Map repeated(const Map *m, Py_ssize_t steps) {
     return all;
 }
 
-/* a time h during which one law is sure to hold, by its map (that of a contact): 0 where none is, and nothing is moved */
+/* a time h during which one law is sure to hold, by its map (that of a contact); 0 where none is, and nothing moves */
 static int by_one_law(const Coupling *k, const Map *map, double push, double lighter, double h, double *apart,
                       double *closing, double *mean) {
     const double q = *apart, v = *closing, side = q < 0.0 ? -1.0 : 1.0, depth = side * q - k->half_gap;
@@ -240,6 +159,102 @@ static int by_one_law(const Coupling *k, const Map *map, double push, double lig
     *closing = map->vq * side * depth + map->vv * v + map->vp * push;
     *mean = (push - (*closing - v) / h) / lighter;
     return 1;
+}
+
+typedef struct { double interval; Py_ssize_t steps; Map once, all; } Clock;
+
+static void set_clock(Clock *clock, const Coupling *k, double interval) {
+    double count = ceil(k->rate * interval / (k->half_gap > 0.0 ? STEP_WITH_GAP : STEP));
+    if (!(count >= 1.0)) count = 1.0;
+    if (count > MOST_STEPS) count = MOST_STEPS;
+    clock->interval = interval;
+    clock->steps = (Py_ssize_t)count;
+    clock->once = linear_load(*k, interval / count);
+    clock->all = repeated(&clock->once, clock->steps);
+}
+
+/* mean acceleration of the load over an interval behind a motor that moves along a parabola: mean of its end positions,
+ * mean speed, rate of that */
+static double advance(const Coupling *k, const Clock *clock, double position, double velocity, double slope,
+                      Load *load) {
+    const double t = clock->interval, h = t / (double)clock->steps;
+    double apart = position - 0.5 * t * velocity - load->position, sum = 0.0, mean;
+    double closing = velocity - 0.5 * t * slope - load->velocity;
+    Py_ssize_t i, j;
+    if (!by_one_law(k, &clock->all, slope, 1.0, t, &apart, &closing, &mean)) {
+        for (i = 0; i < clock->steps; i++) {
+            if (!by_one_law(k, &clock->once, slope, 1.0, h, &apart, &closing, &mean)) {
+                double q = apart, v = closing;
+                int laws = 0;
+                mean = step(k, slope, h, &apart, &closing, &laws);
+                if (laws & (laws - 1)) {
+                    apart = q, closing = v, mean = 0.0;
+                    for (j = 0; j < PARTS; j++)
+                        mean += step(k, slope, h / PARTS, &apart, &closing, &laws) / PARTS;
+                }
+            }
+            sum += mean;
+        }
+        mean = sum / (double)clock->steps;
+    }
+    load->position = position + 0.5 * t * velocity - apart;
+    load->velocity += t * mean;
+    return mean;
+}
+
+static PyObject *load_rows(PyObject *module, PyObject *args) {
+    PyObject *objects[4];
+    Columns c;
+    Coupling k;
+    Clock clock = {.interval = -1.0};
+    Load load;
+    Py_ssize_t i;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "OOO(dddd)(dddd)O", &objects[0], &objects[1], &objects[2], &k.square, &k.drag,
+                          &k.half_gap, &k.rate, &load.position, &load.velocity, &load.motor_velocity, &load.interval,
+                          &objects[3])) return NULL;
+    if (open_columns(&c, objects, 4)) return NULL;
+    k.fade = 1.0 / (FULL_DAMPING * k.half_gap);
+    {
+        const double *position = c.view[0].buf, *velocity = c.view[1].buf, *interval = c.view[2].buf;
+        double *out = c.view[3].buf;
+        Py_BEGIN_ALLOW_THREADS
+        for (i = 0; i < c.rows; i++) {
+            const double t = interval[i];
+            const double slope = (velocity[i] - load.motor_velocity) / (0.5 * (t + load.interval));
+            if (t != clock.interval) set_clock(&clock, &k, t);
+            out[i] = advance(&k, &clock, position[i], velocity[i], slope, &load);
+            load.motor_velocity = velocity[i];
+            load.interval = t;
+        }
+        Py_END_ALLOW_THREADS
+    }
+    close_columns(&c);
+    return Py_BuildValue("(dddd)", load.position, load.velocity, load.motor_velocity, load.interval);
+}
+
+/* apart and closing of two masses: closing' = push - lighter pull, lighter = 1 / the motor's share of the inertia.
+ * Returns the mean pull of the load over a step of h; the laws that hold on its way are added to the laws */
+static double pair_step(const Coupling *k, double push, double lighter, double h, double *apart, double *closing,
+                        int *laws) {
+    const double q = *apart, v = *closing;
+    const double p1 = pull(k, q, v, laws), a1 = push - p1 * lighter;
+    const double v2 = v + 0.5 * h * a1, p2 = pull(k, q + 0.5 * h * v, v2, laws), a2 = push - p2 * lighter;
+    const double v3 = v + 0.5 * h * a2, p3 = pull(k, q + 0.5 * h * v2, v3, laws), a3 = push - p3 * lighter;
+    const double v4 = v + h * a3, p4 = pull(k, q + h * v3, v4, laws), a4 = push - p4 * lighter;
+    *apart = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4);
+    *closing = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
+    return (p1 + 2.0 * p2 + 2.0 * p3 + p4) / 6.0;
+}
+
+/* the map of that step under one linear law */
+static Map linear_pair(Coupling k, double lighter, double h) {
+    Map m = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0};
+    int laws = 0;
+    k.half_gap = 0.0;
+    pair_step(&k, 0.0, lighter, h, &m.qq, &m.vq, &laws), pair_step(&k, 0.0, lighter, h, &m.qv, &m.vv, &laws);
+    pair_step(&k, 1.0, lighter, h, &m.qp, &m.vp, &laws);
+    return m;
 }
 
 /* a step, cut where one law ends and another begins */
@@ -270,7 +285,7 @@ static PyObject *driven_rows(PyObject *module, PyObject *args) {
         const double *push = c.view[0].buf;
         double *out = c.view[1].buf;
         const double h = interval / (double)steps, lighter = 1.0 / own;
-        const Map once = linear_step(lighter * k.square, lighter * k.drag, h), all = repeated(&once, steps);
+        const Map once = linear_pair(k, lighter, h), all = repeated(&once, steps);
         Py_BEGIN_ALLOW_THREADS
         for (i = 0; i < c.rows; i++) {
             double sum = 0.0, mean;

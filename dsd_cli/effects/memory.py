@@ -1,7 +1,7 @@
 """Recursions of effects with memory: compiled where the build had a compiler, else the loops that stand here.
 
-`_memory.c` does the same operations in the same order, but for `driven_load`, which differs by rounding. One row at a
-time (the simulator) always runs here.
+`_memory.c` does the same operations in the same order, but takes the steps of a load under one law at once, which
+differs by rounding. One row at a time (the simulator) always runs here.
 """
 
 from __future__ import annotations

@@ -237,3 +237,14 @@ def test_a_log_without_position_has_no_columns_of_nan():
     (column,) = raw_columns(equations, Term("viscous_friction"), 0.0)
     assert np.isfinite(column[0]).all()
     assert all(np.isfinite(row).all() for row in Bank(equations).design((Term("viscous_friction"),), 1).rows)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_events_are_columns_of_their_own_wherever_their_edges_were_before(equations, held):
+    """One after the other is moved, one twice the same: as if each list had been the first that was asked for."""
+    bank, t = Bank(equations), equations.stretches[0].log["t"]
+    edges = [(t[400] + 1e-4, t[450]), (t[600], t[700] + 3e-4), (t[800], t[900])]
+    for moved in (edges, [edges[0], (t[605], t[700]), edges[2]], [edges[2], edges[0]], [edges[0], edges[0]]):
+        found = bank.columns(Term.of("external_force", {"edges": tuple(moved)}), 0, keep=False, held=held)
+        alone = [Term.of("external_force", {"edges": (edge,)}) for edge in moved]
+        np.testing.assert_array_equal(found, [Bank(equations).columns(e, 0, held=held)[0] for e in alone])

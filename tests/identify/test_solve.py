@@ -256,3 +256,14 @@ def test_on_rows_of_a_noisy_position_the_inertia_is_unbiased():
     error = np.std(found) / np.sqrt(60)
     assert abs(np.mean(found) - inertia) < 4.0 * error
     assert np.mean(plain) < inertia - 10.0 * error, "else bias would not be seen"
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 1000), st.lists(st.floats(-3.0, 3.0), min_size=7, max_size=7), st.floats(0.0, 0.5))
+def test_many_sets_at_once_leave_what_each_leaves_alone(seed, theta, noise):
+    bank = _bank(seed, theta, variance=(noise,))
+    solver = Solver(bank, lay_blocks([ROWS], GAP, "x"), J0)
+    sets = [terms for n in range(4) for terms in combinations((VISCOUS, COULOMB, LOAD, GRAVITY), n)]
+    found = solver.squares_of(sets, 0)
+    for terms in sets:
+        assert found[terms] == pytest.approx(solver.squares(terms, 0), rel=1e-9, abs=1e-9)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dsd_cli.effects import Effect, Role, Shape, get_effect
-from dsd_cli.effects.memory import Coupling, driven_load
+from dsd_cli.effects.memory import driven_load
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.stretches import Stretch, mean_of_middles
 from dsd_cli.identify.policy import POLICY
@@ -102,6 +102,7 @@ class Bank:
         self._known: dict[Any, list[Array]] = {}
         self._drives: dict[Any, Array] = {}
         self._last_commands: tuple[Terms | None, list[Array]] = (None, [])
+        self._last_events: dict[tuple[Term, bool], list[Array]] = {}
 
     def between(self, around: float) -> Bank:
         """The same columns, with the drive exact at a share of a step."""
@@ -143,10 +144,8 @@ class Bank:
         return self.equations.acceleration() if plain is None else self.equations.whitened(plain.acceleration)
 
     def _noise_of(self, terms: Terms, widths: tuple[int, ...], keep: bool) -> Array:
-        """Covariance of the sensor noise in the columns: it enters the acceleration, and through it that of a load.
-
-        Its share in a load's column and the covariance of both are estimated by adding a synthetic realisation.
-        """
+        """Covariance of the sensor noise in the columns: it enters the acceleration, and through it that of a load. Its
+        share in a load's column and the covariance of both are estimated by adding a synthetic realisation."""
         found = np.zeros((FIXED + sum(widths),) * 2)
         found[INERTIA, INERTIA] = self.variance
         at = FIXED
@@ -162,17 +161,15 @@ class Bank:
         """(variance by noise of a load's column, its covariance with the acceleration), per variance of the latter."""
         if any(s.pushed is not None and s.pushed[0] == term.id for s in self.equations.stretches):
             return 0.0, 0.0  # a force drives it
-        key = ("noise", term)
-        if key not in self._known:
+        shares = self._known.get(("noise", term))
+        if shares is None:
             load = noisy_load(self.equations, term)
             made = self.equations.whitened(self.equations.acting(load, smooth=True, held=False))
             acceleration = self._noise_acceleration
-            size = float(acceleration @ acceleration)
-            shares = np.array([made @ made, made @ acceleration]) / size
-            if not keep:
-                return float(shares[0]), float(shares[1])
-            self._known[key] = [shares]
-        return float(self._known[key][0][0]), float(self._known[key][0][1])
+            shares = [np.array([made @ made, made @ acceleration]) / float(acceleration @ acceleration)]
+            if keep:
+                self._known["noise", term] = shares
+        return float(shares[0][0]), float(shares[0][1])
 
     @cached_property
     def _noise_acceleration(self) -> Array:
@@ -213,7 +210,12 @@ class Bank:
         key = (term, tap if "u" in term.effect.needs else None, held)
         if key in self._known:
             return self._known[key]
-        if self._plain is not None:
+        if term.effect.listed and len(term.shape["edges"]) > 1:
+            apart = [Term.of(term.id, {"edges": (event,)}) for event in term.shape["edges"]]
+            before = self._last_events.get  # edges are moved one by one
+            self._last_events = {(e, held): before((e, held)) or self.columns(e, tap, False, held) for e in apart}
+            made = [self._last_events[e, held][0] for e in apart]
+        elif self._plain is not None:
             made = [*map(self.equations.whitened, self._plain.columns(term, tap, keep and self._around is None, held))]
         else:
             made = columns_of(self.equations, term, tap * self.tap_time, held)
@@ -278,9 +280,9 @@ def finite(x: Array) -> Array:
 
 
 def _columns(stretch: Stretch, term: Term, u: Array) -> list[Array]:
-    effect = term.effect
-    if stretch.pushed is not None and stretch.pushed[0] == term.id and effect.coupling is not None:
-        return [_pushed_load(stretch, effect.coupling(term.shape), stretch.pushed[1])]
+    effect, pushed, log = term.effect, stretch.pushed, stretch.log
+    if pushed is not None and pushed[0] == term.id and effect.coupling is not None:  # see `fit.driven_load`
+        return [driven_load(log["push"], log.sample_time, effect.coupling(term.shape), pushed[1], _STEP)]
     return effect_columns(stretch, effect, term.shape, u)
 
 
@@ -293,8 +295,3 @@ def effect_columns(stretch: Stretch, effect: Effect, shape: Shape, u: Array) -> 
     if effect.role is Role.STRUCTURE:
         return columns
     return [-c if effect.memory else -mean_of_middles(c) for c in columns]
-
-
-def _pushed_load(stretch: Stretch, coupling: Coupling, share: float) -> Array:
-    """Mean acceleration of a load behind a motor that the model's force drives (`fit.driven_load`)."""
-    return driven_load(stretch.log["push"], stretch.log.sample_time, coupling, share, _STEP)

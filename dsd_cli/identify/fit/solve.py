@@ -16,11 +16,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsd_cli.identify.fit.bank import FIXED, INERTIA, SHARE, Bank, Design, Term, Terms
+from dsd_cli.identify.fit.bank import FIXED, INERTIA, SHARE, Bank, Design, Term, Terms, has_friction, inputs_of
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.constraints import Reduction, Rules
 from dsd_cli.identify.fit.gram import Grams, grams, total_gram, without_noise
@@ -130,6 +130,23 @@ class Solver:
         weights, judged = self._judging(design, total[None], self.reductions(terms, tap, design, total))
         return self._size(weights[0], judged[0]) + self.pull(terms)
 
+    def squares_of(self, sets: Sequence[Terms], tap: int) -> dict[Terms, float]:
+        """`squares` of many sets: inner products of the columns that they share are summed once."""
+        alike: dict[Any, list[Terms]] = {}
+        for terms in sets:
+            alike.setdefault((inputs_of(terms), has_friction(terms)), []).append(terms)
+        found = {}
+        for group in alike.values():
+            every = tuple(dict.fromkeys(term for terms in group for term in terms))
+            design = self.bank.design(every, tap)
+            total = total_gram(design.rows)
+            for terms in group:
+                rows, part = _part(design, every, terms)
+                gram = total[np.ix_(rows, rows)]
+                weights, judged = self._judging(part, gram[None], self.reductions(terms, tap, part, gram))
+                found[terms] = self._size(weights[0], judged[0]) + self.pull(terms)
+        return found
+
     def fit(self, terms: Terms, tap: int, whole_steps: bool = False) -> Fit:
         """Cross-validated, at one whole-step delay and, unless `whole_steps`, a share of a further step."""
         design = self.bank.design(terms, tap)
@@ -235,6 +252,16 @@ class Solver:
     @staticmethod
     def _size(weights: Array, gram: Array) -> float:
         return max(float(weights @ gram @ weights), 0.0)
+
+
+def _part(design: Design, every: Terms, terms: Terms) -> tuple[list[int], Design]:
+    """(rows, design) of some of the effects of a design."""
+    starts = dict(zip(every, np.cumsum([1 + FIXED, *design.widths]).tolist(), strict=False))
+    width = dict(zip(every, design.widths, strict=True))
+    rows = [*range(1 + FIXED), *(starts[t] + i for t in terms for i in range(width[t]))]
+    at = [i - 1 for i in rows[1:]]
+    of_rows, noise = [design.rows[i] for i in rows], design.noise[np.ix_(at, at)]
+    return rows, Design(of_rows, [design.signed[i] for i in at], tuple(width[t] for t in terms), noise)
 
 
 def _with_priors(stack: Array, rules: Reduction | None) -> Array:

@@ -240,15 +240,13 @@ class Search:
 
     def _best_pair(self, current: Fit, options: Sequence[Option]) -> Fit | None:
         """Two effects at once, for each may be hidden behind the other: the best pair at the shapes they have alone."""
-        pairs = [
-            ((*current.terms, a.fit.terms[-1], b.fit.terms[-1]), tap)
-            for a, b in combinations(options, 2)
-            for tap in dict.fromkeys((a.fit.tap, b.fit.tap))
-        ]
-        if not pairs:
-            return None
-        ranked = sorted(pairs, key=lambda p: self.nats(self.solver.squares(*p)) + self.price(p[0]))
-        return max((self.fit(terms, tap) for terms, tap in ranked[:MOST_PAIRS]), key=self.evidence)
+        sets: dict[int, list[Terms]] = {}
+        for a, b in combinations(options, 2):
+            for tap in dict.fromkeys((a.fit.tap, b.fit.tap)):
+                sets.setdefault(tap, []).append((*current.terms, a.fit.terms[-1], b.fit.terms[-1]))
+        tried = [(x, t, tap) for tap, pairs in sets.items() for t, x in self.solver.squares_of(pairs, tap).items()]
+        ranked = sorted(tried, key=lambda p: self.nats(p[0]) + self.price(p[1]))
+        return max((self.fit(terms, tap) for _, terms, tap in ranked[:MOST_PAIRS]), key=self.evidence, default=None)
 
     def settled(self, fit: Fit) -> Fit:
         """Shapes refined together, needless members dropped, members swapped for better ones."""
