@@ -133,6 +133,21 @@ def test_a_restless_u_counts_under_the_hat_however_late(samples):
     np.testing.assert_allclose(found[20:180], wanted, atol=0.02)
 
 
+@pytest.mark.parametrize("samples", [3.0, 2.999, 2.35, 0.5, 0.0])
+def test_where_friction_holds_no_u_counts_however_late(samples):
+    """Each of both intervals by itself: at 2.999 samples a rest that begins or ends there leaves what it does at 3."""
+    rng = np.random.default_rng(8)
+    u, free = rng.normal(size=200), (rng.random(200) < 0.6).astype(float)
+    channels = {"t": T * np.arange(200), "u": u, "position": np.sin(0.05 * np.arange(200))}
+    (stretch,) = equations_of([prepare(Log(channels, T, "x"), OBSERVER)], 5, band_of(125.0, T)).stretches
+    found = replace(stretch, free=free).commanded(u, samples * T, held=True)
+    rising, falling = (
+        [0.5 * _held_mean(u, k - 1, k, samples * T, ramp) * free[k] for k in range(20, 181)]
+        for ramp in (lambda share: share, lambda share: 1.0 - share)
+    )
+    np.testing.assert_allclose(found[20:180], np.array(rising[:-1]) + falling[1:], atol=0.02)
+
+
 @pytest.mark.parametrize("samples", [0.0, 0.4, 3.0, 5.7])
 @pytest.mark.parametrize("how", ["measured", "jitter"])
 def test_a_u_that_is_not_held_on_the_clock_counts_under_the_hat_however_late(how, samples):

@@ -92,8 +92,9 @@ class Stretch:
     def commanded(self, command: Array, delay: float, held: bool) -> Array:
         """A command, `delay` s late, as the acceleration averages it; held: see `acting`.
 
-        Between whole samples the mean of a held u over one interval is linear in the delay, and that under the hat is
-        its integral: by trapezoids from knot to knot. A u that is not held there follows a cubic through four samples.
+        Between whole samples the mean of a held u over one interval is linear in the delay; under the hat each interval
+        has the older value for its first part, then the newer one. A u that is not held follows a cubic through four
+        samples.
         """
         step = self.frame.log.sample_time
         whole, part = delay_taps(delay, step)
@@ -110,10 +111,11 @@ class Stretch:
             return np.asarray(sum(weight * late(whole + k) for weight, k in nodes))
         if not self.two_intervals:
             return late(whole + part)
-        ends, knot = (
-            self.frame.mean_u(command, x * step) * (self.free if held else 1.0) for x in (whole + part, whole)
-        )
-        return 0.5 * (part * ends + knot + (1.0 - part) * np.append(ends[1:], ends[-1])) * self.clear
+        free = self.free if held else 1.0
+        older, newer = (self.frame.mean_u(command, x * step) for x in (whole + 1, whole))
+        rising = free * (part**2 * older + (1.0 - part**2) * newer)
+        falling = free * (part * (2.0 - part) * older + (1.0 - part) ** 2 * newer)
+        return 0.5 * (rising + np.append(falling[1:], falling[-1])) * self.clear
 
     def averaged(self, x: Array, smooth: bool) -> Array:
         """x per interval -> as the acceleration averages it."""
