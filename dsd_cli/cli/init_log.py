@@ -19,9 +19,10 @@ from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.first_look import time_unit_of
 from dsd_cli.files.formats.base import CLOCK
 from dsd_cli.files.logs import LoadedLog, load_log
-from dsd_cli.files.recognise import COUNTS, Recognised
+from dsd_cli.files.recognise import Recognised
 from dsd_cli.files.sample import sample
 from dsd_cli.files.template import headed, template_text, with_value
+from dsd_cli.files.words import COUNTS, plain_unit
 from dsd_cli.identify.checks import CheckResult, check_log
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.observer import observe_log
@@ -152,7 +153,7 @@ def _name_unit(channel: str, one: Recognised, out: Proposal) -> None:
     if channel != "u" and not one.named:
         si = "rad/s or m/s" if channel == "velocity" else "rad or m"
         known = "is not said" if not one.unit else f'is "{one.unit}", which is not known'
-        if one.unit.lower() in COUNTS:
+        if plain_unit(one.unit) in COUNTS:
             unit = "counts/s" if channel == "velocity" else "counts"
             known = f'is counts: {channel}_unit = "{unit}" and counts_per_turn (or counts_per_metre) say how much'
         out.said.append(f'{channel}: the unit of "{one.column}" {known}; it is taken as {si}')

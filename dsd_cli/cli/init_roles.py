@@ -12,7 +12,6 @@ from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.first_look import FirstLook, time_unit_of
 from dsd_cli.files.joints import joint_that_moves
 from dsd_cli.files.recognise import (
-    TIME_UNITS,
     Recognised,
     is_command,
     is_current,
@@ -24,6 +23,7 @@ from dsd_cli.files.recognise import (
     unit_in,
 )
 from dsd_cli.files.sample import Sample, Table
+from dsd_cli.files.words import TIME_UNITS
 from dsd_cli.identify.roles import Channel, Guess, Roles, facts_of, guess_roles
 from dsd_cli.signals.clock import TIME_SCALE
 from dsd_cli.signals.log import Array
@@ -84,6 +84,7 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
             return Chosen(union.found, {}, union.clock, None, tuple(said))
         return _by_deeds(sorted(looks, key=lambda item: -_worth(*item))[:TABLES], given)
     best, said = _joint(path, sample, best) if not given else (best, [])
+    table = replace(table, channels=tuple(one for one in table.channels if one.name in best.columns))
     return _completed(best, table, given, tuple(said))
 
 
@@ -105,7 +106,8 @@ def _joint(path: str, sample: Sample, look: FirstLook) -> tuple[FirstLook, list[
     everything = FirstLook(tuple(units), units, recognise(list(units), units), look.clock)
     found, said = joint_that_moves(path, everything)
     kept = {role: one for role, one in found.found.items() if role in look.found and one.column in look.columns}
-    return (replace(look, found=kept), said) if said and _whole(kept) else (look, [])
+    mine = tuple(name for name in look.columns if name in found.columns)
+    return (replace(look, found=kept, columns=mine), said) if said and _whole(kept) else (look, [])
 
 
 def _named(path: str, sample: Sample, name: str) -> str:
@@ -209,7 +211,16 @@ def roles_of(look: FirstLook, table: Table, given: Mapping[str, str]) -> Roles:
         del named["u"]  # Voltage_0, Voltage_1: whose name says nothing
         forces -= {u.column, *u.equals}
     moved = {one.name for one in table.channels if is_motion(one.name, one.unit)} - set(given.values())
-    return guess_roles(table.channels, named, frozenset(forces), frozenset(moved), _seconds(look, table))
+    others = () if u is None or "u" in given else u.others
+    rivals = frozenset(one for one in others if u is not None and _kind(look, one) == _kind(look, u.column))
+    sure = (frozenset(forces), frozenset(moved))
+    return guess_roles(table.channels, named, *sure, told=given, rivals=rivals, scale=_seconds(look, table))
+
+
+def _kind(look: FirstLook, name: str) -> tuple[bool, bool]:
+    """Whether a force is a current, or a voltage."""
+    unit = look.units.get(name, "")
+    return is_current(name, unit), is_voltage(name, unit)
 
 
 def _seconds(look: FirstLook, table: Table) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -33,10 +34,15 @@ def units_of(table: Table | None, found: Mapping[str, Recognised], seconds: floa
     seconds : s per unit of the time column. step : s between rows without one.
     """
     p, w = found.get("position"), found.get("velocity")
-    if table is None or p is None or w is None or (p.named and w.named):
+    if table is None or p is None or (w is not None and w.named and p.named):
         return Units({})
-    scale = _scale(table, found, seconds, step)
-    if scale is None:
+    scale = None if w is None else _scale(table, found, seconds, step)
+    turned = "" if p.named or (w is not None and w.named) else _turned(table, p.column)
+    if turned:
+        why = f'"{p.column}" jumps by a turn of {TURNS[turned]:g}'
+        beside = Units({}) if scale is None or w is None else _from_one(replace(p, unit=turned), w, scale)
+        return Units({"position_unit": turned, **beside.keys}, f"{why}; {beside.why}" if beside.why else why)
+    if scale is None or w is None:
         return Units({})
     if p.named or w.named:
         return _from_one(p, w, scale)
@@ -48,6 +54,23 @@ def units_of(table: Table | None, found: Mapping[str, Recognised], seconds: floa
             return Units({"position_unit": of_p, "velocity_unit": of_w}, why)
     why = f'"{w.column}" is {scale:.4g} times the slope of "{p.column}" per s; taken as rad or m, the velocity follows'
     return Units({"velocity_scale": float(f"{1.0 / scale:.6g}")}, why)
+
+
+#: Unit of a position -> a turn in it.
+TURNS = {"deg": 360.0, "rad": 2.0 * np.pi}
+
+
+def _turned(table: Table, column: str) -> str:
+    """The unit in which a position jumps by a turn and is never more than one from zero; "": it does not."""
+    values = next((one.values for one in table.channels if one.name == column), None)
+    q = np.zeros(1) if values is None else values[np.isfinite(values)]
+    steps = np.abs(np.diff(q))
+    for unit, turn in TURNS.items():
+        jumps = steps[steps > 0.5 * turn]
+        usual = float(np.max(steps, where=steps <= 0.5 * turn, initial=0.0))
+        if jumps.size and np.abs(jumps - turn).max() <= 2.0 * usual < 0.5 * turn and np.abs(q).max() <= turn + usual:
+            return unit
+    return ""
 
 
 #: Units that are tried where none is said; a factor of 1000 may be mm and m/s as well as um and mm/s, and says nothing.

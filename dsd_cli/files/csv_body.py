@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
-from dsd_cli.files.csv_dialect import MISSING, fields_of, is_comment, is_number, seconds
+from dsd_cli.files.csv_cells import MISSING, is_number, seconds
+from dsd_cli.files.csv_dialect import fields_of, is_comment
 
 #: What separates fields, tried in this order; the last is any run of blanks.
 DELIMITERS = (",", ";", "\t", "|", " ")

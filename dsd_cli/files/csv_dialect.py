@@ -3,39 +3,23 @@
 from __future__ import annotations
 
 import csv
-import math
 import re
-from collections.abc import Iterable, Sequence
-from datetime import UTC, datetime
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
-import numpy as np
-
 from dsd_cli.errors import DataError
-from dsd_cli.signals.log import Array
+from dsd_cli.files.csv_cells import DECIMAL_COMMA, MISSING, Written, is_number, written
 
 DELIMITERS = (",", ";", "\t")
-#: What loggers write where there is no value; "nan" and "inf" are numbers to both parsers.
-MISSING = frozenset(
-    f"{pad}{token}"
-    for pad in ("", " ")
-    for token in (
-        "", "NA", "N/A", "n/a", "na", "#N/A", "null", "NULL", "Null", "None", "none", "-", "--", "?",
-        "-nan", "-NaN", "-nan(ind)", "nan(ind)", "1.#QNAN", "-1.#IND", "1.#INF", "-1.#INF",
-    )
-)  # fmt: skip
 COMMENT = ("#", "%")
-#: What tables for the eye rule off their header with: `--- ---`, `|---|:--:|`, `+----+`.
-RULER = re.compile(r"[\s|:+]*(?:[-=]{3,}[\s|:+]*)+")
-DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
-ISO_TIME = re.compile(r"\s*\d{4}-\d\d-\d\d[ T]\d\d:\d\d")
-SPOKEN_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "min": 60.0, "hr": 3600.0}
-MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-#: `0.004 sec`; [31.12.2024, 12/31/2024, 31-Dec-2024 or 2 days] 23:59:59.999 [PM].
-SPOKEN_TIME = re.compile(
-    r"\s*(?:([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s?(s|sec|ms|msec|us|min|hr)"
-    r"|(?:(\d{1,2}\.\d{1,2}\.\d{4})[ T]|(\d{1,2}/\d{1,2}/\d{4}) |(\d{1,2}-[A-Za-z]{3}-\d{4}) )?"
-    r"(?:(\d+) days? )?(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+)?) ?([AaPp][Mm])?)\s*"
+#: What tables for the eye rule off their header with: `--- ---`, `|---|:--:|`, `+----+`; and `sep=;` for spreadsheets.
+RULER = re.compile(r"[\s|:+]*(?:[-=]{3,}[\s|:+]*)+|\"?sep=.\"?")
+#: Encodings of text, and what shows that it is one of them: kana, and what is measured in Chinese.
+_ENCODINGS = (
+    ("utf-8", re.compile("")),
+    ("cp932", re.compile("[\u3041-\u30fa]{2}")),
+    ("gb18030", re.compile("[\u8f6c\u626d]\u77e9|\u901f\u5ea6|\u8f6c\u901f|\u4f4d\u7f6e|\u7535\u6d41")),
 )
 _OTHER_FORMATS = {
     b"version https://git-lfs.github.com/spec/v1": (
@@ -44,6 +28,7 @@ _OTHER_FORMATS = {
     ),
     b"SQLite format 3\0": ("is an SQLite database", "write its table as CSV: sqlite3 -header -csv FILE 'select * ..'"),
     b"WPILOG": ("is a data log of WPILib", "AdvantageScope exports it as CSV or MCAP"),
+    b"# Created by Octave": ("is text of Octave's save", "save it with -v7, or as CSV"),
     b"Obj\x01": ("is an Avro file", "write it as Parquet or CSV"),
     b"\x1f\x8b": ("is gzip-compressed", "unpack it first"),
     b"PK\x03\x04": ("is a zip archive or a spreadsheet", "export it as CSV"),
@@ -64,13 +49,17 @@ class Header(NamedTuple):
 
 
 class Dialect(NamedTuple):
-    """`header` and what was seen of the data: `skip` lines come before it, `first` is its first row ([] if none)."""
+    """`header` and what was seen of the data: `skip` lines come before it, `first` is its first row ([] if none).
+
+    `written`: place -> how its column writes numbers, where that is more than digits and the decimal sign.
+    """
 
     header: Header
     skip: int
     first: list[str]
     decimal: str
     units: list[str] | None
+    written: Mapping[int, Written] = {}
 
 
 def refuse_other_formats(source: str, head: bytes) -> None:
@@ -83,10 +72,17 @@ def refuse_other_formats(source: str, head: bytes) -> None:
 
 
 def decode(line: bytes) -> str:
-    try:
-        return line.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return line.decode("latin-1")
+    """A line as text."""
+    return line.decode(encoding_of(line)).removeprefix("\ufeff")
+
+
+def encoding_of(content: bytes) -> str:
+    """UTF-8, else one of two bytes a letter where that gives letters that are usual there, else Latin."""
+    for encoding, usual in _ENCODINGS:
+        with suppress(UnicodeDecodeError):
+            if usual.search(content.decode(encoding)):
+                return encoding
+    return "latin-1"
 
 
 def split(line: str, delimiter: str) -> list[str]:
@@ -112,79 +108,6 @@ def is_comment(line: str) -> bool:
 def uncommented(line: str) -> str:
     """What a comment says: `%time,field.x` and `# t u q` are headers of many tools."""
     return "" if RULER.fullmatch(line) else line.strip().lstrip("".join(COMMENT)).lstrip()
-
-
-def number(text: str) -> float:
-    """The value of a field, NaN for a missing one; a decimal comma is understood.
-
-    Raises
-    ------
-    ValueError : it is not a number.
-    """
-    try:
-        if "_" in text or not text.isascii():  # 1_000 is a number to Python, and to nobody who writes logs
-            raise ValueError
-        return float(text)
-    except ValueError:
-        if text.strip() in MISSING:
-            return math.nan
-        if DECIMAL_COMMA.fullmatch(text):
-            return float(text.replace(",", "."))
-        raise
-
-
-def seconds(text: str) -> float:
-    """A time stamp: a number, or a date and time (taken as UTC without a zone) as seconds since 1970.
-
-    Dates are ISO 8601, 31.12.2024, 12/31/2024 or 31-Dec-2024; hours with minutes and seconds alone, and `0.004 sec`,
-    are durations.
-
-    Raises
-    ------
-    ValueError : it is none of these.
-    """
-    if ISO_TIME.match(text):
-        stamp = datetime.fromisoformat(text.strip())
-        return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
-    if (found := SPOKEN_TIME.fullmatch(text)) is None:
-        return number(text)
-    value, unit, dotted, slashed, spelt, days, hours, minutes, rest, half = found.groups()
-    if unit:
-        return number(value) * SPOKEN_UNITS[unit.lower()]
-    day = 86400.0 * int(days or 0)
-    if date := dotted or slashed or spelt:
-        parts = [MONTHS.index(one.lower()) + 1 if one.isalpha() else int(one) for one in re.split(r"[./-]", date)]
-        year, month, of_month = (parts[2], parts[0], parts[1]) if slashed else (parts[2], parts[1], parts[0])
-        day = datetime(year, month, of_month, tzinfo=UTC).timestamp()
-    hour = int(hours) % 12 + 12 * (half.lower() == "pm") if half else int(hours)
-    return day + 3600.0 * hour + 60.0 * int(minutes) + number(rest)
-
-
-def has_zone(text: str) -> bool:
-    """Whether a time stamp says its time zone; what looks like one and is no time (23:59:60) does not."""
-    try:
-        return datetime.fromisoformat(text.strip()).tzinfo is not None
-    except ValueError:
-        return False
-
-
-def is_number(text: str) -> bool:
-    try:
-        seconds(text)
-    except ValueError:
-        return False
-    return True
-
-
-def stamps_in(texts: Sequence[str | None]) -> Array | None:
-    """Stamps in words as s, and numbers; None: they are something else."""
-    there = [text for text in texts[:20] if text is not None and text.strip() not in MISSING]
-    if not there or not all(map(is_number, there)):
-        return None
-    try:
-        return np.array([math.nan if text is None else seconds(text) for text in texts])
-    except ValueError:
-        return None
 
 
 def read_header(source: str, comment: str, line: str, below: str | None = None) -> Header:
@@ -286,7 +209,9 @@ def look_at_rows(
         units = [text.strip() for text in rows[0][1]]
         skip = rows[0][0] + 1
         rows = rows[1:]
-    whole = (fields for at, fields in rows if lines[at].count('"') % 2 == 0)  # behind a stray quote a comma is none
-    cells = (fields[i] for fields in whole for i in needed if i < len(fields))
+    whole = [fields for at, fields in rows if lines[at].count('"') % 2 == 0]  # behind a stray quote a comma is none
+    columns = [[fields[k] for fields in whole if len(fields) == len(header.names)] for k in range(len(header.names))]
+    how = {k: found for k, cells in enumerate(columns) if (found := written(cells)) is not None}
+    cells = (cell for fields in whole for k, cell in enumerate(fields) if k in needed and k not in how)
     decimal = "," if any("," in cell and DECIMAL_COMMA.fullmatch(cell) for cell in cells) else "."
-    return Dialect(header, skip, rows[0][1] if rows else [], decimal, units)
+    return Dialect(header, skip, rows[0][1] if rows else [], decimal, units, how)

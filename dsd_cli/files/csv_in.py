@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from io import BytesIO, TextIOWrapper
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,11 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.errors import DataError
+from dsd_cli.files import csv_cells as cells
 from dsd_cli.files import csv_dialect as dialects
-from dsd_cli.files.arrow_arrays import as_float64
+from dsd_cli.files.arrow_arrays import as_float64, numbers
+from dsd_cli.files.content import content_of
+from dsd_cli.files.csv_cells import Written
 from dsd_cli.files.csv_layout import CsvLayout, footer, look, sample_time_of
 from dsd_cli.files.parquet_in import arrow_source, threaded
 from dsd_cli.files.table_source import Batch, choose_columns, read_head, read_sidecar
@@ -36,7 +40,8 @@ class CsvTable:
         layout: CsvLayout | None = None,
     ) -> None:
         self.name = name
-        head = read_head(name, HEAD_BYTES)
+        self._content = content_of(name)  # None: of the file itself
+        head = read_head(name, HEAD_BYTES) if self._content is None else self._content[:HEAD_BYTES]
         dialects.refuse_other_formats(name, head)
         lines = [dialects.decode(line) for line in head.splitlines()]
         if len(head) == HEAD_BYTES:
@@ -54,6 +59,7 @@ class CsvTable:
             self._dialect = self._dialect._replace(decimal=layout.decimal)
         if not self._dialect.first:
             raise DataError(f"{name}: has a header but no rows")
+        self._encoding = dialects.encoding_of(b"\n".join(head.splitlines()[: len(lines)]))
         self.metadata = read_sidecar(name)
         self.warnings: list[str] = list(found.notes)
         if self._dialect.units is not None and found.units is None:
@@ -64,9 +70,10 @@ class CsvTable:
 
     @property
     def units(self) -> dict[str, str]:
-        """Column -> what the row of units says; empty without such a row."""
+        """Column -> what the row of units says, or every cell; empty without such."""
         header, units = self._dialect.header, self._dialect.units
-        return {} if units is None else dict(zip(header.names, units, strict=False))
+        beside = {header.names[at]: how.unit for at, how in self._dialect.written.items() if how.unit}
+        return beside if units is None else beside | dict(zip(header.names, units, strict=False))
 
     def peek(self) -> dict[str, Any]:
         """Column -> Arrow array of about its first megabytes, of what Arrow takes it for; none without rows."""
@@ -79,7 +86,11 @@ class CsvTable:
             return {}
         except (pa.ArrowException, OSError) as error:
             raise self._explain(0, error) from None
-        return {name: batch.column(at) for at, name in enumerate(names) if names.index(name) == at and name}
+        found = {at: batch.column(at) for at, name in enumerate(names) if names.index(name) == at and name}
+        for at, how in self._dialect.written.items():
+            if at in found and pa.types.is_string(found[at].type):
+                found[at] = _spelt(found[at], how)
+        return {names[at]: column for at, column in found.items()}
 
     def texts(self, column: str) -> list[str]:
         """All cells of a column, as they are written."""
@@ -94,11 +105,12 @@ class CsvTable:
     def batches(self) -> Iterator[Batch]:
         import pyarrow as pa
 
-        rows = 0
+        rows, how = 0, self._dialect.written
         try:
             for batch in self._reader():
                 if batch.num_rows:
-                    yield Batch(batch.num_rows, {c: _values(batch.column(f"c{at}")) for c, at in self._places.items()})
+                    columns = {c: _values(batch.column(f"c{at}"), how.get(at)) for c, at in self._places.items()}
+                    yield Batch(batch.num_rows, columns)
                     rows += batch.num_rows
         except (pa.ArrowException, OSError, ValueError) as error:  # the last of a stamp in words
             raise self._explain(rows, error) from None
@@ -111,12 +123,12 @@ class CsvTable:
         import pyarrow as pa
         import pyarrow.csv as pc
 
-        header, skip, first, decimal, _ = self._dialect
-        types = {f"c{at}": pa.float64() for at in self._places.values()}
+        header, skip, first, decimal, _, written = self._dialect
+        types = {f"c{at}": pa.string() if at in written else pa.float64() for at in self._places.values()}
         at = self._places.get("t")
-        if at is not None and at < len(first) and dialects.ISO_TIME.match(first[at]):
-            types[f"c{at}"] = pa.timestamp("ns", "UTC" if dialects.has_zone(first[at]) else None)
-        elif at is not None and at < len(first) and dialects.SPOKEN_TIME.fullmatch(first[at]):
+        if at is not None and at < len(first) and cells.ISO_TIME.match(first[at]):
+            types[f"c{at}"] = pa.timestamp("ns", "UTC" if cells.has_zone(first[at]) else None)
+        elif at is not None and at < len(first) and cells.SPOKEN_TIME.fullmatch(first[at]):
             types[f"c{at}"] = pa.string()
         types = dict(kinds or types)
         source, skip, delimiter = self._source(header.delimiter, skip)
@@ -127,25 +139,29 @@ class CsvTable:
                 block_size=PEEK_BYTES if everything else BLOCK_BYTES,
                 skip_rows=skip,
                 column_names=[f"c{i}" for i in range(len(header.names))],
+                encoding=self._encoding,
             ),
             parse_options=pc.ParseOptions(delimiter=delimiter),
             convert_options=pc.ConvertOptions(
                 include_columns=None if everything else list(types),
                 column_types=None if everything else types,
-                null_values=sorted(dialects.MISSING),
+                null_values=sorted(cells.MISSING),
                 decimal_point=decimal,
             ),
         )
 
     def _without_footer(self) -> int | None:
         """Where the rows end, byte, if there is text behind them; None: at the end of the file."""
-        size = Path(self.name).stat().st_size
-        with open(self.name, "rb") as file:
-            file.seek(max(size - FOOTER_BYTES, 0))
-            tail = file.read(FOOTER_BYTES)
+        if self._content is not None:
+            size, tail = len(self._content), self._content[-FOOTER_BYTES:]
+        else:
+            size = Path(self.name).stat().st_size
+            with open(self.name, "rb") as file:
+                file.seek(max(size - FOOTER_BYTES, 0))
+                tail = file.read(FOOTER_BYTES)
         lines = tail.splitlines(keepends=True)[1 if size > FOOTER_BYTES else self._dialect.skip :]
         first = self._dialect.first
-        numeric = [k for k in range(len(first)) if dialects.is_number(first[k])]
+        numeric = [k for k in range(len(first)) if cells.is_number(first[k])]
         header = self._dialect.header
         cut = footer(lines, header.delimiter, len(header.names), numeric)
         if not cut.strip():
@@ -159,9 +175,11 @@ class CsvTable:
         import pyarrow as pa
 
         if delimiter == " ":  # any number of blanks, which Arrow does not know
-            content = Path(self.name).read_bytes()[: self._end]
-            rows = (b"\t".join(line.split()) for line in content.splitlines()[skip:])
+            content = Path(self.name).read_bytes() if self._content is None else self._content
+            rows = (b"\t".join(line.split()) for line in content[: self._end].splitlines()[skip:])
             return pa.BufferReader(b"\n".join(row for row in rows if row)), 0, "\t"
+        if self._content is not None:
+            return pa.BufferReader(pa.py_buffer(self._content)[: self._end]), skip, delimiter
         if self._end is None:
             return arrow_source(self.name), skip, delimiter
         return pa.BufferReader(pa.memory_map(self.name).read_buffer(self._end)), skip, delimiter
@@ -171,7 +189,8 @@ class CsvTable:
         header = self._dialect.header
         start = self._dialect.skip + rows  # blank lines only make the true place later
         end = "\n" if b"\n" in read_head(self.name, HEAD_BYTES) else "\r"
-        with open(self.name, encoding="latin-1", newline=end) as file:  # bytes as they are
+        source = open(self.name, "rb") if self._content is None else BytesIO(self._content)  # noqa: SIM115 (below)
+        with TextIOWrapper(source, encoding="latin-1", newline=end) as file:  # bytes as they are
             for at, raw in enumerate(islice(file, start, None), start=start + 1):
                 where = f"{self.name}, line {at}"
                 line = dialects.decode(raw.rstrip("\r\n").encode("latin-1"))
@@ -191,25 +210,36 @@ class CsvTable:
         return DataError(f"{self.name}: cannot be read ({str(error).splitlines()[0]})")
 
     def _problem(self, canonical: str, text: str) -> tuple[str, str] | None:
-        found = text.strip()[:40]
+        found, how = text.strip()[:40], self._dialect.written.get(self._places[canonical])
         try:
-            (dialects.seconds if canonical == "t" else dialects.number)(text)
+            (how.value if how else cells.seconds if canonical == "t" else cells.plain_number)(text)
         except ValueError:
+            if how and cells.is_number(text):
+                return f'"{found}" is not written as the rows before, {how}', "write all numbers alike"
             return f'"{found}" is not a number', "mend it, or leave it empty where a value is missing"
-        if dialects.DECIMAL_COMMA.fullmatch(text) and self._dialect.decimal == ".":
+        if cells.DECIMAL_COMMA.fullmatch(text) and self._dialect.decimal == ".":
             return f'"{found}" has a decimal comma, the rows before have points', "write all numbers alike"
-        if "." in text and self._dialect.decimal == "," and dialects.is_number(text):
+        if "." in text and self._dialect.decimal == "," and cells.is_number(text):
             return f'"{found}" has a decimal point, the rows before have commas', "write all numbers alike"
         return None
 
 
-def _values(column: Any) -> Array:
-    """A column as float64; texts are stamps."""
+def _values(column: Any, how: Written | None) -> Array:
+    """A column as float64; texts are numbers written so, or stamps."""
     import pyarrow as pa
 
     if not pa.types.is_string(column.type):
         return as_float64(column)
-    return np.array([np.nan if text is None else dialects.seconds(text) for text in column.to_pylist()])
+    read = cells.seconds if how is None else how.value
+    return np.array([np.nan if text is None else read(text) for text in column.to_pylist()])
+
+
+def _spelt(column: Any, how: Written) -> Any:
+    """Texts as an Arrow array of numbers; as they are where one is written in another way."""
+    try:
+        return numbers(_values(column, how))
+    except ValueError:
+        return column
 
 
 def _stray(line: str) -> str:

@@ -13,18 +13,8 @@ from typing import NamedTuple
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.csv_body import DELIMITERS, Body, CsvLayout, body_of, is_data
-from dsd_cli.files.csv_dialect import (
-    COMMENT,
-    MISSING,
-    Header,
-    decode,
-    fields_of,
-    find_header,
-    is_comment,
-    is_number,
-    number,
-    uncommented,
-)
+from dsd_cli.files.csv_cells import MISSING, is_number, number
+from dsd_cli.files.csv_dialect import COMMENT, Header, decode, fields_of, find_header, is_comment, uncommented
 from dsd_cli.files.recognise import is_count, is_time, is_unit
 
 #: First cells of the rows of a preamble that has one column for each channel.
@@ -70,7 +60,7 @@ def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
         return find_layout(source, lines, layout)
     rows = [row for row in _rows(lines, header.delimiter, skip, len(lines)) if not row.comment or _units_of(row, body)]
     plain = body.delimiter == header.delimiter and body.fields == len(header.names)
-    if not plain or _names_of_units(header.names):  # units: the names may be above them
+    if not plain or _names_of_units(header.names) or _goes_on(header.names, rows[:1], body):
         return find_layout(source, lines, layout)
     if not any(is_data(row.cells, body.fields, body.numeric) for row in rows[:2]):
         return find_layout(source, lines, layout)
@@ -84,6 +74,18 @@ def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
         shown = [text.strip().strip("[]()") for text in first]
         return Found(header, at + 1, shown, [*notes, f"line {at + 1} is taken as units, not data"])
     return Found(header, at, None, notes)
+
+
+def _goes_on(names: Sequence[str], below: Sequence[Row], body: Body) -> bool:
+    """Whether a header is a row of numbers and words itself: a number has a fraction, or a word stands below, too.
+
+    Columns that are called by numbers are called by whole ones.
+    """
+    if not is_data(names, body.fields, body.numeric):
+        return False
+    words = [k for k in range(body.fields) if names[k].strip() not in MISSING and not is_number(names[k])]
+    again = any(len(row.cells) == body.fields and row.cells[k].strip() == names[k] for row in below for k in words)
+    return again or any("." in names[k] for k in body.numeric)
 
 
 _COMMENTED = "the comment in line {} is taken as the header"

@@ -30,10 +30,11 @@ def joint_that_moves(path: str, look: FirstLook) -> tuple[FirstLook, list[str]]:
     joints = joints_of(look.columns, look.found)
     if len(joints) < 2:
         return look, []
-    looks = {}
+    columns = {}
     for label in joints:
-        others = {column for other, columns in joints.items() if other != label for column in columns}
-        looks[label] = recognise([column for column in look.columns if column not in others], look.units)
+        others = {column for other, theirs in joints.items() if other != label for column in theirs}
+        columns[label] = tuple(column for column in look.columns if column not in others)
+    looks = {label: recognise(mine, look.units) for label, mine in columns.items()}
     complete = [one for one in MOTION if all(one in found for found in looks.values())]
     looks = {label: found for label, found in looks.items() if "u" in found}
     if not complete or len(looks) < 2:
@@ -44,7 +45,7 @@ def joint_that_moves(path: str, look: FirstLook) -> tuple[FirstLook, list[str]]:
     listed = ", ".join(f"{label} {moves[label]:.3g}" for label in looks)
     why = f"it moves most (standard deviation of {channel}: {listed}); another is yours to name"
     found = {name: one for name, one in looks[best].items() if name in look.found}
-    return replace(look, found=found), [f"joint {best} of {len(looks)}: {why}"]
+    return replace(look, found=found, columns=columns[best]), [f"joint {best} of {len(looks)}: {why}"]
 
 
 def joints_of(columns: Sequence[str], found: Mapping[str, Recognised]) -> dict[str, set[str]]:

@@ -6,82 +6,40 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
+from dsd_cli.files.words import (
+    ASKED,
+    COMMANDS,
+    COUNTERS,
+    COUNTS,
+    ELSE,
+    GENERAL,
+    IDLE,
+    MEASURED,
+    NAMED,
+    OF_U,
+    OTHER_UNITS,
+    PARTS,
+    QUATERNIONS,
+    TIME_UNITS,
+    WORDS,
+    plain_unit,
+)
 from dsd_cli.signals.units import POSITION, VELOCITY
 
-#: Channel -> words that name it, best first.
-WORDS: Mapping[str, tuple[str, ...]] = {
-    "time": ("t", "time", "timestamp", "stamp", "zeit", "seconds", "sec", "clock", "ms", "millis", "us", "micros"),
-    "d_hat": ("dhat", "disturbance", "dist", "dob", "stoerung"),
-    "u": (
-        "u", "iq", "torque", "effort", "current", "force", "voltage", "moment", "strom", "drehmoment", "kraft", "tau",
-        "control", "input", "thrust", "volts", "duty", "pwm",
-    ),
-    "velocity": (
-        "velocity", "vel", "speed", "v", "omega", "w", "rpm", "qd", "dq", "dtheta", "thetadot", "drehzahl",
-        "geschwindigkeit", "rate", "erpm",
-    ),
-    "position": (
-        "position", "pos", "q", "theta", "angle", "encoder", "enc", "phi", "x", "winkel", "lage", "displacement",
-    ),
-}  # fmt: skip
-#: Words of what was asked for, not measured.
-ASKED = {"ref", "reference", "set", "setpoint", "target", "desired", "des", "soll", "cmd", "command", "demand", "goal"}
-#: Words of u that with a motion in the name say whose input it is: input_pos is asked for.
-GENERAL = {"u", "control", "input"}
-#: Those of them that by themselves may be u as well.
-COMMANDS = {"cmd", "command", "demand"}
-#: Of what was measured.
-MEASURED = {"act", "actual", "meas", "measured", "ist", "fbk", "feedback", "real", "motor", "filtered", "filt"}
-#: Words that make a column of another thing whatever else it is called: errors, limits, other axes' business.
-ELSE = {"error", "err", "limit", "max", "min", "status", "temp", "temperature", "id", "index", "count", "mode", "true"}
-#: Words of what feeds a drive, which no motion follows.
-ELSE |= {"battery", "bus", "vbus", "supply", "vcc", "vdc"}
-
-#: Words of a column that counts the rows.
-COUNTERS = {"n", "k", "i", "nr", "no", "row", "index", "idx", "count", "counter", "sample", "samples", "id", "cycle"}
-#: What holds quaternions, and what their parts are called where nothing says so: no places and no speeds.
-QUATERNIONS, PARTS = {"orientation", "quaternion", "quat", "rotation"}, {"qx", "qy", "qz", "qw"}
-#: More words of columns that make nothing move: places and stamps.
-IDLE = {"pose", "translation", "stamp"}
-
-#: Unit of a time -> its name in the config.
-TIME_UNITS = {
-    "s": "s", "sec": "s", "second": "s", "seconds": "s", "milliseconds": "ms",
-    "ms": "ms", "msec": "ms", "millis": "ms", "micros": "us", "us": "us", "µs": "us", "μs": "us", "ns": "ns",
-}  # fmt: skip
-#: Channel -> unit in a log -> what the config calls it; of u with what its column is multiplied by.
-NAMED: Mapping[str, Mapping[str, str]] = {
-    "position": {
-        "rad": "rad", "m": "m", "deg": "deg", "°": "deg", "degree": "deg", "degrees": "deg", "mm": "mm", "um": "um",
-        "rev": "turn", "turn": "turn", "turns": "turn", "grad": "deg", "umdr": "turn", "mrad": "mrad", "cm": "cm",
-    },
-    "velocity": {
-        "rad/s": "rad/s", "m/s": "m/s", "deg/s": "deg/s", "°/s": "deg/s", "mm/s": "mm/s", "um/s": "um/s", "rpm": "rpm",
-        "r/min": "rpm", "1/min": "rpm", "rev/s": "turn/s", "turn/s": "turn/s", "turns/s": "turn/s", "hz": "turn/s",
-        "grad/s": "deg/s", "u/min": "rpm", "umdr/min": "rpm", "min-1": "rpm", "min^-1": "rpm", "u/s": "turn/s",
-        "mrad/s": "mrad/s", "cm/s": "cm/s",
-    },
-}  # fmt: skip
-OF_U: Mapping[str, tuple[str, float]] = {
-    "a": ("A", 1.0), "ma": ("A", 1e-3), "nm": ("N m", 1.0), "n m": ("N m", 1.0), "n*m": ("N m", 1.0),
-    "mnm": ("N m", 1e-3), "n": ("N", 1.0), "v": ("V", 1.0), "mv": ("V", 1e-3), "kn": ("N", 1e3), "knm": ("N m", 1e3),
-    "volt": ("V", 1.0), "volts": ("V", 1.0), "amp": ("A", 1.0), "amps": ("A", 1.0), "n.m": ("N m", 1.0),
-    "%": ("%", 1.0),
-}  # fmt: skip
-#: Units of an encoder, whose resolution no log says.
-COUNTS = {"inc", "incr", "increments", "count", "counts", "cnt", "cts", "pulse", "pulses", "ticks"}
-COUNTS |= {f"{one}/s" for one in COUNTS}
-#: What else stands in a row of units.
-OTHER_UNITS = COUNTS | {
-    "%", "-", "1", "c", "°c", "degc", "k", "w", "kw", "bar", "kg", "hz", "khz", "min", "h", "g", "db", "bit", "bool",
-    "m/s^2", "m/s²", "m/s2", "mm/s²", "mm/s^2", "rad/s²", "rad/s^2", "deg/s²", "°/s²", "mdeg", "in", "ft", "lbf", "arb",
-    "sequence", "second", "seconds", "milliseconds", "[-]",
-}  # fmt: skip
 _FACTORS = {"position": POSITION, "velocity": VELOCITY}
 _IN_BRACKETS = re.compile(r"[\[(<]\s*([^\])>]*?)\s*[\])>]")
 _NUMBER = re.compile(r"(?:/\d+|\s*[\[(]\d+[\])])+$")
 _HEX = re.compile(r"0x[0-9a-fA-F]+")
-_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|°")
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|°|[\u3041-\u30ff\u4e00-\u9fff]+")
+#: `quantity / unit`, as standards write it.
+_OVER = re.compile(r"\s/\s*(\S.*?)\s*$")
+#: Words written together: of languages without blanks the known ones, of German what it is that is asked for or is so.
+_TOGETHER = re.compile(
+    "|".join(word for words in (*WORDS.values(), ASKED, MEASURED, ELSE) for word in words if not word.isascii())
+)
+_COMPOUND = re.compile(
+    r"(ist|soll)?\w*?(drehmoment|kraft|strom|drehzahl|geschwindigkeit|winkel|position|lage|zeit)(?:(ist|soll)wert)?"
+)
 
 
 @dataclass(frozen=True)
@@ -100,12 +58,12 @@ class Recognised:
     @property
     def time_unit(self) -> str | None:
         """Of a time, as the config calls it."""
-        return TIME_UNITS.get(self.unit.lower())
+        return TIME_UNITS.get(plain_unit(self.unit))
 
     @property
     def named(self) -> str:
         """Its unit as the config calls it, of u after its factor; "": the log does not say it, or it is not known."""
-        unit = self.unit.lower()
+        unit = plain_unit(self.unit)
         return OF_U[unit][0] if self.channel == "u" and unit in OF_U else NAMED.get(self.channel, {}).get(unit, "")
 
     @property
@@ -119,7 +77,7 @@ class Recognised:
     def factor(self) -> float | None:
         """What brings the column to SI; None: the unit is not said, or not known."""
         if self.channel == "u":
-            return OF_U.get(self.unit.lower(), (None, None))[1]
+            return OF_U.get(plain_unit(self.unit), (None, None))[1]
         return _FACTORS[self.channel][self.named][1] if self.named else None
 
 
@@ -143,28 +101,37 @@ def recognise(columns: Sequence[str], units: Mapping[str, str] | None = None) ->
 
 def is_unit(text: str) -> bool:
     """Whether a text is the name of a unit, in brackets or not."""
-    unit = text.strip().strip("[]()").strip().lower()
+    unit = plain_unit(text.strip().strip("[]()"))
     known = (TIME_UNITS, OF_U, *NAMED.values(), OTHER_UNITS)
     return any(unit in table for table in known)
 
 
 def is_force(name: str, unit: str) -> bool:
     """Whether name or unit say that it is a force, torque or current, and so no motion."""
-    return unit.strip().lower() in OF_U.keys() - {"v", "mv", "volt", "volts", "%"} or _score("u", name) > 0.0
+    return plain_unit(unit) in OF_U.keys() - {"v", "mv", "volt", "volts", "%"} or _score("u", name) > 0.0
 
 
 def is_current(name: str, unit: str) -> bool:
     """Whether name or unit say that it is a current."""
-    return unit.lower() in {"a", "ma", "amp", "amps"} or bool(_words(name) & {"current", "strom", "iq", "amps", "amp"})
+    return plain_unit(unit) in {"a", "ma", "amp", "amps"} or _has(name, {"current", "strom", "iq", "amps", "amp"})
 
 
 def is_voltage(name: str, unit: str) -> bool:
     """Whether name or unit say that it is a voltage."""
-    return unit.lower() in {"v", "mv", "volt", "volts"} or bool(_words(name) & {"voltage", "volts", "volt", "spannung"})
+    return plain_unit(unit) in {"v", "mv", "volt", "volts"} or _has(name, {"voltage", "volts", "volt", "spannung"})
 
 
-def _words(name: str) -> set[str]:
-    return {word.lower() for word in _WORD.findall(name)}
+def _has(name: str, words: Collection[str]) -> bool:
+    return not set(words).isdisjoint(_words(name))
+
+
+def _words(name: str) -> list[str]:
+    """The words in a name, small."""
+    found: list[str] = []
+    for word in map(str.lower, _WORD.findall(name)):
+        parts = _COMPOUND.fullmatch(word)
+        found += _TOGETHER.findall(word) or ([part for part in parts.groups() if part] if parts else [word])
+    return found
 
 
 def is_time(name: str) -> bool:
@@ -174,19 +141,19 @@ def is_time(name: str) -> bool:
 
 def is_count(name: str) -> bool:
     """Whether a name is that of a count of the rows."""
-    return bool(_words(name) & COUNTERS)
+    return _has(name, COUNTERS)
 
 
 def is_command(name: str) -> bool:
     """Whether a name says that it is a command, and not of what: a motion that was asked for, or u."""
-    return bool(words := _words(name)) and words <= COMMANDS
+    return bool(words := set(_words(name))) and words <= COMMANDS
 
 
 def is_motion(name: str, unit: str) -> bool:
     """Whether name or unit say that it is a motion, asked for or measured, or a time, and so makes nothing move."""
-    words = _words(name)
+    words = set(_words(name))
     said = any(_score(channel, name) > 0.0 for channel in ("time", "position", "velocity", "reference"))
-    in_units = any(unit.strip().lower() in NAMED[channel] for channel in NAMED)
+    in_units = any(plain_unit(unit) in NAMED[channel] for channel in NAMED)
     return (said or in_units or bool(words & IDLE)) and not _score("u", name) and not is_command(name)
 
 
@@ -209,12 +176,14 @@ def unit_in(name: str, channel: str) -> str:
     inside = [text for text in _IN_BRACKETS.findall(name) if not text.isdigit()]  # r79[0] is the number of a parameter
     if inside:
         return str(inside[-1])
+    if (over := _OVER.search(name)) and is_unit(over[1].partition(" ")[0]):
+        return str(over[1]).partition(" ")[0]
     moves = COUNTS | NAMED.get(channel, {}).keys()
     known: Collection[str] = TIME_UNITS if channel == "time" else OF_U if channel == "u" else moves
     last = name.rpartition("/")[2]
     if channel == "u" and last.rpartition("_")[0] and (unit := last.rpartition("_")[2].lower()) in OF_U:
         return unit  # mNm is one word
-    words = [word.lower() for word in _WORD.findall(last) if word.lower() != "per"]
+    words = [word for word in _words(last) if word != "per"]
     for many in (2, 1):
         if len(words) > many and "/".join(words[-many:]) in known:
             return "/".join(words[-many:])
@@ -223,10 +192,10 @@ def unit_in(name: str, channel: str) -> str:
 
 def _score(channel: str, column: str) -> float:
     """How well the name fits; 0 where it does not."""
-    group, _, last = _HEX.sub(" ", _IN_BRACKETS.sub(" ", column)).rpartition("/")
-    words = [word.lower() for word in _WORD.findall(last)]
+    group, _, last = _HEX.sub(" ", _IN_BRACKETS.sub(" ", _OVER.sub(" ", column))).rpartition("/")
+    words = _words(last)
     joined = "".join(words)
-    around = {word.lower() for word in _WORD.findall(group)}
+    around = set(_words(group))
     moves = any(_word_score(one, words, joined) > 0.0 for one in ("velocity", "position"))
     if moves and set(words) & GENERAL:
         words = [word for word in words if word not in GENERAL] if channel == "u" else [*words, "setpoint"]

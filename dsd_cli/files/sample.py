@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dsd_cli.errors import DataError, source_name
-from dsd_cli.files.csv_dialect import stamps_in
+from dsd_cli.files.csv_cells import stamps_in
 from dsd_cli.files.csv_in import CsvTable
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.formats.base import Container, Group

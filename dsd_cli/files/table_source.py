@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from dsd_cli.errors import DataError
+from dsd_cli.files.content import content_of
 from dsd_cli.signals.log import Array
 
 #: What the file with the metadata of a CSV file is called, after that one's name.
@@ -62,10 +63,11 @@ class TableSource(Protocol):
 
 
 def read_head(path: str | Path, size: int) -> bytes:
-    """The first bytes of a file; one line for whatever keeps it from being read."""
+    """The first bytes of a file, or of the text in it; one line for whatever keeps it from being read."""
     try:
         with open(path, "rb") as file:
-            return file.read(size)
+            head = file.read(size)
+        return head if (content := content_of(path, size)) is None else content
     except FileNotFoundError:
         raise DataError(f"{path}: no such file") from None
     except IsADirectoryError:

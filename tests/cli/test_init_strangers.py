@@ -32,7 +32,8 @@ def test_a_strangers_file_ends_in_a_config_that_check_takes(name: str, tmp_path:
     assert [one["what"] for one in answer["findings"] if one["severity"] == "error"] == []
     assert answer["by_log"][0]["seconds"] == pytest.approx(strangers.ROWS * strangers.STEP, rel=0.03)
     factors = {"trace": 1e-3, "spreadsheet": 1e-3, "twincat": 1e-3, "recorder": np.pi / 180, "degrees": np.pi / 180}
-    factors |= {"two_levels": 1e-6, "printed": np.pi / 180}
+    factors |= {"two_levels": 1e-6, "printed": np.pi / 180, "packed": np.pi / 180, "thousands": 1e-6}
+    factors |= {"slashed": np.pi / 180}
     if motion == config.signals.position:
         assert config.signals.factors().get("position", 1.0) == pytest.approx(factors.get(name, 1.0))
 
@@ -248,3 +249,39 @@ def test_a_part_of_an_orientation_that_is_asked_for_is_taken(tmp_path: Path) -> 
 def test_a_text_without_a_column_of_numbers_is_no_question_which_it_is(tmp_path: Path) -> None:
     (tmp_path / "plotter.txt").write_text("".join(f"u:0x{k % 7:x},pos:0x{k:x}\n" for k in range(200)))
     refused(dsd("init", "plotter.txt", cwd=tmp_path), 1, "plotter.txt: no column holds numbers", "`dsd columns` shows")
+
+
+def robot(folder: Path) -> Path:
+    """What a name says of each is wrong: `q_d` is no velocity, but asked for, and `tau_ext` does not drive the axis."""
+    a, rng = AXIS, np.random.default_rng(4)
+    names = "duration,q_d,q,dq,tau_ext_filtered,tau_J"
+    columns = (a["t"], a["r"], a["q"], a["v"], 0.05 * rng.standard_normal(strangers.ROWS), a["u"])
+    return strangers.text(folder, "robot.csv", [names, *strangers.rows(a, *columns)])
+
+
+def test_what_channels_do_counts_more_than_names_that_they_contradict(tmp_path: Path) -> None:
+    said = done("init", robot(tmp_path).name, cwd=tmp_path).stderr
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.u, signals.position, signals.velocity) == ("tau_J", "q", "dq")
+    assert 'u = "tau_J": the motion explains' in said
+    assert 'velocity = "dq": it is the slope of q, and q_d is not' in said
+    done("init", "robot.csv", "--force", "--u", "tau_ext_filtered", "--velocity", "q_d", cwd=tmp_path)
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.u, signals.velocity) == ("tau_ext_filtered", "q_d")
+
+
+@pytest.mark.parametrize(("unit", "turn"), [("deg", 360.0), ("rad", 2.0 * np.pi)])
+@pytest.mark.parametrize("beside", [True, False])
+def test_a_position_that_wraps_says_its_unit(unit: str, turn: float, beside: bool, tmp_path: Path) -> None:
+    a = AXIS
+    wrapped = (30.0 * a["q"] * turn / (2.0 * np.pi)) % turn
+    columns, names = [a["t"], a["u"], wrapped], "time,current_motor,encoder_position"
+    if beside:  # electrical turns per minute of seven pole pairs: what the slope says
+        columns, names = [*columns, 30.0 * a["v"] * 7 * 30.0 / np.pi], f"{names},erpm"
+    path = strangers.text(tmp_path, "wraps.csv", [names, *strangers.rows(a, *columns, form="{:.9g}")])
+    said = done("init", path.name, cwd=tmp_path).stderr
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert signals.position_unit == unit
+    assert f'"encoder_position" jumps by a turn of {turn:g}' in said
+    if beside:
+        assert signals.factors()["velocity"] == pytest.approx(np.pi / 30.0 / 7.0, rel=0.01)

@@ -1,8 +1,10 @@
 """One motion as the recorders, drives and instruments of others write it; names, preambles and units are theirs."""
 
 import datetime
+import gzip
 import json
 import struct
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -304,6 +306,82 @@ def joints(folder: Path, a: dict) -> Path:
     return folder / "joints.parquet"
 
 
+def data_recorder(folder: Path, a: dict) -> Path:
+    """UTF-16, as Windows programs write it; counts of an encoder beside a speed with a unit."""
+    head = "Time [ms]\tPosition actual value [inc]\tVelocity averaged [rpm]\tCurrent actual value [mA]"
+    columns = (1e3 * a["t"], np.round(a["q"] * 4096 / 2 / np.pi), a["v"] * 30 / np.pi, 1e3 * a["u"])
+    return text(folder, "recorder.txt", [head, *rows(a, *columns, by="\t")], "\r\n", "utf-16")
+
+
+def unmarked(folder: Path, a: dict) -> Path:
+    """The same without a mark."""
+    path = data_recorder(folder, a)
+    path.write_bytes(path.read_bytes()[2:])
+    return path
+
+
+def packed(folder: Path, a: dict) -> Path:
+    """A zip with one table, and what the system of its maker adds."""
+    body = [";".join(map(german, row)) for row in zip(1e3 * a["t"], a["u"], np.degrees(a["q"]), strict=True)]
+    with zipfile.ZipFile(folder / "lauf.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        table = "\n".join(["Zeit [ms];Motorstrom [A];Istwinkel [°]", *body])
+        archive.writestr("lauf/achse.csv", table.encode("latin-1"))
+        archive.writestr("__MACOSX/lauf/._achse.csv", b"\0\5")
+    return folder / "lauf.zip"
+
+
+def squeezed(folder: Path, a: dict) -> Path:
+    """JSON lines, compressed."""
+    columns = zip(*(a[k].tolist() for k in "tqu"), strict=True)
+    lines = "".join(json.dumps({"time": t, "values": {"POSITION": q, "TORQUE": u}}) + "\n" for t, q, u in columns)
+    (folder / "run.jsonl.gz").write_bytes(gzip.compress(lines.encode()))
+    return folder / "run.jsonl.gz"
+
+
+def panels(folder: Path, a: dict) -> Path:
+    """Grafana for a spreadsheet: a unit in every cell."""
+    day = datetime.datetime(2024, 5, 3, 12)
+    stamps = [(day + datetime.timedelta(seconds=float(t))).strftime("%Y-%m-%d %H:%M:%S.%f")[:-3] for t in a["t"]]
+    body = [f'"{s}","{u:.5f} N·m","{q:.6f} rad"' for s, u, q in zip(stamps, a["u"], a["q"], strict=True)]
+    return text(folder, "panels.csv", ["sep=,", '"Time","Torque","Position"', *body])
+
+
+def thousands(folder: Path, a: dict) -> Path:
+    """Points between thousands, and a decimal comma."""
+    micrometres = [f"{1e6 * q:,.1f}".translate(str.maketrans(",.", ".,")) for q in a["q"]]
+    body = [f"{german(t)};{german(u)};{q}" for t, u, q in zip(a["t"], a["u"], micrometres, strict=True)]
+    return text(folder, "tausend.csv", ["Zeit;Kraft;Weg", "s;N;µm", *body], "\r\n", "cp1252")
+
+
+def hexadecimal(folder: Path, a: dict) -> Path:
+    """A counter in base 16, below zero as two's complement."""
+    counts = np.round(a["q"] * 1e6).astype(np.int64) & 0xFFFFFFFF
+    body = [f"{1e6 * t:.0f},0x{q:08X},{1e3 * u:.0f}" for t, q, u in zip(a["t"], counts, a["u"], strict=True)]
+    return text(folder, "hex.csv", ["t_us,enc,pwm", *body])
+
+
+def monitor(folder: Path, a: dict) -> Path:
+    """No header, and the stamp of a serial monitor before each line."""
+    day = datetime.datetime(2024, 5, 3, 12, 34, 56)
+    stamps = [(day + datetime.timedelta(seconds=float(t))).strftime("%H:%M:%S.%f")[:-3] for t in a["t"]]
+    body = [f"{s} -> {row}" for s, row in zip(stamps, rows(a, a["u"], a["v"], a["q"], by="\t"), strict=True)]
+    return text(folder, "serial.txt", body)
+
+
+def japanese(folder: Path, a: dict) -> Path:
+    """Names in the encoding of Japanese Windows; what is left of a path is no position."""
+    head = ['"Ver.7.30"', '"時間[ms]","トルク指令[%]","フィードバック速度[min-1]","位置偏差[指令単位]"']
+    columns = (1e3 * a["t"], a["u"], a["v"] * 30 / np.pi, np.round(1e4 * (a["r"] - a["q"])))
+    return text(folder, "trace.csv", [*head, *rows(a, *columns)], "\r\n", "cp932")
+
+
+def slashed(folder: Path, a: dict) -> Path:
+    """Quantity / unit, and words of which German makes one."""
+    head = "Zeit / ms\tIstdrehzahl / 1/min\tDrehmoment / % Mnenn\tIstlage / °"
+    columns = zip(1e3 * a["t"], a["v"] * 30 / np.pi, a["u"], np.degrees(a["q"]), strict=True)
+    return text(folder, "scope.txt", [head, *("\t".join(map(german, row)) for row in columns)], "\r\n", "cp1252")
+
+
 #: Every one of them, and the columns of u and of position or velocity in it.
 MADE: dict[str, tuple[Callable[[Path, dict], Path], str, str]] = {
     "twincat": (twincat, "ActTorque", "ActPos"),
@@ -339,6 +417,16 @@ MADE: dict[str, tuple[Callable[[Path, dict], Path], str, str]] = {
     "two_levels": (two_levels, "force", "pos"),
     "merged": (merged, "/drive/torque", "/joint/position"),
     "series": (series, "current", "angle"),
+    "data_recorder": (data_recorder, "Current actual value [mA]", "Velocity averaged [rpm]"),
+    "unmarked": (unmarked, "Current actual value [mA]", "Velocity averaged [rpm]"),
+    "packed": (packed, "Motorstrom [A]", "Istwinkel [°]"),
+    "squeezed": (squeezed, "values/TORQUE", "values/POSITION"),
+    "panels": (panels, "Torque", "Position"),
+    "thousands": (thousands, "Kraft", "Weg"),
+    "hexadecimal": (hexadecimal, "pwm", "enc"),
+    "monitor": (monitor, "2", "4"),
+    "japanese": (japanese, "トルク指令[%]", "フィードバック速度[min-1]"),
+    "slashed": (slashed, "Drehmoment / % Mnenn", "Istlage / °"),
     "joints": (joints, "arm/effort", "arm/position"),
     "titled": (titled, "r79[0] Drehmomentsollwert [Nm]", "r61[0] Drehzahlistwert [1/min]"),
 }

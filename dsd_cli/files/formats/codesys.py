@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.files.csv_dialect import decode, number
+from dsd_cli.files.content import text_of
+from dsd_cli.files.csv_cells import number
+from dsd_cli.files.csv_dialect import decode
 from dsd_cli.files.formats.base import InMemory
 from dsd_cli.signals.log import Array
 
@@ -20,7 +21,7 @@ class CodesysTrace(InMemory):
     """
 
     def __init__(self, path: str) -> None:
-        found = _variables(path, decode(Path(path).read_bytes()).splitlines())
+        found = _variables(path, decode(text_of(path)).splitlines())
         channels: dict[str, Array] = {}
         stamps = next(iter(found.values()), np.zeros((0, 2)))[:, 0]
         together = all(np.array_equal(rows[:, 0], stamps) for rows in found.values())

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.files.csv_dialect import stamps_in
+from dsd_cli.files.content import text_of
+from dsd_cli.files.csv_cells import stamps_in
 from dsd_cli.files.formats.base import InMemory, check_size
 from dsd_cli.files.formats.long_form import form_by_texts, turned
 from dsd_cli.files.formats.messages import fields
@@ -41,9 +41,9 @@ class JsonFile(InMemory):
     """A JSON document or JSON lines; see `Container`."""
 
     def __init__(self, path: str) -> None:
-        file = Path(path)
-        check_size(path, float(UNPACKED * file.stat().st_size))
-        document = _parsed(path, file.read_text(encoding="utf-8-sig"))
+        content = text_of(path)
+        check_size(path, float(UNPACKED * len(content)))
+        document = _parsed(path, content.decode("utf-8-sig"))
         found: dict[str, Table] = {}
         of_sysid = isinstance(document, Mapping) and document.get("sysid") is True
         _collect(document, "", found, SYSID if of_sysid else {})

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 
-from dsd_cli.files.csv_dialect import decode, is_number, seconds
+from dsd_cli.files.content import text_of
+from dsd_cli.files.csv_cells import is_number, seconds
+from dsd_cli.files.csv_dialect import decode
 from dsd_cli.files.formats.base import InMemory
 from dsd_cli.signals.log import Array
 
@@ -26,7 +27,7 @@ class PairsFile(InMemory):
     """Lines with the names that most lines have, and `time` where they begin with a stamp; see `Container`."""
 
     def __init__(self, path: str) -> None:
-        lines = decode(Path(path).read_bytes()).splitlines()
+        lines = decode(text_of(path)).splitlines()
         names = _names(lines)
         units: dict[str, str] = {}
         values: list[list[float]] = []

@@ -32,7 +32,9 @@ class Cause(NamedTuple):
 
 
 def motion_columns(dt: float, x: Array, kind: str, size: int) -> Array:
-    """Acceleration, velocity, direction, one (and place, sine and cosine) of the means of blocks, shape (blocks, k).
+    """Acceleration, velocity, direction, one (and place and its square, of weights and springs) of the means of blocks.
+
+    Of shape (blocks, k).
 
     Parameters
     ----------
@@ -46,7 +48,7 @@ def motion_columns(dt: float, x: Array, kind: str, size: int) -> Array:
         place: list[Array] = []
     else:
         v, a = (mean[2:] - mean[:-2]) / (2.0 * step), (mean[2:] - 2.0 * mean[1:-1] + mean[:-2]) / step**2
-        place = [mean[1:-1]]
+        place = [mean[1:-1], (mean[1:-1] - mean.mean()) ** 2]
     rest = 0.02 * float(np.sqrt(np.mean(v**2))) + 1e-300
     return np.column_stack([a, v, v / np.hypot(v, rest), np.ones(v.size), *place])
 

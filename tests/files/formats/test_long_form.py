@@ -75,3 +75,12 @@ def test_records_of_json_and_their_stamps_in_words(tmp_path):
     np.testing.assert_allclose(batch.columns["t"], 1740819600.0 + T, rtol=0, atol=1e-6)
     np.testing.assert_array_equal(batch.columns["u"], U)
     np.testing.assert_array_equal(batch.columns["position"], Q)
+
+
+def test_names_in_the_letters_of_windows(tmp_path):
+    lines = ["Zeit;Größe;Wert"]
+    for t, u, q in zip(T.tolist(), U.tolist(), Q.tolist(), strict=True):
+        lines += [f"{t!r};Störmoment;{u!r}", f"{t!r};Weg;{q!r}"]
+    (tmp_path / "log.csv").write_bytes("\n".join(lines).encode("latin-1"))
+    (batch,) = open_table(tmp_path / "log.csv", {"t": "Zeit", "u": "Störmoment", "position": "Weg"}).batches()
+    np.testing.assert_array_equal(batch.columns["u"], U)

@@ -1,0 +1,125 @@
+"""The text in a file that is packed, or that is not in UTF-8, as bytes of UTF-8: what every reader of text reads."""
+
+from __future__ import annotations
+
+import bz2
+import codecs
+import gzip
+import lzma
+import re
+import zipfile
+import zlib
+from pathlib import Path
+from typing import IO, Any
+
+from dsd_cli.errors import DataError
+from dsd_cli.files.formats.base import check_size
+
+#: Bytes that are unpacked at a time, and those that tell how a text is written.
+PIECE, HEAD = 1 << 20, 4096
+#: How a packed file begins -> what it is, and what opens it.
+_PACKED: dict[bytes, tuple[str, Any]] = {
+    b"\x1f\x8b": ("gzip-compressed", gzip.open),
+    b"BZh": ("bzip2-compressed", bz2.open),
+    b"\xfd7zXZ\0": ("xz-compressed", lzma.open),
+}
+_ZIP = b"PK\x03\x04"
+#: The stamp that a serial monitor puts before each line.
+_STAMPED = re.compile(rb"(?m)^(\d\d:\d\d:\d\d[.,]\d+) -> ")
+_CONTROLS = re.compile("[\0-\x08]")
+
+
+def content_of(path: str | Path, most: int | None = None) -> bytes | None:
+    """The text of a file, of more than `most` bytes the first of them; None: the file is read as it is.
+
+    Raises
+    ------
+    DataError : it cannot be unpacked, or what is packed is not one text.
+    """
+    try:
+        with open(path, "rb") as file:
+            head = file.read(HEAD)
+            if packed := next((packed for magic, packed in _PACKED.items() if head.startswith(magic)), None):
+                return _unpacked(path, packed[0], packed[1](path, "rb"), most)
+            if head.startswith(_ZIP):
+                member = _member(str(path))
+                return None if member is None else _unpacked(path, "a zip archive", member, most)
+            if _encoding(head) is None and _STAMPED.match(head) is None:
+                return None
+            file.seek(0)
+            return _as_utf8(file.read() if most is None else file.read(2 * most))[:most]
+    except (OSError, ValueError):
+        return None  # whoever reads it says why
+
+
+def text_of(path: str | Path) -> bytes:
+    """All bytes of a text, unpacked and in UTF-8 where it was neither."""
+    content = content_of(path)
+    return Path(path).read_bytes() if content is None else content
+
+
+def _member(path: str) -> IO[bytes] | None:
+    """The one file in a zip, but for what systems add; None: arrays of NumPy, or no zip."""
+    try:
+        archive = zipfile.ZipFile(path)
+    except (zipfile.BadZipFile, NotImplementedError):
+        return None
+    names = [name for name in archive.namelist() if not name.endswith("/")]
+    if any(name.endswith(".npy") for name in names):
+        return None
+    if any(name.startswith("xl/") for name in names):
+        raise DataError(f"{path}: is an Excel workbook", "save the sheet with the log as CSV")
+    files = [name for name in names if not name.startswith("__MACOSX/") and not Path(name).name.startswith(".")]
+    if len(files) != 1:
+        listed = ", ".join(files[:4]) + (" ..." if len(files) > 4 else "")
+        raise DataError(f"{path}: is a zip archive of {len(files)} files{listed and f' ({listed})'}", "unpack it first")
+    try:
+        return archive.open(files[0])
+    except (RuntimeError, NotImplementedError, zipfile.BadZipFile) as error:  # with a password, or an odd method
+        raise _damaged(path, "a zip archive", error) from None
+
+
+def _unpacked(path: str | Path, kind: str, stream: IO[bytes], most: int | None) -> bytes:
+    """The text that a stream gives, and no more than the machine has memory for."""
+    parts, size = list[bytes](), 0
+    try:
+        with stream:
+            while (most is None or size < 2 * most) and (part := stream.read(PIECE)):
+                parts.append(part)
+                size += len(part)
+                check_size(str(path), size)
+    except (OSError, EOFError, RuntimeError, NotImplementedError, ValueError) as error:
+        raise _damaged(path, kind, error) from None
+    except (zlib.error, lzma.LZMAError, zipfile.BadZipFile) as error:
+        raise _damaged(path, kind, error) from None
+    content = _as_utf8(b"".join(parts))[:most]
+    if b"\0" in content[:HEAD].rstrip(b"\0"):
+        raise DataError(f"{path}: is {kind}, and what is in it is no text", "unpack it first")
+    return content
+
+
+def _damaged(path: str | Path, kind: str, error: Exception) -> DataError:
+    said = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
+    return DataError(f"{path}: is {kind} and cannot be unpacked ({said})", "is it whole? write it again")
+
+
+def _as_utf8(content: bytes) -> bytes:
+    encoding = _encoding(content[:HEAD])
+    if encoding is not None:  # cut at any byte, or spoiled: what is wrong shows in its place
+        content = content.decode(encoding, "replace").removeprefix("\ufeff").encode()
+    if _STAMPED.match(content):
+        line = content.partition(b"\n")[0]
+        by = next((one for one in (b"\t", b";", b",") if one in line), b" ")
+        content = _STAMPED.sub(rb"\1" + by, content)
+    return content
+
+
+def _encoding(head: bytes) -> str | None:
+    """UTF-16 of either order, with its mark or, as letters of most languages have it, zeros in every second byte."""
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16-le" if head.startswith(codecs.BOM_UTF16_LE) else "utf-16-be"
+    even, odd = head[::2].count(0), head[1::2].count(0)
+    if min(even, odd) or 4 * max(even, odd) < max(len(head), 1):
+        return None
+    encoding = "utf-16-le" if odd else "utf-16-be"
+    return None if _CONTROLS.search(head.decode(encoding, "replace")) else encoding

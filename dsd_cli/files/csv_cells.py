@@ -1,0 +1,229 @@
+"""What a cell of a text file says: numbers in the ways people and tools write them, stamps, and nothing."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from datetime import UTC, datetime
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from dsd_cli.files.recognise import is_unit
+from dsd_cli.signals.log import Array
+
+#: What loggers write where there is no value; "nan" and "inf" are numbers to both parsers.
+MISSING = frozenset(
+    f"{pad}{token}"
+    for pad in ("", " ")
+    for token in (
+        "", "NA", "N/A", "n/a", "na", "#N/A", "null", "NULL", "Null", "None", "none", "-", "--", "?",
+        "-nan", "-NaN", "-nan(ind)", "nan(ind)", "1.#QNAN", "-1.#IND", "1.#INF", "-1.#INF",
+    )
+)  # fmt: skip
+#: Digits of the numbers of 16, 32 and 64 bits in base 16: only these have a sign.
+WIDTHS = (4, 8, 16)
+_HEX = re.compile(r"0[xX][0-9a-fA-F]{1,16}")
+#: A number with or without thousands apart, and a unit; and one that may be of some thousands.
+_BLANK = " \u00a0\u202f"
+_SPELT = re.compile(
+    rf"([-+]?(?:\d[\d.,'\u2019{_BLANK}]*|[.,]\d+)(?:[eE][-+]?\d+)?)[{_BLANK}]*([^\s\d.,'\u2019+-].*)?", re.ASCII
+)
+_LARGE = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}")
+DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
+ISO_TIME = re.compile(r"\s*\d{4}-\d\d-\d\d[ T]\d\d:\d\d")
+SPOKEN_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "min": 60.0, "hr": 3600.0}
+MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+#: `0.004 sec`; [31.12.2024, 12/31/2024, 31-Dec-2024 or 2 days] 23:59:59.999 [PM].
+SPOKEN_TIME = re.compile(
+    r"\s*(?:([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s?(s|sec|ms|msec|us|min|hr)"
+    r"|(?:(\d{1,2}\.\d{1,2}\.\d{4})[ T]|(\d{1,2}/\d{1,2}/\d{4}) |(\d{1,2}-[A-Za-z]{3}-\d{4}) )?"
+    r"(?:(\d+) days? )?(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+)?) ?([AaPp][Mm])?)\s*"
+)
+
+
+class Written(NamedTuple):
+    """How a column writes its numbers: what stands between thousands, the decimal sign, and a unit behind them.
+
+    `digits`: in base 16, of so many digits as two's complement where that is a width of numbers; 0: in base 10.
+    """
+
+    thousands: str = ""
+    decimal: str = "."
+    unit: str = ""
+    digits: int = 0
+
+    def __str__(self) -> str:
+        if self.digits:
+            return "in base 16"
+        large, unit = f"1{self.thousands}234{self.decimal}5" if self.thousands else f"1234{self.decimal}5", self.unit
+        return f"as {large}{unit and f' {unit}'}"
+
+    def value(self, text: str) -> float:
+        """Of a cell, NaN where there is none.
+
+        Raises
+        ------
+        ValueError : it is not written so.
+        """
+        text = text.strip()
+        if text in MISSING:
+            return math.nan
+        if self.digits:
+            if _HEX.fullmatch(text) is None:
+                raise ValueError(text)
+            value, bits = int(text, 16), 4 * self.digits
+            return float(value - (1 << bits) * (self.digits in WIDTHS and value >> (bits - 1)))
+        found = _SPELT.fullmatch(text)
+        if found is None or (found[2] or "") != self.unit or not self._grouped.fullmatch(found[1].strip()):
+            raise ValueError(text)
+        return float(found[1].strip().replace(self.thousands, "").replace(self.decimal, "."))
+
+    @property
+    def _grouped(self) -> re.Pattern[str]:
+        return _grouped(self.thousands, self.decimal)
+
+
+@cache
+def _grouped(thousands: str, decimal: str) -> re.Pattern[str]:
+    whole = rf"(?:\d{{1,3}}(?:{re.escape(thousands)}\d{{3}})+|\d+)" if thousands else r"\d+"
+    sign = re.escape(decimal)
+    return re.compile(rf"[-+]?(?:{whole}(?:{sign}\d*)?|{sign}\d+)(?:[eE][-+]?\d+)?")
+
+
+def written(cells: Iterable[str]) -> Written | None:
+    """How numbers are written that have a unit, thousands apart or base 16; None: they have not, or are none."""
+    there = [text for cell in cells if (text := cell.strip()) not in MISSING]
+    with suppress(ValueError):
+        if all(math.isfinite(float(text)) for text in there):  # nearly all columns
+            return None
+    if there and all(map(_HEX.fullmatch, there)):
+        widths = {len(text.lstrip("+-")) - 2 for text in there}
+        return Written(digits=max(widths)) if widths <= set(WIDTHS) and len(widths) == 1 else Written(digits=1)
+    found = [_SPELT.fullmatch(text) for text in there]
+    units = {one[2] or "" for one in found if one is not None}
+    if None in found or len(units) != 1:
+        return None
+    (unit,) = units
+    if unit and (not is_unit(unit) or unit.lower() in SPOKEN_UNITS):  # a time is in s
+        return None
+    thousands, decimal = _signs([one[1].strip() for one in found if one is not None])
+    how = Written(thousands, decimal, unit)
+    try:
+        for text in there:
+            how.value(text)
+    except ValueError:
+        return None
+    return how if unit or thousands else None
+
+
+def _signs(numbers: Sequence[str]) -> tuple[str, str]:
+    """(what stands between thousands, the decimal sign); a lone sign is decimal, if not only larger numbers have it."""
+    blank = next((sign for text in numbers for sign in text if sign in f"'\u2019{_BLANK}"), "")
+    if blank:
+        return blank, "," if any("," in text for text in numbers) else "."
+    for text in numbers:
+        if "." in text and "," in text:
+            return (",", ".") if text.rindex(".") > text.rindex(",") else (".", ",")
+        for sign, other in ((",", "."), (".", ",")):
+            if text.count(sign) > 1:
+                return sign, other
+    for sign, other in ((",", "."), (".", ",")):
+        large = [text for text in numbers if sign in text]
+        small = [text.lstrip("+-") for text in numbers if sign not in text]
+        if large and all(_LARGE.fullmatch(text) for text in large) and small and all(len(text) < 4 for text in small):
+            return sign, other
+    return "", "," if any("," in text for text in numbers) else "."
+
+
+def number(text: str) -> float:
+    """The value of a field, NaN for a missing one; decimal commas, thousands apart, units and base 16 are understood.
+
+    Raises
+    ------
+    ValueError : it is not a number.
+    """
+    try:
+        return plain_number(text)
+    except ValueError:
+        if (how := written([text])) is None:
+            raise
+        return how.value(text)
+
+
+def plain_number(text: str) -> float:
+    """The same of digits with a decimal sign alone.
+
+    Raises
+    ------
+    ValueError : it is not a number.
+    """
+    try:
+        if "_" in text or not text.isascii():  # 1_000 is a number to Python, and to nobody who writes logs
+            raise ValueError
+        return float(text)
+    except ValueError:
+        if text.strip() in MISSING:
+            return math.nan
+        if DECIMAL_COMMA.fullmatch(text):
+            return float(text.replace(",", "."))
+        raise
+
+
+def seconds(text: str) -> float:
+    """A time stamp: a number, or a date and time (taken as UTC without a zone) as seconds since 1970.
+
+    Dates are ISO 8601, 31.12.2024, 12/31/2024 or 31-Dec-2024; hours with minutes and seconds alone, and `0.004 sec`,
+    are durations.
+
+    Raises
+    ------
+    ValueError : it is none of these.
+    """
+    if ISO_TIME.match(text):
+        stamp = datetime.fromisoformat(text.strip())
+        return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
+    if (found := SPOKEN_TIME.fullmatch(text)) is None:
+        return number(text)
+    value, unit, dotted, slashed, spelt, days, hours, minutes, rest, half = found.groups()
+    if unit:
+        return number(value) * SPOKEN_UNITS[unit.lower()]
+    day = 86400.0 * int(days or 0)
+    if date := dotted or slashed or spelt:
+        parts = [MONTHS.index(one.lower()) + 1 if one.isalpha() else int(one) for one in re.split(r"[./-]", date)]
+        year, month, of_month = (parts[2], parts[0], parts[1]) if slashed else (parts[2], parts[1], parts[0])
+        day = datetime(year, month, of_month, tzinfo=UTC).timestamp()
+    hour = int(hours) % 12 + 12 * (half.lower() == "pm") if half else int(hours)
+    return day + 3600.0 * hour + 60.0 * int(minutes) + number(rest)
+
+
+def has_zone(text: str) -> bool:
+    """Whether a time stamp says its time zone; what looks like one and is no time (23:59:60) does not."""
+    try:
+        return datetime.fromisoformat(text.strip()).tzinfo is not None
+    except ValueError:
+        return False
+
+
+def is_number(text: str) -> bool:
+    try:
+        seconds(text)
+    except ValueError:
+        return False
+    return True
+
+
+def stamps_in(texts: Sequence[str | None]) -> Array | None:
+    """Stamps in words as s, and numbers; None: they are something else."""
+    there = [text for text in texts[:20] if text is not None and text.strip() not in MISSING]
+    if not there or not all(map(is_number, there)):
+        return None
+    how = written(text or "" for text in texts)
+    read = seconds if how is None else how.value
+    try:
+        return np.array([math.nan if text is None else read(text) for text in texts])
+    except ValueError:
+        return None

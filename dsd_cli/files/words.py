@@ -1,0 +1,115 @@
+"""What channels and units are called in logs: the words of trades and languages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+#: Channel -> words that name it, best first.
+WORDS: Mapping[str, tuple[str, ...]] = {
+    "time": (
+        "t", "time", "timestamp", "stamp", "zeit", "seconds", "sec", "clock", "ms", "millis", "us", "micros",
+        "temps", "tempo", "tiempo", "時間", "时间",
+    ),
+    "d_hat": ("dhat", "disturbance", "dist", "dob", "stoerung"),
+    "u": (
+        "u", "iq", "torque", "effort", "current", "force", "voltage", "moment", "strom", "drehmoment", "kraft", "tau",
+        "control", "input", "thrust", "volts", "duty", "pwm", "couple", "courant", "coppia", "corrente", "corriente",
+        "トルク", "電流", "推力", "转矩", "扭矩", "电流",
+    ),
+    "velocity": (
+        "velocity", "vel", "speed", "v", "omega", "w", "rpm", "qd", "dq", "dtheta", "thetadot", "drehzahl",
+        "geschwindigkeit", "rate", "erpm", "vitesse", "velocita", "velocidad", "速度", "回転数", "转速",
+    ),
+    "position": (
+        "position", "pos", "q", "theta", "angle", "encoder", "enc", "phi", "x", "winkel", "lage", "displacement",
+        "posizione", "posicion", "位置", "角度",
+    ),
+}  # fmt: skip
+#: Words of what was asked for, not measured.
+ASKED = {
+    "ref",
+    "reference",
+    "set",
+    "setpoint",
+    "target",
+    "desired",
+    "des",
+    "soll",
+    "cmd",
+    "command",
+    "demand",
+    "goal",
+    "指令",
+}
+#: Words of u that with a motion in the name say whose input it is: input_pos is asked for.
+GENERAL = {"u", "control", "input"}
+#: Those of them that by themselves may be u as well.
+COMMANDS = {"cmd", "command", "demand"}
+#: Of what was measured.
+MEASURED = {"act", "actual", "meas", "measured", "ist", "fbk", "feedback", "real", "motor", "filtered", "filt", "实际"}
+#: Words that make a column of another thing whatever else it is called: errors, limits, other axes' business.
+ELSE = {
+    "error",
+    "err",
+    "limit",
+    "max",
+    "min",
+    "status",
+    "temp",
+    "temperature",
+    "id",
+    "index",
+    "count",
+    "mode",
+    "true",
+    "偏差",
+}
+#: Words of what feeds a drive, which no motion follows.
+ELSE |= {"battery", "bus", "vbus", "supply", "vcc", "vdc"}
+
+#: Words of a column that counts the rows.
+COUNTERS = {"n", "k", "i", "nr", "no", "row", "index", "idx", "count", "counter", "sample", "samples", "id", "cycle"}
+#: What holds quaternions, and what their parts are called where nothing says so: no places and no speeds.
+QUATERNIONS, PARTS = {"orientation", "quaternion", "quat", "rotation"}, {"qx", "qy", "qz", "qw"}
+#: More words of columns that make nothing move: places and stamps.
+IDLE = {"pose", "translation", "stamp"}
+
+#: Unit of a time -> its name in the config.
+TIME_UNITS = {
+    "s": "s", "sec": "s", "second": "s", "seconds": "s", "milliseconds": "ms",
+    "ms": "ms", "msec": "ms", "millis": "ms", "micros": "us", "us": "us", "ns": "ns",
+}  # fmt: skip
+#: Channel -> unit in a log -> what the config calls it; of u with what its column is multiplied by.
+NAMED: Mapping[str, Mapping[str, str]] = {
+    "position": {
+        "rad": "rad", "m": "m", "deg": "deg", "°": "deg", "degree": "deg", "degrees": "deg", "mm": "mm", "um": "um",
+        "rev": "turn", "turn": "turn", "turns": "turn", "grad": "deg", "umdr": "turn", "mrad": "mrad", "cm": "cm",
+    },
+    "velocity": {
+        "rad/s": "rad/s", "m/s": "m/s", "deg/s": "deg/s", "°/s": "deg/s", "mm/s": "mm/s", "um/s": "um/s", "rpm": "rpm",
+        "r/min": "rpm", "1/min": "rpm", "rev/s": "turn/s", "turn/s": "turn/s", "turns/s": "turn/s", "hz": "turn/s",
+        "grad/s": "deg/s", "u/min": "rpm", "umdr/min": "rpm", "min-1": "rpm", "min^-1": "rpm", "u/s": "turn/s",
+        "mrad/s": "mrad/s", "cm/s": "cm/s", "tr/min": "rpm", "giri/min": "rpm", "rev/min": "rpm",
+    },
+}  # fmt: skip
+OF_U: Mapping[str, tuple[str, float]] = {
+    "a": ("A", 1.0), "ma": ("A", 1e-3), "nm": ("N m", 1.0), "n m": ("N m", 1.0), "n*m": ("N m", 1.0),
+    "mnm": ("N m", 1e-3), "n": ("N", 1.0), "v": ("V", 1.0), "mv": ("V", 1e-3), "kn": ("N", 1e3), "knm": ("N m", 1e3),
+    "volt": ("V", 1.0), "volts": ("V", 1.0), "amp": ("A", 1.0), "amps": ("A", 1.0),
+    "%": ("%", 1.0),
+}  # fmt: skip
+#: Units of an encoder, whose resolution no log says.
+COUNTS = {"inc", "incr", "increments", "count", "counts", "cnt", "cts", "pulse", "pulses", "ticks", "inkr", "qc"}
+COUNTS |= {f"{one}/s" for one in COUNTS}
+#: What else stands in a row of units.
+OTHER_UNITS = COUNTS | {
+    "%", "-", "1", "c", "°c", "degc", "k", "w", "kw", "bar", "kg", "hz", "khz", "min", "h", "g", "db", "bit", "bool",
+    "m/s^2", "m/s²", "m/s2", "mm/s²", "mm/s^2", "rad/s²", "rad/s^2", "deg/s²", "°/s²", "mdeg", "in", "ft", "lbf", "arb",
+    "sequence", "second", "seconds", "milliseconds", "[-]",
+}  # fmt: skip
+
+
+def plain_unit(unit: str) -> str:
+    """A unit as the tables have it, whose key it may be: `N·m` and `N.m` are n*m, `µm` is um, `rad/sec` rad/s."""
+    text = unit.strip().lower().replace("·", "*").replace("⋅", "*").replace("n.m", "n*m")
+    return text.replace("µ", "u").replace("μ", "u").replace("/sec", "/s")

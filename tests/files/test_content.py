@@ -1,0 +1,99 @@
+"""Packed files and texts of other encodings: the same table as the plain file, or one line with its name."""
+
+import bz2
+import gzip
+import io
+import lzma
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dsd_cli.errors import DataError
+from dsd_cli.files.content import content_of
+from dsd_cli.files.tables_in import open_table
+
+COLUMNS = {"t": "t", "u": "u"}
+PLAIN = "t,u\n" + "".join(f"{k / 1000},{k % 7 - 3}\n" for k in range(5000))
+
+
+def zipped(content: bytes, *names: str) -> bytes:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in names or ("log.csv",):
+            archive.writestr(name, content)
+    return packed.getvalue()
+
+
+PACKERS = {"gz": gzip.compress, "bz2": bz2.compress, "xz": lzma.compress, "zip": zipped}
+
+
+def numbers(path: Path) -> np.ndarray:
+    batches = list(open_table(path, COLUMNS).batches())
+    return np.array([np.concatenate([batch.columns[name] for batch in batches]) for name in COLUMNS])
+
+
+def written(folder: Path, content: bytes) -> Path:
+    (folder / "log.csv").write_bytes(content)
+    return folder / "log.csv"
+
+
+@pytest.mark.parametrize("pack", PACKERS)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-16-le", "utf-16-be"])
+def test_the_numbers_are_those_of_the_plain_file(pack: str, encoding: str, tmp_path: Path) -> None:
+    plain = numbers(written(tmp_path, PLAIN.encode()))
+    assert np.array_equal(numbers(written(tmp_path, PACKERS[pack](PLAIN.encode(encoding)))), plain)
+    assert np.array_equal(numbers(written(tmp_path, PLAIN.encode(encoding))), plain)
+
+
+def test_a_plain_file_is_read_as_it_is(tmp_path: Path) -> None:
+    assert content_of(written(tmp_path, PLAIN.encode())) is None
+    assert content_of(written(tmp_path, "t,u,größe\n".encode("latin-1"))) is None
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (zipped(b"", "xl/workbook.xml", "[Content_Types].xml"), "an Excel workbook: save the sheet"),
+        (zipped(PLAIN.encode(), "a.csv", "b.csv"), "a zip archive of 2 files (a.csv, b.csv): unpack it first"),
+        (zipped(PLAIN.encode(), "folder/"), "a zip archive of 0 files: unpack it first"),
+        (gzip.compress(PLAIN.encode())[:-900], "gzip-compressed and cannot be unpacked"),
+        (lzma.compress(PLAIN.encode())[:-90], "xz-compressed and cannot be unpacked"),
+        (bz2.compress(PLAIN.encode())[:-90], "bzip2-compressed and cannot be unpacked"),
+        (gzip.compress(b"MATLAB 5.0\0\1\2\3" * 99), "gzip-compressed, and what is in it is no text: unpack it first"),
+    ],
+)
+def test_what_cannot_be_unpacked_is_one_line_with_its_name(content: bytes, said: str, tmp_path: Path) -> None:
+    path = written(tmp_path, content)
+    with pytest.raises(DataError) as caught:
+        numbers(path)
+    assert str(caught.value).startswith(f"{path}: is ")
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_a_bad_cell_is_found_in_its_line(encoding: str, tmp_path: Path) -> None:
+    path = written(tmp_path, gzip.compress(PLAIN.replace("\n4.0,0", "\n4.0,oops").encode(encoding)))
+    with pytest.raises(DataError, match='line 4002, column "u": "oops" is not a number'):
+        numbers(path)
+
+
+def test_more_than_the_memory_is_refused_before_it_is_full(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.csv.gz"
+    with gzip.open(path, "wb", compresslevel=1) as file:
+        file.write(PLAIN.encode())
+        for _ in range(300):
+            file.write(b"0.1,2\n" * (1 << 17))
+    code = (
+        "import resource, sys\n"
+        "from dsd_cli.files import content\n"
+        "content.check_size.__globals__['os'].sysconf = lambda name: 1 << 13\n"
+        "try:\n    content.content_of(sys.argv[1])\n"
+        "except Exception as error:\n    print(error, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
+    assert "bomb.csv.gz: unpacks to" in done.stdout
+    assert int(done.stdout.split()[-1]) < 300_000  # KiB; all of it would be 230 MB more
