@@ -34,6 +34,15 @@ def is_blank(values: Mapping[str, Array]) -> bool:
     return bool(rows >= FEWEST and (counts > 0).all() and (counts <= (1.0 - BLANK) * rows).any())
 
 
+def _is_whole(values: Mapping[str, Array]) -> bool:
+    """Whether no column is blank, as far as these rows say it: one that is all empty may begin later."""
+    return not is_blank(values) and all(np.isfinite(column).any() for column in values.values())
+
+
+def _measured(columns: Mapping[str, Array]) -> dict[str, Array]:
+    return {name: column for name, column in columns.items() if name != "t"}
+
+
 class _OwnClocks(WrappedTable):
     """A table with blank cells is read into memory and joined; any other one passes in its batches."""
 
@@ -50,12 +59,15 @@ class _OwnClocks(WrappedTable):
         first = next(batches, None)
         if first is None:
             return
-        if not is_blank({name: column for name, column in first.columns.items() if name != "t"}):
+        if _is_whole(_measured(first.columns)):
             yield first
             yield from batches
             return
-        parts = [first.columns, *(batch.columns for batch in batches)]
-        columns = {name: np.concatenate([part[name] for part in parts]) for name in first.columns}
+        parts = [first, *batches]
+        columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in first.columns}
+        if not is_blank(_measured(columns)):
+            yield from parts
+            return
         for joined in self._joined(columns.pop("t"), columns):
             for start in range(0, joined.t.size, BATCH_ROWS):
                 cut = slice(start, start + BATCH_ROWS)
@@ -63,24 +75,31 @@ class _OwnClocks(WrappedTable):
                 yield Batch(joined.t[cut].size, {"t": joined.t[cut], **values})
 
     def _joined(self, t: Array, columns: Mapping[str, Array]) -> Iterator[Joined]:
-        """The recordings in it, one after the other: each begins where the stamps go back.
+        """The recordings in it, one after the other: each begins where the stamps of a column go back.
 
         Raises
         ------
         DataError : in none of them have all columns values at the same time.
         """
         stamped = np.flatnonzero(np.isfinite(t))
-        failed: DataError | None = None
-        for rows in np.split(stamped, np.flatnonzero(np.diff(t[stamped]) < 0.0) + 1):
+        begins = np.flatnonzero(np.diff(t[stamped]) < 0.0) + 1
+        if all(np.all(np.diff(t[np.isfinite(t) & np.isfinite(x)]) >= 0.0) for x in columns.values()):
+            begins = begins[:0]  # columns below one another are one recording
+        failed: list[DataError] = []
+        recordings = np.split(stamped, begins)
+        for rows in recordings:
             try:
                 joined = join(self.name, self._parts(t[rows], {n: x[rows] for n, x in columns.items()}), self._u_hold)
             except DataError as error:
-                failed = error
+                failed.append(error)
                 continue
             self._notes = self._notes or joined.notes
             yield joined
-        if failed is not None and not self._notes:
-            raise failed
+        if len(failed) == len(recordings):
+            raise failed[-1]
+        if failed:
+            lost = f"{len(failed)} of {len(recordings)} recordings in it lack a channel and are left out"
+            self._notes = [*self._notes, lost]
 
     def _parts(self, t: Array, columns: Mapping[str, Array]) -> list[Sampled]:
         """Columns with values in the same rows are of one clock."""

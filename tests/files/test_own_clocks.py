@@ -73,3 +73,38 @@ def test_a_row_here_and_there_without_a_value_stays_a_row_without_one(tmp_path):
     log, notes = read(tmp_path / "log.parquet")
     np.testing.assert_array_equal(log["u"], u)
     assert notes == []
+
+
+def test_columns_below_one_another_are_one_recording(tmp_path):
+    """As frames are that nobody sorted, in a file of more than one batch."""
+    t = np.arange(90_000) * 0.001
+    table = pa.concat_tables(
+        [pa.table({"t": t, "u": 2.0 * t}), pa.table({"t": t + 4e-4, "q": t})], promote_options="default"
+    )
+    pq.write_table(table, tmp_path / "log.parquet")
+    log, _ = read(tmp_path / "log.parquet")
+    np.testing.assert_array_equal(log["t"], t)
+    np.testing.assert_array_equal(log["u"], 2.0 * t)
+    np.testing.assert_allclose(log["position"][1:], t[1:] - 4e-4, atol=1e-12)
+
+
+def test_a_column_that_begins_late_is_joined_as_any_other(tmp_path):
+    t = np.arange(90_000) * 0.001
+    late = {"t": t[80_000:] + 4e-4, "q": 3.0 * t[80_000:]}
+    table = pa.concat_tables([pa.table({"t": t, "u": t}), pa.table(late)], promote_options="default").sort_by("t")
+    pq.write_table(table, tmp_path / "log.parquet")
+    log, _ = read(tmp_path / "log.parquet")
+    there = np.isfinite(log["position"])
+    np.testing.assert_allclose(log["position"][there], 3.0 * (log["t"][there] - 4e-4), atol=1e-9)
+    assert 9_900 < there.sum() <= 10_000
+
+
+def test_a_recording_that_lacks_a_channel_is_said_to_be_left_out(tmp_path):
+    t = np.arange(100) * 0.01
+    whole = pq.read_table(merged(tmp_path, {"t": t, "q": t}, {"t": t + 0.004, "u": t}))
+    pq.write_table(
+        pa.concat_tables([whole, pa.table({"t": t, "q": t})], promote_options="default"), tmp_path / "log.parquet"
+    )
+    log, notes = read(tmp_path / "log.parquet")
+    assert log["t"].size == 100
+    assert notes[-1] == "1 of 2 recordings in it lack a channel and are left out"
