@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import bz2
+import gzip
+import io
+import lzma
 import random
 import shutil
 import warnings
+import zipfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -16,10 +22,33 @@ from tests.files.formats import makers
 
 #: Rows of a file; a longer one is only slower to read.
 ROWS = 600
+#: Share of the texts that are packed, or written in UTF-16, and of these that are spoiled before and not after.
+PACKED = 0.4
 KINDS = tuple(
     name
     for name in dir(makers)
     if not name.startswith("_") and getattr(getattr(makers, name), "__annotations__", {}).get("return") is makers.Made
+)
+
+
+def _zipped(content: bytes) -> bytes:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("log.csv", content)
+    return packed.getvalue()
+
+
+def _wide(content: bytes, encoding: str) -> bytes:
+    return content.decode("utf-8", "replace").encode(encoding)
+
+
+PACKERS: tuple[Callable[[bytes], bytes], ...] = (
+    gzip.compress,
+    bz2.compress,
+    lzma.compress,
+    _zipped,
+    partial(_wide, encoding="utf-16"),
+    partial(_wide, encoding="utf-16-be"),
 )
 
 
@@ -54,6 +83,9 @@ def case(number: int, folder: Path, files: list[Path]) -> list[str]:
         victim = rng.choice([path for path in target.rglob("*") if path.is_file()])
     else:
         victim = Path(shutil.copy(source, target))
-    victim.write_bytes(spoil(rng, victim.read_bytes()))
+    content = victim.read_bytes()
+    if rng.random() < PACKED and b"\0" not in content:
+        content = rng.choice(PACKERS)(spoil(rng, content) if rng.random() < PACKED else content)
+    victim.write_bytes(spoil(rng, content) if rng.random() < 1.0 - PACKED else content)
     to = rng.choice((["-o", "out.toml"], ["-o", "-"]))
     return rng.choice((["init", target.name, *to], ["columns", target.name], ["detect", target.name]))
