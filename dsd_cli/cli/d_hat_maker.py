@@ -1,17 +1,18 @@
-"""`[observer] filter = "auto"` and `u = "auto"`: what a log says about how its d_hat was made."""
+"""`[observer] filter` and `u` that are "auto", or that nobody gave: what a log says about how its d_hat was made."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from dsd_cli.errors import UsageError
+from dsd_cli.plant.maker import MAKERS, Maker
 
 if TYPE_CHECKING:
     from dsd_cli.files.config import Config
     from dsd_cli.files.logs import LoadedLog
-    from dsd_cli.plant.maker import Maker
 
     Reader = Callable[[Config, str, int], LoadedLog]
 
@@ -49,6 +50,34 @@ def known_maker(config: Config, log: str, read: Reader) -> Config:
     return config.override([f'observer.filter="{maker.filter}"', f'observer.u="{maker.u}"'])
 
 
+def open_makers(config: Config, log: str, read: Reader) -> tuple[Config, tuple[Maker, ...]]:
+    """(the config, by which d_hat is read as it is; the makers that it leaves open of a log without any motion, or
+    none). What [observer] does not give is open, "auto" or not: where no motion is logged a default is no knowledge.
+
+    Parameters
+    ----------
+    read : as for `known_maker`.
+    """
+    section = config.observer
+    said = [key for key in _KEYS if config.says(f"observer.{key}")]
+    if section is None or log == "-" or not said:
+        return config, MAKERS
+    makers = _as_given({key: value for key in said if (value := getattr(section, key)) != "auto"})
+    if len(makers) < 2 or _moves(read(config, log, MOST_ROWS)):
+        return config, ()
+    return config.override([f'observer.{key}="{getattr(Maker(), key)}"' for key in _KEYS]), makers
+
+
+def _as_given(given: Mapping[str, str]) -> tuple[Maker, ...]:
+    return tuple(m for m in MAKERS if all(getattr(m, key) == value for key, value in given.items()))
+
+
+def _moves(loaded: LoadedLog) -> bool:
+    """Whether a motion is logged, or d_hat is not, or of this package."""
+    log = loaded.log
+    return "velocity" in log or "position" in log or "d_hat" not in log or log.d_hat_source != "logged"
+
+
 def _open(config: Config) -> str:
     return " and ".join(key for key in _KEYS if getattr(config.observer, key) == "auto")
 
@@ -70,24 +99,23 @@ class _Question:
 @lru_cache(maxsize=8)
 def _asked(question: _Question) -> Maker | None:
     from dsd_cli.files.config import Observer
-    from dsd_cli.identify.checks.d_hat_maker import MAKERS, maker_by_motion
+    from dsd_cli.identify.checks.d_hat_maker import maker_by_motion
     from dsd_cli.identify.checks.stretches import cut
-    from dsd_cli.plant.maker import Maker
+    from dsd_cli.identify.d_hat_makers import OpenLog, likeliest
+    from dsd_cli.identify.recordings.recording import prepare
     from dsd_cli.plant.model import ObserverSettings, PlantModel
 
     config, section = question.config, question.config.require(Observer)
     loaded = question.read(config, question.log, MOST_ROWS)
     if "d_hat" not in loaded.log or loaded.log.d_hat_source != "logged":
         return Maker()
-    given = {key: value for key in _KEYS if (value := getattr(section, key)) != "auto"}
-    makers = [m for m in MAKERS if all(getattr(m, key) == value for key, value in given.items())]
+    makers = _as_given({key: value for key in _KEYS if (value := getattr(section, key)) != "auto"})
     observer = ObserverSettings(section.nominal_inertia, section.time_constant, section.sign)
-    if "velocity" in loaded.log or "position" in loaded.log:
+    if _moves(loaded):
         found = maker_by_motion(cut(loaded.log, loaded.restarts, True), observer, makers)
         return None if found is None else found.maker
-    from dsd_cli.identify.d_hat_by_fit import maker_by_fit
-
-    given_model = config.model
-    inertia = given_model.inertia or section.nominal_inertia
-    model = PlantModel(inertia, given_model.delay, given_model.effects, given_model.rest_speed)
-    return maker_by_fit(loaded.log, model, observer, makers, loaded.restarts)
+    given = config.model
+    inertia = given.inertia or section.nominal_inertia
+    model = PlantModel(inertia, given.delay, given.effects, given.rest_speed)
+    recording = prepare(loaded.log, observer, loaded.restarts, given.rest_speed)
+    return likeliest(OpenLog(recording, model, replace(observer, sign=1), makers))

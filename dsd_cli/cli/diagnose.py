@@ -10,9 +10,13 @@ from dsd_cli.cli.options import Format
 from dsd_cli.cli.sharing import spread
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from dsd_cli.cli.identification import Given
     from dsd_cli.cli.progress import Progress
+    from dsd_cli.identify.recordings.recording import Recording
     from dsd_cli.identify.results import Diagnosis
+    from dsd_cli.plant.maker import Maker
 
 
 @spread
@@ -27,7 +31,7 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
 
     from dsd_cli.cli.identification import check_logs, load_given, print_json, warn
     from dsd_cli.cli.pictures import check_plot, put_picture
-    from dsd_cli.cli.plan import widening
+    from dsd_cli.cli.plan import makers_of, widening
     from dsd_cli.cli.progress import Progress
     from dsd_cli.report.diagnosis import DiagnosisReport, print_table, to_json
 
@@ -36,8 +40,9 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
     check_logs(log, apart, settings.signals)
     check_plot(plot, [options.config, *log, *options.files(settings)])
     with Progress(not quiet) as progress, widening(settings.signals):
+        settings, makers = makers_of(settings, [*log, *apart])
         given = load_given(settings, log, apart, progress)
-        found = _found(given, progress, quiet)
+        found = _found(given, makers, progress, quiet)
     report = DiagnosisReport(
         replace(found, warnings=(*given.warnings, *found.warnings)), given.model, apart, given.dropped
     )
@@ -53,38 +58,28 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
         put_picture(plot, lambda: draw(report, residual_views(found, given.model, given.recordings)), quiet)
 
 
-def _found(given: Given, progress: Progress, quiet: bool) -> Diagnosis:
-    """The answer, in the user's units."""
+def _found(given: Given, makers: Sequence[Maker], progress: Progress, quiet: bool) -> Diagnosis:
+    """The answer, in the user's units; whoever of `makers` made d_hat, where they are several."""
     from dsd_cli.cli.identification import early
+    from dsd_cli.identify.d_hat_makers import diagnosed, of_recording
     from dsd_cli.identify.results import in_units
     from dsd_cli.identify.verdict.diagnose import diagnose as run
 
-    found = run(
-        given.recordings,
-        given.model,
-        given.observer,
-        given.engine_settings,
-        holdout=given.holdout,
-        progress=progress,
-        stability=True,
-        on_told=early(quiet, progress),
+    def ask(recordings: Sequence[Recording]) -> Diagnosis:
+        return run(
+            recordings,
+            given.model,
+            given.observer,
+            given.engine_settings,
+            holdout=given.holdout,
+            progress=progress,
+            stability=True,
+            on_told=early(quiet, progress),
+        )
+
+    asked = of_recording(
+        (*given.recordings, *given.holdout), given.model, given.observer, makers, given.engine_settings
     )
-    result: Diagnosis = in_units(_with_maker(found, given), given.settings.signals.units)
+    found = ask(given.recordings) if asked is None else diagnosed(asked, lambda recording: ask([recording]))
+    result: Diagnosis = in_units(found, given.settings.signals.units)
     return result
-
-
-def _with_maker(found: Diagnosis, given: Given) -> Diagnosis:
-    """With what u and d_hat alone say of a d_hat that was made another way, as the first advice."""
-    from dataclasses import replace
-
-    from dsd_cli.identify.d_hat_by_fit import other_maker
-
-    other = other_maker(given.recordings, found, given.observer)
-    if other is None:
-        return found
-    maker, before, after = other
-    line = (
-        f"d_hat looks as if it was made with {maker}: read so, what was found leaves {after:.3g}, not {before:.3g} "
-        '(held-out force error): observer.filter = "auto" and observer.u = "auto" find out'
-    )
-    return replace(found, advice=(line, *found.advice))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -51,6 +51,17 @@ def as_logged(config: Config, log: str) -> Config:
     if OWN_CHANNELS in metadata_of(log):
         config = config.with_signals(config.signals.applied(config.written.get("signals", {})))
     return known_maker(config, log, _with_d_hat_as_it_is)
+
+
+def makers_of(config: Config, logs: Sequence[str]) -> tuple[Config, tuple[Maker, ...]]:
+    """See `open_makers`, of one log that `dsd` itself has not written; several leave nothing open."""
+    from dsd_cli.cli.d_hat_maker import open_makers
+    from dsd_cli.files.table_source import OWN_CHANNELS
+    from dsd_cli.files.tables_in import metadata_of
+
+    if len(logs) != 1 or OWN_CHANNELS in metadata_of(logs[0]):
+        return config, ()
+    return open_makers(config, logs[0], _with_d_hat_as_it_is)
 
 
 def _with_d_hat_as_it_is(config: Config, log: str, rows: int) -> LoadedLog:

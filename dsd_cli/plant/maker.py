@@ -72,6 +72,10 @@ class Maker:
         return keep, 1.0 - keep
 
 
+#: Every one.
+MAKERS = tuple(Maker(how, pairing) for how in FILTERS for pairing in PAIRINGS)
+
+
 class Remade(NamedTuple):
     """What is carried from chunk to chunk: of the last two samples t (s), u and d_hat as logged; d_hat as here.
 

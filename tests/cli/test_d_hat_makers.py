@@ -5,6 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from dsd_cli.identify.d_hat_makers import Beliefs, _OverMakers
+from dsd_cli.identify.results import Estimate
 from dsd_cli.plant.maker import FILTERS, PAIRINGS, Maker
 from tests.cli.rig import dsd
 from tests.oracle.d_hat_makers import made
@@ -33,11 +35,14 @@ initial = {{ delay = 0.0, inertia = 0.01 }}
 MAKERS = [Maker(how, pairing) for how in FILTERS for pairing in PAIRINGS]
 
 
-def motion(jitter=0.0, n=4000):
-    """(t, u, v) of J v' = u(t - DELAY) - B v, exact under the hold; u a random staircase with a fine ripple."""
+def motion(jitter=0.0, n=4000, smooth=False):
+    """(t, u, v) of J v' = u(t - DELAY) - B v, exact under the hold; u a random staircase with a fine ripple, or
+    sines of up to 9 Hz."""
     rng = np.random.default_rng(5)
     t = np.concatenate([[0.0], np.cumsum(0.001 * (1.0 + jitter * rng.uniform(-1.0, 1.0, n - 1)))])
     u = np.repeat(rng.uniform(-1.0, 1.0, n // 40), 40) + 0.05 * rng.standard_normal(n)
+    if smooth:
+        u = sum(0.3 * np.sin(2.0 * np.pi * (0.7 + 1.4 * k) * t + k * k) for k in range(7))
     fine = np.arange(0.0, t[-1], 1e-4)
     acting = u[np.maximum(np.searchsorted(t, fine - DELAY, side="right") - 1, 0)]
     v, keep, speeds = 0.0, np.exp(-B / J * 1e-4), np.empty(len(fine))
@@ -216,12 +221,47 @@ def test_auto_of_u_and_d_hat_alone_is_the_maker_that_explains_the_log(tmp_path):
     values_are_true(result)
 
 
+def diagnosed(folder, config, log):
+    write(folder / "log.csv", *log)
+    (folder / "dsd.toml").write_text(config)
+    done = dsd("diagnose", "log.csv", "-c", "dsd.toml", "--format", "json", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
 def test_diagnose_says_that_d_hat_was_made_another_way(tmp_path):
     for maker, said in ((Maker("exact", "newest"), True), (Maker(), False)):
         t, u, d_hat, _ = noisy(maker, n=2000)
-        write(tmp_path / "log.csv", t, u, d_hat)
-        (tmp_path / "dsd.toml").write_text(CONFIG)
-        done = dsd("diagnose", "log.csv", "-c", "dsd.toml", "--format", "json", cwd=tmp_path)
-        assert done.returncode == 0, done.stderr
-        first = (json.loads(done.stdout)["advice"] or [""])[0]
+        first = (diagnosed(tmp_path, CONFIG, (t, u, d_hat))["advice"] or [""])[0]
         assert ("made with filter exact, newest u" in first) is said
+
+
+def test_errors_hold_the_truth_whoever_made_d_hat(tmp_path):
+    """Told the wrong maker, the delay of a smooth motion is off by many standard errors; told none, the error holds the
+    doubt: makers half a sample apart stay apart."""
+    t, u, v = motion(n=3000, smooth=True)
+    d_hat = made(t, u, v, JN, TAU, "exact", "newest") + 1e-3 * np.random.default_rng(2).standard_normal(len(t))
+    off = {}
+    for told in (CONFIG, observer(Maker())):
+        found = diagnosed(tmp_path, told, (t, u, d_hat))["estimates"]
+        off[told] = abs(found["delay"]["value"] - DELAY) / found["delay"]["std_error"]
+        if told is CONFIG:
+            assert found["delay"]["std_error"] > 1e-4
+            assert abs(found["inertia"]["value"] - J) < 2.5 * found["inertia"]["std_error"]
+    assert off[CONFIG] < 2.5
+    assert off[observer(Maker())] > 10.0
+
+
+def test_a_value_over_makers_is_one_of_their_mixture():
+    """Mean and spread of draws from it; phases go round; who is ruled out does not count."""
+    rng, makers, share, error = np.random.default_rng(4), MAKERS[:4], np.array([0.5, 0.3, 0.199, 0.001]), 0.1
+    values = [{"delay": v, "cogging.phase": p} for v, p in ((1.0, 3.1), (1.4, -3.1), (0.7, 3.1), (90.0, 0.0))]
+    beliefs = Beliefs(dict(zip(makers, share, strict=True)), dict(zip(makers, values, strict=True)))
+    over = _OverMakers(beliefs, makers[0], 0.01)
+    found = over.value("delay", Estimate(1.0, error, "s"))
+    draws = rng.choice([1.0, 1.4, 0.7], 200_000, p=share[:3] / share[:3].sum()) + error * rng.normal(size=200_000)
+    assert found.value == pytest.approx(draws.mean(), abs=0.005)
+    assert found.std_error == pytest.approx(draws.std(), rel=0.01)
+    assert over.value("cogging.phase", Estimate(3.1, error, "rad")).std_error < 1.1 * error
+    held = Estimate(1.0, 0.0, "s", held=True)
+    assert over.value("delay", held) == held

@@ -13,7 +13,14 @@ from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict import evidence
-from dsd_cli.identify.verdict.evidence import NOTHING, _changed, _shares, membership, probabilities
+from dsd_cli.identify.verdict.evidence import (
+    NOTHING,
+    _changed,
+    belief_by_squares,
+    membership,
+    probabilities,
+    shared_belief,
+)
 from dsd_cli.plant.references import Multisine
 from tests.identify.search_rig import BELIEVED, posed
 
@@ -24,7 +31,7 @@ GAINS = st.lists(st.lists(st.floats(-50.0, 50.0), min_size=6, max_size=6), min_s
 @given(GAINS, st.floats(0.0, 20.0))
 def test_shares_are_of_one_whole(rows, price):
     gains = np.array([[0.0] * 6, *rows])
-    shares = _shares(gains, np.array([0.0] + [price] * len(rows)))
+    shares = shared_belief(gains, np.array([0.0] + [price] * len(rows)))
     assert shares.sum() == pytest.approx(1.0)
     assert (shares >= 0.0).all()
 
@@ -36,7 +43,9 @@ def test_the_order_of_the_alternatives_does_not_matter(rows, random):
     prices = np.arange(len(gains), dtype=float)
     order = list(range(len(gains)))
     random.shuffle(order)
-    np.testing.assert_allclose(_shares(gains[order], prices[order]), _shares(gains, prices)[order], atol=1e-12)
+    np.testing.assert_allclose(
+        shared_belief(gains[order], prices[order]), shared_belief(gains, prices)[order], atol=1e-12
+    )
 
 
 def test_shares_are_those_of_a_bayesian_bootstrap_in_plain_loops():
@@ -55,9 +64,20 @@ def test_shares_are_those_of_a_bayesian_bootstrap_in_plain_loops():
         odds = [math.exp(n - max(nats)) for n in nats]
         draws.append([o / sum(odds) for o in odds])
     wanted, spread = np.mean(draws, axis=0), np.std(draws, axis=0)
-    found = _shares(gains, np.array(prices))
+    found = shared_belief(gains, np.array(prices))
     assert (np.abs(found - wanted) < 4.0 * spread * math.sqrt(1.0 / 400 + 1.0 / 4000)).all()
     assert wanted.min() > 0.02, "else nothing was compared"
+
+
+def test_belief_by_squares_is_that_of_unknown_variances_over_the_blocks():
+    """Where all blocks say the same, odds are (left / least) ** (-N / 2), tempered, N blocks: a t likelihood."""
+    parts = np.random.default_rng(3).uniform(0.5, 2.0, 30)
+    left = np.array([1.3, 1.0, 1.1, 2.0])
+    found = belief_by_squares(left[:, None] * parts)
+    odds = left ** (-0.5 * 30 * POLICY.tempering)
+    np.testing.assert_allclose(found, odds / odds.sum(), rtol=0.15)
+    np.testing.assert_allclose(belief_by_squares(7.0 * left[:, None] * parts), found, rtol=1e-9)
+    np.testing.assert_allclose(belief_by_squares(np.ones((3, 8))), 1.0 / 3.0)
 
 
 @pytest.mark.parametrize("blocks", [10, 20, 40])
@@ -65,29 +85,29 @@ def test_one_lucky_block_does_not_convince(blocks):
     gains = np.zeros((2, blocks))
     gains[1] = -0.2
     gains[1, 3] = 30.0
-    assert _shares(gains, np.array([0.0, 6.0]))[1] < 0.9
+    assert shared_belief(gains, np.array([0.0, 6.0]))[1] < 0.9
     assert not spread_over_blocks(gains[1])
     spread = np.zeros((2, blocks))
     spread[1] = gains[1].sum() / blocks
-    assert _shares(spread, np.array([0.0, 6.0]))[1] > _shares(gains, np.array([0.0, 6.0]))[1]
+    assert shared_belief(spread, np.array([0.0, 6.0]))[1] > shared_belief(gains, np.array([0.0, 6.0]))[1]
 
 
 def test_a_gain_in_every_block_convinces():
     rng = np.random.default_rng(1)
     gains = np.array([np.zeros(20), rng.uniform(1.0, 4.0, 20)])
-    assert _shares(gains, np.array([0.0, 6.0]))[1] > 0.99
+    assert shared_belief(gains, np.array([0.0, 6.0]))[1] > 0.99
     assert spread_over_blocks(gains[1])
 
 
 def test_chance_convinces_nobody():
     for seed in range(50):
         gains = np.array([np.zeros(20), np.random.default_rng(seed).normal(0.0, 0.7, 20)])
-        assert _shares(gains, np.array([0.0, 6.0]))[1] < 0.7
+        assert shared_belief(gains, np.array([0.0, 6.0]))[1] < 0.7
 
 
 def test_gains_without_end_do_not_overflow():
     gains = np.array([np.zeros(8), np.full(8, 1e9), np.full(8, -1e9)])
-    np.testing.assert_allclose(_shares(gains, np.zeros(3)), [0.0, 1.0, 0.0])
+    np.testing.assert_allclose(shared_belief(gains, np.zeros(3)), [0.0, 1.0, 0.0])
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,8 @@
 """Who made d_hat: how he stepped Q and which u he paired with the last difference, from the motion that is logged too.
 
-d_hat is predicted from u and the speed by each maker of `plant.maker`; the one that leaves least below `_CUTOFF` made
-it. Above that frequency the noise of the speed decides: a filter that averages it looks better than it is.
+d_hat is predicted from u and the speed by each maker of `plant.maker`; what each leaves below `_CUTOFF` shares the
+belief, as where no motion is logged (`identify.d_hat_makers`). Above that frequency the noise of the speed decides: a
+filter that averages it looks better than it is.
 """
 
 from __future__ import annotations
@@ -14,30 +15,31 @@ import numpy as np
 from dsd_cli.identify.checks.lowpass import LowPass
 from dsd_cli.identify.checks.results import Finding
 from dsd_cli.identify.checks.stretches import Stretch
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.verdict.evidence import belief_by_squares
 from dsd_cli.plant.filtering import SETTLED, lowpass_irregular
-from dsd_cli.plant.maker import FILTERS, PAIRINGS, Maker
+from dsd_cli.plant.maker import MAKERS, Maker
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.signals.log import Array
 
 #: Hz, and share of the sample rate: end of the band in which makers are compared.
 _CUTOFF, _SHARE = 10.0, 0.02
-#: Blocks that vote; standard errors by which the second maker must leave more, and the share of what it leaves.
-_BLOCKS, CLEAR, BETTER = 24, 2.5, 0.9
+#: Blocks that vote.
+_BLOCKS = 24
+#: As likely as that another than the config says is said.
+_SURE = 0.9
 #: d_hat that a maker explains to less than this is another's in the first place.
 _EXPLAINED = 0.9
 #: Samples of a stretch that are looked at.
 _MOST = 60_000
 
 
-MAKERS = tuple(Maker(how, pairing) for how in FILTERS for pairing in PAIRINGS)
-
-
 @dataclass(frozen=True)
 class Known:
-    """maker : that leaves least. clear : whether this package's own leaves surely more. explained : share of d_hat."""
+    """maker : the likeliest. other : probability that it is not this package's own. explained : share of d_hat."""
 
     maker: Maker
-    clear: bool
+    other: float
     explained: float
 
 
@@ -54,12 +56,11 @@ def maker_by_motion(
         return None
     whole = np.concatenate([_rows(s.T, s.d_hat, observer) for s, *_ in sides])
     edges = np.arange(_BLOCKS) * rows // _BLOCKS
-    squares = {m: np.add.reduceat(x**2, edges) for m, x in left.items()}
-    best = min(makers, key=lambda m: float(squares[m].sum()))
-    more = squares[Maker()] - squares[best]
-    error = float(more.std(ddof=1)) * np.sqrt(_BLOCKS)
-    clear = float(more.sum()) > CLEAR * error and squares[best].sum() < BETTER * squares[Maker()].sum()
-    return Known(best, bool(clear), 1.0 - float(squares[best].sum() / max(float(whole @ whole), 1e-300)))
+    squares = np.stack([np.add.reduceat(x**2, edges) for x in left.values()])
+    belief = dict(zip(asked, belief_by_squares(squares).tolist(), strict=True))
+    best = max(makers, key=belief.__getitem__)
+    least = float(squares[asked.index(best)].sum())
+    return Known(best, 1.0 - belief[Maker()], 1.0 - least / max(float(whole @ whole), 1e-300))
 
 
 def check_maker(stretches: Sequence[Stretch], observer: ObserverSettings, undone: Maker) -> list[Finding]:
@@ -70,14 +71,15 @@ def check_maker(stretches: Sequence[Stretch], observer: ObserverSettings, undone
     if undone.intervals == 2:
         return []
     found = maker_by_motion(stretches, observer)
-    if found is None or not found.clear or found.explained < _EXPLAINED:
+    if found is None or found.other < _SURE or found.explained < _EXPLAINED:
         return []
+    sure = min(found.other, POLICY.surest)
     if not undone.as_here:
         remedy = 'observer.filter = "auto" and observer.u = "auto"'
-        return [Finding(f"d_hat was not made with {undone}", "d_hat", "warning", 0.9, remedy)]
+        return [Finding(f"d_hat was not made with {undone}", "d_hat", "warning", sure, remedy)]
     what, remedy = f"d_hat was made with {found.maker}", f'observer.filter = "{found.maker.filter}"'
     remedy += f' and observer.u = "{found.maker.u}"'
-    return [Finding(what, "d_hat", "warning", 0.9, remedy)]
+    return [Finding(what, "d_hat", "warning", sure, remedy)]
 
 
 def _part(s: Stretch) -> Stretch:
