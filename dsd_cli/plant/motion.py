@@ -136,15 +136,15 @@ class Plant:
 
 
 class Actuator:
-    """What input effects make of the command, sample by sample; it has settled on a command of 0 when the loop begins.
+    """What input effects make of the command, sample by sample; it has settled on `command` when the loop begins.
 
     An effect that changes the command within the sample (a lag) is held at its mean over the sample.
     """
 
-    def __init__(self, model: PlantModel) -> None:
+    def __init__(self, model: PlantModel, command: float = 0.0) -> None:
         self._states: dict[str, Any] = {}
         self.set(model)
-        self.at_rest = self.drive(0.0, 0.0, 0.0)
+        self.at_rest = self.drive(0.0, command, 0.0)
 
     def set(self, model: PlantModel) -> None:
         """From now on the plant is that one."""

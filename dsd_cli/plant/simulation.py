@@ -1,7 +1,7 @@
 """The loop of plant, delay, observer and controller: what would the log look like?
 
 At t_k: measure, observe d_hat_k, compute u_k; then the plant runs to t_k+1 under u(t - L), u held between samples and 0
-before the log. Each interval is cut where the delayed u switches, so any real L is exact.
+before the log, if nothing else is said. Each interval is cut where the delayed u switches, so any real L is exact.
 """
 
 from __future__ import annotations
@@ -69,7 +69,8 @@ class Measurement:
 class SimulationSettings:
     """Everything that `simulate` needs; duration and sample_time in s, start the position at rest (rad or m).
 
-    feedforward : added to the controller's u, shape (n,), one per sample; the last is held. None: nothing.
+    feedforward : added to the controller's u, shape (n,), one per sample; the last is held. None: nothing. before : u
+    before the log.
     """
 
     model: PlantModel
@@ -83,6 +84,7 @@ class SimulationSettings:
     observe_from: Source = "velocity"
     start: float = 0.0
     feedforward: Array | None = None
+    before: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.sample_time > 0.0:
@@ -144,7 +146,7 @@ class _Loop:
         self.feedback = feedback
         self.model = settings.model
         self.plant = Plant(settings.model, settings.start)
-        self.actuator = Actuator(settings.model)
+        self.actuator = Actuator(settings.model, settings.before)
         encoder = settings.measurement.encoder_step > 0.0
         source: Source = "position" if encoder else settings.observe_from
         settled = settings.observer.nominal_inertia * self.plant.acceleration(0.0, self.actuator.at_rest)

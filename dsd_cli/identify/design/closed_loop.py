@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.design.inverse import Path
+from dsd_cli.identify.design.inverse import Path, command_for
 from dsd_cli.identify.design.limits import Limits
 from dsd_cli.plant.controllers import ControllerSettings, Gains
 from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -61,28 +61,29 @@ def usual_loop(model: PlantModel, observer: ObserverSettings, step: float) -> Lo
 
 
 def run_loop(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits: Limits) -> Run:
-    """The plant under that loop, held at the start until it rests.
+    """The plant under that loop, held at the start until it rests. The integral of a loop that nobody described has
+    settled there.
 
-    planned : the path that is wanted, and the feedforward of u, shape (n,).
+    planned : the path that is wanted, the rest before it (`SETTLE`) included, and the feedforward of u, shape (n,).
 
     Raises
     ------
     UnstableLoopError : the loop is not stable with this plant.
     """
     before, (path, added) = round(SETTLE / loop.step), planned
-
-    def held(x: Array, first: float) -> Array:
-        return np.concatenate([np.full(before, first), x])
-
+    if not loop.described:
+        rest = Path.of(path.position[:before], loop.step)
+        added = added + (command_for(plant, rest)[0] - added[0])
     settings = SimulationSettings(
         model=plant,
-        duration=(before + len(added)) * loop.step,
+        duration=len(added) * loop.step,
         sample_time=loop.step,
         observer=loop.observer,
         controller=loop.controller,
-        reference=Planned(held(path.position, path.position[0]), held(path.velocity, 0.0)),
+        reference=Planned(path.position, path.velocity),
         start=limits.start,
-        feedforward=held(added, added[0]),
+        feedforward=added,
+        before=0.0 if loop.described else float(added[0]),
     )
     gains, log = loop.controller.gains, None
     with suppress(DataError):

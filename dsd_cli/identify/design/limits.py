@@ -22,8 +22,8 @@ _RISE = 0.5
 _REACHED = 0.999
 #: Times what the logs reached, from where on a limit leaves room for what they have not seen.
 _FAR = 2.0
-#: Standard deviations of a normal law beyond which 1 of 1000 lies, and half of all.
-_ONE_IN_1000, _MEDIAN = 3.2905, 0.6745
+#: Standard deviations of a normal law beyond which half of all lies.
+_MEDIAN = 0.6745
 
 
 @dataclass(frozen=True)
@@ -127,12 +127,14 @@ def with_u(limits: Limits, u: float) -> Limits:
     return replace(limits, u=u)
 
 
-def noise_of_u(known: Equations) -> float:
-    """What noise adds to u in the logs, unit of u: the controller's answer to that of the sensor, above the band, as
-    large as it is in 1 of 1000 samples. By its median, so that jumps of u, as under relays, are none."""
+def noise_of_u(known: Equations, seconds: float) -> float:
+    """What noise adds to u in so many s, unit of u: the controller's answer to that of the sensor, above the band, as
+    large as the largest of so many samples is expected to be (normal: sqrt(2 ln n) deviations). By its median in the
+    logs, so that jumps of u, as under relays, are none."""
+    most = math.sqrt(2.0 * math.log(max(seconds / known.sample_time, 2.0)))
     size = 0.0
     for stretch, band in zip(known.stretches, known.bands_of_stretches, strict=True):
         u = stretch.log["u"]
         rest = u[band.half : len(u) - band.half] - np.convolve(u, band.taps, "valid")
-        size = max(size, _ONE_IN_1000 / _MEDIAN * float(np.median(np.abs(rest))))
+        size = max(size, most / _MEDIAN * float(np.median(np.abs(rest))))
     return size

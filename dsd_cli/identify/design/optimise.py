@@ -42,11 +42,11 @@ class Sized:
 def optimised(
     measure: Measure, room: Room, seconds: float, library: Sequence[Sized]
 ) -> tuple[tuple[Part, ...], Products]:
-    """(parts of a motion of so many s, in order, their inner products).
+    """(the different parts of a motion of so many s, in order, and inner products of the whole).
     library : parts for that length.
     """
     chosen = _refined(measure, room, _chosen(measure, library, seconds))
-    return TIMES * tuple(one.part for one in chosen), TIMES * _all(measure, chosen)
+    return tuple(one.part for one in chosen), TIMES * _all(measure, chosen)
 
 
 def _all(measure: Measure, parts: Sequence[Sized]) -> Products:

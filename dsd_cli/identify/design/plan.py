@@ -15,7 +15,7 @@ from dsd_cli.identify.design.inverse import Path, command_for
 from dsd_cli.identify.design.limits import Limits, limits_of, narrowed, noise_of_u, unvisited, with_u
 from dsd_cli.identify.design.measure import ENOUGH, Expected, Measure
 from dsd_cli.identify.design.motions import ROOM, Part, Room, generator_values, position_of
-from dsd_cli.identify.design.optimise import Sized, library_of, optimised
+from dsd_cli.identify.design.optimise import TIMES, Sized, joined, library_of, optimised
 from dsd_cli.identify.design.results import Impossible, Motion, Plan, PlannedPair, PlannedValue, Stage
 from dsd_cli.identify.design.rows import planning_step
 from dsd_cli.identify.design.targets import Targets, apart, targets_of, within_reach
@@ -146,7 +146,7 @@ def _able_to_move(targets: Targets, room: Room) -> Targets:
 def _enough(
     measure: Measure, room: Room, wanted: Wanted, library: Sequence[Sized], report: Report
 ) -> tuple[tuple[Part, ...], tuple[tuple[float, float], ...]]:
-    """(parts of the first length that is enough, or of the last, (s, smallest nats) of all)."""
+    """(different parts of the first length that is enough, or of the last, (s, smallest nats) of all)."""
     found, cost = [], []
     for i, seconds in enumerate(wanted.seconds):
         if i:  # parts are as long as the plan asks
@@ -172,7 +172,8 @@ def _verified(
     how: tuple[Room, Loop, Wanted],
     said: tuple[list[Impossible], tuple[tuple[float, float], ...]],
 ) -> Plan:
-    """The motion so small that every plant keeps the limits under the loop, scored by what they did there.
+    """The motion so small that every plant keeps the limits under the loop, scored by what they did there: from rest to
+    rest, so that each part is run once.
 
     Raises
     ------
@@ -180,17 +181,19 @@ def _verified(
     """
     room, loop, wanted = how
     allowed = room.limits if loop.described else narrowed(room.limits, ROOM)  # other gains follow differently
-    allowed = with_u(allowed, max(allowed.u - noise_of_u(measure.known), GENTLE * allowed.u))
+    seconds = sum(part.seconds for part in TIMES * parts)
+    allowed = with_u(allowed, max(allowed.u - noise_of_u(measure.known, seconds), GENTLE * allowed.u))
     kept = verified(measure.targets, parts, room, loop, allowed)
     first = Measure(measure.search, measure.targets, DRAWS_IN_LOOP, measure.open)
     path = kept.runs[0, 0].path  # that of the plants that were not run to the end, too
     exact = {key: (path, u) for key, u in first.commands(path, room.limits.u).items()}
-    expected = first.expected(first.of_runs(exact | {key: (run.path, run.u) for key, run in kept.runs.items()}))
-    found = answer.plan(_motion(measure, kept.position, room, wanted), first, expected, said[0])
+    once = first.of_runs(exact | {key: (run.path, run.u) for key, run in kept.runs.items()})
+    expected, whole = first.expected(TIMES * once), TIMES * kept.parts
+    found = answer.plan(_motion(measure, joined(whole, room), room, wanted), first, expected, said[0])
     counted = {e.name for e in measure.targets.explanations} - set(kept.lost)
     return replace(
         found,
-        stages=_stages(kept.parts, room),
+        stages=_stages(whole, room, _steps_of_delay(measure, room) * room.step),
         cost=said[1],
         reached=_reached(list(kept.runs.values())),
         not_counted=tuple(name for name in answer.names if name not in counted),
@@ -199,10 +202,12 @@ def _verified(
 
 
 def _motion(measure: Measure, position: Array, room: Room, wanted: Wanted) -> Motion:
-    """The reference at the samples of the user's controller."""
+    """The reference at the samples of the user's controller: at rest until u can act, so that it begins with the u that
+    holds the axis there."""
     from scipy.interpolate import make_interp_spline
 
     step = measure.template.sample_time if math.isnan(wanted.rate) else wanted.rate
+    position = np.pad(position, (_steps_of_delay(measure, room), 0), mode="edge")
     t = room.step * np.arange(len(position))
     spline = make_interp_spline(t, position, k=5)
     at = step * np.arange(int(t[-1] / step + 1e-9) + 1)
@@ -211,8 +216,12 @@ def _motion(measure: Measure, position: Array, room: Room, wanted: Wanted) -> Mo
     return Motion(step, q, v, a, np.clip(u, -room.limits.u, room.limits.u))
 
 
-def _stages(parts: Sequence[Part], room: Room) -> tuple[Stage, ...]:
-    found, at = [], 0.0
+def _steps_of_delay(measure: Measure, room: Room) -> int:
+    return math.ceil(measure.longest_delay / room.step) + 1
+
+
+def _stages(parts: Sequence[Part], room: Room, at: float) -> tuple[Stage, ...]:
+    found = []
     for part in parts:
         end = at + part.samples(room.step) * room.step
         found.append(Stage(part.kind, at, end, generator_values(part, room)))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.design.closed_loop import Loop, Run, UnstableLoopError, run_loop
+from dsd_cli.identify.design.closed_loop import SETTLE, Loop, Run, UnstableLoopError, run_loop
 from dsd_cli.identify.design.inverse import Path, command_for
 from dsd_cli.identify.design.limits import Limits
 from dsd_cli.identify.design.motions import FADE, Part, Room
@@ -31,11 +31,10 @@ Key = tuple[int, int]
 
 @dataclass(frozen=True)
 class Verified:
-    """parts : of the motion. position : of it, shape (n,). runs : what each plant did. lost : names of explanations
+    """parts : of the motion, each once. runs : what each plant did. lost : names of explanations
     that broke a limit on every motion. unstable : a line for each plant whose loop was not stable."""
 
     parts: tuple[Part, ...]
-    position: Array
     runs: Mapping[Key, Run]
     lost: tuple[str, ...]
     unstable: tuple[str, ...]
@@ -51,9 +50,10 @@ def verified(targets: Targets, parts: tuple[Part, ...], room: Room, loop: Loop, 
     """
     plants = _plants(targets, joined(parts, room), room)
     wide, order, lost, unstable = parts, list(plants), list[str](), list[str]()
+    last = dict[Key, dict[int, tuple[float, float]]]()
     for _ in range(_SHRINKS * len(targets.explanations)):
-        position = joined(parts, room)
-        path, runs = Path.of(position, room.step), dict[Key, Run]()
+        wanted = np.pad(joined(parts, room), (round(SETTLE / room.step), 0), mode="edge")
+        path, runs = Path.of(wanted, room.step), dict[Key, Run]()
         planned, why = (path, command_for(targets.explanations[0].fitted, path)), ""
         try:
             for key in order:
@@ -61,8 +61,8 @@ def verified(targets: Targets, parts: tuple[Part, ...], room: Room, loop: Loop, 
                 if runs[key].exceeded(allowed):
                     break
             else:
-                return Verified(parts, position, runs, tuple(lost), tuple(unstable))
-            smaller = _smaller(parts, runs[key], room, allowed)
+                return Verified(parts, runs, tuple(lost), tuple(unstable))
+            smaller = _smaller(parts, runs[key], room, allowed, last.setdefault(key, {}))
             runaway = any(now.scale < GENTLE * first.scale for now, first in zip(smaller, wide, strict=True))
         except UnstableLoopError as failure:
             name = targets.explanations[key[0]].name
@@ -77,7 +77,7 @@ def verified(targets: Targets, parts: tuple[Part, ...], room: Room, loop: Loop, 
             continue
         if not targets.doubtful or key[0] == 0 or any(key[0] in pair for pair in targets.pairs):
             break
-        parts, order = wide, [k for k in order if k[0] != key[0]]
+        parts, order, last = wide, [k for k in order if k[0] != key[0]], {}
         lost.append(targets.explanations[key[0]].name)
         unstable += [why] if why else []
     if why:
@@ -93,18 +93,27 @@ def _called(name: str) -> str:
     return "the model alone" if name == NONE else name
 
 
-def _smaller(parts: Sequence[Part], run: Run, room: Room, allowed: Limits) -> tuple[Part, ...]:
-    """The parts in which a plant broke a limit, smaller, and their repetitions with them; what breaks while a part
-    begins may be the one before."""
-    scales, start = dict.fromkeys(parts, 1.0), 0
-    for part in parts:
+def _smaller(
+    parts: Sequence[Part], run: Run, room: Room, allowed: Limits, last: dict[int, tuple[float, float]]
+) -> tuple[Part, ...]:
+    """The parts in which a plant broke a limit, smaller; what breaks while a part begins may be the one before.
+
+    last : place of a part -> its scale when this plant last broke a limit in it, and the share that it reached there: a
+    line through both says which scale keeps it. It begins at nothing reached by no motion.
+    """
+    smaller, start = [], 0
+    for i, part in enumerate(parts):
         length = part.samples(room.step)
         broken = run.exceeded(allowed, slice(start, start + length + int(FADE * length)))
-        if broken:
-            scale = float(np.clip(_KEPT / (1.0 + max(broken.values())), _SHRINK_MOST, _SHRINK))
-            scales[part] = min(scales[part], scale)
         start += length
-    return tuple(replace(part, scale=scales[part] * part.scale) for part in parts)
+        if broken:
+            reached, (scale, before) = 1.0 + max(broken.values()), last.get(i, (0.0, 0.0))
+            last[i] = part.scale, reached
+            slope = (before - reached) / (scale - part.scale)
+            wanted = part.scale + (_KEPT - reached) / slope if slope > 0.0 else 0.0
+            part = replace(part, scale=float(np.clip(wanted, _SHRINK_MOST * part.scale, _SHRINK * part.scale)))
+        smaller.append(part)
+    return tuple(smaller)
 
 
 def _plants(targets: Targets, position: Array, room: Room) -> dict[Key, PlantModel]:

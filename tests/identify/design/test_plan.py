@@ -1,14 +1,15 @@
 """The planned motion is run on the outside rig: what the log left open is settled, as was expected."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.identify.design.closed_loop import Loop, Run, UnstableLoopError, run_loop
+from dsd_cli.identify.design.closed_loop import Loop, Run, UnstableLoopError, run_loop, usual_loop
 from dsd_cli.identify.design.impossible import not_by_motion, told_by_none
-from dsd_cli.identify.design.inverse import Path
+from dsd_cli.identify.design.inverse import Path, command_for
 from dsd_cli.identify.design.limits import Limits, limits_of
 from dsd_cli.identify.design.measure import Measure
 from dsd_cli.identify.design.plan import Wanted, plan_next
@@ -96,6 +97,28 @@ def test_a_tie_falls(tied: Asked) -> None:
     (named,) = (c for c in after.ranking if c.effect == "constant_load")
     assert after.verdict == "constant_load"
     assert not named.indistinguishable_from
+
+
+def test_the_motion_begins_with_the_u_that_holds_the_axis(tied: Asked) -> None:
+    """What moves it at t = 0 would have to act a delay earlier, and held before that it would drive the axis away."""
+    plan = tied.plan(names=("inertia",), seconds=(3.0,))
+    motion = plan.motion
+    assert motion is not None
+    fitted = targets_of(tied.search, tied.whole, tied.diagnosis, ("inertia",)).explanations[0].fitted
+    rest = Path(motion.step, motion.position[:1], np.zeros(1), np.zeros(1))
+    assert motion.u[0] == pytest.approx(float(command_for(fitted, rest)[0]), rel=1e-3)
+    assert plan.stages[0].start > fitted.delay
+
+
+def test_a_usual_loop_begins_where_the_motion_does(tied: Asked) -> None:
+    """The integral has settled: a load of which the feedforward knows nothing moves no axis that rests."""
+    plant = PlantModel(0.01, 0.02, {"constant_load": {"force": 0.3}})
+    loop = usual_loop(plant, tied.observer, 0.002)
+    limits = limits_of([tied.recording], {}, math.nan, 10.0)
+    rest = Path.of(np.full(2000, limits.start), loop.step)
+    run = run_loop(plant, loop, (rest, np.zeros(2000)), limits)
+    assert run.path.position == pytest.approx(limits.start)
+    assert run.u == pytest.approx(-0.3)
 
 
 @pytest.mark.parametrize(
@@ -245,9 +268,10 @@ def test_gains_that_hold_no_plant_are_named(tied: Asked) -> None:
 
 def test_what_one_half_shows_the_other_shows_again(tied: Asked) -> None:
     """The search judges by blocks that no fit saw: what is there once alone would be extrapolation."""
-    motion = tied.plan().motion
+    plan = tied.plan()
+    motion = plan.motion
     assert motion is not None
-    first, again = np.array_split(motion.position[:-1], 2)
+    first, again = np.array_split(motion.position[round(plan.stages[0].start / motion.step) : -1], 2)
     assert again == pytest.approx(first, abs=1e-6 * float(np.ptp(motion.position)))
 
 
