@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from dsd_cli.effects import get_effect
@@ -24,6 +24,16 @@ class Case:
     draw: int
     rival: int
     model: Model
+
+
+@dataclass(frozen=True)
+class Expected:
+    """nats : (truth, rival) -> lead of the truth, by the places of explanations. of_use : its power over the least one
+    that is of use: below 1 the two explain the same, however many nats there are. errors : of values, by name."""
+
+    nats: Mapping[tuple[int, int], float]
+    of_use: Mapping[tuple[int, int], float]
+    errors: Mapping[str, float]
 
 
 def cases_of(search: Search, targets: Targets, draws: int) -> list[Case]:

@@ -10,18 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from dsd_cli.identify.design.cases import Case, cases_of
+from dsd_cli.identify.design.cases import Case, Expected, cases_of
 from dsd_cli.identify.design.inverse import Path, as_recording, command_for
 from dsd_cli.identify.design.reach import Reach
-from dsd_cli.identify.design.rows import Model, MotionRows, Products, equations_like, left
+from dsd_cli.identify.design.rows import Model, MotionRows, Products, equations_like, left, own_form, variance_of
 from dsd_cli.identify.design.targets import Targets, apart
 from dsd_cli.identify.fit.bank import INERTIA, has_friction
+from dsd_cli.identify.fit.direction import drowns, moved_by
 from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.values import whole_inertia
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array
@@ -33,16 +34,6 @@ LEAST, ENOUGH, PLENTY = 1e-3, 50.0, 500.0
 _WIDE = 1.0
 #: Nats of an effect of the catalogue below which a motion does not show it at all.
 _UNSEEN = 1e-6
-
-
-@dataclass(frozen=True)
-class Expected:
-    """nats : (truth, rival) -> lead of the truth, by the places of explanations. of_use : its power over the least one
-    that is of use: below 1 the two explain the same, however many nats there are. errors : of values, by name."""
-
-    nats: Mapping[tuple[int, int], float]
-    of_use: Mapping[tuple[int, int], float]
-    errors: Mapping[str, float]
 
 
 class Measure:
@@ -61,7 +52,9 @@ class Measure:
         #: Of all inner products: the cases', and at the end those of the reach.
         self._asked = [*self.cases, Case(0, 0, 0, self.reach.model)]
         self._size = max(case.model.size for case in self._asked)
-        self.template = search.problem.recordings[0]
+        self.template, self.inverse = search.problem.recordings[0], search.solver.inverse
+        #: Band and whitening of the rows of a motion, at first of that log which shows most.
+        self.form = self.known.band, self.known.whitening[self.known.bands.index(self.known.band)]
         self.longest_delay = max(m.delay for e in targets.explanations for m in e.draws)
 
     @property
@@ -76,12 +69,13 @@ class Measure:
         for case in self._asked:
             if case.model not in made:
                 made[case.model] = rows.gram(case.model)
-        return self._filled([made[case.model] for case in self._asked], self.known)
+        moved = moved_by(self.search.problem.errors.bank, self.targets.explanations[0].fit.tap)
+        return self._filled([made[case.model] for case in self._asked], self.known, moved)
 
     @property
     def nothing(self) -> Products:
         """Inner products of no motion."""
-        return Products(0, np.zeros((len(self._asked), self._size, self._size)))
+        return Products(0, np.zeros((len(self._asked), self._size, self._size)), np.zeros(2))
 
     def most_u(self, path: Path, most: float) -> float:
         """Largest |u| that a plant needs for a motion, up to `most`."""
@@ -111,26 +105,35 @@ class Measure:
                 for rows in [made[case.truth, case.draw]]
             ],
             made[0, 0].equations,
+            made[0, 0].moved(self.targets.explanations[0].model) if made[0, 0].equations.stretches else np.zeros(2),
         )
 
     def equations_of(self, path: Path, u: Array) -> Equations:
         """Rows of a planned motion like those of the logs; the axis rests before and after it."""
         recording = as_recording(self.template, path, u, self.search.problem.model.rest_speed)
-        return equations_like(self.known, recording, self.longest_delay, self.held)
+        return equations_like(self.form, recording, self.longest_delay, self.held)
 
-    def _filled(self, grams: Sequence[Array], equations: Equations) -> Products:
+    def _filled(self, grams: Sequence[Array], equations: Equations, moved: Array) -> Products:
         found = self.nothing.grams
         for i, gram in enumerate(grams):
             found[i, : len(gram), : len(gram)] = gram
-        return Products(sum(equations.lengths), found)
+        return Products(sum(equations.lengths), found, moved)
 
     def expected(self, planned: Products) -> Expected:
         """Of the logs and a motion with these inner products: truth and rival have one choice of values for both."""
-        nats, of_use, u_of_logs = {}, {}, self._u_of_logs
-        for pair, some in self._leads(planned.grams).items():
-            nats[pair] = float(np.mean([self._in_nats(pair, planned.rows, *one) for one in some]))
-            of_use[pair] = min(self._of_use(self._ahead(*pair) + lead, u_of_logs + u) for lead, u in some)
+        nats, of_use, u_of_logs, inverse = {}, {}, self._u_of_logs, self._inverse_with(planned)
+        for pair, some in self._leads(planned.grams, inverse).items():
+            loss, squares = self._left_by(pair, inverse)
+            nats[pair] = float(np.mean([self._in_nats(loss, planned.rows, *one) for one in some]))
+            of_use[pair] = min(self._of_use(squares[1] - squares[0] + lead, u_of_logs + u) for lead, u in some)
         return Expected(nats, of_use, self._errors(planned))
+
+    def _inverse_with(self, planned: Products) -> bool:
+        """Whether u on the motion will be evidence of logs and motion (`fit.direction`)."""
+        js, now = (whole_inertia(self.targets.explanations[0].fit), self.search.problem.model.inertia), self.inverse
+        if drowns(self.of_logs.moved, *js) != now:  # something else decided, and will
+            return now
+        return drowns(self.of_logs.moved + planned.moved, *js)
 
     def _of_use(self, lead: float, u: float) -> float:
         """A lead in squares over the least that is of use, where u has so large ones (`Problem.least_of_use`)."""
@@ -144,21 +147,22 @@ class Measure:
         left = [self.search.nats(e.fit.loss) for e in self.targets.explanations]
         return {(truth, rival): left[rival] - left[truth] for truth, rival in sorted(pairs)}
 
-    def _ahead(self, truth: int, rival: int) -> float:
-        """The same in squares."""
-        explanations = self.targets.explanations
-        return explanations[rival].fit.squares - explanations[truth].fit.squares
+    def _left_by(self, pair: tuple[int, int], inverse: bool) -> Array:
+        """What truth and rival leave in the logs in a form, held out and in all, in squares; shape (2, 2)."""
+        if inverse == self.inverse:
+            fits = [self.targets.explanations[i].fit for i in pair]
+            return np.array([[fit.loss for fit in fits], [fit.squares for fit in fits]])
+        return np.array(2 * [[self._left_now[inverse][self._own[i, 0]] for i in pair]])
 
     @property
     def _u_of_logs(self) -> float:
         """Square of u in the rows of the logs."""
         return float(self.of_logs.grams[0, 0, 0])
 
-    def _leads(self, grams: Array) -> dict[tuple[int, int], list[tuple[float, float]]]:
+    def _leads(self, grams: Array, inverse: bool) -> dict[tuple[int, int], list[tuple[float, float]]]:
         """(truth, rival) -> of each draw, by how much more a motion adds to what the rival leaves than to what the
         truth leaves, and all of its u, in squares; of a rival's shapes the one that then leaves least."""
-        squares, before = self._squares((self.of_logs.grams + grams)[:-1]), self._left_now
-        own = {(c.truth, c.draw): i for i, c in enumerate(self.cases) if c.truth == c.rival}
+        squares, before = self._squares((self.of_logs.grams + grams)[:-1], inverse), self._left_now[inverse]
         fitted: dict[tuple[int, int, int], int] = {}  # each begins with the shapes of its fit
         least: dict[tuple[int, int, int], float] = {}
         for i, case in enumerate(self.cases):
@@ -168,28 +172,33 @@ class Measure:
                 least[key] = min(least.get(key, np.inf), float(squares[i]))
         leads: dict[tuple[int, int], list[tuple[float, float]]] = {}
         for (a, b, draw), joint in least.items():
-            i, j = own[a, draw], fitted[a, b, draw]
+            i, j = self._own[a, draw], fitted[a, b, draw]
             lead = float(joint - before[j] - (squares[i] - before[i]))
             leads.setdefault((a, b), []).append((max(lead, 0.0), float(grams[i, 0, 0])))
         return leads
 
     @cached_property
-    def _left_now(self) -> Array:
-        """Sums of squares in the logs, shape (cases,)."""
-        return self._squares(self.of_logs.grams[:-1])
+    def _own(self) -> dict[tuple[int, int], int]:
+        """(explanation, draw) -> place of the case in which it is the truth and explains itself."""
+        return {(c.truth, c.draw): i for i, c in enumerate(self.cases) if c.truth == c.rival}
 
-    def _in_nats(self, pair: tuple[int, int], rows: float, lead: float, u: float) -> float:
-        """Nats of logs and motion together, as the search counts them: of both the motion adds the noise of its rows
-        and, for its u (`u`, in squares), what the truth leaves in the logs beyond the noise; of the rival a lead."""
-        noise, loss = self.search.noise.variance, [self.targets.explanations[i].fit.loss for i in pair]
+    @cached_property
+    def _left_now(self) -> dict[bool, Array]:
+        """Sums of squares in the logs, shape (cases,), by whether the inverse form is evidence."""
+        return {inverse: self._squares(self.of_logs.grams[:-1], inverse) for inverse in (False, True)}
+
+    def _in_nats(self, loss: Sequence[float], rows: float, lead: float, u: float) -> float:
+        """Nats of logs and motion together, as the search counts them: of both (truth and rival, which leave `loss` in
+        the logs) the motion adds the noise of its rows and, for its u (`u`, in squares), what the truth leaves in the
+        logs beyond the noise; of the rival a lead."""
+        noise = self.search.noise.variance
         misfit = self.targets.doubt * max(loss[0] - self.of_logs.rows * noise, 0.0) / self._u_of_logs
         truth, rival = (x + rows * noise + misfit * u for x in loss)
         return self.search.nats(rival + lead, rows) - self.search.nats(truth, rows)
 
-    def _squares(self, grams: Array) -> Array:
-        """Sums of squares of the form that is evidence in the search, shape (cases,)."""
-        solver = self.search.solver
-        return left(grams, 0) if solver.inverse else solver.inertia**2 * left(grams, 1 + INERTIA)
+    def _squares(self, grams: Array, inverse: bool) -> Array:
+        """Sums of squares of a form, shape (cases,)."""
+        return left(grams, 0) if inverse else self.search.solver.inertia**2 * left(grams, 1 + INERTIA)
 
     def _errors(self, planned: Products) -> dict[str, float]:
         if not self.targets.values:
@@ -202,7 +211,7 @@ class Measure:
         floor = self.search.noise.variance * self.search.noise.inflation
         found = {}
         for value in self.targets.values:
-            was, now = (_variance(normal, value.slope) for normal in (before, after))
+            was, now = (variance_of(normal, value.slope) for normal in (before, after))
             known = np.isfinite(value.error) and value.error > 0.0
             found[value.name] = value.error * float(np.sqrt(now / was)) if known else float(np.sqrt(floor * now))
         return found
@@ -240,12 +249,9 @@ class Measure:
     def ruled_out(self) -> frozenset[str]:
         """Directions "a, not b" with b so far ahead of a by the logs, and by so much force, that a is not the truth: no
         motion is for them."""
-        u = self._u_of_logs
-        return frozenset(
-            self._name(*pair)
-            for pair, nats in self.now.items()
-            if nats < -ENOUGH and self._of_use(self._ahead(*pair), u) < -1.0
-        )
+        behind = {p: float(-np.diff(self._left_by(p, self.inverse)[1])[0]) for p in self.now}
+        of_use = {p: self._of_use(squares, self._u_of_logs) for p, squares in behind.items()}
+        return frozenset(self._name(*p) for p, nats in self.now.items() if nats < -ENOUGH and of_use[p] > 1.0)
 
     def without(self, names: Sequence[str]) -> Measure:
         """The same without these targets."""
@@ -278,16 +284,14 @@ class Measure:
         size = self.reach.model.size
         return products.grams[-1, :size, :size]
 
+    def in_band_of(self, acceleration: Array) -> Measure:
+        """The same, motions in the band that its log will have; acceleration : of one, at samples of the logs."""
+        found = copy(self)
+        found.form = own_form(self.search, acceleration)
+        return found
+
     def sized_by(self, motions: Sequence[Products]) -> Measure:
         """The same, the catalogue's effects as large as is of use in the motions with these inner products."""
         found = copy(self)
         found.reach = self.reach.sized([self._reached(one) for one in motions])
         return found
-
-
-def _variance(normal: Array, slope: Array) -> float:
-    """Of a value per variance of a row, by the inverse of the normal matrix."""
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    inverse = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-10, hermitian=True)
-    found = float((slope / size) @ inverse @ (slope / size))
-    return max(found, 1e-300)

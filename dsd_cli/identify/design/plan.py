@@ -9,11 +9,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dsd_cli.errors import DataError
+from dsd_cli.identify.design.cases import Expected
 from dsd_cli.identify.design.closed_loop import Loop, Run, usual_loop
 from dsd_cli.identify.design.impossible import not_by_motion, told_by_none
 from dsd_cli.identify.design.inverse import Path, command_for
 from dsd_cli.identify.design.limits import Limits, limits_of, narrowed, noise_of_u, unvisited, with_u
-from dsd_cli.identify.design.measure import ENOUGH, Expected, Measure
+from dsd_cli.identify.design.measure import ENOUGH, Measure
 from dsd_cli.identify.design.motions import ROOM, Part, Room, generator_values, position_of
 from dsd_cli.identify.design.optimise import TIMES, Sized, joined, library_of, optimised
 from dsd_cli.identify.design.results import Impossible, Motion, Plan, PlannedPair, PlannedValue, Stage
@@ -184,12 +185,16 @@ def _verified(
     seconds = sum(part.seconds for part in TIMES * parts)
     allowed = with_u(allowed, max(allowed.u - noise_of_u(measure.known, seconds), GENTLE * allowed.u))
     kept = verified(measure.targets, parts, room, loop, allowed)
-    first = Measure(measure.search, measure.targets, DRAWS_IN_LOOP, measure.open)
+    whole = TIMES * kept.parts
+    motion = _motion(measure, joined(whole, room), room, wanted)
+    t = measure.template.sample_time * np.arange(round(motion.seconds / measure.template.sample_time))
+    seen = np.interp(t, motion.step * np.arange(len(motion.acceleration)), motion.acceleration)
+    first = Measure(measure.search, measure.targets, DRAWS_IN_LOOP, measure.open).in_band_of(seen)
     path = kept.runs[0, 0].path  # that of the plants that were not run to the end, too
     exact = {key: (path, u) for key, u in first.commands(path, room.limits.u).items()}
     once = first.of_runs(exact | {key: (run.path, run.u) for key, run in kept.runs.items()})
-    expected, whole = first.expected(TIMES * once), TIMES * kept.parts
-    found = answer.plan(_motion(measure, joined(whole, room), room, wanted), first, expected, said[0])
+    expected = first.expected(TIMES * once)
+    found = answer.plan(motion, first, expected, said[0])
     counted = {e.name for e in measure.targets.explanations} - set(kept.lost)
     return replace(
         found,

@@ -14,19 +14,21 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.effects import Role
-from dsd_cli.identify.fit.band import Band, band_of
+from dsd_cli.identify.fit.band import Band, band_of, chosen_band
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, Term, Terms, columns_of, commands, has_friction, inputs_of
 from dsd_cli.identify.fit.equations import Equations, equations_of
+from dsd_cli.identify.fit.noise import fitted_noise, whitening
 from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Array, with_channels
 
 #: Relative step of the slopes over shapes.
 _STEP = 0.02
-#: s between the samples of a planned motion, at most, while it is looked for.
-_LONGEST_STEP = 0.005
+#: s between the samples of a planned motion, at most, while it is looked for; seed of its sensor's noise.
+_LONGEST_STEP, _SEED = 0.005, 20261123
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,18 +49,20 @@ class Model:
 
 @dataclass(frozen=True, eq=False)
 class Products:
-    """Inner products of the rows of a motion under several models, shape (K, P, P), and how many rows there are."""
+    """Inner products of the rows of a motion under several models, shape (K, P, P), how many rows there are, and the
+    squares of acceleration and u in all of them, not whitened, shape (2,)."""
 
     rows: float
     grams: Array
+    moved: Array
 
     def __add__(self, other: Products) -> Products:
         """Of one motion after the other."""
-        return Products(self.rows + other.rows, self.grams + other.grams)
+        return Products(self.rows + other.rows, self.grams + other.grams, self.moved + other.moved)
 
     def __rmul__(self, times: float) -> Products:
         """Of a motion that is made so many times."""
-        return Products(times * self.rows, times * self.grams)
+        return Products(times * self.rows, times * self.grams, times * self.moved)
 
 
 def shapes_of(terms: Terms) -> list[tuple[int, str, float]]:
@@ -98,6 +102,11 @@ class MotionRows:
         """Inner products of the rows, shape (`Model.size`, `Model.size`)."""
         rows = self.rows(model)
         return np.asarray(rows @ rows.T)
+
+    def moved(self, model: Model) -> Array:
+        """Squares of acceleration and of what the actuator makes of u, shape (2,)."""
+        u = self.equations.commanded(commands(self.equations, inputs_of(model.terms)), model.delay, held=False)
+        return np.array([np.sum(self.equations.acceleration() ** 2), np.sum(u**2)])
 
     def rows(self, model: Model) -> Array:
         """Drive, columns, slopes over shapes; shape (`Model.size`, N)."""
@@ -147,17 +156,28 @@ class MotionRows:
         return self._shared[INERTIA][0]
 
 
-def equations_like(known: Equations, recording: Recording, delay: float, held: bool) -> Equations:
-    """Rows of a planned motion in the band, the spacing and the whitening of that log which shows most.
+def own_form(search: Search, acceleration: Array) -> tuple[Band, Array]:
+    """(band, whitening) of the rows of a motion: as far up as it stands above the noise of the logs' sensor
+    (`fit.band`), whitened by the forces and the noise that the logs have left (`fit.noise`)."""
+    few = search.excerpt or search  # whose rows the noise is of
+    known, rows, sensors = few.equations, few.noise.rows, [r.sensor.noise for r in few.problem.recordings]
+    assert rows is not None
+    levels = fitted_noise(list(zip(known.by_recording(rows), known.bands, sensors, strict=True)))
+    noise = sensors[0].made(len(acceleration), np.random.default_rng(_SEED))
+    band = chosen_band([acceleration + noise], sensors[0], known.sample_time)
+    return band, whitening(levels, band, sensors[0])
+
+
+def equations_like(form: tuple[Band, Array], recording: Recording, delay: float, held: bool) -> Equations:
+    """Rows of a planned motion in a band, at the samples of the logs, and with that whitening.
 
     held : there may be friction: rows in which the direction is not sure say nothing. Where few are sure, as of a
         short part in a narrow band, those count in which it is known for a large enough share: as in the search.
     """
-    band, step = known.band, recording.sample_time
+    (band, taps), step = form, recording.sample_time
     if not math.isclose(step, band.sample_time):
         part = round(step / band.sample_time)
-        band = replace(band_of(band.hz, step), step=band.step // part)
-    taps = known.whitening[known.bands.index(known.band)]
+        band = replace(band_of(min(band.hz, POLICY.highest_share / step), step), step=max(band.step // part, 1))
     found = equations_of([recording], math.ceil(delay / step) + 3, band).with_whitening(taps)
     if not held or not found.stretches:
         return found
@@ -178,3 +198,11 @@ def left(grams: Array, target: int) -> Array:
     moment = grams[:, others, target] / scale
     explained = np.einsum("ki,ki->k", moment, np.linalg.solve(normal, moment[..., None])[..., 0])
     return np.asarray(np.maximum(grams[:, target, target] - explained, 0.0))
+
+
+def variance_of(normal: Array, slope: Array) -> float:
+    """Of a value per variance of a row, by the inverse of the normal matrix."""
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    inverse = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-10, hermitian=True)
+    found = float((slope / size) @ inverse @ (slope / size))
+    return max(found, 1e-300)

@@ -9,12 +9,15 @@ acceleration, in which it had to show, says nothing.
 
 from __future__ import annotations
 
+import numpy as np
+
 from dsd_cli.effects import Role, get_effect
-from dsd_cli.identify.fit.bank import INERTIA, Terms
+from dsd_cli.identify.fit.bank import INERTIA, Bank, Terms
 from dsd_cli.identify.fit.gram import total_gram, without_noise
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.identify.fit.values import whole_inertia
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.signals.log import Array
 
 #: Why an effect cannot be told in the inverse form.
 NEEDS_ACCELERATION = (
@@ -35,10 +38,23 @@ def inverse_is_evidence(solver: Solver, beside: Terms, inertia: float, tap: int)
     """
     one = Solver(solver.bank, solver.blocks, solver.inertia, solver.known, inverse=True)
     fitted = whole_inertia(one.fit(beside, tap))
-    likely = min(max(fitted, inertia / POLICY.believed_inertia), inertia * POLICY.believed_inertia)
-    design = solver.bank.design((), tap)
+    return drowns(moved_by(solver.bank, tap), fitted, inertia)
+
+
+def moved_by(bank: Bank, tap: int) -> Array:
+    """Squares of a and of u in the rows, without the sensor's noise, shape (2,)."""
+    design = bank.design((), tap)
     gram = without_noise(total_gram(design.rows), design.noise, len(design.rows[0]))
-    return likely**2 * float(gram[1 + INERTIA, 1 + INERTIA]) < POLICY.fair_part**2 * float(gram[0, 0])
+    return np.array([gram[1 + INERTIA, 1 + INERTIA], gram[0, 0]])
+
+
+def drowns(moved: Array, fitted: float, inertia: float) -> bool:
+    """Whether J a is too small a part of u, with the J that was fitted as far as it is to be believed.
+
+    moved : squares of a and u, shape (2,). inertia : of the model.
+    """
+    likely = min(max(fitted, inertia / POLICY.believed_inertia), inertia * POLICY.believed_inertia)
+    return bool(likely**2 * moved[0] < POLICY.fair_part**2 * moved[1])
 
 
 def needs_acceleration(effect_id: str) -> bool:

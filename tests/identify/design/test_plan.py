@@ -296,6 +296,26 @@ def test_what_the_logs_already_say_is_what_the_search_says(tied: Asked) -> None:
     assert lead == pytest.approx(by_the_search(tied.search, *fits), rel=0.01)
 
 
+def test_nats_are_expected_in_the_band_and_the_form_of_both_logs() -> None:
+    """One way and slow, friction is nearly all of u, which is evidence by the motion, up to 2 Hz; what is planned shows
+    11 Hz, and there the motion by u is evidence."""
+    asked = poor("viscous_asymmetry", "one way", 81417, "speed40k")
+    plan = asked.plan()
+    motion = plan.motion
+    assert motion is not None
+    t = np.arange(len(motion.position)) * motion.step
+    log, _ = follow(asked.case, asked.trial, t, (motion.position, motion.velocity, motion.u), take=1)
+    new = prepare(Log(log, asked.case.sample_time, "next"), asked.observer)
+    both = Search(pose([asked.recording, new], asked.model, Settings()))
+    assert asked.search.solver.inverse
+    assert not both.solver.inverse
+    assert both.equations.band.hz > 3.0 * asked.search.equations.band.hz
+    fits = {o.effect: o.fit for o in both.options(both.refit)}
+    realised = by_the_search(both, fits["viscous_asymmetry"], fits["viscous_friction"])
+    (pair,) = (p for p in plan.pairs if {p.a, p.b} == {"viscous_friction", "viscous_asymmetry"})
+    assert 0.5 < pair.nats_if_b / realised < 2.0
+
+
 def takes_of(friction: EffectValues, takes: int) -> tuple[Search, Fit, Fit]:
     """(search, with viscous friction, with gravity) of logs of an axis with that friction."""
     logs = [recorded(friction, reference=MOVES, duration=10.0, seed=seed) for seed in range(takes)]
@@ -344,7 +364,7 @@ def test_correlated_noise_of_a_motion_leaves_no_more_than_white_noise(
     loss = [e.fit.loss for e in targets.explanations]
     # up to the variance times the inflation the likelihood is that of the noise alone
     expected = (loss[1] + lead - loss[0]) / (2.0 * noise.variance * 4.0)
-    assert measure._in_nats((0, 1), rows, lead, 0.0) == pytest.approx(expected, rel=1e-3)
+    assert measure._in_nats(loss, rows, lead, 0.0) == pytest.approx(expected, rel=1e-3)
 
 
 def test_a_rival_has_one_choice_of_values_for_logs_and_motion() -> None:
