@@ -99,7 +99,7 @@ def _singles(found: dict[str, Any]) -> Iterator[str]:
     both += [(f"logged: {k}", found["by_sensing"][k]) for k in SENSINGS if k in found["by_sensing"]]
     head = ("logs", "named", "named or stated as a tie")
     yield from table(head, ((k, percent(g["top1"]), percent(g["tied"])) for k, g in both))
-    yield "\nError with the effect added over what the sensor alone leaves; values within 3 standard errors:\n"
+    yield "\nError with the effect added over the floor of the sensor; values within 3 standard errors:\n"
     head = ("effect", "named", "named or tie", "error / sensor: median", "90 %", "values")
     yield from table(head, (_effect_row(k, g) for k, g in sorted(found["by_effect"].items())))
 

@@ -62,7 +62,7 @@ if can report html; then
 fi
 
 if can plan run-with; then
-    say "7. An arm that made only short moves: gravity, or a constant load? Plan the motion that tells, run it, ask again."
+    say "7. An arm that made only short moves: gravity, or a constant load? Plan the motion that decides, run it, diagnose both logs."
     run dsd simulate -c sample_logs/servo-arm.toml -o out/short.csv --quiet
     begin 1 out/tie.txt dsd diagnose out/short.csv -c sample_logs/servo-arm-bare.toml
     rm -f out/next-*

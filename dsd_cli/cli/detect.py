@@ -44,7 +44,7 @@ AfterOption = Annotated[
     float | None, typer.Option("--after", metavar="T", help="Check only samples with this stamp or later, s.")
 ]
 ShareOption = Annotated[
-    float, typer.Option("--min-share", metavar="SHARE", help="Share of samples a check asks for, 0 to 1.")
+    float, typer.Option("--min-share", metavar="SHARE", help="Share of samples that a check requires, 0 to 1.")
 ]
 ConfidentOption = Annotated[bool, typer.Option("--confident-only", help="Check only confident samples.")]
 MethodOption = Annotated[
@@ -130,7 +130,7 @@ def _check_failed(failed: list[Check]) -> Exception:
         f"{check.axis} {check.value:g}: there is no such sample to check"
         if check.samples == 0
         else f"{check.axis} {check.value:g} in {100 * check.share:.1f} % of {check.samples} samples "
-        f"(asked: {100 * check.min_share:g} %)"
+        f"(required: {100 * check.min_share:g} %)"
         for check in failed
     ]
     return CheckFailed("expectation not met: " + "; ".join(texts))

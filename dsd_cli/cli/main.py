@@ -174,12 +174,12 @@ def _invoke(arguments: list[str]) -> int:
 #: (command, option that others have) -> why it has none.
 _ELSEWHERE = {
     ("compare", "--hold"): "--hold: compare fits nothing, the model is as the config has it in any case",
-    ("check", "--hold"): "--hold: check asks what is identifiable from the log alone; improve takes --hold",
+    ("check", "--hold"): "--hold: check judges what is identifiable from the log alone; improve takes --hold",
     **{
         (
             "check",
             option,
-        ): f"{option}: check asks what is identifiable from the log alone; diagnose, add and improve take {option}"
+        ): f"{option}: check judges what is identifiable from the log alone; diagnose, add and improve take {option}"
         for option in ("--prior", "--fix", "--bounds")
     },
 }

@@ -28,7 +28,7 @@ def verdict(result: CheckResult) -> str:
     if result.errors:
         return f"cannot answer: {'; '.join(one.what for one in result.errors)}"
     if answers_little(result):
-        return "can answer little: no value is more than weakly identifiable, and there is room for no effect"
+        return "can answer little: no value is more than weakly identifiable, and moves are too few for an effect"
     warnings = sum(one.severity == "warning" for one in result.findings)
     if not warnings:
         return "can answer"
@@ -131,15 +131,15 @@ def facts(result: CheckResult) -> list[str]:
 
 
 def _moves(did: Excitation, units: Units) -> list[str]:
-    room = f"room for {did.effects} effect{'' if did.effects == 1 else 's'}"
+    enough = f"enough for {did.effects} effect{'' if did.effects == 1 else 's'}"
     if did.moving is None or did.top_speed is None or did.travel is None:
-        return [f"no motion is logged; u turns {did.stretches} times: {room}"]
+        return [f"no motion is logged; u turns {did.stretches} times: {enough}"]
     share = f"{100.0 * did.moving:.0f} % of the time"
     velocity, position = (f" {units.of_velocity}", f" {units.position}") if units.position else ("", "")
     guessed = "" if units.position else ", if it turns"
     turns = "" if units.position == "m" else f" ({did.travel / TURN:.2g} turns{guessed})"
     return [
-        f"{did.stretches} move{'' if did.stretches == 1 else 's'} ({did.forward} forward), {share}: {room}",
+        f"{did.stretches} move{'' if did.stretches == 1 else 's'} ({did.forward} forward), {share}: {enough}",
         f"speed up to {did.top_speed:.3g}{velocity}, travel {did.travel:.3g}{position}{turns}",
     ]
 

@@ -151,13 +151,13 @@ def _print_residual(console: Any, tests: ResidualTests) -> None:
     table.columns[-1].justify = "left"
     console.print(table)
     console.print("  by chance: in 99 of 100 logs the largest correlation of noise is within")
-    console.print(f"  beside u, {tests.effective_samples:,.0f} of {tests.samples:,} samples count as independent\n")
+    console.print(f"  with u, {tests.effective_samples:,.0f} of {tests.samples:,} samples count as independent\n")
 
 
 def _weight(significant: bool, large: bool) -> str:
     if large:
-        return "there, large"
-    return "there, small" if significant else "chance"
+        return "significant, large"
+    return "significant, small" if significant else "chance"
 
 
 def _print_where(console: Any, where: Where, of: str) -> None:

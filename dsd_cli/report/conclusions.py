@@ -20,7 +20,7 @@ _ON = {
 }
 _OTHER = {
     MEMORY: "the error depends on no channel, but on its own past: dynamics that the model lacks, noise of the"
-    " measured motion, or forces from outside; `dsd diagnose` tries the effects that remember",
+    " measured motion, or forces from outside; `dsd diagnose` tries the effects with memory",
     COMMAND: f"the error follows u, but is no function of it: a wrong delay or inertia, or a load that swings; {_NEXT}",
     NOISE: "what is left looks like noise: nothing in this log asks for another effect",
     EXACT: "the model predicts this log exactly: the error is rounding",

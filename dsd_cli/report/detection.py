@@ -167,7 +167,7 @@ def _closing_lines(result: Detection) -> list[str]:
         if check.samples == 0:
             lines.append(f"expected {check.axis} {check.value:g}: no such sample to check")
             continue
-        of = f"{_percent(check.share)} of {check.samples:,} samples, {_percent(check.min_share)} asked"
+        of = f"{_percent(check.share)} of {check.samples:,} samples, {_percent(check.min_share)} required"
         lines.append(f"expected {check.axis} {check.value:g}: {verdict} ({of})")
     if _named(result) and result.units.legend:
         lines.append(result.units.legend)
@@ -181,9 +181,9 @@ def _estimate(named: tuple[str, Estimate]) -> str:
     """The last well-founded value of an axis."""
     name, found = named
     if found.value is None:
-        return f"{name} never founded"
+        return f"{name} not identifiable"
     spread = "" if found.std is None else f" +- {found.std:.2g}"
-    return f"{name} {found.value:.5g}{spread} (founded in {_percent(found.confident_share)})"
+    return f"{name} {found.value:.5g}{spread} (identifiable in {_percent(found.confident_share)} of the samples)"
 
 
 def _named(result: Detection) -> dict[str, str]:

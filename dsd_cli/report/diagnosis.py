@@ -26,7 +26,7 @@ from dsd_cli.report.names import (
 )
 from dsd_cli.report.prior_conflicts import against_json, no_confirmation
 from dsd_cli.report.terminal import Hanging, escaped
-from dsd_cli.report.two_numbers import missing_json, two_answers, unexplained_json
+from dsd_cli.report.two_numbers import believed, missing_json, two_answers, unexplained_json
 from dsd_cli.report.values_table import correlation_lines, correlations_json
 from dsd_cli.report.verdict import verdict_line
 
@@ -166,7 +166,7 @@ def _print_ranking(console: Any, result: Diagnosis, most: int) -> None:
             named(one.effect, result.alone(one), notes),
             error(one.heldout_rmse_after),
             fall_text(one.heldout_rmse_before, one.heldout_rmse_after),
-            f"{'yes, ' * (one.effect in result.found)}{percent(one.probability)}",
+            in_final_set(one, result),
         )
     console.print(table)
     console.print("  in the final set: probability that the effect belongs to what is missing, all found ones together")
@@ -178,6 +178,11 @@ def _print_ranking(console: Any, result: Diagnosis, most: int) -> None:
         console.print(f"  and {len(tested) - most} more candidates (--format json lists them)")
 
 
+def in_final_set(one: Candidate, result: Diagnosis) -> str:
+    """`yes, 99 %`: a member that is rather not there is no `yes`."""
+    return f"{'yes, ' * (one.effect in result.found and believed(one.probability))}{percent(one.probability)}"
+
+
 def _closing_lines(report: DiagnosisReport) -> list[str]:
     result = report.result
     lines = []
@@ -185,12 +190,12 @@ def _closing_lines(report: DiagnosisReport) -> list[str]:
         lines.append(f"found together: {found_text(result)}")
     if not result.blocked:
         lines += two_answers(result.missing, result.unexplained)
-    lines += [line for line in [stability_line(result)] if line]
+    lines += [f"verdict on parts: {line}" for line in [stability_line(result)] if line]
     shown_above = tuple(f"{effect}." for effect in result.found) if result.whole_values else ()
     along = {k: e for k, e in result.estimates.items() if not k.startswith(shown_above)} if result.estimates else {}
     if along:
         fitted = (f"{name} {estimate_text(e)}" for name, e in along.items())
-        lines.append("fitted along: " + ", ".join(fitted))
+        lines.append("also fitted: " + ", ".join(fitted))
     lines += correlation_lines(result.correlations)
     on = f" of {listed(result.ceiling.on)}" if result.ceiling.on else ""
     if math.isfinite(result.ceiling.heldout_rmse):

@@ -187,8 +187,9 @@ def print_ladder(report: LadderReport, file: Any) -> None:
         for line in validation_lines(one, result.last.units):
             console.print(escaped(line))
     if line := stability_line(result.last):
-        console.print(escaped(line))
-    for line in [] if result.last.blocked else two_answers(result.missing, result.last.unexplained):
+        console.print(escaped(f"verdict on parts: {line}"))
+    added = [step.effect for step in result.steps]
+    for line in [] if result.last.blocked else two_answers(result.missing, result.last.unexplained, added):
         console.print(escaped(line))
     print_legend(console, result.last.units)
     console.print(f"[bold]{escaped(final_line(result))}[/bold]")

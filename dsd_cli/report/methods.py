@@ -26,18 +26,18 @@ def print_table(log: str, scores: Sequence[MethodScore], file: Any) -> None:
     known = any(one.share_correct is not None for one in scores)
     console.print(f"[bold]{escaped(log)}[/bold]: {scores[0].judged:,} judged samples")
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), collapse_padding=True, pad_edge=False)
-    columns = ["method", "right", "sure", "of sure", "followed", "after s", "false", "us"]
+    columns = ["method", "right", "confident", "of them", "followed", "after s", "false", "us"]
     if not known:
-        columns = ["method", "sure", "switches", "us"]
+        columns = ["method", "confident", "switches", "us"]
     for name in columns:
         table.add_column(name, justify="left" if name == "method" else "right", no_wrap=True)
     for one in scores:
         table.add_row(*(_cells(one) if known else _cells_without_truth(one)))
     console.print(table)
-    console.print("sure: confident labels; us: microseconds per sample")
+    console.print("confident: share of the labels; us: microseconds per sample")
     if known:
         console.print("followed: changes of the true state, and the median time until the label is right and stands")
-        console.print("of sure: right ones of the confident; false: changes of the label to a wrong state")
+        console.print("of them: share of the confident that is right; false: changes of the label to a wrong state")
 
 
 def _cells(one: MethodScore) -> list[str]:

@@ -178,7 +178,7 @@ def _closing(plan: Plan) -> list[str]:
         )
     if plan.not_counted:
         lines.append(not_counted(plan))
-    lines.append("-> run it, and ask again with both logs: dsd diagnose OLD NEW")
+    lines.append("-> run it, then diagnose both logs together: dsd diagnose OLD NEW")
     return lines
 
 

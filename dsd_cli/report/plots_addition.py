@@ -38,7 +38,7 @@ def draw(report: AdditionReport, given: PlantModel, view: ResidualView) -> Any:
         refitted = math.nan
     for level, label, style, color in (
         (refitted, "without it, own values fitted", "--", OTHER),
-        (report.floor, "what the sensor alone leaves", "-.", RESIDUAL),
+        (report.floor, "floor: noise of the sensor alone", "-.", RESIDUAL),
     ):
         if math.isfinite(level) and level > 0.0:
             above.axhline(level, ls=style, lw=1.4, color=color, label=label, zorder=3)

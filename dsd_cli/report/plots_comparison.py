@@ -131,7 +131,7 @@ def _draw_forces(above: Any, below: Any, series: Series, channel: str, result: C
         _draw_curve(above, below, curve)
     unit, band = (f" ({result.units.u})" if result.units.u else ""), balance.errors.equations.band.hz
     above.set_ylabel(f"forces below {band:.3g} Hz{unit}")
-    below.set_ylabel(f"left of them{unit}")
+    below.set_ylabel(f"residual{unit}")
     below.set_xlabel(channel_label(channel, result.units))
     legend_above(above, 2)
 

@@ -76,7 +76,7 @@ def _draw_bars(axis: Any, result: Diagnosis, tested: Sequence[Candidate]) -> Non
         (before, "without another effect", "-", MEASURED),
         (result.ceiling.heldout_rmse, f"ceiling: any function{_of(result)}", "--", LIMIT),
         (result.noise, "noise", ":", RESIDUAL),
-        (result.floor, "what the sensor alone leaves", "-.", RESIDUAL),
+        (result.floor, "floor: noise of the sensor alone", "-.", RESIDUAL),
     )
     for x, label, style, color in lines:
         if math.isfinite(x):
@@ -103,8 +103,8 @@ def draw_residual(axis: Any, view: ResidualView, units: Units) -> None:
     if np.ptp(view.x) > 0.0:
         for series, color, style, label in (
             (view.residual if view.on != "t" else None, MEASURED, "-", "median of the residual"),
-            (view.explained, PREDICTED, "--", f"what {view.effect} takes"),
-            (view.together, OTHER, ":", "what the whole set takes"),
+            (view.explained, PREDICTED, "--", f"explained by {view.effect}"),
+            (view.together, OTHER, ":", "explained by the whole set"),
         ):
             if series is not None:
                 _draw_medians(axis, view, series, color, style, label)
@@ -112,7 +112,7 @@ def draw_residual(axis: Any, view: ResidualView, units: Units) -> None:
     beside = "\n" + fill(f"beside {listed(view.beside)}", 52) if view.beside else ""
     axis.set_xlabel(channel_label(view.on, units) + beside)
     without = f" without {view.effect}" if view.effect else ""
-    axis.set_ylabel(f"force left{without}\n({units.force})")
+    axis.set_ylabel(f"residual force{without}\n({units.force})")
 
 
 def _draw_medians(axis: Any, view: ResidualView, series: Array, color: str, style: str, label: str) -> None:

@@ -126,7 +126,7 @@ def _draw_levels(axis: Any, report: LadderReport) -> None:
     levels = [
         (last.ceiling.heldout_rmse, f"ceiling: any function{on}", "--", LIMIT),
         (last.noise, "noise", ":", RESIDUAL),
-        (last.floor, "what the sensor alone leaves", "-.", RESIDUAL),
+        (last.floor, "floor: noise of the sensor alone", "-.", RESIDUAL),
     ]
     for level, label, style, color in levels:
         if math.isfinite(level) and level > 0.0:

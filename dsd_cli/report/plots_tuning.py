@@ -1,4 +1,4 @@
-"""The picture of `dsd tune --plot`: the labels before and after, beside what the whole log says, and what is left."""
+"""The picture of `dsd tune --plot`: labels before and after, the path smoothed over the whole log, the residual."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Looked:
 
     Attributes
     ----------
-    d_hat, predicted : unit of u: as measured, and of the state that the whole log says.
+    d_hat, predicted : unit of u: as measured, and of the smoothed state.
     path, before, after : axis of the grid -> value: of that state, and of the labels with the old and the new settings.
     """
 
@@ -87,7 +87,7 @@ def draw(report: TuningReport, units: Units) -> Any:
     origin = origin_of(float(seen.t[0]), float(seen.t[-1]))
     t = seen.t - origin
     line(panels[0], t, seen.d_hat, MEASURED, "measured", lw=1.3)
-    line(panels[0], t, seen.predicted, PREDICTED, "of the state that the whole log says")
+    line(panels[0], t, seen.predicted, PREDICTED, "of the smoothed state")
     panels[0].set_ylabel(channel_label("d_hat", units))
     legend_above(panels[0], 2)
     _draw_left(panels[1], t, seen.d_hat - seen.predicted, tuning, units)
@@ -117,7 +117,7 @@ def _draw_left(panel: Any, t: Array, left: Array, tuning: Tuning, units: Units) 
         panel.axhline(edge, color=LIMIT, lw=1.0, ls="--", label=None if k else f"2 rho as given: {old:.3g}")
     reach = 3.0 * max(high, -low)
     panel.set_ylim(max(-reach, min(low, -1.1 * old)), min(reach, max(high, 1.1 * old)))  # a rho far off is out of view
-    panel.set_ylabel(f"left of it{f' ({units.u})' if units.u else ''}")
+    panel.set_ylabel(f"residual{f' ({units.u})' if units.u else ''}")
     legend_above(panel, 2)
 
 
@@ -128,7 +128,7 @@ def _draw_axis(panel: Any, t: Array, name: str, seen: Looked, tuning: Tuning, un
     for value in candidates:
         panel.axhline(value, color="0.82", lw=0.7, zorder=1)
     steps: dict[str, Any] = {"drawstyle": "steps-post"}
-    line(panel, t, seen.path[name], SHARE, "what the whole log says", lw=5.0, **steps)
+    line(panel, t, seen.path[name], SHARE, "smoothed over the whole log", lw=5.0, **steps)
     if name in seen.before:
         line(panel, t, seen.before[name], PREDICTED, "label as given", lw=1.1, ls="--", **steps)
     line(panel, t, seen.after[name], MEASURED, "label, tuned", lw=1.6, **steps)

@@ -55,7 +55,7 @@ def print_lines(report: TuningReport, file: Any) -> None:
     tuning, now, old = report.tuning, report.tuning.after.settings, report.tuning.before.settings
     console.print(f"[bold]{escaped(report.log)}[/bold]: tuned on {tuning.samples:,} judged samples")
     for line in (
-        f"rho         {old.rho:g} -> {now.rho:g}: the right states leave {tuning.noise:.3g}{_lasting(tuning)}",
+        f"rho         {old.rho:g} -> {now.rho:g}: residual of the right states {tuning.noise:.3g}{_lasting(tuning)}",
         f"window      {old.window} -> {now.window} samples",
         f"transition  {transition_text(old)} -> {transition_text(now)}: {tuning.changes} changes seen, "
         f"one in {tuning.dwell:.3g} s",
@@ -69,7 +69,7 @@ def print_lines(report: TuningReport, file: Any) -> None:
 def agreement_line(tuning: Tuning) -> str:
     """How well the labels follow, before and after."""
     before, after = 100 * tuning.before.agreement, 100 * tuning.after.agreement
-    return f"labels like the path that the whole log says: {before:.1f} % -> {after:.1f} %"
+    return f"labels like the path smoothed over the whole log: {before:.1f} % -> {after:.1f} %"
 
 
 def _lasting(tuning: Tuning) -> str:
@@ -88,8 +88,8 @@ def transition_text(settings: DetectorSettings) -> str:
 
 def _grid_lines(tuning: Tuning) -> list[str]:
     lines = [
-        f"{a.axis:<11} {a.value:g} +- {a.std_error:.1g} added: from {a.start:g} s on the nearest candidate leaves "
-        f"{a.rms_before:.3g}, this one {a.rms_after:.3g}"
+        f"{a.axis:<11} {a.value:g} +- {a.std_error:.1g} added: from {a.start:g} s on the residual is "
+        f"{a.rms_before:.3g} with the nearest candidate, {a.rms_after:.3g} with this one"
         for a in tuning.added
     ]
     return lines or [f"grid        stays: {len(tuning.visited)} of {len(tuning.grid)} states seen, none is missing"]

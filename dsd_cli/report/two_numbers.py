@@ -24,11 +24,22 @@ def unexplained_json(one: Unexplained) -> dict[str, Any]:
     }
 
 
-def two_answers(missing: Sequence[Missing], left: Unexplained) -> list[str]:
-    """`missing: coulomb_friction (98 %)` and `unexplained: 3 % of u (something is there: 90 %), over velocity`."""
-    lines = [f"missing: {listed(f'{one.effect} ({percent(one.probability)})' for one in missing)}"] if missing else []
+def believed(probability: float) -> bool:
+    """Whether it is rather so than not; what has no probability is not in doubt."""
+    return not probability < 0.5
+
+
+def two_answers(missing: Sequence[Missing], left: Unexplained, added: Sequence[str] = ()) -> list[str]:
+    """`missing: coulomb_friction (98 %)` and `unexplained: 3 % of u (probability that more is missing: 90 %)`.
+
+    added : effects that the model at the end has: they are missing no more.
+    """
+    lines = []
+    for what, inside in (("added", True), ("missing", False)):
+        those = [f"{one.effect} ({percent(one.probability)})" for one in missing if (one.effect in added) is inside]
+        lines += [f"{what}: {listed(those)}"] if those else []
     if not math.isfinite(left.share_of_u):
         return lines
     over = f", over {listed(left.on)}" if left.on else ""
     share = percent(min(left.share_of_u, 1.0))
-    return [*lines, f"unexplained: {share} of u (something is there: {percent(left.probability)}){over}"]
+    return [*lines, f"unexplained: {share} of u (probability that more is missing: {percent(left.probability)}){over}"]

@@ -9,6 +9,7 @@ from dsd_cli.plant.model import PlantModel
 from dsd_cli.report.levels import levels_text
 from dsd_cli.report.names import error, force_error, listed, moves, percent, values_text
 from dsd_cli.report.prior_conflicts import first_of_all
+from dsd_cli.report.two_numbers import believed
 
 
 def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:
@@ -45,24 +46,27 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
     values = values_text(result.joint_values(winner.effect) or result.alone(winner))
     values = f"{values}, " if values else ""
     beside, falls = _with_the_set(result, winner)
+    tied = winner.indistinguishable_from  # one of these it is
+    verb = "is" if tied or believed(result.probability) else "may be"
     if winner.effect in (INERTIA, DELAY) or (given is not None and winner.effect in given.effects):
-        line = f"{_as_given(winner, given)} of [model] is wrong: {values}{sure}{beside}; {held} {falls}"
+        line = f"{_as_given(winner, given)} of [model] {verb} wrong: {values}{sure}{beside}; {held} {falls}"
     else:
-        line = f"{winner.effect} is missing: {values}{sure}{beside}; {held} {falls}"
-    if winner.indistinguishable_from:
-        line += f"; from this log it is indistinguishable from {listed(winner.indistinguishable_from, 'or')}"
-    return line
+        line = f"{winner.effect} {verb} missing: {values}{sure}{beside}; {held} {falls}"
+    return line + (f"; from this log it is indistinguishable from {listed(tied, 'or')}" if tied else "")
 
 
 def _with_the_set(result: Diagnosis, winner: Candidate) -> tuple[str, str]:
-    """(the other effects that are missing, how the held-out error moves with all of them and with this one alone)."""
+    """(the others that are rather missing than not, how the held-out error moves with all and this one alone)."""
     unit, others = result.units.force, [name for name in result.found if name != winner.effect]
     alone = moves(winner.heldout_rmse_before, winner.heldout_rmse_after)
     if not result.whole_values or not others:
         return "", f"{alone} ({unit})"
     together = moves(result.refitted.heldout_rmse, result.whole_heldout_rmse)
     only = f"with {winner.effect} alone it {alone}"
-    return f", and so {'is' if len(others) == 1 else 'are'} {listed(others)}", f"{together} with all ({unit}); {only}"
+    doubtful = {one.effect for one in result.ranking if not believed(one.probability)}
+    others = [name for name in others if name not in doubtful]
+    beside = f", and so {'is' if len(others) == 1 else 'are'} {listed(others)}" if others else ""
+    return beside, f"{together} with all ({unit}); {only}"
 
 
 def _nothing(result: Diagnosis, sure: str, held: str) -> str:

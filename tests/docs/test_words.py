@@ -52,6 +52,15 @@ def test_a_page_has_no_word_that_the_glossary_replaces(page: Path) -> None:
     assert [text[max(m.start() - 40, 0) : m.end() + 20] for m in REPLACED.finditer(text)] == []
 
 
+@pytest.mark.parametrize("kind", ["json", "toml", "sh"])
+def test_no_schema_config_or_script_has_one(kind: str) -> None:
+    """Descriptions of the keys of results, comments of templates and samples, what the demo says."""
+    files = [path for folder in ("dsd_cli", "sample_logs") for path in (ROOT / folder).rglob(f"*.{kind}")]
+    assert files
+    found = [f"{path.name}: {match[0]}" for path in files for match in REPLACED.finditer(path.read_text("utf-8"))]
+    assert found == []
+
+
 def test_no_message_help_or_docstring_has_one() -> None:
     found = []
     for path in sorted((ROOT / "dsd_cli").rglob("*.py")):

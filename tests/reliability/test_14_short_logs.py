@@ -1,11 +1,16 @@
 """Logs with little in them, as `bench fuzz` makes them: an answer or one line, and the line is the right one."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.csv_in import CsvTable
-from tests.cli.rig import CONFIG, dsd
+from tests.cli.rig import CONFIG, done, dsd, read_labels
+
+SAMPLES = Path(__file__).parents[2] / "sample_logs"
 
 
 def test_a_motion_that_would_drift_away_has_no_origin_to_find(tmp_path):
@@ -34,3 +39,19 @@ def test_the_line_is_named_whatever_ends_it(tmp_path, end, bad, said):
         list(CsvTable(str(tmp_path / "log.csv"), dict(zip(names, names, strict=True))).batches())
     assert str(refused.value).startswith(f"{tmp_path / 'log.csv'}, line 62")
     assert said in str(refused.value)
+
+
+def test_trials_at_rest_joined_in_one_file_have_an_answer(tmp_path):
+    """Of a trial in which nothing moves nothing is left: `diagnose` ended in an unexpected ValueError there."""
+    log = read_labels(SAMPLES / "servo-friction.csv")
+    parts = []
+    for k in range(8):
+        rows = slice(600 * (k % 4), 600 * (k % 4) + 600)
+        still = np.zeros(600) if k % 2 else 1.0
+        clock = 5.0 * k + 1e-3 * np.arange(600)
+        parts.append(np.column_stack([clock, still * log["u"][rows], still * log["position"][rows]]))
+    np.savetxt(tmp_path / "trials.csv", np.concatenate(parts), delimiter=",", header="t,u,position", comments="")
+    for command in ("check", "diagnose"):
+        found = done(command, "trials.csv", "-c", SAMPLES / "servo-bare.toml", "--format", "json", cwd=tmp_path)
+        assert json.loads(found.stdout)["logs"] == ["trials.csv"]
+    assert json.loads(found.stdout)["verdict"] == "coulomb_friction"

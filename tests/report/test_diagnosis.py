@@ -48,6 +48,7 @@ def test_the_verdict_is_one_sentence() -> None:
 
 SEVERAL = replace(
     DIAGNOSIS,
+    ranking=tuple(replace(c, probability=0.96) if c.effect == "viscous_asymmetry" else c for c in RANKING),
     found=("coulomb_friction", "viscous_asymmetry"),
     whole_values={
         "inertia": Estimate(1.0, 0.001, "kg m2"),
@@ -80,6 +81,22 @@ def test_of_several_the_values_are_those_of_the_joint_fit() -> None:
         "unit": "u",
         "at_bound": False,
     }
+
+
+def test_words_do_not_contradict_their_probability() -> None:
+    """A set that is hardly believed: no "yes, 3 %", no "is missing" of what rather is not."""
+    doubted = replace(RANKING[0], probability=0.03, indistinguishable_from=())
+    result = replace(SEVERAL, probability=0.03, ranking=(doubted, *RANKING[1:]))
+    line = verdict_line(result)
+    assert line.startswith("coulomb_friction may be missing: level 0.4000 +- 0.0010 u, probability 3 %; the held-out")
+    assert "and so" not in line
+    wrong = replace(result, verdict="inertia", ranking=(replace(RANKING[3], probability=0.2),))
+    assert verdict_line(wrong, GIVEN).startswith("inertia 1 of [model] may be wrong: ")
+    text = shown(DiagnosisReport(result, GIVEN))
+    assert "yes" not in text
+    assert "yes, 97 %" in shown(DiagnosisReport(SEVERAL, GIVEN))
+    tied = replace(result, ranking=(replace(doubted, indistinguishable_from=("load_friction",)), *RANKING[1:]))
+    assert "coulomb_friction is missing" in verdict_line(tied)  # or the other: the sentence says so
 
 
 def test_beside_something_unknown_no_candidate_has_a_standard_error() -> None:

@@ -9,6 +9,7 @@ import pytest
 from rich.console import Console
 
 from dsd_cli.identify.compare.balance import Force
+from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.results import Estimate, Score, Step
 from dsd_cli.report.addition import AdditionReport, add_json, print_addition
 from dsd_cli.report.diagnosis import named, plain_table
@@ -90,6 +91,18 @@ def test_lines() -> None:
     stopped = replace(LADDER, steps=STEPS[:1], verdict="unknown", last=UNKNOWN, stopped="")
     refitted = "in 0 steps (0.113 with the values of [model] fitted again); something is missing that no effect"
     assert refitted in final_line(stopped)
+
+
+def test_what_was_added_is_not_called_missing() -> None:
+    """Below "nothing is missing" stood "missing: coulomb_friction (99 %)"."""
+    both = (Missing("coulomb_friction", 0.99), Missing("cogging", 0.7))
+    last = replace(LADDER.last, unexplained=Unexplained(0.004, 0.01))
+    file = Utf8()
+    print_ladder(replace(REPORT, result=replace(LADDER, missing=both, last=last)), file)
+    lines = file.getvalue().splitlines()
+    assert "added: coulomb_friction (99 %)" in lines
+    assert "missing: cogging (70 %)" in lines
+    assert "unexplained: < 1 % of u (probability that more is missing: 1 %)" in lines
 
 
 @pytest.mark.parametrize(("file", "full", "part"), [(Utf8(), "█", "▉"), (Ascii(), "#", "#")])

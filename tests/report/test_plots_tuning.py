@@ -31,7 +31,7 @@ def test_labels_before_and_after_beside_what_the_whole_log_says() -> None:
     figure = draw(TuningReport(tuning, "a.csv", None), Units("N m", "rad"))
     assert [axis.get_ylabel() for axis in figure.get_axes()] == [
         "d_hat (N m)",
-        "left of it (N m)",
+        "residual (N m)",
         "delay (s)",
         "inertia (kg m^2)",
     ]

@@ -227,7 +227,7 @@ def _following(judge: Judge, fit: LawFit, all_of_them: Sequence[Columns]) -> Law
 
 def contains(family: Family, other: Family) -> bool:
     """Whether a law of the first may be one of the second as well: beside each other the two are collinear, large and
-    opposite. So are two that remember: each imitates what the other does after a turn."""
+    opposite. So are two with memory: each imitates what the other does after a turn."""
     both = len(family.over) > 1 and "u" not in other.on
     return (
         family.name == other.name

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 
 from dsd_cli.identify.results import Candidate, Diagnosis
-from dsd_cli.report.diagnosis import found_text, stability_line
+from dsd_cli.report.diagnosis import found_text, in_final_set, stability_line
 from dsd_cli.report.levels import level_rows
-from dsd_cli.report.names import error, estimate_text, fall_text, force_error, listed, percent
+from dsd_cli.report.names import error, estimate_text, fall_text, force_error, listed
 from dsd_cli.report.page.html import Html, bar, joined, left, listing, name, table, tag, typeset
 from dsd_cli.report.page.parts import missing, section
 from dsd_cli.report.page.story import Story
@@ -32,7 +32,7 @@ def diagnosis_section(story: Story) -> Html:
         title,
         tag("p", typeset(verdict_line(result, report.given)), ".", class_="verdict"),
         tag("p", f"Found together: {found_text(result)}.") if len(result.found) > 1 else None,
-        tag("p", _sentence(stability_line(result))) if result.stability else None,
+        tag("p", f"Verdict on parts: {stability_line(result)}.") if result.stability else None,
         table(
             ("log", *(f"{one.deviations.name}, mean {one.mean:.4g}" for one in result.levels)),
             [(left(log), *map(typeset, values)) for log, *values in level_rows(result.levels)],
@@ -64,10 +64,6 @@ def diagnosis_section(story: Story) -> Html:
     )
 
 
-def _sentence(line: str) -> str:
-    return line[:1].upper() + line[1:] + "."
-
-
 def _ranking(result: Diagnosis, candidates: Sequence[Candidate]) -> Html:
     befores = [c.heldout_rmse_before for c in result.ranking if math.isfinite(c.heldout_rmse_before)]
     before = befores[0] if befores else math.nan
@@ -87,7 +83,7 @@ def _ranking(result: Diagnosis, candidates: Sequence[Candidate]) -> Html:
                 ),
                 tag("td", error(one.heldout_rmse_after), bar(share, winner)),
                 fall_text(one.heldout_rmse_before, one.heldout_rmse_after),
-                f"{'yes, ' * (one.effect in result.found)}{percent(one.probability)}",
+                in_final_set(one, result),
             )
         )
     held = f"held-out {force_error(result.band_hz)}, {result.units.force} (without: {error(before)})"

@@ -135,9 +135,7 @@ def values_section(story: Story) -> Html:
         title,
         table(("value", "as given", "fitted, ± one standard error", "unit", "identifiability"), rows, "values"),
         listing(correlation_lines(result.correlations), "facts"),
-        tag("p", f"The last verdict is {stable}." if stable.startswith("the same") else f"The last verdict: {stable}.")
-        if stable
-        else None,
+        tag("p", f"The last verdict on parts: {stable}.") if stable else None,
         tag("h3", "On logs that no fit saw") if held_out else None,
         listing(held_out, "facts"),
         tag("p", result.last.units.legend, class_="dim") if result.last.units.legend else None,

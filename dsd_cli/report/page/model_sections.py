@@ -133,7 +133,7 @@ def _regimes(result: Comparison) -> Html | None:
         )
         for r in result.where.regimes
     ]
-    note = tag("p", "Regimes in brackets lie across the others.", class_="dim")
+    note = tag("p", "Regimes in brackets overlap the others.", class_="dim")
     heads = ("regime", "of the samples", "of the error", f"rms, {result.units.force}")
     return joined([table(heads, rows), note if any(r.overlaps for r in result.where.regimes) else None])
 
