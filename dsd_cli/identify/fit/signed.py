@@ -44,26 +44,27 @@ def _signed(stack: Array, target: int, signs: Sequence[int]) -> tuple[Array, Arr
     """`solved` without rules."""
     others = [i for i in range(stack.shape[1]) if i != target]
     free, total, returned = list(range(len(others))), stack[0], set[int]()
-    size = np.sqrt(np.maximum(np.diag(total)[others], 1e-300))
-    least = _ROUNDING * math.sqrt(max(total[target, target], 0.0))
+    size = np.sqrt(np.maximum(total.diagonal()[others], 1e-300))
     while True:
-        index = np.array([target, *(others[k] for k in free)])
-        theta = solve(total[None, index[:, None], index])[0]
-        wrong = [(k, t) for k, t in zip(free, theta.tolist(), strict=True) if signs[k] * t < 0.0]
+        index = [target, *(others[k] for k in free)]
+        theta = solve(stack[:, np.array(index)[:, None], index])
+        first = theta[0].tolist()
+        wrong = [(k, t) for k, t in zip(free, first, strict=True) if signs[k] * t < 0.0]
         if wrong:
             free.remove(min(wrong, key=lambda w: signs[w[0]] * w[1] * size[w[0]])[0])
             continue
         if len(free) == len(others):
             break
         # active set: a coefficient held at 0 is freed again, once, if its gradient has the right sign
-        left = (total[others][:, index] @ np.concatenate([[1.0], -theta])) / size * signs
+        least = _ROUNDING * math.sqrt(max(total[target, target], 0.0))
+        left = (total[others][:, index] @ np.concatenate([[1.0], -theta[0]])) / size * signs
         back = [k for k in range(len(others)) if k not in free and k not in returned and left[k] > least]
         if not back:
             break
         free.append(max(back, key=lambda k: left[k]))
         returned.add(free[-1])
     found = np.zeros((len(stack), len(others)))
-    found[:, free] = theta if len(stack) == 1 else solve(stack[:, index[:, None], index])
+    found[:, free] = theta
     weights = np.zeros((len(stack), len(others) + 1))
     weights[:, target], weights[:, others] = 1.0, -found
     return found, weights

@@ -62,9 +62,8 @@ class Scan:
     def _gain_of_drive(self, term: Term, tap: int, keep: bool) -> float:
         """The change over a further step of delay goes with the changed drive, and its share is not negative."""
         inputs, bank = (*self._inputs, term), self.solver.bank
-        own, further = (_without(bank.drive(inputs, n, keep, self._held), self._effects) for n in (tap, tap + 1))
-        rows = np.stack([own, own - further])
-        gram, moment = rows @ rows.T, rows @ self._unexplained
+        own, further = (bank.drive(inputs, n, keep, self._held) for n in (tap, tap + 1))
+        gram, moment = _beside(np.stack([own, own - further]), self._effects, self._unexplained)
         if not (moment[0] > 0.0 and gram[0, 0] > 0.0):
             return self._squares - float(self._unexplained @ self._unexplained)
         explained = float(moment[0]) ** 2 / float(gram[0, 0])
@@ -74,11 +73,10 @@ class Scan:
         return self._squares - (float(self._unexplained @ self._unexplained) - explained)
 
     def _gain_of_columns(self, columns: Sequence[Array], term: Term) -> float:
-        more = self._all.shape[1] - len(columns[0])  # prior equations, in which a new effect has no part
-        own = np.stack([_without(np.pad(c, (0, more)) if more else c, self._all) for c in columns])
-        gram, moment = own @ own.T, own @ self._left
-        size = np.array([float(c @ c) for c in columns])
-        if not np.all(np.diag(gram) > _LEAST_OWN * size):
+        of_rows = len(columns[0])  # prior equations come behind them, in which a new effect has no part
+        rows = np.stack(columns)
+        gram, moment = _beside(rows, self._all[:, :of_rows], self._left[:of_rows])
+        if not np.all(np.diag(gram) > _LEAST_OWN * np.einsum("ij,ij->i", rows, rows)):
             return 0.0
         scale = np.sqrt(np.diag(gram))
         theta = np.linalg.solve(gram / np.outer(scale, scale) + 1e-9 * np.eye(len(gram)), moment / scale) / scale
@@ -117,6 +115,12 @@ def _basis(rows: Sequence[Array]) -> Array:
     """Orthonormal rows that span these, shape (k, N)."""
     basis, _ = np.linalg.qr(np.stack(rows).T)
     return np.ascontiguousarray(basis.T)
+
+
+def _beside(rows: Array, basis: Array, left: Array) -> tuple[Array, Array]:
+    """Inner products of what rows, shape (k, N), have beside a basis, and those with what the basis leaves."""
+    share = rows @ basis.T
+    return rows @ rows.T - share @ share.T, rows @ left
 
 
 def _without(x: Array, basis: Array) -> Array:
