@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -209,7 +209,7 @@ class _Path:
         equations, here = self.problem.errors.bank.equations, list(self.rows[1 + FIXED :])
         held, delay = has_friction(self.fit.terms), self.fit.tap * self.problem.errors.bank.tap_time
         stretches = list(equations.stretches)
-        stretches[self.index] = _elsewhere(stretches[self.index], speed, zero, equations.sample_time)
+        stretches[self.index] = _elsewhere(stretches[self.index], speed, zero, equations.sample_time, held)
         there = replace(equations, stretches=tuple(stretches))
         for term in self.fit.terms:
             if depends_on_path(term):
@@ -250,15 +250,15 @@ class _Path:
         lasting = float(self.piece["t"][-1] - self.piece["t"][0])
         creep, far = CREEP * self.span / lasting, FAR * self.span
         speeds, zeros = (np.linspace(-x, x, 2 * n + 1) for x, n in ((creep, SPEEDS), (far, ZEROS)))
-        tried = [(s, z) for s in speeds for z in zeros]
-        best = min(tried, key=lambda at: self.cost(self._constant(*at)))
+        cost = cache(lambda at: self.cost(self._constant(*at)))
+        best = min(((s, z) for s in speeds.tolist() for z in zeros.tolist()), key=cost)
         for finer in (0.5, 0.25, 0.125, 0.0625):
             around = [
                 (best[0] + i * finer * creep / SPEEDS, best[1] + j * finer * far / ZEROS)
                 for i in (-1, 0, 1)
                 for j in (-1, 0, 1)
             ]
-            best = min(around, key=lambda at: self.cost(self._constant(*at)))
+            best = min(around, key=cost)
         return self._constant(*best)
 
     def _constant(self, speed: float, zero: float) -> Array:
@@ -275,16 +275,14 @@ def depends_on_path(term: Term) -> bool:
     return term.effect.role is not Role.STRUCTURE and bool({"velocity", "position"} & set(term.effect.needs))
 
 
-def _elsewhere(stretch: Stretch, speed: Array, zero: float, step: float) -> Stretch:
-    """With another motion, shape (n,) and rad."""
-    place = zero + np.cumsum(speed) * step
-    moving = direction(stretch.log["velocity"] + speed, stretch.log["speed_noise"])
-    return replace(
-        stretch,
-        middle=_shifted(stretch.middle, speed, place),
-        mean=_shifted(stretch.mean, speed, place),
-        sign=np.where(stretch.free > 0.0, moving, 0.0),
-    )
+def _elsewhere(stretch: Stretch, speed: Array, zero: float, step: float, friction: bool) -> Stretch:
+    """With another motion, shape (n,) and rad; its direction only where friction asks for it."""
+    place, sign = zero + np.cumsum(speed) * step, stretch.sign
+    if friction:
+        moving = direction(stretch.log["velocity"] + speed, stretch.log["speed_noise"])
+        sign = np.where(stretch.free > 0.0, moving, 0.0)
+    middle, mean = (_shifted(motion, speed, place) for motion in (stretch.middle, stretch.mean))
+    return replace(stretch, middle=middle, mean=mean, sign=sign)
 
 
 def _shifted(motion: IntervalChannels, speed: Array, place: Array) -> IntervalChannels:
