@@ -23,7 +23,7 @@ from dsd_cli.files.whole import WholeFile, cannot_be_written, check_target, is_s
 __all__ = ["Coded", "FileWriter", "Kind", "Rounded", "Share", "TableWriter", "check_output", "open_writer"]
 
 #: Rows of a Parquet row group; they are held until it is full.
-GROUP_ROWS = 1 << 19
+GROUP_ROWS = 1 << 18
 #: Batches that wait for the writing thread.
 QUEUED = 2
 
