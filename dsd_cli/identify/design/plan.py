@@ -125,7 +125,7 @@ class _Asked:
         measure = measure.sized_by([one.products for one in library])
         parts, cost = _enough(measure, room, wanted, library, report)
         report("under the loop", 0.8)
-        loop = _loop(targets, self.observer, wanted, room)
+        loop = _loop(targets, self.observer, wanted, room, search.problem.model.delay)
         return _verified(measure, empty, parts, (room, loop, wanted), (impossible, cost))
 
 
@@ -160,9 +160,10 @@ def _enough(
     return found[enough], tuple(cost)
 
 
-def _loop(targets: Targets, observer: ObserverSettings, wanted: Wanted, room: Room) -> Loop:
+def _loop(targets: Targets, observer: ObserverSettings, wanted: Wanted, room: Room, delay: float) -> Loop:
     if wanted.controller is None:
-        return usual_loop(targets.explanations[0].fitted, observer, room.step)
+        slowest = max(delay, *(m.delay for e in targets.explanations for m in e.draws))
+        return usual_loop(replace(targets.explanations[0].fitted, delay=slowest), observer, room.step)
     return Loop(wanted.controller, replace(observer, sign=1), room.step, described=True)
 
 
@@ -184,7 +185,7 @@ def _verified(
     allowed = room.limits if loop.described else narrowed(room.limits, ROOM)  # other gains follow differently
     seconds = sum(part.seconds for part in TIMES * parts)
     allowed = with_u(allowed, max(allowed.u - noise_of_u(measure.known, seconds), GENTLE * allowed.u))
-    kept = verified(measure.targets, parts, room, loop, allowed)
+    kept = verified(measure.targets, parts, room, loop, allowed, measure.search.problem.model.delay)
     whole = TIMES * kept.parts
     motion = _motion(measure, joined(whole, room), room, wanted)
     t = measure.template.sample_time * np.arange(round(motion.seconds / measure.template.sample_time))

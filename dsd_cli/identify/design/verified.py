@@ -24,7 +24,8 @@ _SHRINK, _SHRINK_MOST, _SHRINKS, GENTLE = 0.9, 0.5, 12, 0.05
 #: Share of a limit that a smaller part aims at.
 _KEPT = 0.97
 
-#: Plants of an explanation that are run: 0 the fitted one, 1 the draw that needs most u; and which one of which.
+#: Plants of an explanation that are run: 0 the fitted one, 1 the draw that needs most u, and of the first explanation
+#: the fitted one with the model's delay, of which a slow log says little; and which one of which.
 DRAWS_IN_LOOP = 2
 Key = tuple[int, int]
 
@@ -40,15 +41,19 @@ class Verified:
     unstable: tuple[str, ...]
 
 
-def verified(targets: Targets, parts: tuple[Part, ...], room: Room, loop: Loop, allowed: Limits) -> Verified:
+def verified(
+    targets: Targets, parts: tuple[Part, ...], room: Room, loop: Loop, allowed: Limits, delay: float
+) -> Verified:
     """Parts shrink until no plant breaks a limit in them. Where the explanations are doubtful, one that does so on any
     motion is not the axis that made the logs, and is not counted. Nor is a draw whose loop is not stable; that is said.
+    delay : of the model, s.
 
     Raises
     ------
     DataError : however small the motion, a plant breaks a limit; the loop is not stable with a plant that counts.
     """
     plants = _plants(targets, joined(parts, room), room)
+    plants[0, DRAWS_IN_LOOP] = replace(targets.explanations[0].fitted, delay=delay)
     wide, order, lost, unstable = parts, list(plants), list[str](), list[str]()
     last = dict[Key, dict[int, tuple[float, float]]]()
     for _ in range(_SHRINKS * len(targets.explanations)):

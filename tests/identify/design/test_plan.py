@@ -261,6 +261,23 @@ def test_an_unstable_loop_with_other_likely_values_ends_no_plan(tied: Asked, mon
     assert all(p.nats_expected > p.nats_before for p in plan.pairs)
 
 
+def test_limits_hold_with_the_delay_of_the_model_too(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A slow log may say that there is no delay; a loop that nobody described is as slow as the longest one asks."""
+    seen: list[tuple[PlantModel, Loop]] = []
+
+    def runs(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits: Limits) -> Run:
+        seen.append((plant, loop))
+        return run_loop(plant, loop, planned, limits)
+
+    monkeypatch.setattr("dsd_cli.identify.design.verified.run_loop", runs)
+    model = replace(tied.model, delay=0.07)
+    search = Search(replace(tied.search.problem, model=model))
+    plan_next(search, tied.whole, tied.diagnosis, tied.observer, Wanted(limits=tied.limits, seconds=(3.0,)))
+    assert max(plant.delay for plant, _ in seen) == 0.07
+    assert len({loop.controller.gains for _, loop in seen}) == 1
+    assert seen[0][1].controller.gains.kd < 0.3 / 0.07 * seen[0][0].inertia
+
+
 def test_gains_that_hold_no_plant_are_named(tied: Asked) -> None:
     with pytest.raises(DataError, match=r"unstable \(kp 1e\+06, kd 2e\+06\) with the model alone as the plant"):
         tied.plan(seconds=(3.0,), controller=ControllerSettings("pd", Gains(1e6, 2e6), "error"))
