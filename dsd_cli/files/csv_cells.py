@@ -26,6 +26,8 @@ MISSING = frozenset(
 )  # fmt: skip
 #: Digits of the numbers of 16, 32 and 64 bits in base 16: only these have a sign.
 WIDTHS = (4, 8, 16)
+#: The sign of typesetters.
+MINUS = "\u2212"
 _HEX = re.compile(r"0[xX][0-9a-fA-F]{1,16}")
 #: A number with or without thousands apart, and a unit; and one that may be of some thousands.
 _BLANK = " \u00a0\u202f"
@@ -69,7 +71,7 @@ class Written(NamedTuple):
         ------
         ValueError : it is not written so.
         """
-        text = text.strip()
+        text = text.strip().replace(MINUS, "-")
         if text in MISSING:
             return math.nan
         if self.digits:
@@ -96,10 +98,11 @@ def _grouped(thousands: str, decimal: str) -> re.Pattern[str]:
 
 def written(cells: Iterable[str]) -> Written | None:
     """How numbers are written that have a unit, thousands apart or base 16; None: they have not, or are none."""
-    there = [text for cell in cells if (text := cell.strip()) not in MISSING]
+    given = [text for cell in cells if (text := cell.strip()) not in MISSING]
+    there = [text.replace(MINUS, "-") for text in given]
     with suppress(ValueError):
         if all(math.isfinite(float(text)) for text in there):  # nearly all columns
-            return None
+            return None if there == given else Written()
     if there and all(map(_HEX.fullmatch, there)):
         widths = {len(text.lstrip("+-")) - 2 for text in there}
         return Written(digits=max(widths)) if widths <= set(WIDTHS) and len(widths) == 1 else Written(digits=1)
@@ -117,7 +120,7 @@ def written(cells: Iterable[str]) -> Written | None:
             how.value(text)
     except ValueError:
         return None
-    return how if unit or thousands else None
+    return how if unit or thousands or there != given else None
 
 
 def _signs(numbers: Sequence[str]) -> tuple[str, str]:
@@ -216,14 +219,20 @@ def is_number(text: str) -> bool:
     return True
 
 
-def stamps_in(texts: Sequence[str | None]) -> Array | None:
-    """Stamps in words as s, and numbers; None: they are something else."""
-    there = [text for text in texts[:20] if text is not None and text.strip() not in MISSING]
-    if not there or not all(map(is_number, there)):
+def stamps_in(texts: Sequence[str | None], spoiled: float = 0.0) -> Array | None:
+    """Stamps in words as s, and numbers; None: they are something else.
+
+    spoiled : share of the texts, behind the first, that may be anything; NaN.
+    """
+    there = [text for text in texts if text is not None and text.strip() not in MISSING]
+    if not there or not all(map(is_number, there[:20])):
         return None
-    how = written(text or "" for text in texts)
+    how = written(there)
     read = seconds if how is None else how.value
-    try:
-        return np.array([math.nan if text is None else read(text) for text in texts])
-    except ValueError:
-        return None
+    found, wrong = np.full(len(texts), np.nan), 0
+    for k, text in enumerate(texts):
+        try:
+            found[k] = math.nan if text is None else read(text)
+        except ValueError:
+            wrong += 1
+    return found if wrong <= spoiled * len(there) else None

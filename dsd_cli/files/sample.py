@@ -20,6 +20,8 @@ from dsd_cli.signals.log import Array
 
 #: Channels of a table that are looked at.
 CHANNELS = 400
+#: Share of its cells that may be no numbers in a column of numbers: whoever reads it says in which line.
+SPOILED = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,4 +107,4 @@ def _of_arrow(columns: dict[str, object], units: dict[str, str]) -> Iterator[Cha
         if is_number_type(kind):
             yield Channel(name, as_float64(column), unit, pa.types.is_boolean(kind))
         else:
-            yield Channel(name, stamps_in(texts_of(column) or ()), unit)
+            yield Channel(name, stamps_in(texts_of(column) or (), SPOILED), unit)

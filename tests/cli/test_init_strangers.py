@@ -285,3 +285,12 @@ def test_a_position_that_wraps_says_its_unit(unit: str, turn: float, beside: boo
     assert f'"encoder_position" jumps by a turn of {turn:g}' in said
     if beside:
         assert signals.factors()["velocity"] == pytest.approx(np.pi / 30.0 / 7.0, rel=0.01)
+
+
+def test_a_cell_that_is_no_number_is_named_with_its_line(tmp_path: Path) -> None:
+    lines = ["t,u,q", *strangers.rows(AXIS, AXIS["t"], AXIS["u"], AXIS["q"])]
+    lines[700] = lines[700].replace(lines[700].split(",")[1], "#DIV/0!")
+    strangers.text(tmp_path, "sheet.csv", lines)
+    said = done("init", "sheet.csv", cwd=tmp_path).stderr
+    assert load_config(tmp_path / "dsd.toml").signals.u == "u"
+    assert 'could not be read (sheet.csv, line 701, column "u": "#DIV/0!" is not a number: mend it' in said

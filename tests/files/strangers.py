@@ -375,6 +375,22 @@ def japanese(folder: Path, a: dict) -> Path:
     return text(folder, "trace.csv", [*head, *rows(a, *columns)], "\r\n", "cp932")
 
 
+def shown(folder: Path, a: dict) -> Path:
+    """What Python prints of a dictionary, line by line."""
+    body = [repr({"t": t, "u": u, "q": q}) for t, u, q in zip(*(a[k].tolist() for k in "tuq"), strict=True)]
+    return text(folder, "print.txt", body)
+
+
+def points(folder: Path, a: dict) -> Path:
+    """The lines of InfluxDB: names with values, and the stamp in ns behind them."""
+    columns = zip(*(a[k].tolist() for k in "tuq"), strict=True)
+    body = [
+        f"drive,axis=x torque={u:.7g},position={q:.7g} {1_709_283_600_000_000_000 + round(1e9 * t)}"
+        for t, u, q in columns
+    ]
+    return text(folder, "points.lp", body)
+
+
 def slashed(folder: Path, a: dict) -> Path:
     """Quantity / unit, and words of which German makes one."""
     head = "Zeit / ms\tIstdrehzahl / 1/min\tDrehmoment / % Mnenn\tIstlage / °"
@@ -426,6 +442,8 @@ MADE: dict[str, tuple[Callable[[Path, dict], Path], str, str]] = {
     "hexadecimal": (hexadecimal, "pwm", "enc"),
     "monitor": (monitor, "2", "4"),
     "japanese": (japanese, "トルク指令[%]", "フィードバック速度[min-1]"),
+    "shown": (shown, "u", "q"),
+    "points": (points, "torque", "position"),
     "slashed": (slashed, "Drehmoment / % Mnenn", "Istlage / °"),
     "joints": (joints, "arm/effort", "arm/position"),
     "titled": (titled, "r79[0] Drehmomentsollwert [Nm]", "r61[0] Drehzahlistwert [1/min]"),

@@ -37,7 +37,7 @@ def test_a_column_reads_as_the_numbers_that_were_written(thousands: str, decimal
     [
         ("12.3 Nm", 12.3), ("0,35 A", 0.35), ("1.2e-3 rad", 1.2e-3), ("-5%", -5.0), ("1,234,567", 1234567.0),
         ("1.234,5", 1234.5), ("0x1F", 31.0), ("0xFFFFFFFF", -1.0), ("0x7FFF", 32767.0), ("0x8000", -32768.0),
-        ("1,234", 1.234), ("n/a", math.nan),
+        ("1,234", 1.234), ("n/a", math.nan), ("\u22121.5", -1.5),
     ],
 )  # fmt: skip
 def test_one_cell(cell: str, value: float) -> None:
@@ -53,6 +53,21 @@ def test_a_lone_sign_is_decimal_unless_only_large_numbers_have_it() -> None:
     assert written(["1,234", "0,500", "2,750"]) is None
     assert [written(["998", "999", "1,000"]).value(cell) for cell in ("999", "1,000")] == [999.0, 1000.0]
     assert written(["0.998", "0.999", "1.000"]) is None
+
+
+def test_a_minus_of_typesetters_is_one() -> None:
+    how = written(["\u22121.5", "2.0", "1e-3"])
+    assert [how.value(cell) for cell in ("\u22121.5", "2.0", "1e-3", "-4")] == [-1.5, 2.0, 1e-3, -4.0]
+
+
+def test_a_column_of_numbers_may_be_spoiled_here_and_there() -> None:
+    cells = [str(k) for k in range(100)]
+    cells[70] = "#DIV/0!"
+    assert stamps_in(cells) is None
+    found = stamps_in(cells, 0.1)
+    assert np.isnan(found[70])
+    assert np.nansum(found) == sum(range(100)) - 70
+    assert stamps_in([*cells[:50], *["x"] * 50], 0.1) is None
 
 
 def test_a_column_of_mixed_units_is_no_numbers() -> None:

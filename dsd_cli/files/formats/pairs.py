@@ -15,7 +15,7 @@ from dsd_cli.signals.log import Array
 
 #: A name, its value, and a unit right behind that.
 PAIR = re.compile(
-    r"([A-Za-z_][\w./\[\]]*)\s*[=:]\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|-?inf)([A-Za-z%°]+(?:/s)?)?(?![\w.:])"
+    r"([A-Za-z_][\w./\[\]]*)'?\s*[=:]\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|-?inf)([A-Za-z%°]+(?:/s)?)?(?![\w.:])"
 )
 #: What may be a stamp before the first of them.
 STAMP = re.compile(r"\d{4}-\d\d-\d\d[ T][\d:.]+|\d+(?:[.:]\d+)*")
@@ -24,7 +24,7 @@ FEWEST, LINES, ALIKE = 2, 5, 0.6
 
 
 class PairsFile(InMemory):
-    """Lines with the names that most lines have, and `time` where they begin with a stamp; see `Container`."""
+    """Lines with the names that most lines have, and `time` where they begin or end with a stamp; see `Container`."""
 
     def __init__(self, path: str) -> None:
         lines = decode(text_of(path)).splitlines()
@@ -37,7 +37,7 @@ class PairsFile(InMemory):
             if tuple(one[1] for one in found) == names:
                 values.append([float(one[2]) for one in found])
                 units |= {one[1]: one[3] for one in found if one[3]}
-                stamp = STAMP.search(line, 0, found[0].start())
+                stamp = STAMP.search(line, 0, found[0].start()) or STAMP.fullmatch(line[found[-1].end() :].strip())
                 stamps.append(seconds(stamp[0]) if stamp and is_number(stamp[0]) else np.nan)
         channels: dict[str, Array] = dict(zip(names, np.array(values).T.copy(), strict=True))
         t = np.array(stamps)
