@@ -192,12 +192,18 @@ def find_header(source: str, lines: Sequence[str]) -> tuple[Header, int]:
     raise DataError(f"{source}: is empty" if not any(lines) else f"{source}: has no header and no rows")
 
 
-def numbered(names: Sequence[str], wanted: Iterable[str]) -> list[str]:
-    """The names, but for columns that are wanted by their number, from 1, where no column has that for a name."""
+def numbered(names: Sequence[str], wanted: Iterable[str], below: Sequence[str] = ()) -> list[str]:
+    """The names, but numbers, from 1, of columns that are wanted by it or that have no name, where no other has that.
+
+    below : cells of a row; a column without a name and a cell is the delimiter at the end of lines.
+    """
     found = list(names)
     for text in wanted:
         if text not in found and text.isascii() and text.isdigit() and 0 < int(text) <= len(found):
             found[int(text) - 1] = text
+    for k, cell in enumerate(below[: len(found)]):
+        if not found[k] and cell.strip() and str(k + 1) not in found:
+            found[k] = str(k + 1)
     return found
 
 

@@ -50,7 +50,9 @@ class CsvTable:
             raise DataError(f"{name}: is empty" if not head else f"{name}: line 1 is too long for a header")
         layout = layout or CsvLayout()
         found = look(name, lines, layout)
-        header = found.header._replace(names=dialects.numbered(found.header.names, columns.values()))
+        told = (line for line in lines[found.skip :] if not dialects.is_comment(line))
+        below = dialects.fields_of(next(told, ""), found.header.delimiter)
+        header = found.header._replace(names=dialects.numbered(found.header.names, columns.values(), below))
         self.column_names: list[str] = header.names
         self.columns = choose_columns(name, header.names, columns, optional)
         self._places = {canonical: header.names.index(column) for canonical, column in self.columns.items()}

@@ -375,6 +375,13 @@ def japanese(folder: Path, a: dict) -> Path:
     return text(folder, "trace.csv", [*head, *rows(a, *columns)], "\r\n", "cp932")
 
 
+def timed(folder: Path, a: dict) -> Path:
+    """pandas: an index of times has no name."""
+    stamps = [f"0 days 00:00:{t:09.6f}" for t in a["t"]]
+    body = [f"{s},{row}" for s, row in zip(stamps, rows(a, a["u"], a["v"]), strict=True)]
+    return text(folder, "frame.csv", [",voltage_V,speed_rad_s", *body])
+
+
 def shown(folder: Path, a: dict) -> Path:
     """What Python prints of a dictionary, line by line."""
     body = [repr({"t": t, "u": u, "q": q}) for t, u, q in zip(*(a[k].tolist() for k in "tuq"), strict=True)]
@@ -442,6 +449,7 @@ MADE: dict[str, tuple[Callable[[Path, dict], Path], str, str]] = {
     "hexadecimal": (hexadecimal, "pwm", "enc"),
     "monitor": (monitor, "2", "4"),
     "japanese": (japanese, "トルク指令[%]", "フィードバック速度[min-1]"),
+    "timed": (timed, "voltage_V", "speed_rad_s"),
     "shown": (shown, "u", "q"),
     "points": (points, "torque", "position"),
     "slashed": (slashed, "Drehmoment / % Mnenn", "Istlage / °"),
