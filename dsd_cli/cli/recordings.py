@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from dsd_cli.files.config import Config
     from dsd_cli.files.logs import LoadedLog
     from dsd_cli.files.windowed import Window
+    from dsd_cli.identify.checks import CheckResult, Finding
     from dsd_cli.identify.fit.priors import PriorKnowledge
     from dsd_cli.identify.recordings.recording import Recording
     from dsd_cli.plant.model import PlantModel
@@ -78,14 +79,21 @@ def load_recording(
 
 
 def _wrong(loaded: LoadedLog, config: Config) -> list[str]:
-    """What must be said before anything that this log answers, with the key that mends it: sign, unit, a late u."""
+    """What must be said before anything that this log answers, and what mends it: sign, unit, a late u, a loop."""
     from dsd_cli.cli.plan import observer_settings
-    from dsd_cli.identify.checks import check_log, to_mend_first
+    from dsd_cli.identify.checks import biased_by_noise, check_log, to_mend_first
 
     factors, u_shift = config.signals.factors(), config.signals.u_shift
     observer = observer_settings(config)
-    checked = check_log(loaded.log, None, observer, loaded.restarts, factors=factors, u_shift=u_shift)
-    return [f"{one.what.rstrip('?')}: {one.remedy} (dsd check says more)" for one in to_mend_first(checked)]
+
+    def checked(model: PlantModel | None) -> CheckResult:
+        return check_log(loaded.log, model, observer, loaded.restarts, factors=factors, u_shift=u_shift)
+
+    first: Sequence[Finding] = to_mend_first(checked(None))
+    if not first and "reference" in loaded.log:
+        given = known_values(config)
+        first = biased_by_noise(checked(_written_model(config)), given.fixed.keys() | given.priors.keys())
+    return [f"{one.what.rstrip('?')}: {one.remedy} (dsd check says more)" for one in first]
 
 
 def believed_model(config: Config) -> PlantModel:

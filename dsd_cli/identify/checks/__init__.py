@@ -6,7 +6,7 @@ findings = to_mend_first(result)      # what must be said before anything else
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -36,6 +36,7 @@ __all__ = [
     "Identified",
     "Parameter",
     "Severity",
+    "biased_by_noise",
     "check_log",
     "to_mend_first",
 ]
@@ -116,16 +117,10 @@ def _leaning(parameters: Sequence[Parameter]) -> list[Finding]:
     texts = [
         f"{one.name} is {one.leaning:.3g} by least squares and {one.value:.3g} by the reference" for one in leaning
     ]
-    what = f"{', '.join(texts)}: the controller answers noise of the sensor, which bends a fit of u on the motion"
-    held = [_held(one) for one in leaning if one.identified != "not"]
-    remedy = f"hold what the reference says: dsd diagnose {' '.join(held)}" if held else "a finer encoder"
+    what = f"{', '.join(texts)}: the controller answers noise of the sensor, which biases a fit of u on the motion"
+    priors = [f"--prior {p.name}={max(p.value, 0.0):.4g}+-{p.std_error:.2g}" for p in leaning if p.identified != "not"]
+    remedy = f"give what the reference says, with its error: {' '.join(priors)}" if priors else "a finer encoder"
     return [Finding(what, "log", "warning", 0.9, remedy)]
-
-
-def _held(one: Parameter) -> str:
-    """As an option; what is known weakly enters a fit with its error."""
-    known = f"{one.name}={max(one.value, 0.0):.4g}"
-    return f"--fix {known}" if one.identified == "identified" else f"--prior {known}+-{one.std_error:.2g}"
 
 
 def _bent(parameters: Sequence[Parameter]) -> list[Finding]:
@@ -190,3 +185,8 @@ def _hold(view: View) -> list[Finding]:
 def to_mend_first(result: CheckResult) -> tuple[Finding, ...]:
     """What must be said before anything that this log answers: the surest error, without one a u that is late."""
     return result.errors[:1] or tuple(one for one in result.findings if one.late)
+
+
+def biased_by_noise(result: CheckResult, known: Collection[str] = ()) -> list[Finding]:
+    """Values of the model that noise in the loop biases in any fit, but for those that are `known` from elsewhere."""
+    return _leaning([one for one in result.parameters if one.name not in known])

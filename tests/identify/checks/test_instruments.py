@@ -1,12 +1,18 @@
 """The reference as instrument: a loop whose controller answers the error of its sensor, and one that has none."""
 
+import re
+
 import numpy as np
 import pytest
 
+from dsd_cli.cli.recordings import load_recording
+from dsd_cli.files.config import parse_config
 from dsd_cli.identify.checks import check_log
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Log
+from tests.cli.rig import write
 
+OBSERVER = "[observer]\nnominal_inertia = 0.15\ntime_constant = 0.05\n"
 T, J, WEIGHT, LEVEL, DAMPING = 0.002, 0.2, 3.7, 0.15, 0.02
 BELIEVED = PlantModel(
     0.15,
@@ -68,16 +74,18 @@ def test_what_the_controller_answers_bends_least_squares_and_not_the_instruments
     assert said.severity == "warning"
     inertia = found["inertia"]
     assert inertia.identified == "weak"  # so that no fit takes it for certain
-    assert said.remedy.endswith(f"dsd diagnose --prior inertia={inertia.value:.4g}+-{inertia.std_error:.2g}")
+    assert said.remedy.endswith(f"with its error: --prior inertia={inertia.value:.4g}+-{inertia.std_error:.2g}")
     delay = found["delay"]  # by the reference 0.04 to 0.08 s uncertain: least squares need not be wrong
     assert delay.leaning is None
     assert "delay" not in said.what
 
 
-def test_what_the_reference_identifies_is_held():
+def test_what_the_reference_identifies_enters_a_fit_with_its_error():
+    """Held, it would leave all noise that came back as a force of the acceleration that the model lacks."""
     found, (said,) = checked(pendulum(0, 0.0005))
     assert found["inertia"].identified == "identified"
-    assert f"--fix inertia={found['inertia'].value:.4g}" in said.remedy
+    assert f"--prior inertia={found['inertia'].value:.4g}+-{found['inertia'].std_error:.2g}" in said.remedy
+    assert "--fix" not in said.remedy
     assert found["delay"].leaning - 3.0 * found["delay"].std_error > 0.0  # the pendulum has none
     assert "delay is" in said.what
 
@@ -88,6 +96,26 @@ def test_a_sensor_that_is_hardly_off_leaves_least_squares_alone(seed):
     channels = pendulum(seed, 1e-6)
     assert checked(channels) == checked(without_reference(channels))
     assert checked(channels)[0]["inertia"].value == pytest.approx(J, rel=0.01)
+
+
+def test_commands_that_fit_say_it_first_unless_the_value_is_given(tmp_path):
+    """`diagnose` said 0.006 +- 0.002 of 0.2 and no word of it, where `dsd check` knew."""
+    write(tmp_path, "log.csv", pendulum(0, 0.003))
+    effects = {name: f"[model.effects.{name}]\n" for name in BELIEVED.effects}
+    text = f'[signals]\nreference = "reference"\n{OBSERVER}[model]\ninertia = 0.15\n' + "".join(
+        head + "".join(f"{key} = {value}\n" for key, value in BELIEVED.effects[name].items())
+        for name, head in effects.items()
+    )
+
+    def warned(config: str) -> list[str]:
+        loaded = load_recording(str(tmp_path / "log.csv"), parse_config(config, "dsd.toml"))
+        return [one for one in loaded.warnings if "by the reference" in one]
+
+    (said,) = warned(text)
+    assert re.match(r"inertia is 0\.0426 by least squares and 0\.201 by the reference: the controller answers", said)
+    assert "--prior inertia=0.2" in said
+    assert warned(text + f'[fit.prior]\ninertia = "{J}+-0.01"\n') == []
+    assert warned(text.replace('reference = "reference"', 'reference = ""')) == []
 
 
 def test_a_reference_that_the_axis_does_not_follow_changes_nothing():
