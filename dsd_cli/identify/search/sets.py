@@ -253,12 +253,12 @@ class Search:
         for _ in range(3):
             before = fit
             found = self.refined(fit)
-            fit = found if (less := self._without_needless(found)) is found else self.refined(less)
+            fit = found if (less := self.without_needless(found)) is found else self.refined(less)
             if len(self.added(fit.terms)) > 1:
-                fit = self._swapped(fit)
+                fit = self.swapped(fit)
             if fit.terms == before.terms:
                 break
-        return fit if (common := in_common_terms(self, fit)) is fit else self._without_needless(common)
+        return fit if (common := in_common_terms(self, fit)) is fit else self.without_needless(common)
 
     def added(self, terms: Terms) -> Terms:
         """Those that the model does not have."""
@@ -275,14 +275,16 @@ class Search:
         better = self.fit(terms, tap)
         return better if better.loss < fit.loss else fit
 
-    def _without_needless(self, fit: Fit) -> Fit:
+    def without_needless(self, fit: Fit) -> Fit:
+        """Without members that do not matter beside the others."""
         for term in self.added(fit.terms):
             less = self.fit(tuple(t for t in fit.terms if t != term), fit.tap)
             if not self.matters(less, fit):
-                return self._without_needless(less)
+                return self.without_needless(less)
         return fit
 
-    def _swapped(self, fit: Fit) -> Fit:
+    def swapped(self, fit: Fit) -> Fit:
+        """With the first member that an outsider betters replaced by it."""
         for term in self.added(fit.terms):
             rest = self.fit(tuple(t for t in fit.terms if t != term), fit.tap)
             best = self.challenger(rest, term.id, rest.squares - fit.squares)

@@ -1,6 +1,7 @@
-"""Sensitivity of the verdict: the search again on half of the data, and on half and twice the band.
+"""Sensitivity of the verdict: the set that was found, asked again of half of the data, and in half and twice the band.
 
-Only the search is repeated, not the whole verdict: what is compared is which effects are found.
+Nothing is searched from scratch: what is asked is which members of the set are still needed, and whether another effect
+takes the place of one. Where nothing is missing it is whether anything is found.
 """
 
 from __future__ import annotations
@@ -8,8 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from dsd_cli.effects import get_effect, kind_of
 from dsd_cli.errors import DsdError
 from dsd_cli.identify.fit.problem import Settings, pose
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.values import terms_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.levels import with_levels
@@ -25,14 +29,16 @@ def with_stability(
 ) -> Diagnosis:
     """The diagnosis with its variants; a verdict that changes in one of them is at most 90 % sure.
 
-    A verdict that is no surer than that is left as it is: four searches, as dear as the diagnosis, could not change
-    it. So are "unknown" and wrong values of the model: a search alone does not identify them; nor does a search in the
-    band identify what the response above it shows.
+    A verdict that is no surer than that is left as it is: nothing could change it. So are "unknown" and wrong values of
+    the model: a search alone does not identify them; nor does a search in the band identify what the response above it
+    shows. Single events are in one part of the data and not in the other: they are never surer.
     """
     if found.verdict in (UNKNOWN, INERTIA, DELAY) or found.verdict in model.effects:
         return found
     if found.probability <= POLICY.surest_unstable:
         return found
+    if found.verdict != NONE and get_effect(found.verdict).listed:
+        return replace(found, probability=POLICY.surest_unstable)
     if any(c.seen for c in found.ranking if c.effect == found.verdict):
         return found
     recordings = with_levels(recordings, [one.deviations for one in found.levels])
@@ -55,18 +61,25 @@ def _variant(
 ) -> Variant | None:
     """None where the part is too short for a fit."""
     try:
-        search = Search(pose(excerpts(recordings), model, settings))
+        search = Search(pose(excerpts(recordings), model, settings, near=found.model.delay))
     except DsdError:
         return None
-    whole = search.run(search.refit)
+    whole = search.run(search.refit) if found.verdict == NONE else _still(search, found.whole_model or found.model)
     there = [t.id for t in search.added(whole.terms)]
     if found.verdict == NONE:
         return Variant(what, there[0] if there else NONE, not there)
-    alone = {o.effect: o.evidence for o in search.options(search.refit)}
-    named = max(there, key=lambda name: alone.get(name, float("-inf")), default=NONE)
     winner = next(c for c in found.ranking if c.effect == found.verdict)
-    same = found.verdict in there or named in winner.indistinguishable_from
-    return Variant(what, found.verdict if same else named, same)
+    same = any(name in (found.verdict, *winner.indistinguishable_from) for name in there)
+    new_first = min(there, key=lambda name: name in found.found, default=NONE)  # it took the place
+    return Variant(what, found.verdict if same else new_first, same)
+
+
+def _still(search: Search, whole: PlantModel) -> Fit:
+    """Of the effects of a model those that are needed here, or what takes their place."""
+    allowed = {kind_of(name) for name in (*search.allowed, *(t.id for t in search.base))}
+    terms = tuple(t for t in terms_of(whole) if kind_of(t.id) in allowed)
+    fit = search.refined(search.fit(terms, round(whole.delay / search.solver.bank.tap_time)))
+    return search.swapped(search.without_needless(fit))
 
 
 def _half(recordings: Sequence[Recording], which: int) -> list[Recording]:
