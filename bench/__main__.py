@@ -6,7 +6,8 @@ bench/paired.py; `python -m bench random` runs the property
 tests on new examples, see bench/properties.py; `python -m bench fuzz` looks for input that breaks the commands, see
 bench/fuzz.py; `python -m bench kills` ends them by signals, see bench/fuzz_kills.py;
 `python -m bench learn` asks what is learnt of laws that no catalogue has, see bench/learn.py;
-`python -m bench coverage` counts how often standard errors hold the truth, see bench/coverage.py;
+`python -m bench coverage` counts how often standard errors hold the truth, see bench/coverage.py, `python -m bench
+values` the same on axes of many kinds, see bench/values.py;
 `python -m bench longlog` labels a day at 10 kHz, see bench/longlog.py; `python -m bench fleet`
 runs over many logs, see bench/fleet.py; `python -m bench.beyond` makes the tables of docs/how/beyond.md, its item
 `cost` what method "profile" takes.
@@ -41,6 +42,7 @@ STUDIES = {
     "machines": "machines",
     "random": "properties",
     "coverage": "coverage",
+    "values": "values",
     "fleet": "fleet",
     "longlog": "longlog",
     "fuzz": "fuzz",

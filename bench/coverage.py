@@ -1,8 +1,7 @@
 """How often the +- of a fit holds the truth: the outside rig, all that is in a log fitted, with help and without.
 
 `python -m bench coverage [--logs 200] [--first SEED] [--sensing NAME ...] [--delay SECONDS]`: the logs take turns with
-the sensings; without `--delay` each draws one of 0 to 25 ms, of no whole number of samples. One standard error comes
-out of a jackknife over the blocks of a log, so that 95 % are a t quantile with one degree of freedom less than blocks.
+the sensings; without `--delay` each draws one of 0 to 25 ms, of no whole number of samples.
 """
 
 from __future__ import annotations
@@ -30,24 +29,23 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.oracle.rig import make
 from tests.oracle.rig_cases import RigCase
 
-#: Share that the intervals are to hold.
-SHARE = 0.95
+#: Standard errors within which 95 % of true values lie.
+WITHIN = 1.96
 HIDDEN = ("coulomb_friction", "viscous_friction")
 
 
 @dataclass(frozen=True)
 class Deviation:
-    """A value of one log under that help: (fitted - true) / standard error; `blocks` that the error is from."""
+    """A value of one log under that help: (fitted - true) / standard error."""
 
     help: str
     name: str
     sigma: float
-    blocks: int
 
     @property
     def inside(self) -> bool:
         """Whether the 95 % interval holds the truth."""
-        return abs(self.sigma) < float(stats.t.ppf(0.5 + 0.5 * SHARE, self.blocks - 1))
+        return abs(self.sigma) < WITHIN
 
 
 def deviations(
@@ -86,7 +84,7 @@ def _deviations(problem: Problem, truth: PlantModel, help_: str, tap: int) -> It
     for name, value in flat(truth).items():
         if found[name].std_error > 0.0:
             sigma = (found[name].value - value) / found[name].std_error
-            yield Deviation(help_, name, sigma, problem.blocks.count)
+            yield Deviation(help_, name, sigma)
 
 
 def table(found: Sequence[Deviation]) -> Iterator[str]:

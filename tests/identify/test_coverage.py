@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from bench.coverage import deviations, table
+from bench.paired import all_tiers
+from bench.values import asked, sigmas
 
 SEEDS = range(40, 46)
 SENSINGS = ("speed40k", "enc4096")
@@ -34,3 +36,26 @@ def test_the_table_has_a_line_for_every_value(found):
     lines = list(table(found))
     assert len(lines) == len({(d.help, d.name) for d in found})
     assert all("%" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("tier", "seed", "was"),
+    [
+        (
+            "crawl through cogging",
+            300001,
+            "a smoothed position leant on inertia and delay, 3.4 and 3.9 standard errors",
+        ),
+        ("crawl through cogging", 300006, "the same"),
+        ("geared joint, friction believed", 300001, "rests pulled the delay to whole samples, noise of u: 9.6"),
+        (
+            "speed and 40,000 counts",
+            300000,
+            "the lag was known as well as its last bracket is wide, its error ten times",
+        ),
+    ],
+)
+def test_values_that_leant_are_within_their_errors(tier, seed, was):
+    (drawn,) = (t for t in all_tiers(None) if t.name == tier)
+    row = asked(tier, seed, drawn.draw(seed))
+    assert max(abs(z) for _, z, _ in sigmas([row])) < 2.6, was

@@ -227,13 +227,15 @@ def test_standard_errors_hold_the_truth_with_what_is_known(help_):
 
 
 def _deviations(clean, model, known, seed):
+    from dsd_cli.identify.fit.covariance import information
     from dsd_cli.identify.fit.values import Scale, fitted_values
 
     plain = _solver(_noisy(clean, "velocity", 1.0, seed), "velocity", 1.0)
     terms, tap = terms_of(model), int(DELAY / plain.bank.tap_time)
     variance = plain.fit(terms, tap).squares / plain.blocks.rows
     solver = Solver(plain.bank, plain.blocks, plain.inertia, known, variance)
-    found = fitted_values(solver.fit(terms, tap), solver, Scale(plain.bank.tap_time, 0.0, known), variance).estimates
+    fit, scale = solver.fit(terms, tap), Scale(plain.bank.tap_time, 0.0, known)
+    found = fitted_values(fit, solver, scale, variance, information(fit, solver)).estimates
     true = flat(model)
     return [(name, (e.value - true[name]) / e.std_error) for name, e in found.items() if not e.held]
 

@@ -9,6 +9,7 @@ from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.band import band_of
 from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank, Term
 from dsd_cli.identify.fit.blocks import lay_blocks
+from dsd_cli.identify.fit.covariance import information
 from dsd_cli.identify.fit.equations import equations_of
 from dsd_cli.identify.fit.noise import ForceNoise, passed_variance, whitening
 from dsd_cli.identify.fit.problem import Settings, pose
@@ -189,7 +190,7 @@ def _estimates(solver):
     terms = tuple(Term(name) for name in COVERED)
     fit = solver.fit(terms, int(DELAY / solver.bank.tap_time))
     scale = Scale(solver.bank.tap_time, 0.0)
-    return fitted_values(fit, solver, scale, fit.squares / solver.blocks.rows).estimates
+    return fitted_values(fit, solver, scale, fit.squares / solver.blocks.rows, information(fit, solver)).estimates
 
 
 @pytest.fixture(scope="module", params=NOISES)
@@ -239,7 +240,8 @@ def test_values_stay_within_their_bounds_and_say_when_they_stand_there():
     model = problem.scale.model(pressed)
     assert model.effects["viscous_friction"]["coefficient"] == 0.0
     assert model.effects["presliding_friction"]["level"] > 0.0
-    found = fitted_values(pressed, problem.solver, problem.scale, 1.0).estimates
+    known = information(pressed, problem.solver)
+    found = fitted_values(pressed, problem.solver, problem.scale, 1.0, known).estimates
     assert found["viscous_friction.coefficient"].at_bound
     assert not found["inertia"].at_bound
     assert not found["delay"].at_bound
@@ -255,3 +257,20 @@ def test_every_value_has_a_unit_and_a_finite_error(name):
         assert np.isfinite(e.std_error), key
         assert e.std_error >= 0.0, key
     assert found["delay"].unit == "s"
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("lag", "actuator_lag.time_constant"), ("cogging", "cogging.periods"), ("limit", "saturation.limit")],
+)
+def test_a_shape_does_not_depend_on_where_its_search_ended(name, value):
+    """A bracket ends percents wide, which may be many standard errors: from either side least squares are one."""
+    effects, (effect, _, shape) = SETS[name], value.partition(".")
+    problem = _posed(effects, measurement=Measurement(velocity_noise=0.002, seed=5))
+    ends = []
+    for factor in (0.985, 1.015):
+        (term,) = terms_of(PlantModel(J, DELAY, effects))
+        term = Term.of(term.id, {**term.shape, shape: factor * term.shape[shape]})
+        ends.append(problem.values(Search(problem).fit((term,), problem.tap)).estimates[value])
+    assert abs(ends[0].value - ends[1].value) < 0.1 * ends[0].std_error
+    assert abs(ends[0].value - effects[effect][shape]) < 3.0 * ends[0].std_error

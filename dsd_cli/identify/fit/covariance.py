@@ -10,14 +10,15 @@ No scatter shows what all blocks share: what noise that a controller has put int
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank
+from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank, has_friction, inputs_of
 from dsd_cli.identify.fit.feedback_noise import rate
-from dsd_cli.identify.fit.gram import grams, without_noise
+from dsd_cli.identify.fit.gram import grams, squares, without_noise
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
@@ -30,6 +31,9 @@ _RIDGE = 1e-9
 _FEWEST = 3.0
 #: Singular values below this: the constraint depends linearly on the others.
 _RANK = 1e-9
+#: Steps of Gauss and Newton at most; the longest, of the logarithm of a shape; a fall of the squares that ends them, as
+#: a share of those of one row: a tenth of a standard error.
+_ROUNDS, _STRIDE, _SETTLED = 4, 0.1, 0.01
 
 
 @dataclass(frozen=True)
@@ -91,8 +95,19 @@ class Information:
         moved = np.linalg.solve(left, scores[..., None])[..., 0]
         parts = np.maximum(np.einsum("ki,bij,jk->bk", inverse, normals, inverse), 0.0)
         telling = parts.sum(axis=0) ** 2 / np.maximum(np.sum(parts**2, axis=0), 1e-300)
-        moved = moved * _wider(telling, count)
+        moved = moved * _wider(np.minimum(telling, count))
         return np.asarray(moved.T @ moved * (count - 1) / count)
+
+    def steps(self, free: Sequence[bool]) -> tuple[Array, float]:
+        """(by how much the logarithms of the shapes that are free are off their least squares, one each; how far the
+        squares fall there): one step of Gauss and Newton, the coefficients solved for along with them."""
+        size = np.sqrt(np.maximum(np.diag(self.normal), 0.0))
+        size[size == 0.0] = 1.0
+        open_ = np.concatenate([np.ones(len(size) - len(free)), free])
+        slopes = open_ * self.scores.sum(axis=0) / size
+        slopes[: len(size) - len(free)] = 0.0
+        whole = np.linalg.pinv(np.outer(open_, open_) * self.normal / np.outer(size, size), rcond=1e-10, hermitian=True)
+        return np.asarray((whole @ slopes / size)[len(size) - len(free) :]), float(slopes @ whole @ slopes)
 
     def share(
         self, row: Array, spread: float, held: Sequence[Array], priors: Sequence[tuple[Array, float]], weight: float
@@ -116,13 +131,12 @@ class Information:
         return size, free, pulled, data, np.linalg.pinv(data + weight * pulled, rcond=1e-10, hermitian=True)
 
 
-def _wider(telling: Array, count: int) -> Array:
-    """By how much 95 % of Student's t reach further with so many blocks that identify a value than with all, shape
-    (q,)."""
-    from scipy.special import stdtrit
+def _wider(telling: Array) -> Array:
+    """By how much 95 % of Student's t reach further, with so many blocks that identify a value, than of the normal
+    distribution, shape (q,)."""
+    from scipy.special import ndtri, stdtrit
 
-    few = np.clip(telling - 1.0, _FEWEST, count - 1.0)
-    return np.asarray(stdtrit(few, 0.975) / stdtrit(count - 1.0, 0.975))
+    return np.asarray(stdtrit(np.maximum(telling - 1.0, _FEWEST), 0.975) / ndtri(0.975))
 
 
 def _free(held: Array, size: int) -> Array:
@@ -162,8 +176,49 @@ def information(fit: Fit, solver: Solver) -> Information:
     found = grams(rows, solver.blocks)
     normal = without_noise(found.total, np.pad(design.noise, (0, len(shapes))), len(rows[0]))[1:, 1:]
     residual = np.concatenate([[1.0], -fit.total, np.zeros(len(shapes))])
-    scores = found.held_out[:, 1:, :] @ residual
-    return Information(normal, found.held_out[:, 1:, 1:], scores, shapes, _returned(fit, solver.bank, design.noise))
+    scores, normals = found.held_out[:, 1:, :] @ residual, found.held_out[:, 1:, 1:]
+    kept = 1.0 - _restless(fit, solver.bank, normal, residual @ np.stack(rows))
+    normal[SHARE, SHARE] *= kept
+    normals[:, SHARE, SHARE] *= kept
+    return Information(normal, normals, scores, shapes, _returned(fit, solver.bank, design.noise))
+
+
+def converged(fit: Fit, solver: Solver) -> tuple[Fit, Information]:
+    """The fit with its shapes where least squares of these rows have them, and what the rows say there.
+
+    A search ends within its last bracket, which may be many standard errors wide, and by the other form. Shapes of
+    which something is known stay.
+    """
+    found, rows = information(fit, solver), solver.bank.equations.counted
+    for _ in range(_ROUNDS):
+        free = [not solver.known.concerns(fit.terms[i].id) for i, _, _ in found.shapes]
+        steps, fall = found.steps(free)
+        before = squares(fit.grams.total, fit.total)
+        if fall < _SETTLED * before / rows:
+            break
+        terms = list(fit.terms)
+        for (i, name, value), step in zip(found.shapes, np.clip(steps, -_STRIDE, _STRIDE), strict=True):
+            terms[i] = type(terms[i]).of(terms[i].id, {**terms[i].shape, name: value * math.exp(step)})
+        after = solver.fit(tuple(terms), fit.tap, fit.whole_steps)
+        if not squares(after.grams.total, after.total) < before:
+            break
+        fit, found = after, information(after, solver)
+    return fit, found
+
+
+def _restless(fit: Fit, bank: Bank, normal: Array, left: Array) -> float:
+    """Share of what the delay's column has that says nothing of the delay: noise of u, which did not act.
+
+    The squares S of r have d2S/ds2 = 2 (d'd + r'y''), s the share, d and y'' the slope and the curvature of the drive
+    over it. Noise of u is in r, d and y'', and cancels; d'd alone counts it as information. No more is taken than half
+    of what the other columns leave.
+    """
+    inputs, held, middle = inputs_of(fit.terms), has_friction(fit.terms), max(round(fit.tap + fit.total[SHARE]), 1)
+    early, at, late = (bank.drive(inputs, n, False, held) for n in (middle - 1, middle, middle + 1))
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    whole = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-10, hermitian=True)
+    own = float(left @ (early - 2.0 * at + late)) / float(normal[SHARE, SHARE] or 1.0)
+    return min(max(-own, 0.0), 0.5 / max(float(whole[SHARE, SHARE]), 1.0))
 
 
 def _returned(fit: Fit, bank: Bank, noise: Array) -> float:

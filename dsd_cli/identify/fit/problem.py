@@ -21,7 +21,7 @@ from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.errors import Errors
 from dsd_cli.identify.fit.noise_fit import Noise, measured, sensor_variance
 from dsd_cli.identify.fit.ranges import ranges
-from dsd_cli.identify.fit.row_weights import Weighed, weighed
+from dsd_cli.identify.fit.row_weights import Weighed, at_least_squares, weighed
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.testability import Settings, candidates_of, check_recordings, check_used
 from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values, terms_of, whole_inertia
@@ -114,16 +114,14 @@ class Problem:
         return self.errors.of_fit(fit, self.scale)
 
     def values(self, fit: Fit, returned: bool = True) -> Fitted:
-        """Values of a fit with standard errors, from rows where friction's direction is sure.
-
-        Where the fit leaves clearly more than noise, something is missing from it, and all of that counts as
-        correlated over many rows. `returned` : see `fitted_values`.
-        """
-        found = weighed(fit, self.solver, self.errors.bank)
+        """Values of a fit with standard errors, from rows where friction's direction is sure; `returned` : these count
+        noise that came back through a controller. What is left clearly beyond noise is correlated over many rows."""
+        found, known = at_least_squares(weighed(fit, self.solver, self.errors.bank))
+        known = known if returned else replace(known, returned=0.0)
         left, noise = found.variance, self._noise_in(found)
         beyond = left - noise if left > POLICY.incomplete * noise else 0.0
         floor = left * found.inflation + beyond * POLICY.correlated_rows
-        return fitted_values(found.fit, found.solver, self.scale, floor, complete=beyond == 0.0, returned=returned)
+        return fitted_values(found.fit, found.solver, self.scale, floor, known, complete=beyond == 0.0)
 
     def _noise_in(self, found: Weighed) -> float:
         """Variance of a whitened row that no function of single channels explains, in the rows that this fit trusts."""

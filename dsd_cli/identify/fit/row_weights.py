@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from dsd_cli.effects import Role
 from dsd_cli.identify.fit.bank import SHARE, Bank, Terms, has_friction
+from dsd_cli.identify.fit.covariance import Information, converged
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.values import MOST_SHARE
@@ -88,6 +89,13 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
         fit, trusting = _exact(trusting.fit(fit.terms, fit.tap, fit.whole_steps), trusting)
         bank = trusting.bank
     return Weighed(trusting, fit, _residual(fit, bank), size)
+
+
+def at_least_squares(found: Weighed) -> tuple[Weighed, Information]:
+    """With the shapes where these rows have them, and what they say there."""
+    fit, known = converged(found.fit, found.solver)
+    residual = found.residual if fit is found.fit else _residual(fit, found.solver.bank)
+    return replace(found, fit=fit, residual=residual), known
 
 
 def inflation(white: Array, most: int = POLICY.correlated_rows) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import FIXED, Term, Terms
-from dsd_cli.identify.fit.covariance import information
+from dsd_cli.identify.fit.covariance import Information
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.grades import grade
@@ -126,17 +126,10 @@ class Fitted:
 
 
 def fitted_values(
-    fit: Fit, solver: Solver, scale: Scale, floor: float, complete: bool = False, returned: bool = True
+    fit: Fit, solver: Solver, scale: Scale, floor: float, found: Information, complete: bool = False
 ) -> Fitted:
-    """Every value of the model with its standard error.
-
-    Parameters
-    ----------
-    floor, complete : see `Information.covariance`.
-    returned : whether the errors count noise of the sensor that came back through a controller.
-    """
-    found = information(fit, solver)
-    found = found if returned else replace(found, returned=0.0)
+    """Every value of the model with its standard error; found : what the rows say. floor, complete : see
+    `Information.covariance`."""
     values = flat(scale.model(fit))
     linear = len(fit.total)
     bare = replace(scale, known=PriorKnowledge())

@@ -1,7 +1,8 @@
 """A log made ready for identification: d_hat, and the motion that effects look at, each with its provenance.
 
-Offline the whole log is at hand, so speed and position may be smoothed without phase (a detector cannot do that). The
-smoothing only removes what the noise of the channel itself explains: an exact log is left as it is.
+Offline the whole log is at hand, so the speed may be smoothed without phase (a detector cannot do that). The smoothing
+only removes what the noise of the channel itself explains: an exact log is left as it is. A position stays as logged:
+what smoothing takes off its motion is the same in all of the log, and bends values by more than noise does.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ class Recording:
     ----------
     pieces : each with t, u (held), d_hat (sign of eq. 13), the motion that could be had, and "acceleration": as
         measured, a mean over the interval that ends at each sample or, from position, over both intervals beside it.
-    speed_noise, position_noise : standard deviation of the noise of the speed, and of the position before smoothing.
+    speed_noise, position_noise : standard deviation of the noise of the speed, and of the position.
     walk : of a reconstructed speed, the standard deviation that noise of d_hat makes it wander by in 1 s; else 0.
     sensor : what the acceleration was measured by, and its noise.
     provenance : channel -> "logged", "smoothed", "from position", "reconstructed from u and d_hat" or "computed
@@ -182,11 +183,8 @@ def _with_motion(
     logged = pieces[0].channels
     if "position" in logged and "velocity" not in logged:
         found = _smoothed(pieces, parts, "position")
-        provenance |= {"velocity": "from position", "position": _word(found)}
-        done = [
-            with_channels(p, velocity=s.slope, position=s.value, speed_noise=s.slope_spread)
-            for p, s in zip(pieces, found, strict=True)
-        ]
+        provenance |= {"velocity": "from position", "position": "logged"}
+        done = _with_speed(pieces, [(s.slope, s.slope_spread) for s in found])
         return done, max(s.slope_noise for s in found), _widest(found), {}
     if "velocity" in logged:
         return _with_velocity(pieces, parts, provenance)
