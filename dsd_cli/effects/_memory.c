@@ -220,8 +220,12 @@ static PyObject *load_rows(PyObject *module, PyObject *args) {
         double *out = c.view[3].buf;
         Py_BEGIN_ALLOW_THREADS
         for (i = 0; i < c.rows; i++) {
-            const double t = interval[i];
-            const double slope = (velocity[i] - load.motor_velocity) / (0.5 * (t + load.interval));
+            const double t = interval[i], slope = (velocity[i] - load.motor_velocity) / (0.5 * (t + load.interval));
+            int laws = 0;
+            if (t == 0.0) {  /* an instant: nothing moves */
+                out[i] = pull(&k, position[i] - load.position, velocity[i] - load.velocity, &laws);
+                continue;
+            }
             if (t != clock.interval) set_clock(&clock, &k, t);
             out[i] = advance(&k, &clock, position[i], velocity[i], slope, &load);
             load.motor_velocity = velocity[i];

@@ -190,11 +190,14 @@ class TestCompiled:
 
     @pytest.mark.parametrize("gap", [0.0, 0.01, 0.05])
     @pytest.mark.parametrize("state", [None, Load(0.02, -0.1, 0.05, T)])
-    def test_load(self, gap, state):
+    @pytest.mark.parametrize("clock", ["even", "uneven", "with an instant"])
+    def test_load(self, gap, state, clock):
         rows = rows_of(smooth_motion())
+        interval = rows.interval * (RNG.uniform(0.5, 1.5, N) if clock == "uneven" else 1.0)
+        interval[200] *= clock != "with an instant"
         coupling = Coupling.of(23.0, 0.1, gap)
         (a, end), (b, end_b) = (
-            load_acceleration(rows.position, rows.velocity, rows.interval, coupling, state, compiled)
+            load_acceleration(rows.position, rows.velocity, interval, coupling, state, compiled)
             for compiled in (COMPILED, None)
         )
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-9)
