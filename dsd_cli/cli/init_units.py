@@ -37,7 +37,7 @@ def units_of(table: Table | None, found: Mapping[str, Recognised], seconds: floa
     if table is None or p is None or (w is not None and w.named and p.named):
         return Units({})
     scale = None if w is None else _scale(table, found, seconds, step)
-    turned = "" if p.named or (w is not None and w.named) else _turned(table, p.column)
+    turned = "" if p.unit or (w is not None and w.named) else _turned(table, p.column)
     if turned:
         why = f'"{p.column}" jumps by a turn of {TURNS[turned]:g}'
         beside = Units({}) if scale is None or w is None else _from_one(replace(p, unit=turned), w, scale)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
-from dsd_cli.files.csv_cells import MISSING, is_number, seconds
+from dsd_cli.files.csv_cells import MISSING, is_number, number
 from dsd_cli.files.csv_dialect import fields_of, is_comment
 
 #: What separates fields, tried in this order; the last is any run of blanks.
@@ -91,7 +91,7 @@ def _is_counted(cells: Sequence[str]) -> bool:
 def _rises(rows: Sequence[Sequence[str]]) -> bool:
     """Whether the second field does, from row to row."""
     cells = [row[1].strip(' "') for row in rows]
-    return all(map(is_number, cells)) and all(seconds(a) < seconds(b) for a, b in pairwise(cells))
+    return all(map(is_number, cells)) and all(number(a) < number(b) for a, b in pairwise(cells))
 
 
 def _filled(rows: Sequence[Sequence[str]], place: int) -> float:

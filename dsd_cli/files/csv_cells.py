@@ -143,14 +143,14 @@ def _signs(numbers: Sequence[str]) -> tuple[str, str]:
 
 
 def number(text: str) -> float:
-    """The value of a field, NaN for a missing one; decimal commas, thousands apart, units and base 16 are understood.
+    """The value of a cell by itself, NaN for a missing one: a stamp in s, or a number in whatever way it is written.
 
     Raises
     ------
-    ValueError : it is not a number.
+    ValueError : it is neither.
     """
     try:
-        return plain_number(text)
+        return seconds(text)
     except ValueError:
         if (how := written([text])) is None:
             raise
@@ -158,7 +158,7 @@ def number(text: str) -> float:
 
 
 def plain_number(text: str) -> float:
-    """The same of digits with a decimal sign alone.
+    """The value of digits with a decimal sign alone, point or comma; NaN for a missing one.
 
     Raises
     ------
@@ -190,17 +190,17 @@ def seconds(text: str) -> float:
         stamp = datetime.fromisoformat(text.strip())
         return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
     if (found := SPOKEN_TIME.fullmatch(text)) is None:
-        return number(text)
+        return plain_number(text)
     value, unit, dotted, slashed, spelt, days, hours, minutes, rest, half = found.groups()
     if unit:
-        return number(value) * SPOKEN_UNITS[unit.lower()]
+        return (how.value if (how := written([value])) else plain_number)(value) * SPOKEN_UNITS[unit.lower()]
     day = 86400.0 * int(days or 0)
     if date := dotted or slashed or spelt:
         parts = [MONTHS.index(one.lower()) + 1 if one.isalpha() else int(one) for one in re.split(r"[./-]", date)]
         year, month, of_month = (parts[2], parts[0], parts[1]) if slashed else (parts[2], parts[1], parts[0])
         day = datetime(year, month, of_month, tzinfo=UTC).timestamp()
     hour = int(hours) % 12 + 12 * (half.lower() == "pm") if half else int(hours)
-    return day + 3600.0 * hour + 60.0 * int(minutes) + number(rest)
+    return day + 3600.0 * hour + 60.0 * int(minutes) + plain_number(rest)
 
 
 def has_zone(text: str) -> bool:
@@ -213,7 +213,7 @@ def has_zone(text: str) -> bool:
 
 def is_number(text: str) -> bool:
     try:
-        seconds(text)
+        number(text)
     except ValueError:
         return False
     return True

@@ -58,7 +58,8 @@ class CsvTable:
         self._places = {canonical: header.names.index(column) for canonical, column in self.columns.items()}
         self._dialect = dialects.look_at_rows(lines, header, found.skip, list(self._places.values()), found.units)
         if layout.decimal is not None:
-            self._dialect = self._dialect._replace(decimal=layout.decimal)
+            how = {k: how for k, how in self._dialect.written.items() if how.digits or how.decimal == layout.decimal}
+            self._dialect = self._dialect._replace(decimal=layout.decimal, written=how)
         if not self._dialect.first:
             raise DataError(f"{name}: has a header but no rows")
         self._encoding = dialects.encoding_of(b"\n".join(head.splitlines()[: len(lines)]))
@@ -75,7 +76,7 @@ class CsvTable:
         """Column -> what the row of units says, or every cell; empty without such."""
         header, units = self._dialect.header, self._dialect.units
         beside = {header.names[at]: how.unit for at, how in self._dialect.written.items() if how.unit}
-        return beside if units is None else beside | dict(zip(header.names, units, strict=False))
+        return beside if units is None else dict(zip(header.names, units, strict=False)) | beside
 
     def peek(self) -> dict[str, Any]:
         """Column -> Arrow array of about its first megabytes, of what Arrow takes it for; none without rows."""
@@ -86,7 +87,7 @@ class CsvTable:
             batch = self._reader(everything=True).read_next_batch()
         except StopIteration:
             return {}
-        except (pa.ArrowException, OSError) as error:
+        except (pa.ArrowException, OSError, UnicodeError) as error:
             raise self._explain(0, error) from None
         found = {at: batch.column(at) for at, name in enumerate(names) if names.index(name) == at and name}
         for at, how in self._dialect.written.items():
@@ -101,7 +102,7 @@ class CsvTable:
         kinds = {f"c{self.column_names.index(column)}": pa.string()}
         try:
             return [text for batch in self._reader(kinds=kinds) for text in batch.column(0).to_pylist()]
-        except (pa.ArrowException, OSError) as error:
+        except (pa.ArrowException, OSError, UnicodeError) as error:
             raise self._explain(0, error) from None
 
     def batches(self) -> Iterator[Batch]:
@@ -141,7 +142,7 @@ class CsvTable:
                 block_size=PEEK_BYTES if everything else BLOCK_BYTES,
                 skip_rows=skip,
                 column_names=[f"c{i}" for i in range(len(header.names))],
-                encoding=self._encoding,
+                encoding=self._encoding if everything or pa.string() in types.values() else "utf8",
             ),
             parse_options=pc.ParseOptions(delimiter=delimiter),
             convert_options=pc.ConvertOptions(

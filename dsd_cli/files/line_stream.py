@@ -12,7 +12,7 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files import csv_dialect as dialects
-from dsd_cli.files.csv_cells import number, seconds
+from dsd_cli.files.csv_cells import plain_number, seconds
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.formats.known import format_of
 from dsd_cli.files.table_source import Batch, choose_columns, read_sidecar
@@ -163,7 +163,7 @@ class LineStream:
         try:
             if len(fields) != len(self.column_names):
                 raise ValueError
-            return [(seconds if c == "t" else number)(fields[at]) for c, at in self._places]
+            return [(seconds if c == "t" else plain_number)(fields[at]) for c, at in self._places]
         except ValueError:
             if first and dialects.is_units_row(fields, [at for _, at in self._places]):
                 self.warnings.append(f"line {self._line} is taken as units, not data")

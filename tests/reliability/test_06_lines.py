@@ -4,7 +4,7 @@ import resource
 
 import pytest
 
-from dsd_cli.files import csv_dialect, line_stream
+from dsd_cli.files import csv_cells, line_stream
 from tests.cli.rig import CONFIG, csv_text, dsd, json, make_log, refused, summary
 
 
@@ -39,7 +39,7 @@ def test_the_line_is_named(rig, change, text, at):
 @pytest.mark.parametrize("text", ["1_000", "\uff11\uff12", "0x10", "1e", "1 2"])
 def test_only_what_both_parsers_read_is_a_number(text):
     with pytest.raises(ValueError):  # noqa: PT011 (float says it in many ways)
-        csv_dialect.number(text)
+        csv_cells.plain_number(text)
 
 
 def processor_time_of_children() -> float:
