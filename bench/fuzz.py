@@ -180,7 +180,8 @@ def _finding(code: int, said: bytes, folder: Path, before: set[str], arguments: 
     begun = said.startswith(b"dsd: ") or arguments[:1] == ["fleet"] or _asks(said)  # which say what they take first
     if code in (1, 2) and not (begun and b"dsd: error: " in said):
         return f"no message with exit code {code}: {arguments}: {last}"
-    if code == 1 and arguments[0] in ("init", "columns") and arguments[1].encode() not in said:
+    named = arguments[1].encode() if len(arguments) > 1 and arguments[0] in ("init", "columns") else b""
+    if code == 1 and named not in said:
         return f"a message without the name of the file: {arguments}: {last}"
     if RAW.search(said) or RAW.search((folder / ".stdout").read_bytes()):
         return f"a control character: {arguments}: {last!r}"

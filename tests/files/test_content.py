@@ -14,6 +14,7 @@ import pytest
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.content import content_of
+from dsd_cli.files.formats.base import understanding
 from dsd_cli.files.tables_in import open_table
 
 COLUMNS = {"t": "t", "u": "u"}
@@ -97,3 +98,11 @@ def test_more_than_the_memory_is_refused_before_it_is_full(tmp_path: Path) -> No
     done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
     assert "bomb.csv.gz: unpacks to" in done.stdout
     assert int(done.stdout.split()[-1]) < 300_000  # KiB; all of it would be 230 MB more
+
+
+def test_a_file_that_asks_for_more_memory_than_there_is_has_its_name() -> None:
+    with (
+        pytest.raises(DataError, match=r"log\.mcap: there is not enough memory to read it as MCAP"),
+        understanding("log.mcap", "MCAP"),
+    ):
+        raise MemoryError

@@ -74,8 +74,11 @@ def understanding(name: str, kind: str) -> Iterator[None]:
     """
     try:
         yield
-    except (DsdError, MemoryError):
+    except DsdError:
         raise
+    except MemoryError:
+        told = "is it whole? else take a shorter log"
+        raise DataError(f"{name}: there is not enough memory to read it as {kind}", told) from None
     except Exception as error:  # each library has its own kinds, and bare ones of struct, zlib and NumPy besides
         said = (str(error).strip().splitlines() or [""])[0].rstrip(".")
         what = f"{type(error).__name__}: {said}" if said else type(error).__name__
