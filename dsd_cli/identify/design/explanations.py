@@ -57,22 +57,25 @@ class Value:
     slope: Array
 
 
-def explanation_of(search: Search, name: str, fit: Fit, open_grades: Sequence[Grade]) -> Explanation:
-    """Of a fitted set. open_grades : grades of values that stay what the model says, where the plant is drawn."""
+def explanation_of(search: Search, name: str, fit: Fit, doubtful: bool) -> Explanation:
+    """Of a fitted set. doubtful : whether none of the sets may hold."""
     bank = search.solver.bank
     model = Model(fit.terms, fit.tap * bank.tap_time, bank.tap_time, fit.total, fit.widths)
-    return Explanation(name, fit, model, _draws(search, fit, open_grades))
+    return Explanation(name, fit, model, _draws(search, fit, doubtful))
 
 
-def _draws(search: Search, fit: Fit, open_grades: Sequence[Grade]) -> tuple[PlantModel, ...]:
+def _draws(search: Search, fit: Fit, doubtful: bool) -> tuple[PlantModel, ...]:
     """The plant of a fit, and others that the logs leave as likely: normal, but within what the values allow.
 
-    open_grades : of values that stay what the model says."""
+    What the logs do not identify stays what the model says; in doubt also what they hardly do, and the delay: beside
+    effects that are not there it is any."""
     scale, noise = search.problem.scale, search.noise
     spread = root_of(information(fit, search.solver).covariance(noise.variance * noise.inflation))
     random = np.random.default_rng(_SEED)
     told = search.problem.values(fit).estimates
-    given = {n: v for n, v in flat(search.problem.model).items() if n in told and told[n].grade in open_grades}
+    left_open: tuple[Grade, ...] = ("weak", "not") if doubtful else ("not",)
+    stays = {n for n, e in told.items() if e.grade in left_open or (doubtful and n == DELAY)}
+    given = {n: v for n, v in flat(search.problem.model).items() if n in stays}
     plants = [scale.model(fit).with_values(given)]
     linear = len(fit.total)
     most = np.concatenate([_WIDEST * np.abs(fit.total), np.full(len(spread) - linear, _WIDEST)])

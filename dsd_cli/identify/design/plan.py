@@ -162,7 +162,7 @@ def _enough(
 
 def _loop(targets: Targets, observer: ObserverSettings, wanted: Wanted, room: Room, delay: float) -> Loop:
     if wanted.controller is None:
-        slowest = max(delay, *(m.delay for e in targets.explanations for m in e.draws))
+        slowest = max(delay, *(e.fitted.delay for e in targets.explanations))
         return usual_loop(replace(targets.explanations[0].fitted, delay=slowest), observer, room.step)
     return Loop(wanted.controller, replace(observer, sign=1), room.step, described=True)
 

@@ -12,7 +12,6 @@ from dsd_cli.errors import UsageError
 from dsd_cli.identify.design.explanations import Explanation, Value, explanation_of, values_of
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import flat
-from dsd_cli.identify.grades import Grade
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Diagnosis
 from dsd_cli.identify.search.sets import Option, Search
@@ -66,8 +65,7 @@ def targets_of(
         names += [name for pair in made.left_open(diagnosis, unknown=True) for name in pair]
     first = NONE if unknown else made.name_of(whole)
     names = list(dict.fromkeys([first, *names]))
-    open_grades: tuple[Grade, ...] = ("weak", "not") if doubtful else ("not",)  # of what stays as the model says
-    explanations = tuple(explanation_of(search, name, made.fits[name], open_grades) for name in names)
+    explanations = tuple(explanation_of(search, name, made.fits[name], doubtful) for name in names)
     if unknown:  # none of them stands: the limits are kept under each, and the motion is for the whole catalogue
         return Targets(explanations, (), (), unknown=True, doubtful=True)
     places = tuple((names.index(a), names.index(b)) for a, b in pairs if a in names and b in names)

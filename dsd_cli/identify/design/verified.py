@@ -53,8 +53,9 @@ def verified(
     DataError : however small the motion, a plant breaks a limit; the loop is not stable with a plant that counts.
     """
     plants = _plants(targets, joined(parts, room), room)
-    plants[0, DRAWS_IN_LOOP] = replace(targets.explanations[0].fitted, delay=delay)
-    wide, order, lost, unstable = parts, list(plants), list[str](), list[str]()
+    plants[0, DRAWS_IN_LOOP] = replace(plants[0, 0], delay=delay)
+    order = [key for i, key in enumerate(plants) if plants[key] not in list(plants.values())[:i]]
+    wide, lost, unstable = parts, list[str](), list[str]()
     last = dict[Key, dict[int, tuple[float, float]]]()
     for _ in range(_SHRINKS * len(targets.explanations)):
         wanted = np.pad(joined(parts, room), (round(SETTLE / room.step), 0), mode="edge")

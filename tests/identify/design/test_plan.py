@@ -278,6 +278,16 @@ def test_limits_hold_with_the_delay_of_the_model_too(tied: Asked, monkeypatch: p
     assert seen[0][1].controller.gains.kd < 0.3 / 0.07 * seen[0][0].inertia
 
 
+def test_in_doubt_the_delay_is_that_of_the_model(tied: Asked) -> None:
+    """Beside effects that are not there a crawl has fitted 450 ms where 20 were."""
+    wrong = replace(tied.whole, tap=tied.whole.tap + 300)
+    sure, doubted = (
+        targets_of(tied.search, wrong, tied.diagnosis, doubted=doubted).explanations[0] for doubted in (False, True)
+    )
+    assert all(plant.delay > tied.model.delay + 0.2 for plant in sure.draws)
+    assert {plant.delay for plant in doubted.draws} == {tied.model.delay}
+
+
 def test_gains_that_hold_no_plant_are_named(tied: Asked) -> None:
     with pytest.raises(DataError, match=r"unstable \(kp 1e\+06, kd 2e\+06\) with the model alone as the plant"):
         tied.plan(seconds=(3.0,), controller=ControllerSettings("pd", Gains(1e6, 2e6), "error"))
