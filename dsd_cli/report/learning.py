@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from dsd_cli.identify.learn.results import LEARNT, Curve, Formula, Learnt, Tie
+import numpy as np
+
+from dsd_cli.effects import Role, get_effect
+from dsd_cli.identify.learn.results import LEARNT, Curve, Formula, Learnt, Tie, View
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import plain_table, score_json
 from dsd_cli.report.head import head
@@ -147,6 +150,22 @@ def print_learnt(report: LearnReport, file: Any) -> None:
         console.print(result.units.legend)
 
 
+def against_motion(curve: Curve) -> bool:
+    """Whether its values are levels of friction over the velocity: the force is against the motion."""
+    return curve.channels == ("velocity",) and get_effect(curve.effect).role is Role.FRICTION
+
+
+def as_forces(curve: Curve, view: View) -> tuple[Curve, View]:
+    """Both as forces on the axis, as all other pictures have them: friction is negative over a positive velocity."""
+    if not against_motion(curve):
+        return curve, view
+    sign = -np.sign(curve.knots[0])
+    values, *ends = (sign * np.array(x) for x in (curve.values, curve.low, curve.high))
+    low, high = (tuple(x.tolist()) for x in (np.minimum(*ends), np.maximum(*ends)))
+    force = replace(curve, values=tuple(values.tolist()), low=low, high=high)
+    return force, replace(view, points=-np.sign(view.at) * view.points)
+
+
 def _print_curve(console: Any, curve: Curve, units: Units) -> None:
     if len(curve.channels) > 1:
         size = " x ".join(str(len(one)) for one in curve.knots)
@@ -154,6 +173,7 @@ def _print_curve(console: Any, curve: Curve, units: Units) -> None:
         return
     over = curve.channels[0]
     times = "" if curve.factor == "one" else f", times {curve.factor}"
+    times += ", a level against the motion" if against_motion(curve) else ""
     table = plain_table(f"{curve.effect} over {over}{times}", over, units.words(curve.unit) or "factor", "95 % band")
     knots = curve.knots[0]
     every = max(-(-len(knots) // _SHOWN), 1)

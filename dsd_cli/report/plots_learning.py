@@ -9,7 +9,7 @@ import numpy as np
 
 from dsd_cli.identify.learn.results import Curve, Learnt, View
 from dsd_cli.report.figure import BACKWARD, FORWARD, MEASURED, PREDICTED, SHARE
-from dsd_cli.report.learning import learn_line
+from dsd_cli.report.learning import as_forces, learn_line
 from dsd_cli.report.timeline import zero
 
 #: Quantiles of a cloud beyond which a picture does not reach.
@@ -25,7 +25,7 @@ def draw(result: Learnt) -> Any:
     axes = figure.subplots(rows, 2, squeeze=False)
     figure.suptitle("\n".join(_wrapped(learn_line(result))), fontsize=10.5)
     for (left, right), curve, view in zip(axes, result.curves, result.views, strict=False):
-        _draw_law(left, curve, view, result)
+        _draw_law(left, *as_forces(curve, view), result)
         _draw_left(right, view, result)
     if not result.views:
         for axis in axes.ravel():

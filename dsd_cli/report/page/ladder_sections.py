@@ -68,7 +68,7 @@ def _rungs(result: Ladder) -> Html:
         )
     floor = ""
     if math.isfinite(result.last.floor):
-        floor = f" The sensor's noise alone would leave {error(result.last.floor)}."
+        floor = f" The sensor's noise alone would leave {error(result.last.floor)} (with the inertia at the end)."
     note = tag("p", f"Bars are logarithmic.{floor}", class_="dim")
     held = f"held-out {force_error(result.last.band_hz)}, {result.last.units.force}"
     return joined([table(("step", held, "fell by", "fit"), rows, "rungs"), note])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.identify.learn.results import LEARNT, Curve, Formula, View
-from dsd_cli.report.learning import learn_line, tie_line
+from dsd_cli.report.learning import as_forces, learn_line, tie_line
 from dsd_cli.report.names import estimate_text
 from dsd_cli.report.page.html import Html, joined, listing, name, table, tag, typeset
 from dsd_cli.report.page.parts import panels
@@ -56,7 +56,7 @@ def law_charts(story: Story) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for i, (curve, view) in enumerate(pairs):
         if curve.channels == (view.channel,):
-            found[f"law-{i}"] = _law(curve, view, law.units)
+            found[f"law-{i}"] = _law(*as_forces(curve, view), law.units)
         found[f"left-{i}"] = _left(view, law.units)
     return found
 

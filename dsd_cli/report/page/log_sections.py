@@ -116,9 +116,9 @@ def log_section(story: Story) -> Html:
     views = story.views.value
     if views is None:
         return section("log", title, *parts, missing(story.views.missing))
-    sources = [f"{name}: {how}" for name, how in views.provenance.items() if how != "logged"]
+    sources = [f"{name} {how}" for name, how in views.provenance.items() if how != "logged"]
     if sources:
-        parts.append(tag("p", "Not logged as it is: ", "; ".join(sources), ".", class_="dim"))
+        parts.append(tag("p", "Channels of the comparison and the fits: ", "; ".join(sources), ".", class_="dim"))
     return section(
         "log", title, *parts, *(panel(name) for name in views.channels if name != "d_hat" or not views.predicted)
     )
