@@ -1,7 +1,7 @@
 """`python -m bench learn-machines`: real machines, a law learnt from one part and judged on another that nothing saw.
 
 `dsd improve --auto --learn` from a bare mass sees the first half of a recording, or some of its logs; `dsd compare`
-judges the model with the learnt rung, and without it (`--undo`), on the rest. The recordings are found as for
+judges the model with the learnt step, and without it (`--undo`), on the rest. The recordings are found as for
 `python -m bench machines`. Rows go to bench/results/learn_machines.json, and with `--page` into docs/measured/learn.md.
 """
 
@@ -131,7 +131,7 @@ def _left(compared: Row) -> float | str | None:
 def table(rows: Sequence[Row]) -> list[str]:
     """A line for each recording."""
     lines = [
-        "| recording | unseen part, force error without | with the learnt rung | what was learnt, or why nothing |",
+        "| recording | unseen part, force error without | with the learnt step | what was learnt, or why nothing |",
         "|---|---|---|---|",
     ]
     for row in rows:

@@ -97,6 +97,8 @@ def told_by(path: Path | None) -> Told | None:
         ranking = {one["effect"]: one for one in told["ranking"]}
         ties = {name: tuple(ranking[name]["indistinguishable_from"]) for name in told["found"] if name in ranking}
         weak = [name for name, one in told["estimates"].items() if one.get("identified") in ("weak", "not")]
+    except FileNotFoundError:
+        raise UsageError(f"{path}: no such file") from None
     except OSError as error:
         raise UsageError(f"{path}: cannot be read", error.strerror or str(error)) from None
     except (ValueError, KeyError, TypeError, AttributeError):

@@ -103,7 +103,12 @@ def draw_residual(axis: Any, view: ResidualView, units: Units) -> None:
     if np.ptp(view.x) > 0.0:
         for series, color, style, label in (
             (view.residual if view.on != "t" else None, MEASURED, "-", "median of the residual"),
-            (view.explained, PREDICTED, "--", f"explained by {view.effect}"),
+            (
+                view.explained,
+                PREDICTED,
+                "--",
+                f"explained by {view.effect}{' alone' if view.together is not None else ''}",
+            ),
             (view.together, OTHER, ":", "explained by the whole set"),
         ):
             if series is not None:

@@ -135,6 +135,23 @@ def test_a_log_that_observe_wrote_is_read_by_the_same_config(rig, kind):
     done("observe", out, "-o", "again.csv", cwd=rig)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("diagnose", "raw.csv", "--holdout", "nope.csv"), "nope.csv: no such file"),
+        (("compare", "raw.csv", "nope.csv"), "nope.csv: no such file"),
+        (("simulate", "--reference", "nope.csv", "-o", "x.csv"), "nope.csv: no such file"),
+        (("add", "raw.csv", "coulomb_friction", "--effects-from", "nope.py", "-o", "x.toml"), "nope.py: no such file"),
+        (("plan", "raw.csv", "--diagnosis", "nope.json", "-o", "x.csv"), "nope.json: no such file"),
+        (("init", "--template", "nope"), "no template 'nope'"),
+    ],
+)
+def test_a_message_names_its_file(rig, arguments, named):
+    ran = dsd(*arguments, cwd=rig)
+    assert ran.returncode in (1, 2)
+    assert ran.stderr.splitlines()[-1].startswith(f"dsd: error: {named}")
+
+
 def test_every_command_has_its_whole_line_in_the_help():
     text = dsd("--help", cwd=ROOT, COLUMNS="80").stdout
     assert "..." not in text.partition("Commands:")[2]
