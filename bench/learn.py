@@ -62,6 +62,8 @@ PAGE = ROOT / "docs" / "measured" / "learn.md"
 _NEAR, _VISITED = 0.004, 3
 #: Share of the usual speed below which nothing of a law is seen.
 _MOVES = 0.05
+#: Nothing to look for: then rows begin where the log does, before what a law remembers is forgotten.
+_ALL_ROWS = Settings(effects=())
 #: Errors of a row, as the table has them.
 _HELD_OUT, _SECOND = ("before", "after", "exact_law", "true"), ("second", "second_exact_law", "second_true")
 
@@ -107,7 +109,7 @@ def recording_of(log: StrangeLog, without_law: bool = False) -> tuple[Recording,
 def true_error(log: StrangeLog) -> float:
     """Held-out error of the model's own values beside the true law."""
     recording, model = recording_of(log, without_law=True)
-    problem = pose([recording], model, Settings(effects=()))
+    problem = pose([recording], model, _ALL_ROWS)
     return problem.score(Search(problem).refit).heldout_rmse
 
 
@@ -121,7 +123,7 @@ def asked(law: str, sensor: str, seed: int, laws: dict[str, Any]) -> Row:
     found = learn([recording], model)
     cpu = time.process_time() - begin
     second, _ = recording_of(other)
-    problem = pose([second], found.model, Settings(effects=()))
+    problem = pose([second], found.model, _ALL_ROWS)
     hidden = None if law in COMPLETE else {**LAWS, **laws}[law]
     on, form = ((), "") if hidden is None else (hidden.on, hidden.form)
     names = set() if found.formula is None else set(found.formula.effects)
@@ -141,7 +143,14 @@ def asked(law: str, sensor: str, seed: int, laws: dict[str, Any]) -> Row:
         covered(found, log, hidden),
         cpu,
         "" if found.formula is None else found.formula.text,
-        *(() if hidden is None else (law_error(x, hidden, y, model) for x, y in ((log, recording), (other, second)))),
+        *(
+            ()
+            if hidden is None
+            else (
+                law_error(log, hidden, recording, model, Settings()),
+                law_error(other, hidden, second, model, _ALL_ROWS),
+            )
+        ),
     )
 
 

@@ -25,9 +25,12 @@ from tests.oracle.rig_strange_laws import Law
 _ROUNDS = 3
 
 
-def law_error(log: StrangeLog, law: Law, recording: Recording, model: PlantModel) -> float:
-    """Held-out error of the true law as an effect of the model, one coefficient fitted along; unit of u."""
-    problem = pose([recording], model, Settings())
+def law_error(log: StrangeLog, law: Law, recording: Recording, model: PlantModel, settings: Settings) -> float:
+    """Held-out error of the true law as an effect of the model, one coefficient fitted along; unit of u.
+
+    settings : with which the other model is judged, on whose rows this is.
+    """
+    problem = pose([recording], model, settings)
     balance = balance_of(problem, log.delay / problem.solver.bank.tap_time)
     for _ in range(_ROUNDS):
         judge = Judge(balance)

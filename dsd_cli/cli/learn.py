@@ -187,7 +187,7 @@ def put_files(found: Learnt, given: Given, files: Files, origin: Origin, logs: t
     from dsd_cli.identify.learn.results import LEARNT
     from dsd_cli.report.learning import LearnReport, curve_csv
 
-    law = files.law if found.formula is not None and not found.formula.known else None
+    law = files.law if found.formula is not None and found.formula.source and not found.formula.known else None
     curve = files.curve if found.verdict == LEARNT else None
     if files.config is not None:
         text = with_steps(origin.text, found.score, found.rungs, logs, found.units)
@@ -206,4 +206,4 @@ def put_files(found: Learnt, given: Given, files: Files, origin: Origin, logs: t
 def _why_no_file(found: Learnt) -> str:
     if found.formula is None:
         return "there is no formula"
-    return f"the law is in the catalogue: {', '.join(found.formula.effects)}"
+    return f"dsd has the law: {', '.join(found.formula.effects)}"

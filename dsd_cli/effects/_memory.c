@@ -1,11 +1,12 @@
 /* Recursions over a whole log for effects with memory: each row depends on the row before.
  *
  *   one_pole   y_k = keep_k y_{k-1} + add_k
+ *   bouc_wen   hysteresis with one state
  *   load       the load of two masses that are coupled by spring and damper, with or without a gap
  *   driven     the same two masses under a force on the motor: what the load is given
  *
- * memory.py holds the readable twins: the same operations in the same order (built without fused multiply-add), but for
- * masses under one law, whose steps are taken at once: they differ by rounding.
+ * memory.py and one_state.py hold the readable twins: the same operations in the same order (built without fused
+ * multiply-add), but for masses under one law, whose steps are taken at once: they differ by rounding.
  * CPython limited API and buffers of doubles only: no NumPy headers.
  */
 #define PY_SSIZE_T_CLEAN
@@ -55,6 +56,36 @@ static PyObject *one_pole(PyObject *module, PyObject *args) {
     }
     close_columns(&c);
     return PyFloat_FromDouble(y);
+}
+
+/* one row of one_state.build_up: the state after a way, in distances; *mean on that way */
+static double build_up(double way, double before, double exponent, double unloading, double *mean) {
+    const double side = way > 0.0 ? 1.0 : -1.0, x = side * way, w = side * before, size = fabs(w);
+    const double factor = w >= 0.0 ? 1.0 : 1.0 - unloading, power = pow(size, exponent - 1.0);
+    const double rate = 1.0 - factor * power * size, bend = x * exponent * fabs(factor) * power;
+    const double kept = bend > 0.0 ? -expm1(-bend) / bend : 1.0;
+    const double half = bend > 1e-6 ? (1.0 - kept) / bend : 0.5 - bend / 6.0, most = size > 1.0 ? size : 1.0;
+    const double end = w + x * kept * rate, middle = w + x * half * rate;
+    if (way == 0.0) return *mean = before;
+    *mean = side * (middle > most ? most : middle);
+    return side * (end > most ? most : end);
+}
+
+static PyObject *bouc_wen(PyObject *module, PyObject *args) {
+    PyObject *objects[2];
+    Columns c;
+    double exponent, unloading, h;
+    Py_ssize_t k;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "OdddO", &objects[0], &exponent, &unloading, &h, &objects[1])) return NULL;
+    if (open_columns(&c, objects, 2)) return NULL;
+    {
+        const double *moved = c.view[0].buf;
+        double *out = c.view[1].buf;
+        for (k = 0; k < c.rows; k++) h = build_up(moved[k], h, exponent, unloading, &out[k]);
+    }
+    close_columns(&c);
+    return PyFloat_FromDouble(h);
 }
 
 /* ---- two masses ------------------------------------------------------------------------------------------------ */
@@ -309,6 +340,7 @@ static PyObject *driven_rows(PyObject *module, PyObject *args) {
 
 static PyMethodDef methods[] = {
     {"one_pole", one_pole, METH_VARARGS, "one_pole(keep, add, before, out) -> the last value"},
+    {"bouc_wen", bouc_wen, METH_VARARGS, "bouc_wen(moved, exponent, unloading, before, out) -> the last state"},
     {"load", load_rows, METH_VARARGS, "load(position, velocity, interval, coupling, state, out) -> state"},
     {"driven", driven_rows, METH_VARARGS, "driven(push, coupling, own, interval, steps, out)"},
     {NULL, NULL, 0, NULL},

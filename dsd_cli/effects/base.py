@@ -42,7 +42,8 @@ class Channels(NamedTuple):
     """What an effect may look at; each a float (simulator) or an array of shape (n,) (prediction).
 
     t in s, u in the user's unit (INPUT: the command as logged; else what reaches the plant after input effects and
-    delay), velocity and position in SI units, interval in s: the time that this row stands for.
+    delay), velocity and position in SI units, interval in s: the time that this row stands for. acceleration and
+    direction (mean of sgn v) where they are measured; None: they follow from the velocity.
     """
 
     t: Any
@@ -50,6 +51,8 @@ class Channels(NamedTuple):
     velocity: Any
     position: Any
     interval: Any = 0.0
+    acceleration: Any = None
+    direction: Any = None
 
 
 class Ranges(NamedTuple):

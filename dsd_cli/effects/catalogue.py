@@ -19,8 +19,6 @@ from dsd_cli.effects.base import Effect
 from dsd_cli.effects.general import GENERAL
 from dsd_cli.errors import UsageError
 
-_NOT_EFFECTS = {"base", "catalogue", "general", "joint_terms", "lagging", "memory", "_memory", "tables", "user"}
-
 #: Effects of the user, by id: the one registry, written only by `register` and `unregister`.
 _REGISTERED: dict[str, Effect] = {}
 
@@ -33,9 +31,9 @@ def _own() -> dict[str, Effect]:
     import pkgutil
 
     here = str(Path(__file__).parent)  # not the package itself, which imports this module
-    names = sorted(m.name for m in pkgutil.iter_modules([here]) if m.name not in _NOT_EFFECTS)
-    effects = (importlib.import_module(f"{__package__}.{name}").EFFECT for name in names)
-    return {effect.id: effect for effect in effects}
+    modules = (importlib.import_module(f"{__package__}.{m.name}") for m in pkgutil.iter_modules([here]))
+    effects = [module.EFFECT for module in modules if hasattr(module, "EFFECT")]
+    return {effect.id: effect for effect in sorted(effects, key=lambda effect: effect.id)}
 
 
 def catalogue() -> MappingProxyType[str, Effect]:

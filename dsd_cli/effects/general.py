@@ -15,6 +15,7 @@ import numpy as np
 from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, Values
 from dsd_cli.effects.joint_terms import JointTerms, Ramps, Stop, speed_dependent
 from dsd_cli.effects.lagging import LAGGED
+from dsd_cli.effects.one_state import BOUC_WEN, LUGRE
 from dsd_cli.effects.tables import Table, numbers_of, table_of, values_of
 from dsd_cli.errors import UsageError
 from dsd_cli.signals.log import Array
@@ -168,6 +169,7 @@ def inertia_columns(
         change = np.diff(v, prepend=before.velocity)
         a = np.where(between > 0.0, change / np.where(between > 0.0, between, 1.0), before.acceleration)
         last = Moved(float(v[-1]), float(intervals[-1]), float(a[-1])) if len(v) else before
+    a = a if channels.acceleration is None else channels.acceleration
     return tuple(-(d * a + 0.5 * slope * v * v) for d, slope in zip(more, slopes, strict=True)), last
 
 
@@ -291,4 +293,4 @@ HYSTERESIS = Effect(
 )
 
 #: All of them.
-GENERAL = {effect.id: effect for effect in (CURVE, FRICTION_CURVE, INERTIA_CURVE, HYSTERESIS, LAGGED)}
+GENERAL = {effect.id: effect for effect in (CURVE, FRICTION_CURVE, INERTIA_CURVE, HYSTERESIS, LAGGED, BOUC_WEN, LUGRE)}

@@ -41,7 +41,8 @@ def _columns(
     Before the first interval the axis is taken to have moved as in it: nobody has seen how it did.
     """
     lags, x = shape["lags"], channels.velocity
-    x = np.sign(x) if lags.of == "direction" else x
+    if lags.of == "direction":
+        x = np.sign(x) if channels.direction is None else channels.direction
     first = x if np.ndim(x) == 0 else float(x[0]) if len(x) else 0.0
     before = state or (first,) * len(lags.levels)
     total, last = 0.0 * x, []

@@ -124,7 +124,7 @@ def _try_out(effect: Effect, path: Path) -> None:
     values: dict[str, Any] = {p.name: [] if not p.numeric else _inside(p.lower, p.upper) for p in effect.parameters}
     rows = np.linspace(-1.0, 1.0, _ROWS)
     channels = Channels(1e-3 * np.arange(_ROWS), rows, rows[::-1].copy(), 0.5 * rows, np.full(_ROWS, 1e-3))
-    instant = Channels(*(float(channel[1]) for channel in channels))
+    instant = Channels(*(float(channel[1]) for channel in channels[:5]))
     try:
         coefficients, shape = effect.to_columns(values)
         columns, _ = effect.run(channels, shape)

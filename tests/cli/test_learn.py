@@ -137,7 +137,7 @@ def test_a_law_of_the_catalogue_is_named_as_that(tmp_path):
     bare = (tmp_path / "model.toml").read_text().partition("[model.effects")[0]
     (tmp_path / "bare.toml").write_text(bare)
     ran = done("learn", "log.csv", "-c", "bare.toml", "-o", "better.toml", "--law-file", "law.py", cwd=tmp_path)
-    assert "the law is in the catalogue: " in ran.stderr
+    assert "dsd has the law: " in ran.stderr
     text = (tmp_path / "better.toml").read_text()
     assert "[model.effects.coulomb_friction]" in text
     assert "[model.effects.viscous_friction]" in text

@@ -24,7 +24,7 @@ def log_channels(n=N):
 
 
 def at(channels, k):
-    return Channels(*(float(channel[k]) for channel in channels))
+    return Channels(*(float(channel[k]) for channel in channels[:5]))
 
 
 def run(effect, channels, state=None):
@@ -72,8 +72,8 @@ class TestEveryEffect:
         channels = log_channels()
         whole, last = run(effect, channels)
         for cut in (0, 1, 17, N):
-            first, state = run(effect, Channels(*(c[:cut] for c in channels)))
-            second, end = run(effect, Channels(*(c[cut:] for c in channels)), state if cut else None)
+            first, state = run(effect, Channels(*(c[:cut] for c in channels[:5])))
+            second, end = run(effect, Channels(*(c[cut:] for c in channels[:5])), state if cut else None)
             for a, b, c in zip(first, second, whole, strict=True):
                 np.testing.assert_array_equal(np.concatenate([a, b]), c)
             assert end == last
@@ -94,7 +94,7 @@ class TestEveryEffect:
     def test_no_memory_means_no_memory(self, effect):
         if not effect.memory:
             order = np.random.default_rng(1).permutation(N)
-            shuffled, state = run(effect, Channels(*(c[order] for c in log_channels())))
+            shuffled, state = run(effect, Channels(*(c[order] for c in log_channels()[:5])))
             assert state is None
             for a, b in zip(shuffled, run(effect, log_channels())[0], strict=True):
                 np.testing.assert_array_equal(a, b[order])

@@ -34,6 +34,8 @@ VALUES = {
                       "factor": "one", "scale": 1.0},
     "hysteresis": {"radii": [0.1, 0.2], "stiffnesses": [1.0, 2.0], "scale": 1.0},
     "lagged_friction": {"of": "velocity", "time_constants": [0.01, 0.3], "levels": [0.2, 0.4], "scale": 1.0},
+    "bouc_wen": {"level": 0.5, "stiffness": 4.0, "exponent": 1.8, "unloading": 1.3},
+    "lugre_friction": {"level": 0.5, "damping": 0.05, "stiffness": 5.0, "excess": 0.3, "velocity": 0.4},
 }  # fmt: skip
 EFFECTS = list(named_effects())
 #: Learnt tables over other channels than those above: name in a model -> values.
@@ -68,6 +70,7 @@ TOGETHER = (
         "coulomb_friction",
     ),
     ("friction_curve", "periodic_disturbance", "stiffness", "cubic_stiffness", "inertia_curve", "lagged_friction"),
+    ("bouc_wen", "lugre_friction", "coulomb_friction"),
 )
 
 

@@ -46,9 +46,14 @@ VALUES = {
     "hysteresis": {"radii": [0.05, 0.2], "stiffnesses": [2.0, 1.0], "scale": 1.0},
     "inertia_curve": {"channels": ["position"], "knots": [[0.0, 1.0]], "values": [0.0, 0.002], **TABLE},
     "lagged_friction": {"of": "velocity", "time_constants": [0.1], "levels": [0.1], "scale": 1.0},
+    "bouc_wen": {"level": 0.2, "stiffness": 10.0, "exponent": 2.0, "unloading": 1.2},
+    "lugre_friction": {"level": 0.2, "damping": 0.01, "stiffness": 20.0, "excess": 0.1, "velocity": 0.5},
 }
 #: What no joint of MuJoCo has.
-NOT_IN_MUJOCO = {"external_force", "inertia_curve", "lagged_friction", "load_friction", "periodic_disturbance"}
+NOT_IN_MUJOCO = {
+    *("bouc_wen", "external_force", "inertia_curve", "lagged_friction", "load_friction", "lugre_friction"),
+    "periodic_disturbance",
+}
 
 
 def joint(effects: dict, delay: float = 0.0, linear: bool = False) -> Joint:

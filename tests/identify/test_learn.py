@@ -8,7 +8,8 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize
 
 from dsd_cli.effects import Channels, load_effects
-from dsd_cli.effects.tables import table_of
+from dsd_cli.effects.general import INERTIA_CURVE
+from dsd_cli.effects.tables import Table, table_of
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.learn.choose import contains
@@ -18,6 +19,7 @@ from dsd_cli.identify.learn.formula import Term, nelder_mead
 from dsd_cli.identify.learn.formulate import identified
 from dsd_cli.identify.learn.law_file import law_source
 from dsd_cli.identify.learn.learning import learn
+from dsd_cli.identify.learn.rows import balance_of
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.results import Estimate
 from dsd_cli.identify.search.sets import Search
@@ -140,6 +142,46 @@ def test_one_spring_that_relaxes_has_one_time_constant_and_the_level_of_its_damp
     assert curve.knots[0] == pytest.approx((log.values["tau"],), rel=0.03)
     assert curve.values == pytest.approx((4.0 * log.values["size"] * log.values["tau"],), rel=0.05)
     assert found.model.effects["lagged_friction"]["levels"] == pytest.approx(curve.values, rel=0.03)
+
+
+@pytest.mark.parametrize(("law", "seed"), [("bouc_wen", 4), ("lugre", 5)])
+def test_hysteresis_with_one_state_comes_out_with_the_numbers_that_made_it(law, seed):
+    """h' = v/zy (1 - h^2 (1 + sgn(v h))/2), up to 1.2 size; z' = v - sigma |v| z/(size (1 + 0.6 exp(-(v/vs)^2)))."""
+    log, recording, model = asked(law, seed=seed)
+    found = learn([recording], model)
+    drawn, size = log.values, log.values["size"]
+    if law == "bouc_wen":
+        effect, slow = "bouc_wen", 1.2 * size
+        wanted = {"level": slow, "stiffness": slow / drawn["zy"], "exponent": 2.0, "unloading": 1.0}
+    else:  # four distances are hardly enough
+        effect, slow = "lugre_friction", 1.6 * size * (1.0 - math.exp(-4.0 / 1.6))
+        wanted = {"level": size, "stiffness": drawn["sigma"], "excess": 0.6 * size, "velocity": drawn["vs"]}
+    assert (found.channels, found.formula.effects, found.formula.known) == (("memory",), (effect,), False)
+    values = found.model.effects[effect]
+    assert {name: values[name] for name in wanted} == pytest.approx(wanted, rel=0.06)
+    for name, true in wanted.items():
+        one = found.formula.parameters[f"{effect}.{name}"]
+        assert abs(one.value - true) < max(5.0 * one.std_error, 0.02 * true)
+    (curve,) = found.curves
+    assert (curve.channels, curve.effect) == (("way",), effect)
+    assert curve.values[-1] == pytest.approx(slow, rel=0.06)
+    assert curve.low[-1] < curve.values[-1] < curve.high[-1]
+    assert found.after.heldout_rmse < 0.1 * found.refitted.heldout_rmse
+
+
+def test_an_inertia_looks_at_the_acceleration_of_its_interval():
+    """-(D a + D' v^2/2) in the middle of each interval, out of a motion that is known."""
+    t, w = 1e-3 * np.arange(8000), 2.0 * math.pi * 6.0
+    speed, place = 2.0 * np.cos(w * t), 2.0 / w * np.sin(w * t)
+    log = Log({"t": t, "u": np.sin(3.0 * t), "velocity": speed, "position": place}, 1e-3, "log")
+    recording = prepare(log, ObserverSettings(1.0, 0.01))
+    balance = balance_of(pose([recording], PlantModel(1.0), Settings(effects=())), 0.0)
+    (found,) = balance.columns(INERTIA_CURVE, {"table": Table(("position",), ((-1.0, 1.0),), (-0.5, 0.5))})
+    x = w * (t - 0.5e-3)
+    wanted = 0.5 * (2.0 / w * np.sin(x) * -2.0 * w * np.sin(x) + 0.5 * (2.0 * np.cos(x)) ** 2)
+    (stretch,) = balance.equations.stretches
+    rows = balance.equations.acting([np.interp(stretch.frame.times, t, wanted)], True, True)
+    np.testing.assert_allclose(found, rows, atol=0.003 * float(np.max(np.abs(rows))))
 
 
 CUSPS = Law(

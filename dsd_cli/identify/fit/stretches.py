@@ -78,7 +78,10 @@ class Stretch:
             velocity, position = self.sensed.noisy if self.noisy else self.sensed.motion
             return self.frame.channels(drive, self.mean._replace(velocity=velocity, position=position))
         if effect.memory:
-            return self.frame.channels(drive, self.mean)
+            speed = self.log["velocity"]
+            change = np.diff(speed, prepend=speed[0]) / self.log.sample_time
+            side = direction(speed, self.log["speed_noise"])
+            return self.frame.channels(drive, self.mean)._replace(acceleration=change, direction=side)
         return self.frame.channels(drive, self.middle)._replace(interval=np.broadcast_to(0.0, len(drive)))
 
     def acting(self, x: Array, smooth: bool, held: bool) -> Array:

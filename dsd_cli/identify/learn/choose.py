@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from dsd_cli.identify.learn.families import (
 from dsd_cli.identify.learn.formula import AS_GOOD
 from dsd_cli.identify.learn.judge import Judge, LawFit
 from dsd_cli.identify.learn.rows import Balance
+from dsd_cli.identify.learn.state_laws import STATE_LAWS, springs_of, state_laws
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.plant.forces import Mask
 
@@ -90,6 +91,8 @@ def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -
     if not fits:
         return Choice(judge, base, base, (), base, base, "the log has no channel that a law could depend on")
     first, tied = simplest(fits)
+    if first.laws[0].family in STATE_LAWS:  # as good as springs that are as many as the log supports?
+        first = simplest([first, refined(judge, springs_of(fits))[0]])[0]
     tied += also_an_inertia(judge, first)
     refused = _noise_alone(judge, base, first) or why_not(judge, base, first)
     if refused:
@@ -118,11 +121,15 @@ class _Look:
         return min(self.fits, key=lambda f: f.loss, default=self.base)
 
 
-def _look(balance: Balance) -> _Look:
+def _look(balance: Balance, before: Sequence[LawFit] = ()) -> _Look:
+    """`before` : the fits on another balance."""
     judge = Judge(balance)
     made = (columns_of(f, balance) for f in FAMILIES if balance.answered or not f.of_u)
     columns = [c for c in made if c is not None]
-    return _Look(judge, judge.fit(()), columns, [judge.fit((c,)) for c in columns])
+    look = _Look(judge, judge.fit(()), columns, [judge.fit((c,)) for c in columns])
+    if look.fits and look.richest.laws[0].family.on == (MEMORY,):
+        look = replace(look, fits=[*state_laws(judge, springs_of(look.fits), before), *look.fits])
+    return look
 
 
 def _beside_the_best(balance: Balance, report: Callable[[float], None]) -> _Look:
@@ -138,7 +145,8 @@ def _beside_the_best(balance: Balance, report: Callable[[float], None]) -> _Look
         report(turn / _ROUNDS)
         before = look.judge.balance.delay
         delay = look.judge.delay(look.richest)
-        look = _look(look.judge.balance.at(delay).beside(look.judge.residual(look.richest, held_out=False)))
+        beside = look.judge.residual(look.richest, held_out=False)
+        look = _look(look.judge.balance.at(delay).beside(beside), look.fits)
         if abs(delay - before) < _SETTLED:
             break
     return look

@@ -15,6 +15,7 @@ from dsd_cli.effects.tables import Table
 from dsd_cli.identify.learn.families import Columns
 from dsd_cli.identify.learn.judge import Judge, LawFit
 from dsd_cli.identify.learn.results import Curve, View
+from dsd_cli.identify.learn.state_laws import STATE_LAWS, fitted
 from dsd_cli.plant.forces import Mask
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
@@ -74,6 +75,9 @@ def curves_of(fit: LawFit, judge: Judge, names: Sequence[str], finer: LawFit | N
     never was."""
     variance, theta, found = judge.nats(fit) / 2.0, coefficients(fit), []
     for i, ((law, at), name) in enumerate(zip(parts(fit), names, strict=True)):
+        if law.family in STATE_LAWS:
+            found.append(fitted(law, theta[at], judge, variance).curve(name, _BAND))
+            continue
         spread = np.einsum("ij,jk,ik->i", law.matrix, fit.covariance[at, at], law.matrix)
         half = _BAND * np.sqrt(np.maximum(variance * spread, 0.0) + _smoothed(fit, finer, i))
         found.append(_curve(law, name, law.matrix @ theta[at], half, judge))

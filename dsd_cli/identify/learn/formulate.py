@@ -10,6 +10,7 @@ import numpy as np
 
 from dsd_cli.effects import Channels, Effect, Role, Values, catalogue
 from dsd_cli.identify.learn.choose import Choice, as_good, why_not
+from dsd_cli.identify.learn.curves import coefficients, effects_of
 from dsd_cli.identify.learn.dictionary import BASES, CHANNELS, MODULATIONS, effect_of, unit_of
 from dsd_cli.identify.learn.families import Columns, Family
 from dsd_cli.identify.learn.formula import Formulas, Term
@@ -18,6 +19,7 @@ from dsd_cli.identify.learn.law_file import law_source
 from dsd_cli.identify.learn.results import Formula
 from dsd_cli.identify.learn.rows import Balance
 from dsd_cli.identify.learn.sampled import strengths_of, tables_of
+from dsd_cli.identify.learn.state_laws import STATE_LAWS, fitted
 from dsd_cli.identify.results import Estimate
 from dsd_cli.signals.log import Array
 
@@ -45,7 +47,9 @@ class Found:
 
 def formula_of(chosen: Choice) -> Found | None:
     """The formula that explains what the model lacks; None where no term does."""
-    judge = chosen.judge
+    judge, first = chosen.judge, chosen.fit.laws[0].family
+    if first in STATE_LAWS:
+        return _of_state(chosen) if len(chosen.fit.laws) == 1 else None
     search = Formulas(judge.balance)
     fits: dict[tuple[Term, ...], LawFit] = {(): chosen.base}
 
@@ -84,6 +88,17 @@ def formula_of(chosen: Choice) -> Found | None:
     tables = tables_of(terms, strengths_of(values), judge.balance.problem.model, judge.balance)
     on = tuple(dict.fromkeys(name for t in terms for name in _on(t)))
     return Found(formula, found, (merged if all_known else tables) if replaces else {}, all_known, on)
+
+
+def _of_state(chosen: Choice) -> Found:
+    """Of hysteresis with one state, whose law is a formula."""
+    fit, judge = chosen.fit, chosen.judge
+    own = fitted(fit.laws[0], coefficients(fit), judge, judge.nats(fit) / 2.0)
+    effects = effects_of(fit, judge.balance.problem.model)
+    names, known = tuple(effects), own.effect.id in catalogue()
+    parameters = {f"{names[0]}.{name}": one for name, one in own.estimates.items()}
+    formula = Formula(*own.said, parameters, names, known, "", chosen.rmse(fit), replaces=True)
+    return Found(formula, fit, effects, known, fit.laws[0].family.on)
 
 
 def identified(estimates: Mapping[str, Estimate]) -> bool:

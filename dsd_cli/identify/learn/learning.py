@@ -115,13 +115,14 @@ def _learnt(chosen: Choice, scores: Scores, stand_ins: Sequence[str]) -> Learnt:
     by_formula = {} if formula is None else dict(formula.effects)
     laws = by_formula or curves
     fit = formula.fit if formula is not None and by_formula else fit
-    known = formula is not None and bool(by_formula) and formula.known
+    tabled = [name for name, values in laws.items() if "scale" in values]
     begun = scores.problem.model.changed(inertia=_inertia(fit, judge.balance), effects=laws)
-    held = scores.fixed(begun, _held(fit, judge.balance, laws))
+    none = {f"{name}.{key}": value for name, one in laws.items() for key, value in one.items() if value == 0.0}
+    held = {**scores.fixed(begun, _held(fit, judge.balance, laws)), **none}
     rungs, gone = list[Step](), list[str]()
     for end in scores.with_law(begun, held, stand_ins):
         gone += [end.without] if end.without else []
-        rungs.append(scores.rung(end, _heldout(judge, fit, gone), () if known else tuple(laws)))
+        rungs.append(scores.rung(end, _heldout(judge, fit, gone), tabled))
     rungs[0] = replace(rungs[0], effect=next(iter(laws)))
     last, problem = rungs[-1], scores.of(rungs[-1].model)
     families = [law.family for law in chosen.fit.laws]
