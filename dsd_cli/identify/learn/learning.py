@@ -204,7 +204,9 @@ def _nothing(chosen: Choice, scores: Scores, recordings: Sequence[Recording], ho
     elif left > least and not chosen.undecided:
         verdict, why = NOT_OF_MOTION, f"{share} is left on blocks that no fit saw: {why}"
     elif not chosen.undecided:  # whether so little is something is for the search to say
-        why = f"what is left below {problem.equations.band.hz:.1f} Hz, {share}, may be the sensor's noise"
+        noise = left <= POLICY.floor_factor * problem.floor
+        little = "may be the sensor's noise" if noise else "is more than the sensor's noise, but too little to matter"
+        why = f"what is left below {problem.equations.band.hz:.1f} Hz, {share}, {little}"
     return Learnt(
         logs=tuple(r.name for r in recordings),
         verdict=verdict,
