@@ -18,6 +18,7 @@ from typing import Any
 
 from bench.engines import ROOT, Asked, Engine
 from bench.machines_cases import RECORDED, Recorded
+from bench.machines_regression import regressed
 from bench.marked import put
 
 RESULTS = Path(__file__).parent / "results" / "machines.json"
@@ -77,11 +78,12 @@ def ask(case: Recorded, engine: Asked) -> Row:
         (Path(place) / "dsd.toml").write_text(case.config())
         words = ("-c", "dsd.toml", "--auto", "-o", "better.toml", "--format", "json")
         done = engine.run("improve", *logs, *words, cwd=Path(place))
+    own = {"own": regressed(case, logs) if case.regress else {}}
     if done["code"] != 0:
         said = {"verdict": "error", "probability": 0.0, "steps": [], "values": {}, "error": done["err"].strip()[-300:]}
-        return said | judged(case, said) | {"seconds": round(done["seconds"], 1)}
+        return said | own | judged(case, said) | {"seconds": round(done["seconds"], 1)}
     result = json.loads(done["out"])
-    back = {s["effect"] for s in result["ladder"] if s["kind"] == "taken back"}
+    back = {s["effect"] for s in result["ladder"] if s["kind"] == "taken_back"}
     said = {
         "verdict": result["verdict"],
         "probability": result.get("probability") or 0.0,
@@ -94,7 +96,7 @@ def ask(case: Recorded, engine: Asked) -> Row:
         "missing": result.get("missing"),
         "unexplained": result.get("unexplained"),
     }
-    return said | judged(case, said) | {"seconds": round(done["seconds"], 1)}
+    return said | own | judged(case, said) | {"seconds": round(done["seconds"], 1)}
 
 
 def judged(case: Recorded, said: Row) -> Row:
@@ -109,6 +111,9 @@ def judged(case: Recorded, said: Row) -> Row:
         unmet.append("unknown, or that the inertia differs")
     values = {n: v["value"] for n, v in said["values"].items() if n in case.published}
     off = [n for n, value in values.items() if abs(value / case.published[n] - 1.0) > case.within]
+    own = said.get("own") or {}
+    margin = {n: max(case.within * abs(v), 2.0 * e) for n, (v, e) in own.items()}
+    near = [n for n, value in values.items() if n in own and abs(value - own[n][0]) <= margin[n]]
     told = [n for n in case.open_values if said["values"].get(n, {}).get("identified") == "identified"]
     musts = len(case.must) + bool(case.first) + case.unknown
     if said["verdict"] == "error":
@@ -121,6 +126,8 @@ def judged(case: Recorded, said: Row) -> Row:
         "published": case.published,
         "within": case.within,
         "off": off,
+        "as_regressed": near,
+        "hidden": [m for m in unmet if any(abs(v) < 2 * e for n, (v, e) in own.items() if n.partition(".")[0] in m)],
     }
 
 
@@ -132,7 +139,8 @@ def table(rows: Sequence[Row]) -> list[str]:
     cases = {case.name: case for case in RECORDED}
     rows = [row | judged(cases[row["name"]], row) for row in rows if row["name"] in cases]
     lines = [
-        "| machine | must be named | must not, and is | what `improve` said | values (published) | left of u | CPU |",
+        "| machine | must be named | must not, and is | what `improve` said "
+        "| values (published; plain regression) | left of u | CPU |",
         "|---|---|---|---|---|---|---|",
     ]
     order = sorted(rows, key=lambda r: (r["met"] - r["musts"], -len(r["violated"]), -len(r["off"])))
@@ -148,10 +156,15 @@ def table(rows: Sequence[Row]) -> list[str]:
     met, musts = sum(r["met"] for r in rows), sum(r["musts"] for r in rows)
     values = sum(len(r["published"]) for r in rows)
     near = sum(len([n for n in r["published"] if n in r["values"] and n not in r["off"]]) for r in rows)
+    asked = [r for r in rows if r.get("own")]
+    agree = sum(len([n for n in r["published"] if n in r["own"] and n in r["as_regressed"]]) for r in asked)
+    compared = sum(len([n for n in r["published"] if n in r["own"]]) for r in asked)
+    hidden = sum(len(r["hidden"]) for r in rows)
     broken = sum(len(r["violated"]) for r in rows)
     cpu = sum(r["seconds"] for r in rows)
     said = f"{broken} named that must not be; {near} of {values} published values within their margin"
-    return [*lines, "", f"{met} of {musts} that must be named; {said}; {cpu:.0f} s of CPU."]
+    more = f"{agree} of {compared} within it of a plain regression; {hidden} unnamed of which that finds nothing"
+    return [*lines, "", f"{met} of {musts} that must be named; {said}, {more}; {cpu:.0f} s of CPU."]
 
 
 def _words(text: str) -> str:
@@ -161,13 +174,15 @@ def _words(text: str) -> str:
 def _values(row: Row) -> str:
     parts = []
     for name, published in row["published"].items():
-        found = row["values"].get(name)
+        found, short = row["values"].get(name), name.split(".")[0]
+        own = row.get("own", {}).get(name)
+        known = f"({published:.3g})" if own is None else f"({published:.3g}; {own[0]:.3g} +- {own[1]:.1g})"
         if found is None or found["value"] is None:
-            parts.append(f"{name.split('.')[0]} - ({published:.3g})")
+            parts.append(f"{short} - {known}")
             continue
         spread = f" +- {found['std_error']:.1g}" if found.get("std_error") else ""
         mark = " **off**" if name in row["off"] else ""
-        parts.append(f"{name.split('.')[0]} {found['value']:.3g}{spread} ({published:.3g}){mark}")
+        parts.append(f"{short} {found['value']:.3g}{spread} {known}{mark}")
     return "; ".join(parts)
 
 

@@ -10,6 +10,13 @@ _XL330 = tuple(
     for kind in ("sin_sin", "sin_time_square", "up_and_down")
 )
 _RUNS = ("pos_0.06_1", "pos_0.065_1", "neg_0.04_1", "neg_0.045_1", "neg_0.045_2")
+_J, _B, _FC, _F0, _G = (
+    "inertia",
+    "viscous_friction.coefficient",
+    "coulomb_friction.level",
+    "constant_load.force",
+    "gravity.amplitude",
+)
 #: What explains by itself what it should not: acts on u, or fits any short or periodic motion.
 STAND_INS = ("saturation", "dead_zone", "periodic_disturbance", "external_force", "flexible_coupling", "backlash")
 
@@ -21,7 +28,8 @@ class Recorded:
     must : effects that the ladder must have, alternatives by "|", in any order; the first `first` of them before all
     others. must_not : effects that it must not have. open_values : values that must not be called identified.
     published : {name of a value: published value}, and `within` of it, a share. unknown : whether "unknown" at the end
-    (or a step of inertia) is all that is asked for.
+    (or a step of inertia) is all that is asked for. regress, regress_hz : terms of a plain regression, which says what
+    of these values is in the log at all (`machines_regression`), and the end of its low-pass.
     """
 
     name: str
@@ -34,6 +42,8 @@ class Recorded:
     open_values: tuple[str, ...] = ()
     published: dict[str, float] = field(default_factory=dict)
     within: float = 0.1
+    regress: tuple[str, ...] = ()
+    regress_hz: float = 4.0
     unknown: bool = False
     tau: float = 0.02
 
@@ -47,7 +57,7 @@ class Recorded:
 def _kuka(name: str, poses: str, **more: object) -> Recorded:
     logs = tuple(f"kuka_kr300/joint1_traj_{pose}.csv" for pose in poses)
     signals = {"time": "t_s", "u": "u_torque_motor_Nm", "velocity": "velocity_rad_s", "position": "position_rad"}
-    return Recorded(f"kuka_kr300 {name}", logs, signals, 6.0, **more)  # type: ignore[arg-type]
+    return Recorded(f"kuka_kr300 {name}", logs, signals, 6.0, regress=(_J, _B, _FC), **more)  # type: ignore[arg-type]
 
 
 def _odrive(run: str, **more: object) -> Recorded:
@@ -67,6 +77,8 @@ def _hsm(name: str, runs: tuple[str, ...], must: tuple[str, ...]) -> Recorded:
         must=must,
         must_not=("gravity", *STAND_INS),
         published=published,
+        regress=(_J, _B, _FC) if len(runs) == 1 else (_J, _B, _FC, _F0),
+        regress_hz=3.0,
     )
 
 
@@ -93,6 +105,8 @@ def _pendulum(name: str, **more: object) -> Recorded:
         must_not=STAND_INS,
         first=1,
         published={"gravity.amplitude": 2.98, "inertia": 0.15},
+        regress=(_J, _G, _FC),
+        regress_hz=6.0,
         tau=0.05,
         **more,  # type: ignore[arg-type]
     )
@@ -129,6 +143,8 @@ RECORDED = (
         must=("viscous_friction|viscous_asymmetry", "coulomb_friction|constant_load"),
         must_not=STAND_INS,
         published={"inertia": 24.7, "viscous_friction.coefficient": 54.0, "delay": 0.007},
+        regress=(_J, _B, _FC),
+        regress_hz=30.0,
         tau=0.01,
     ),
     _odrive("slow2_nocomp_0.csv", **_SLOW),
@@ -139,6 +155,8 @@ RECORDED = (
         "spinup_4_nocomp.parquet",
         must=("coulomb_friction",),
         published={"inertia": 3.52e-3, "coulomb_friction.level": 0.42},
+        regress=(_J, _FC),
+        regress_hz=10.0,
     ),
     _silverbox("test_multisine"),
     _silverbox("test_arrow"),
@@ -154,6 +172,8 @@ RECORDED = (
         first=2,
         published={"inertia": 0.08, "viscous_friction.coefficient": 1.20, "coulomb_friction.level": 0.806},
         within=0.4,
+        regress=(_J, _B, _FC),
+        regress_hz=3.0,
         tau=0.05,
     ),
     Recorded(
@@ -166,6 +186,8 @@ RECORDED = (
         first=2,
         published={"inertia": 95.1089, "viscous_friction.coefficient": 203.5, "coulomb_friction.level": 20.39},
         within=0.05,
+        regress=(_J, _B, _FC, _F0),
+        regress_hz=20.0,
     ),
     Recorded(
         "bam_xl330, twelve runs",
@@ -176,6 +198,7 @@ RECORDED = (
         must_not=("periodic_disturbance", "external_force", "flexible_coupling", "dead_zone"),
         first=1,
         published={"inertia": 6.7e-3 / 0.09627, "gravity.amplitude": 0.4805 / 0.09627},
+        regress=(_J, _G, _B, _FC),
         tau=0.03,
     ),
     _pendulum("ddp"),

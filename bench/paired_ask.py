@@ -102,7 +102,7 @@ def _diagnosis(result: Row) -> Row:
 
 
 def _ladder(result: Row) -> Row:
-    back = {s["effect"] for s in result["ladder"] if s["kind"] == "taken back"}
+    back = {s["effect"] for s in result["ladder"] if s["kind"] == "taken_back"}
     steps = [s["effect"] for s in result["ladder"][1:]]
     named = [name for name in dict.fromkeys(steps) if name not in back and name not in (*OWN, "refit")]
     return {
