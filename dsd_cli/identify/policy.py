@@ -106,7 +106,6 @@ class Policy:
     told_deviations: float = 2.0  # standard errors that some value of an effect must be away from 0
     surest_untold: float = 0.5  # where none of them is
     surest_against_told: float = 0.5  # no effect is surer beside a held or bounded value that the log contradicts
-    drift_surest: float = 0.85  # no effect is surer on such a motion: 29 of 33 names on the outside rig were right
     afloat_surest: float = 0.5  # and none that depends on the position alone, for its zero is not known
 
     # -- a resonance above the band --
@@ -131,9 +130,9 @@ class Policy:
     # -- vetoes --
     least_inertia: float = 0.01  # of the inertia first fitted; a set that leaves less explains u by itself
     near_fall: float = 0.1  # share of the held-out error from which on an unconfirmed effect is mentioned
-    creeping_fall: float = 0.3  # and from which on it halves the belief in "none", where all is left in creeping
+    creeping_fall: float = 0.3  # and from which on it is mentioned, where all is left in creeping
     creeping_rise: float = 1.3  # of what is left of all rows over what is where the direction is sure, and no more
-    few_rows: int = 150  # independent equations below which "nothing" is 80 % sure, and of when u acts nothing is said
+    few_rows: int = 150  # independent equations below which of when u acts nothing is said
     rows_per_effect: int = 75  # that a push beside laws needs: in a short log they imitate anything
     least_rows_per_effect: int = 25  # below which no verdict on more than one effect is surer than 50 %
 
@@ -155,7 +154,7 @@ class Policy:
     surest: float = 0.99  # no verdict is surer: the catalogue is not the world
     stands_in: float = 3.0  # times what is left; an effect that takes off no more stands in for another half the time
     rows_of_a_choice: float = 3.0  # independent equations that halve a belief; times the square of the set's size
-    surest_in_part: float = 0.8  # "nothing is missing", where some effects could not be tested
+    surest_unknown: float = 0.9  # "unknown", however much is left: the search may have missed an effect that is there
     surest_unnamed: float = 0.5  # a member of a set of which the verdict names none
     surest_unstable: float = 0.9  # where the verdict changes on half of the data or in another band
     narrower_band: float = 0.5  # times the band, in which the verdict is tried again
@@ -174,14 +173,12 @@ class Policy:
 
     # -- nothing is missing --
     floor_factor: float = 1.6  # of the sensor's floor; what is left above it is no noise of the sensor
-    least_unknown: float = 0.01  # share of u that a function explains; friction at turns is not known better
+    least_unknown: float = 0.01  # share of u that a function explains, or that is left: even odds that it is a force
     floor_excess: float = 0.03  # share of u that is left above that, from which on something is missing, if unknown
     unknown_fall: float = 0.04  # share of the held-out error that a free-form function takes off: something is unknown
     unknown_nats: float = 12.0  # and the nats that it gains: it is the best of some ten functions
     structured_share: float = 0.35  # of the residual's power below which its spectrum may be that of noise
     share_of_possible: float = 0.75  # of the power that a free-form function explains, that named effects explain
-
-    narrow_band_hz: float = 10.0  # a band that ends below hides fast effects: "nothing" is then less sure
 
     # -- motion --
     resolved_deviations: float = 10.0  # of the position's noise (three counts of an encoder): the shortest way resolved

@@ -178,6 +178,6 @@ def test_a_speed_that_is_off_by_a_constant_is_no_constant_load_of_viscous_fricti
     assert tuple(model.effects) == ("viscous_friction",)
     found = diagnose([recording], model, observer)
     assert found.verdict == "none"
-    assert found.probability <= POLICY.surest_in_part
+    assert found.probability <= 0.5  # a load and a constant speed have even odds
     (tied,) = [c for c in found.ranking if c.untestable]
     assert (tied.effect, "log the position" in tied.untestable) == ("constant_load", True)

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ import pytest
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
-from dsd_cli.identify.verdict import judgement
+from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
+from dsd_cli.identify.verdict import judgement, two_numbers
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.evidence import Membership
 from dsd_cli.identify.verdict.judgement import Verdict
@@ -99,3 +101,37 @@ def test_a_doubtful_answer_is_not_asked_again_on_parts():
     assert with_stability(doubtful, (), PlantModel(INERTIA, 0.0, {}), Settings()) is doubtful
     with pytest.raises(IndexError):
         with_stability(replace(DIAGNOSIS, probability=0.95), (), PlantModel(INERTIA, 0.0, {}), Settings())
+
+
+def left_in(rmse: float, untestable: dict[str, str] | None = None, floor: float = 0.001):
+    """A search of which such an rms is left, of u, and none of whose effects takes anything off."""
+    errors = SimpleNamespace(force=1.0, rmse=lambda _fit: rmse)
+    problem = SimpleNamespace(errors=errors, floor=floor, untestable=untestable or {})
+    return SimpleNamespace(problem=problem, refit=None, practical=lambda _before, _after: False)
+
+
+def test_unknown_is_no_surer_than_what_is_left_of_u_bears_out(monkeypatch):
+    """A third of a percent is none; even odds at the 1 % that no model says better; 3 % and more are."""
+    monkeypatch.setattr(two_numbers, "surely_left", lambda search, _fit: search.problem.errors.rmse(None))
+    shares = (0.0, 0.003, 0.01, 0.03, 0.3)
+    sure = [two_numbers.left_over(left_in(share, floor=0.0), None) for share in shares]
+    assert sure == sorted(sure)
+    assert sure[0] == 0.0
+    assert sure[1] < 0.1
+    assert sure[2] == pytest.approx(0.5 * sure[4], abs=0.01)
+    assert 0.8 < sure[3] < sure[4] < 0.91
+
+
+@pytest.mark.parametrize(
+    ("untestable", "rmse", "wanted"),
+    [
+        ({}, 0.001, 1.0),
+        ({}, 0.1, 0.5),
+        ({"gravity": "no position"}, 0.001, 1.0 / (1.0 + math.exp(-3.0))),
+        ({"constant_load": LOOKS_THE_SAME}, 0.001, 0.5),
+    ],
+    ids=["all tested", "much at stops", "one not tested", "one on another path"],
+)
+def test_nothing_is_missing_by_what_was_tested_and_what_is_left(untestable, rmse, wanted, monkeypatch):
+    monkeypatch.setattr(two_numbers, "probabilities", lambda *_: {two_numbers.NOTHING: 1.0})
+    assert two_numbers.nothing_missing(left_in(rmse, untestable), []) == pytest.approx(wanted, abs=0.01)

@@ -89,11 +89,6 @@ def surely_left(search: Search, fit: Fit) -> float:
     return min(search.problem.errors.rmse(fit), left_elsewhere(search, fit))
 
 
-def beside_stops(search: Search, fit: Fit) -> bool:
-    """Whether a fit that leaves no more than noise was judged without stops and creeping, where it leaves more."""
-    return search.problem.errors.rmse(fit) > search.problem.least_missing or only_at_stops(search, fit)
-
-
 def only_at_stops(search: Search, fit: Fit) -> bool:
     """Whether more than the sensor alone leaves is left only at stops and in creeping. What friction does there is
     known in part, and the error of a coarse sensor is not white: it is no evidence for anything that is missing."""

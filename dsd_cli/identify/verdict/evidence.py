@@ -98,10 +98,8 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     surest = 1.0 if _told(search, whole, effect_id) else POLICY.surest_untold
     if member.effect.listed and has_friction(whole.terms) and search.problem.reconstructed("velocity"):
         surest = min(surest, POLICY.afloat_surest)  # a speed that wanders turns friction round: that looks like a push
-    if not search.problem.reconstructed("position"):
+    if not (search.problem.reconstructed("position") and _of_position(effect_id)):
         return Membership(effect_id, shares, tuple(found), tuple(alike), surest)
-    if not _of_position(effect_id):
-        return Membership(effect_id, shares, tuple(found), tuple(alike), min(surest, POLICY.drift_surest))
     afloat = [o.effect for o in options if _of_position(o.effect)]
     surest = min(surest, POLICY.afloat_surest)
     return Membership(effect_id, shares, tuple(dict.fromkeys([*found, *afloat])), tuple(alike), surest)

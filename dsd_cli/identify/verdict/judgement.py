@@ -15,18 +15,20 @@ from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling,
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.contradictions import contradictions
-from dsd_cli.identify.verdict.discrepancy import (
-    Discrepancy,
-    above_floor,
-    beside_stops,
-    only_at_stops,
-    said_of_stops,
-)
-from dsd_cli.identify.verdict.evidence import NOTHING, Membership, probabilities
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, only_at_stops, said_of_stops
+from dsd_cli.identify.verdict.evidence import Membership, probabilities
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.own_values import ParameterCheck
 from dsd_cli.identify.verdict.resonance import Resonance, note_on
-from dsd_cli.identify.verdict.two_numbers import EVEN, missing_of, probability_of, surest_of, unexplained_of
+from dsd_cli.identify.verdict.two_numbers import (
+    EVEN,
+    left_over,
+    missing_of,
+    nothing_missing,
+    probability_of,
+    surest_of,
+    unexplained_of,
+)
 
 
 class Verdict:
@@ -71,7 +73,7 @@ class Verdict:
         """(verdict, probability)."""
         search, beyond = self.search, self.beyond
         if self.limits.blocked:
-            return UNKNOWN, 0.9
+            return self._unknown()
         if self.seen is not None:
             return self.seen.effect, POLICY.surest / (1.0 + len(self.seen.rivals))
         if self.shown.other is not None:
@@ -79,13 +81,18 @@ class Verdict:
         if self.members:
             return self._of_members()
         known = self._share_of_possible(self.own.score.heldout_rmse, self.own.refitted.heldout_rmse)
-        left_over = above_floor(search, search.refit)
+        above = above_floor(search, search.refit)
         likely, varies = known * self.own.probability, beyond.unknown and beyond.of_gain  # then no one inertia is right
-        if self.own.wrong and known >= POLICY.share_of_possible and not left_over and not varies:
+        if self.own.wrong and known >= POLICY.share_of_possible and not above and not varies:
             return self.own.wrong, min(likely, self.surest)
-        if beyond.unknown or left_over or self.shown.said:
-            return UNKNOWN, min(0.9 if beyond.unknown else 0.6, self.limits.surest)
-        return NONE, self._nothing()
+        if beyond.unknown or above or self.shown.said:
+            return self._unknown()
+        return NONE, min(nothing_missing(search, self.options), self.surest)
+
+    def _unknown(self) -> tuple[str, float]:
+        """As sure as what is left of u is a force; a push above the band, or play, is rather there than not."""
+        likely = left_over(self.search, self.whole)
+        return UNKNOWN, min(max(likely, EVEN if self.shown.said else 0.0), self.limits.surest)
 
     def _of_members(self) -> tuple[str, float]:
         """(verdict, probability) where effects were found: the one that is worth most."""
@@ -94,13 +101,13 @@ class Verdict:
         group = [name for name in (best, *member.alike) if self._lowers(name)]
         if not (group or self._only_together()) or self._weightless(self.whole):
             self.rising = best if self._explains(best) else ""
-            return UNKNOWN, 0.5
+            return self._unknown()
         known = self._share_of_possible(rmse(self.search.refit), rmse(self.whole))
         named = min(group or [best], key=lambda name: get_effect(name).rarity)
         self._named_for[named] = best
         noise = not (self.beyond.unknown or needs_acceleration(named))  # is left, and no law of the motion follows it
         if max(known, member.place if noise else 0.0) < POLICY.share_of_possible:
-            return UNKNOWN, min(1.0 - max(known, 0.0), self.limits.surest)
+            return self._unknown()
         belief = max(member.probabilities.get(named, 0.0), member.place / (1 + len(member.rivals)))
         return named, min(known, probability_of(self.search, self.whole, member, belief, self.surest))
 
@@ -154,17 +161,6 @@ class Verdict:
             return False, False, -math.inf
         limit = (1.0 - POLICY.least_alone) * self.own.score.rmse  # of a model that nothing was fitted for
         return lowers, lowers and self.problem.errors.rmse(option.fit) < limit, option.evidence
-
-    def _nothing(self) -> float:
-        """Probability that nothing is missing: effects of a practical size that no block confirms have half at most."""
-        search = self.search
-        useful = [o for o in self.options if search.practical(search.refit, o.fit)]
-        narrow = self.search.equations.band.hz < POLICY.narrow_band_hz
-        in_part = self.problem.untestable or narrow or self.shown.counted or beside_stops(search, search.refit)
-        surest = min(POLICY.surest_in_part, self.surest) if in_part else self.surest
-        if self._in_creeping() is not None:
-            surest = min(surest, POLICY.surest_untold)
-        return min(0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING], surest)
 
     def _in_creeping(self) -> Option | None:
         """An effect that would take much off what is left, but only at stops and in creeping, where nothing is sure."""

@@ -98,8 +98,7 @@ def _fitted_values(search: Search) -> ParameterCheck:
     late = _late_effects(search) if best is not None and best.effect == DELAY else ()
     if best is not None and late:
         candidates = (replace(best, indistinguishable_from=late), *candidates[1:])
-    surest = POLICY.drift_surest if problem.reconstructed("velocity") else POLICY.surest
-    sure_of_it = min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), surest)
+    sure_of_it = min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), POLICY.surest)
     if wrong not in (INERTIA, DELAY):
         candidates = (_all_of_an_effect(search, wrong, score, refitted), *candidates)
     candidates = tuple(replace(c, probability=sure_of_it if c.effect == wrong else 0.0) for c in candidates)

@@ -9,14 +9,15 @@ there are for a set of that size. docs/how/identify.md has the diagram that its 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
+from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, surely_left
-from dsd_cli.identify.verdict.evidence import Membership
+from dsd_cli.identify.verdict.evidence import NOTHING, Membership, probabilities
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.pushes import pushes_leave_more
 
@@ -26,12 +27,9 @@ EVEN = 0.5
 
 def surest_of(search: Search, whole: Fit, limits: Limits) -> float:
     """Upper bound on any probability: by the number of independent equations, and by the log itself. Every effect was
-    chosen among many, beside every other: with few equations many effects explain any moves. And where none was found,
-    few equations show little."""
-    rows, size = search.problem.blocks.rows, _size(search, whole)
+    chosen among many, beside every other, and so was none: with few equations many effects explain any moves."""
+    rows, size = search.problem.blocks.rows, max(_size(search, whole), 1)
     most = rows / (rows + POLICY.rows_of_a_choice * size**2)
-    if not size and rows < POLICY.few_rows:
-        most = POLICY.surest_in_part
     very_few = size > 1 and rows < POLICY.least_rows_per_effect * size
     doubtful = very_few or pushes_leave_more(search, whole)
     return min(POLICY.surest_untold if doubtful else POLICY.surest, most, limits.surest)
@@ -64,13 +62,39 @@ def _no_stand_in(search: Search, whole: Fit, name: str) -> float:
     return own / max(own + (POLICY.stands_in * _left(search, whole)) ** 2, 1e-300)
 
 
+def left_over(search: Search, whole: Fit) -> float:
+    """Probability that what a set leaves is a force that no effect describes."""
+    return POLICY.surest_unknown * _force(search, _left(search, whole))
+
+
+def nothing_missing(search: Search, options: Sequence[Option]) -> float:
+    """Probability that nothing is missing: effects of a practical size that no block confirms have half at most, as
+    what is left at stops and in creeping has, where nothing is sure.
+
+    An effect that cannot be tested keeps the odds that its price says; one that another path explains as well, even
+    ones.
+    """
+    useful = [o for o in options if search.practical(search.refit, o.fit)]
+    prior, untestable = math.exp(-POLICY.effect_price), search.problem.untestable.values()
+    untested = sum(1.0 if why == LOOKS_THE_SAME else prior for why in untestable)
+    rmse, noise = search.problem.errors.rmse(search.refit), POLICY.floor_factor * search.problem.floor
+    left = _force(search, math.sqrt(max(rmse**2 - noise**2, 0.0)))
+    likely = 0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING]
+    return likely * (1.0 - EVEN * left) / (1.0 + untested)
+
+
+def _force(search: Search, left: float) -> float:
+    """Probability that an rms beyond the noise, unit of u, is a force: its power over that and the power of what no
+    model of an axis says better."""
+    return left**2 / max(left**2 + (POLICY.least_unknown * search.problem.errors.force) ** 2, 1e-300)
+
+
 def unexplained_of(search: Search, whole: Fit, beyond: Discrepancy, nothing: float) -> Unexplained:
     """What a set leaves. nothing : probability that nothing is missing beside it, where neither a function of the
     channels nor the sensor's floor says that something is."""
-    share = _left(search, whole) / max(search.problem.errors.force, 1e-300)
-    if beyond.unknown:
-        return Unexplained(share, 0.9, beyond.on)
-    return Unexplained(share, 0.6 if above_floor(search, whole) else 1.0 - nothing)
+    share, on = _left(search, whole) / max(search.problem.errors.force, 1e-300), beyond.on if beyond.unknown else ()
+    left = beyond.unknown or above_floor(search, whole)
+    return Unexplained(share, left_over(search, whole) if left else 1.0 - nothing, on)
 
 
 def _left(search: Search, fit: Fit) -> float:
