@@ -95,18 +95,17 @@ class Information:
         moved = np.linalg.solve(left, scores[..., None])[..., 0]
         parts = np.maximum(np.einsum("ki,bij,jk->bk", inverse, normals, inverse), 0.0)
         telling = parts.sum(axis=0) ** 2 / np.maximum(np.sum(parts**2, axis=0), 1e-300)
-        moved = moved * _wider(np.minimum(telling, count))
+        moved = moved * _wider(telling)
         return np.asarray(moved.T @ moved * (count - 1) / count)
 
     def steps(self, free: Sequence[bool]) -> tuple[Array, float]:
         """(by how much the logarithms of the shapes that are free are off their least squares, one each; how far the
         squares fall there): one step of Gauss and Newton, the coefficients solved for along with them."""
-        size = np.sqrt(np.maximum(np.diag(self.normal), 0.0))
-        size[size == 0.0] = 1.0
+        size, normal = _scaled(self.normal)
         open_ = np.concatenate([np.ones(len(size) - len(free)), free])
         slopes = open_ * self.scores.sum(axis=0) / size
         slopes[: len(size) - len(free)] = 0.0
-        whole = np.linalg.pinv(np.outer(open_, open_) * self.normal / np.outer(size, size), rcond=1e-10, hermitian=True)
+        whole = np.linalg.pinv(np.outer(open_, open_) * normal, rcond=1e-10, hermitian=True)
         return np.asarray((whole @ slopes / size)[len(size) - len(free) :]), float(slopes @ whole @ slopes)
 
     def share(
@@ -121,14 +120,20 @@ class Information:
         self, held: Sequence[Array], priors: Sequence[tuple[Array, float]], weight: float
     ) -> tuple[Array, Array, Array, Array, Array]:
         """(sizes of the unknowns; free directions, priors, data, inverse of both: in unknowns of size 1)."""
-        size = np.sqrt(np.maximum(np.diag(self.normal), 0.0))
-        size[size == 0.0] = 1.0  # nothing depends on it, as on the gap of a load whose contacts are known
+        size, normal = _scaled(self.normal)
         prior = [row / spread for row, spread in priors] if weight > 0.0 else []
         pulls = np.array(prior).reshape(-1, len(size)) / size
         free = _free(np.array(held).reshape(-1, len(size)) / size, len(size))
-        data = free.T @ (self.normal / np.outer(size, size)) @ free
+        data = np.asarray(free.T @ normal @ free)
         pulled = free.T @ (pulls.T @ pulls) @ free
-        return size, free, pulled, data, np.linalg.pinv(data + weight * pulled, rcond=1e-10, hermitian=True)
+        return size, free, pulled, data, np.asarray(np.linalg.pinv(data + weight * pulled, rcond=1e-10, hermitian=True))
+
+
+def _scaled(normal: Array) -> tuple[Array, Array]:
+    """(sizes of the unknowns; the matrix in unknowns of size 1)."""
+    size = np.sqrt(np.maximum(np.diag(normal), 0.0))
+    size[size == 0.0] = 1.0  # nothing depends on it, as on the gap of a load whose contacts are known
+    return size, normal / np.outer(size, size)
 
 
 def _wider(telling: Array) -> Array:
@@ -215,9 +220,9 @@ def _restless(fit: Fit, bank: Bank, normal: Array, left: Array) -> float:
     """
     inputs, held, middle = inputs_of(fit.terms), has_friction(fit.terms), max(round(fit.tap + fit.total[SHARE]), 1)
     early, at, late = (bank.drive(inputs, n, False, held) for n in (middle - 1, middle, middle + 1))
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    whole = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-10, hermitian=True)
-    own = float(left @ (early - 2.0 * at + late)) / float(normal[SHARE, SHARE] or 1.0)
+    size, scaled = _scaled(normal)
+    whole = np.linalg.pinv(scaled, rcond=1e-10, hermitian=True)
+    own = float(left @ (early - 2.0 * at + late)) / float(size[SHARE]) ** 2
     return min(max(-own, 0.0), 0.5 / max(float(whole[SHARE, SHARE]), 1.0))
 
 

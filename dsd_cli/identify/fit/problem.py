@@ -24,7 +24,7 @@ from dsd_cli.identify.fit.ranges import ranges
 from dsd_cli.identify.fit.row_weights import Weighed, at_least_squares, weighed
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.testability import Settings, candidates_of, check_recordings, check_used
-from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values, terms_of, whole_inertia
+from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values, terms_of, whole_inertia, without_zero
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Score
@@ -119,9 +119,10 @@ class Problem:
         found, known = at_least_squares(weighed(fit, self.solver, self.errors.bank))
         known = known if returned else replace(known, returned=0.0)
         left, noise = found.variance, self._noise_in(found)
-        beyond = left - noise if left > POLICY.incomplete * noise else 0.0
+        beyond = left if found.leaning else left - noise if left > POLICY.incomplete * noise else 0.0
         floor = left * found.inflation + beyond * POLICY.correlated_rows
-        return fitted_values(found.fit, found.solver, self.scale, floor, known, complete=beyond == 0.0)
+        fitted = fitted_values(found.fit, found.solver, self.scale, floor, known, complete=beyond == 0.0)
+        return without_zero(fitted, fit.terms, self.solver.known) if self.reconstructed("position") else fitted
 
     def _noise_in(self, found: Weighed) -> float:
         """Variance of a whitened row that no function of single channels explains, in the rows that this fit trusts."""

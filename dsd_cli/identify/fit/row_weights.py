@@ -35,12 +35,14 @@ class Weighed:
     """A fit with every row weighed by how sure it is.
 
     residual : whitened, of the inverse form, shape (N,). rows : how many whole rows count, by their weights.
+    leaning : too few are sure to identify the values, so that all count: what is left leans to one side in all.
     """
 
     solver: Solver
     fit: Fit
     residual: Array
     rows: float
+    leaning: bool = False
 
     @property
     def variance(self) -> float:
@@ -76,7 +78,7 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     unsure = counted & ~sure
     least = POLICY.rows_per_value * (len(fit.total) + sum(t.effect.searched for t in fit.terms))
     if sure.sum() < least or not unsure.any():
-        return Weighed(solver, fit, _residual(fit, solver.bank), float(counted.sum()))
+        return Weighed(solver, fit, _residual(fit, solver.bank), float(counted.sum()), bool(unsure.any()))
     for _ in range(_ROUNDS):
         left = _residual(fit, solver.bank) ** 2
         quiet, loud = float(np.mean(left[sure])), float(np.mean(left[unsure]))

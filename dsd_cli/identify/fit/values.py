@@ -23,7 +23,6 @@ from dsd_cli.signals.log import Array
 
 #: How near a bound counts as on it (share of the value).
 ON_BOUND = 1e-6
-
 #: Steps of delay beyond the whole ones at which a mix of two steps still stands for a delay.
 MOST_SHARE = 1.5
 #: Least inertia that is reported, so that a config can hold it.
@@ -128,8 +127,7 @@ class Fitted:
 def fitted_values(
     fit: Fit, solver: Solver, scale: Scale, floor: float, found: Information, complete: bool = False
 ) -> Fitted:
-    """Every value of the model with its standard error; found : what the rows say. floor, complete : see
-    `Information.covariance`."""
+    """Every value of the model with its standard error. floor, complete : see `Information.covariance`."""
     values = flat(scale.model(fit))
     linear = len(fit.total)
     bare = replace(scale, known=PriorKnowledge())
@@ -192,6 +190,19 @@ def _found_only(estimates: Mapping[str, Estimate], fit: Fit, known: PriorKnowled
     if whole_inertia(fit) > 0.0 or INERTIA in known.fixed:
         return estimates
     return {**estimates, INERTIA: replace(estimates[INERTIA], std_error=math.nan, grade="not")}
+
+
+def without_zero(fitted: Fitted, terms: Terms, known: PriorKnowledge) -> Fitted:
+    """Where nobody knows the zero of the position (it was put together from u and d_hat): a phase over the position,
+    and a constant force beside a spring, are those of an arbitrary zero and have no error; sizes have theirs."""
+    applied = [t for t in terms if t.effect.role is Role.APPLIED]
+    by_place = [t for t in applied if tuple(t.effect.needs) == ("position",)]
+    lost = {f"{t.id}.{p.name}" for t in by_place for p in t.effect.parameters if p.whole_turn}
+    if any(not any(p.whole_turn for p in t.effect.parameters) for t in by_place):
+        constant = (t for t in applied if not (t.effect.needs or t.effect.listed or t.effect.repeats))
+        lost |= {f"{t.id}.{p.name}" for t in constant for p in t.effect.parameters}
+    told = {n: replace(fitted.estimates[n], std_error=math.nan, grade="not") for n in lost - {*known.fixed}}
+    return replace(fitted, estimates=fitted.estimates | told)
 
 
 def _estimate(
