@@ -188,7 +188,8 @@ def print_ladder(report: LadderReport, file: Any) -> None:
             console.print(escaped(line))
     if line := stability_line(result.last):
         console.print(escaped(f"verdict on parts: {line}"))
-    added = [step.effect for step in result.steps]
+    back = {step.effect for step in result.steps if step.kind == "taken back"}
+    added = [step.effect for step in result.steps if step.effect not in back]
     for line in [] if result.last.blocked else two_answers(result.missing, result.last.unexplained, added):
         console.print(escaped(line))
     print_legend(console, result.last.units)

@@ -58,11 +58,12 @@ def _open(story: Story) -> list[str]:
 
 
 def _ties(story: Story) -> list[Candidate]:
-    """The verdict of the first diagnosis, if others explain the log as well."""
-    report = story.diagnosis.value
+    """The verdict of the first diagnosis, if others explain the log as well; not where it was taken back later."""
+    report, ladder = story.diagnosis.value, story.ladder.value
     if report is None:
         return []
-    return [c for c in report.result.ranking if c.effect == report.result.verdict]
+    back = {step.effect for step in ladder.result.steps if step.kind == "taken back"} if ladder else set()
+    return [c for c in report.result.ranking if c.effect == report.result.verdict and c.effect not in back]
 
 
 def _advice(story: Story) -> list[str]:
