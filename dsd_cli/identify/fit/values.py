@@ -129,8 +129,7 @@ def fitted_values(
 ) -> Fitted:
     """Every value of the model with its standard error. floor, complete : see `Information.covariance`."""
     values = flat(scale.model(fit))
-    linear = len(fit.total)
-    bare = replace(scale, known=PriorKnowledge())
+    linear, bare = len(fit.total), replace(scale, known=PriorKnowledge())
 
     def at(change: Array) -> dict[str, float]:
         theta = fit.total + change[:linear]
@@ -199,9 +198,10 @@ def without_zero(fitted: Fitted, terms: Terms, known: PriorKnowledge) -> Fitted:
     by_place = [t for t in applied if tuple(t.effect.needs) == ("position",)]
     lost = {f"{t.id}.{p.name}" for t in by_place for p in t.effect.parameters if p.whole_turn}
     if any(not any(p.whole_turn for p in t.effect.parameters) for t in by_place):
-        constant = (t for t in applied if not (t.effect.needs or t.effect.listed or t.effect.repeats))
-        lost |= {f"{t.id}.{p.name}" for t in constant for p in t.effect.parameters}
-    told = {n: replace(fitted.estimates[n], std_error=math.nan, grade="not") for n in lost - {*known.fixed}}
+        constant = (t for t in applied if not (t.effect.needs or t.effect.repeats))
+        lost |= {f"{t.id}.{p.name}" for t in constant for p in t.effect.parameters if not p.listed}
+    lost &= fitted.estimates.keys() - known.fixed.keys()
+    told = {n: replace(fitted.estimates[n], std_error=math.nan, grade="not") for n in lost}
     return replace(fitted, estimates=fitted.estimates | told)
 
 
