@@ -85,7 +85,8 @@ def _band(stretches: Sequence[Stretch], source: Source) -> Band | None:
     step = max(encoder_step(x) or _rare_step(x) for x in channels)
     level = 2.0 * T * (step * step) / 12.0  # of a huge step infinite: nothing is seen
     if step == 0.0:  # each sees some signal as noise: the spectrum jumps, the high differences smooth motion
-        level = min(_white_level(f, power, gain, T), 2.0 * T * max(noise_of(x) for x in channels) ** 2)
+        rms = max(noise_of(x) for x in channels)
+        level = min(_white_level(f, power, gain, T), 2.0 * T * (rms * rms))
     noise = level * gain
     cutoff = _cutoff(f, power, noise, T)
     if cutoff is None:
