@@ -61,10 +61,13 @@ def test_a_plain_file_is_read_as_it_is(tmp_path: Path) -> None:
         (zipped(b"", "xl/workbook.xml", "[Content_Types].xml"), "an Excel workbook: save the sheet"),
         (zipped(PLAIN.encode(), "a.csv", "b.csv"), "a zip archive of 2 files (a.csv, b.csv): unpack it first"),
         (zipped(PLAIN.encode(), "folder/"), "a zip archive of 0 files: unpack it first"),
-        (gzip.compress(PLAIN.encode())[:-900], "gzip-compressed and cannot be unpacked"),
+        (gzip.compress(PLAIN.encode(), mtime=0)[:-900], "gzip-compressed and cannot be unpacked"),
         (lzma.compress(PLAIN.encode())[:-90], "xz-compressed and cannot be unpacked"),
         (bz2.compress(PLAIN.encode())[:-90], "bzip2-compressed and cannot be unpacked"),
-        (gzip.compress(b"MATLAB 5.0\0\1\2\3" * 99), "gzip-compressed, and what is in it is no text: unpack it first"),
+        (
+            gzip.compress(b"MATLAB 5.0\0\1\2\3" * 99, mtime=0),
+            "gzip-compressed, and what is in it is no text: unpack it first",
+        ),
     ],
 )
 def test_what_cannot_be_unpacked_is_one_line_with_its_name(content: bytes, said: str, tmp_path: Path) -> None:
