@@ -19,7 +19,7 @@ import numpy as np
 
 from bench.engines import ROOT
 from bench.learn_nothing import COMPLETE, known_of
-from bench.learn_truth import law_error
+from bench.learn_truth import law_error, settled
 from bench.marked import put
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.problem import pose
@@ -62,8 +62,6 @@ PAGE = ROOT / "docs" / "measured" / "learn.md"
 _NEAR, _VISITED = 0.004, 3
 #: Share of the usual speed below which nothing of a law is seen.
 _MOVES = 0.05
-#: Nothing to look for: then rows begin where the log does, before what a law remembers is forgotten.
-_ALL_ROWS = Settings(effects=())
 #: Errors of a row, as the table has them.
 _HELD_OUT, _SECOND = ("before", "after", "exact_law", "true"), ("second", "second_exact_law", "second_true")
 
@@ -109,7 +107,7 @@ def recording_of(log: StrangeLog, without_law: bool = False) -> tuple[Recording,
 def true_error(log: StrangeLog) -> float:
     """Held-out error of the model's own values beside the true law."""
     recording, model = recording_of(log, without_law=True)
-    problem = pose([recording], model, _ALL_ROWS)
+    problem = pose([recording], model, Settings(effects=()))
     return problem.score(Search(problem).refit).heldout_rmse
 
 
@@ -123,7 +121,8 @@ def asked(law: str, sensor: str, seed: int, laws: dict[str, Any]) -> Row:
     found = learn([recording], model)
     cpu = time.process_time() - begin
     second, _ = recording_of(other)
-    problem = pose([second], found.model, _ALL_ROWS)
+    problem = pose([second], found.model, Settings(effects=()))
+    known = settled(problem.errors.equations)[problem.errors.equations.kept]
     hidden = None if law in COMPLETE else {**LAWS, **laws}[law]
     on, form = ((), "") if hidden is None else (hidden.on, hidden.form)
     names = set() if found.formula is None else set(found.formula.effects)
@@ -138,7 +137,7 @@ def asked(law: str, sensor: str, seed: int, laws: dict[str, Any]) -> Row:
         found.refitted.heldout_rmse,
         found.after.heldout_rmse,
         true_error(log) if hidden else float("nan"),
-        problem.errors.of_model(found.model).rmse,
+        float(np.sqrt(np.mean(problem.errors.rows_of_model(found.model)[known] ** 2))),
         true_error(other) if hidden else float("nan"),
         covered(found, log, hidden),
         cpu,
@@ -147,8 +146,8 @@ def asked(law: str, sensor: str, seed: int, laws: dict[str, Any]) -> Row:
             ()
             if hidden is None
             else (
-                law_error(log, hidden, recording, model, Settings()),
-                law_error(other, hidden, second, model, _ALL_ROWS),
+                law_error(log, hidden, recording, model),
+                law_error(other, hidden, second, model, settled),
             )
         ),
     )
