@@ -15,6 +15,7 @@ from dsd_cli.files.recognise import (
     Recognised,
     is_command,
     is_current,
+    is_error,
     is_force,
     is_motion,
     is_voltage,
@@ -205,12 +206,13 @@ def roles_of(look: FirstLook, table: Table, given: Mapping[str, str]) -> Roles:
     named = {role: one.column for role, one in look.found.items()}
     if "u" not in named and is_command(named.get("reference", "")):
         del named["reference"]  # only what it does says of what
-    forces = {one.name for one in table.channels if is_force(one.name, one.unit)} - set(given.values())
+    errors = {one.name for one in table.channels if is_error(one.name)} - set(given.values())
+    forces = errors | {one.name for one in table.channels if is_force(one.name, one.unit)} - set(given.values())
     u = look.found.get("u")
     if u is not None and u.equals and "u" not in given and not any(one in named for one in MOTION):
         del named["u"]  # Voltage_0, Voltage_1: whose name says nothing
         forces -= {u.column, *u.equals}
-    moved = {one.name for one in table.channels if is_motion(one.name, one.unit)} - set(given.values())
+    moved = errors | {one.name for one in table.channels if is_motion(one.name, one.unit)} - set(given.values())
     others = () if u is None or "u" in given else u.others
     rivals = frozenset(one for one in others if u is not None and _kind(look, one) == _kind(look, u.column))
     sure = (frozenset(forces), frozenset(moved))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bz2
 import codecs
 import gzip
+import io
 import lzma
 import re
 import zipfile
@@ -81,18 +82,17 @@ def _member(path: str) -> IO[bytes] | None:
 
 def _unpacked(path: str | Path, kind: str, stream: IO[bytes], most: int | None) -> bytes:
     """The text that a stream gives, and no more than the machine has memory for."""
-    parts, size = list[bytes](), 0
+    text, size = io.BytesIO(), 0  # grows in place, and is handed over without a copy
     try:
         with stream:
             while (most is None or size < 2 * most) and (part := stream.read(PIECE)):
-                parts.append(part)
-                size += len(part)
+                size += text.write(part)
                 check_size(str(path), size)
     except (OSError, EOFError, RuntimeError, NotImplementedError, ValueError) as error:
         raise _damaged(path, kind, error) from None
     except (zlib.error, lzma.LZMAError, zipfile.BadZipFile) as error:
         raise _damaged(path, kind, error) from None
-    content = _as_utf8(b"".join(parts))[:most]
+    content = _as_utf8(text.getvalue())[:most]
     if b"\0" in content[:HEAD].rstrip(b"\0"):
         raise DataError(f"{path}: is {kind}, and what is in it is no text", "unpack it first")
     return content

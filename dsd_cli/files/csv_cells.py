@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +36,7 @@ _SPELT = re.compile(
     rf"([-+]?(?:\d[\d.,'\u2019{_BLANK}]*|[.,]\d+)(?:[eE][-+]?\d+)?)[{_BLANK}]*([^\s\d.,'\u2019+-].*)?", re.ASCII
 )
 _LARGE = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}")
+_LONE = re.compile(r"\s*([-+]?\d*([.,])\d+(?:[eE][-+]?\d+)?)(?![\d.,])")
 DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
 ISO_TIME = re.compile(r"\s*\d{4}-\d\d-\d\d[ T]\d\d:\d\d")
 SPOKEN_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "min": 60.0, "hr": 3600.0}
@@ -96,16 +98,25 @@ def _grouped(thousands: str, decimal: str) -> re.Pattern[str]:
     return re.compile(rf"[-+]?(?:{whole}(?:{sign}\d*)?|{sign}\d+)(?:[eE][-+]?\d+)?")
 
 
-def written(cells: Iterable[str]) -> Written | None:
-    """How numbers are written that have a unit, thousands apart or base 16; None: they have not, or are none."""
+def decimal_signs(cells: Iterable[str]) -> set[str]:
+    """The signs that can stand between no thousands: of a file these are decimal in every column of it."""
+    found = filter(None, map(_LONE.match, cells))
+    return {one[2] for one in found if not _LARGE.fullmatch(one[1])}
+
+
+def written(cells: Iterable[str], decimal: Collection[str] = ()) -> Written | None:
+    """How numbers are written that have a unit, thousands apart or base 16; None: they have not, or are none.
+
+    `decimal`: signs that are decimal where one alone could be either, see `decimal_signs`.
+    """
     given = [text for cell in cells if (text := cell.strip()) not in MISSING]
     there = [text.replace(MINUS, "-") for text in given]
     with suppress(ValueError):
         if all(math.isfinite(float(text)) for text in there):  # nearly all columns
             return None if there == given else Written()
     if there and all(map(_HEX.fullmatch, there)):
-        widths = {len(text.lstrip("+-")) - 2 for text in there}
-        return Written(digits=max(widths)) if widths <= set(WIDTHS) and len(widths) == 1 else Written(digits=1)
+        digits = max(len(text) - 2 for text in there)
+        return Written(digits=digits if digits in WIDTHS and _goes_below_zero(there, 4 * digits) else 1)
     found = [_SPELT.fullmatch(text) for text in there]
     units = {one[2] or "" for one in found if one is not None}
     if None in found or len(units) != 1:
@@ -113,18 +124,28 @@ def written(cells: Iterable[str]) -> Written | None:
     (unit,) = units
     if unit and (not is_unit(unit) or unit.lower() in SPOKEN_UNITS):  # a time is in s
         return None
-    thousands, decimal = _signs([one[1].strip() for one in found if one is not None])
-    how = Written(thousands, decimal, unit)
+    how = Written(*_signs([one[1].strip() for one in found if one is not None], decimal), unit)
     try:
         for text in there:
             how.value(text)
     except ValueError:
         return None
-    return how if unit or thousands or there != given else None
+    return how if unit or how.thousands or there != given else None
 
 
-def _signs(numbers: Sequence[str]) -> tuple[str, str]:
-    """(what stands between thousands, the decimal sign); a lone sign is decimal, if not only larger numbers have it."""
+def _goes_below_zero(there: Sequence[str], bits: int) -> bool:
+    """Whether numbers in base 16, with or without zeros before them, make no larger steps as two's complement."""
+    plain = [int(text, 16) for text in there]
+    signed = [value - (1 << bits) * (value >> (bits - 1)) for value in plain]
+    usual, other = (max((abs(b - a) for a, b in pairwise(one)), default=0) for one in (signed, plain))
+    return usual <= other
+
+
+def _signs(numbers: Sequence[str], decimal: Collection[str]) -> tuple[str, str]:
+    """(what stands between thousands, the decimal sign); a lone sign is decimal, if not only larger numbers have it.
+
+    A step from 0 to 1,125 is no other than that where other columns say what the sign is.
+    """
     blank = next((sign for text in numbers for sign in text if sign in f"'\u2019{_BLANK}"), "")
     if blank:
         return blank, "," if any("," in text for text in numbers) else "."
@@ -137,6 +158,8 @@ def _signs(numbers: Sequence[str]) -> tuple[str, str]:
     for sign, other in ((",", "."), (".", ",")):
         large = [text for text in numbers if sign in text]
         small = [text.lstrip("+-") for text in numbers if sign not in text]
+        if sign in decimal:
+            continue
         if large and all(_LARGE.fullmatch(text) for text in large) and small and all(len(text) < 4 for text in small):
             return sign, other
     return "", "," if any("," in text for text in numbers) else "."

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
 from dsd_cli.errors import DataError
-from dsd_cli.files.csv_cells import DECIMAL_COMMA, MISSING, Written, is_number, written
+from dsd_cli.files.csv_cells import DECIMAL_COMMA, MISSING, Written, decimal_signs, is_number, written
 
 DELIMITERS = (",", ";", "\t")
 COMMENT = ("#", "%")
@@ -21,6 +21,7 @@ _ENCODINGS = (
     ("cp932", re.compile("[\u3041-\u30fa]{2}")),
     ("gb18030", re.compile("[\u8f6c\u626d]\u77e9|\u901f\u5ea6|\u8f6c\u901f|\u4f4d\u7f6e|\u7535\u6d41")),
 )
+_UNIT = re.compile(r"\s*[-+]?[\d.,]+\s*([^\s\d.,'+-]\S*)\s*$", re.ASCII)
 _OTHER_FORMATS = {
     b"version https://git-lfs.github.com/spec/v1": (
         "is a pointer of Git LFS, the file itself was not fetched",
@@ -207,6 +208,14 @@ def numbered(names: Sequence[str], wanted: Iterable[str], below: Sequence[str] =
     return found
 
 
+def _at_first(cells: Sequence[str], sure: Collection[str]) -> Written | None:
+    """Of a column in several units, how it is written with the first: whoever reads it says where that changes."""
+    units = {cell: match[1] for cell in cells if (match := _UNIT.match(cell))}
+    first = next(iter(units.values()), "")
+    found = written([cell for cell in cells if units.get(cell) == first], sure) if first else None
+    return found if found and found.unit else None
+
+
 def look_at_rows(
     lines: Sequence[str], header: Header, skip: int, needed: Sequence[int], units: list[str] | None = None
 ) -> Dialect:
@@ -222,7 +231,8 @@ def look_at_rows(
         rows = rows[1:]
     whole = [fields for at, fields in rows if lines[at].count('"') % 2 == 0]  # behind a stray quote a comma is none
     columns = [[fields[k] for fields in whole if len(fields) == len(header.names)] for k in range(len(header.names))]
-    how = {k: found for k, cells in enumerate(columns) if (found := written(cells)) is not None}
+    sure = decimal_signs(cell for cells in columns for cell in cells)
+    how = {k: found for k, cells in enumerate(columns) if (found := written(cells, sure) or _at_first(cells, sure))}
     cells = (cell for fields in whole for k, cell in enumerate(fields) if k in needed and k not in how)
     decimal = "," if any("," in cell and DECIMAL_COMMA.fullmatch(cell) for cell in cells) else "."
     return Dialect(header, skip, rows[0][1] if rows else [], decimal, units, how)

@@ -12,6 +12,7 @@ from dsd_cli.files.words import (
     COUNTERS,
     COUNTS,
     ELSE,
+    ERRORS,
     GENERAL,
     IDLE,
     MEASURED,
@@ -155,6 +156,11 @@ def is_motion(name: str, unit: str) -> bool:
     said = any(_score(channel, name) > 0.0 for channel in ("time", "position", "velocity", "reference"))
     in_units = any(plain_unit(unit) in NAMED[channel] for channel in NAMED)
     return (said or in_units or bool(words & IDLE)) and not _score("u", name) and not is_command(name)
+
+
+def is_error(name: str) -> bool:
+    """Whether a name says that it is what is left to go, which a controller makes a control input of, and no motion."""
+    return _has(name, ERRORS)
 
 
 def quaternions(names: Collection[str]) -> set[str]:

@@ -49,8 +49,6 @@ COMMANDS = {"cmd", "command", "demand"}
 MEASURED = {"act", "actual", "meas", "measured", "ist", "fbk", "feedback", "real", "motor", "filtered", "filt", "实际"}
 #: Words that make a column of another thing whatever else it is called: errors, limits, other axes' business.
 ELSE = {
-    "error",
-    "err",
     "limit",
     "max",
     "min",
@@ -62,10 +60,11 @@ ELSE = {
     "count",
     "mode",
     "true",
-    "偏差",
 }
+#: Of what a controller is to take away.
+ERRORS = {"error", "err", "偏差"}
 #: Words of what feeds a drive, which no motion follows.
-ELSE |= {"battery", "bus", "vbus", "supply", "vcc", "vdc"}
+ELSE |= ERRORS | {"battery", "bus", "vbus", "supply", "vcc", "vdc"}
 
 #: Words of a column that counts the rows.
 COUNTERS = {"n", "k", "i", "nr", "no", "row", "index", "idx", "count", "counter", "sample", "samples", "id", "cycle"}

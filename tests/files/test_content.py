@@ -6,6 +6,7 @@ import io
 import lzma
 import subprocess
 import sys
+import tracemalloc
 import zipfile
 from pathlib import Path
 
@@ -109,3 +110,14 @@ def test_a_file_that_asks_for_more_memory_than_there_is_has_its_name() -> None:
         understanding("log.mcap", "MCAP"),
     ):
         raise MemoryError
+
+
+def test_a_packed_text_is_held_once(tmp_path: Path) -> None:
+    text = b"0.1,2\n" * (1 << 22)
+    path = written(tmp_path, gzip.compress(text, 1))
+    tracemalloc.start()
+    content = content_of(path)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert content == text
+    assert most < 1.5 * len(text)

@@ -93,3 +93,30 @@ def test_a_cell_in_another_unit_far_down_is_found(tmp_path: Path) -> None:
     rows[15_000] = "15,0;1,02 A;1"
     with pytest.raises(DataError, match='line 15002, column "u": "1,02 A" is not written as the rows before, as'):
         list(table(tmp_path, *rows).batches())
+
+
+@pytest.mark.parametrize(("step", "value"), [("1,125", 1.125), ("2,375 Nm", 2.375)])
+def test_a_step_of_three_decimals_is_no_thousands_beside_columns_with_that_decimal_sign(
+    step: str, value: float, tmp_path: Path
+) -> None:
+    zero = step.replace(step.split()[0], "0")
+    read = table(tmp_path, *(f"{k / 1000:.3f};{step if k // 50 % 2 else zero};1".replace(".", ",") for k in range(200)))
+    (batch,) = read.batches()
+    assert batch.columns["u"].tolist() == [value * (k // 50 % 2) for k in range(200)]
+
+
+@pytest.mark.parametrize("padded", ["04X", "X"])
+@pytest.mark.parametrize("low", [-600, 32_000])
+def test_numbers_in_base_16_are_those_of_the_smaller_steps(padded: str, low: int) -> None:
+    values = [low + 7 * k for k in range(200)]
+    cells = [f"0x{value & 0xFFFF:{padded}}" for value in values]
+    how = written(cells)
+    assert [how.value(cell) for cell in cells] == values
+
+
+def test_a_cell_in_another_unit_near_the_first_is_found(tmp_path: Path) -> None:
+    read = table(tmp_path, "0,1;12,3 Nm;1", "0,2;0,0125 kNm;2", "0,3;12,9 Nm;3")
+    with pytest.raises(
+        DataError, match='line 3, column "u": "0,0125 kNm" is not written as the rows before, as 1234,5 Nm'
+    ):
+        list(read.batches())

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.files.arrow_arrays import as_float64, is_number_type, texts_of
+from dsd_cli.files.csv_cells import MISSING, is_number
 from dsd_cli.files.csv_in import CsvTable
 from dsd_cli.files.formats.base import InMemory, check_size
 from dsd_cli.files.parquet_in import ParquetTable
@@ -20,6 +21,8 @@ from dsd_cli.signals.log import Array
 
 #: Rows that are looked at.
 ROWS = 100_000
+#: Different texts of which it is asked whether they are numbers.
+SAID = 100
 #: A text, or a whole number, names a channel where it comes so many times, in the mean, ...
 AGAIN = 10
 #: ... and stamps rise, or all fall, in this share of the steps from each of its rows to its next.
@@ -117,7 +120,7 @@ def form_of(columns: Mapping[str, Any]) -> Long | None:
     """The same of Arrow arrays: within each name stamps rise, and it has one value, or names alternate."""
     numbers = {name: as_float64(column) for name, column in columns.items() if is_number_type(column.type)}
     said = {name: texts_of(column) for name, column in columns.items()}
-    texts = {name: [cell or "" for cell in cells] for name, cells in said.items() if cells is not None}
+    texts = {name: [cell or "" for cell in cells] for name, cells in said.items() if cells and not _measured(cells)}
     if (form := form_by_texts(numbers, texts)) is not None or any(map(_names, texts.values())):
         return form
     whole = (name for name, x in numbers.items() if np.all(x == np.round(x)) and _names(x.tolist()))
@@ -140,6 +143,12 @@ def form_by_texts(numbers: Mapping[str, Array], texts: Mapping[str, list[str]]) 
 def _names(cells: list[Any]) -> bool:
     """Whether they come again."""
     return 0 < AGAIN * len(set(cells)) <= len(cells)
+
+
+def _measured(cells: list[str | None]) -> bool:
+    """Whether most that they say are numbers, written in more than one way, and so no names."""
+    told = [cell for cell in dict.fromkeys(cells) if cell and cell.strip() not in MISSING][:SAID]
+    return 2 * sum(map(is_number, told)) > len(told)
 
 
 def _stand(t: Array) -> bool:

@@ -9,9 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.effects.general import HYSTERESIS
-from dsd_cli.effects.lagging import LAGGED
 from dsd_cli.identify.fit.blocks import spread_over_blocks
-from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.identify.learn.families import (
     FAMILIES,
     INERTIA_OVER_TIME,
@@ -20,10 +18,10 @@ from dsd_cli.identify.learn.families import (
     Columns,
     Family,
     columns_of,
-    lags_of,
 )
 from dsd_cli.identify.learn.formula import AS_GOOD
-from dsd_cli.identify.learn.judge import Judge, LawFit
+from dsd_cli.identify.learn.judge import Judge, LawFit, standard_error
+from dsd_cli.identify.learn.one_lag import is_shown, with_one_lag
 from dsd_cli.identify.learn.rows import Balance
 from dsd_cli.identify.learn.state_laws import STATE_LAWS, springs_of, state_laws
 from dsd_cli.identify.policy import POLICY
@@ -34,8 +32,6 @@ from dsd_cli.plant.forces import Mask
 MOST_LAWS, _ROUNDS, _SETTLED = 3, 4, 0.05
 #: Laws whose loss is so many times the best one's are no ties, whatever the standard error.
 _TIED = 1.5
-#: Steps in which one time constant is narrowed down: to 1 % of the way between two.
-_NARROWED = 10
 #: Why nothing is learnt where the direction of the motion decides.
 AT_STOPS = "what is left lies at stops and turns, where the direction of the motion is not sure"
 #: Times as many knots as a family begins with, at most.
@@ -190,32 +186,6 @@ def _finer(judge: Judge, law: Columns) -> Columns:
     return columns_of(law.family, judge.balance, 2 * law.finer) or law
 
 
-def with_one_lag(judge: Judge, fit: LawFit) -> LawFit:
-    """The fit with one time constant in the place of each law's several, where that explains the log as well: many lags
-    beside each other are large and opposite, and another motion does not have them so."""
-    for i, law in enumerate(fit.laws):
-        if law.family.effect is not LAGGED:
-            continue
-        one = _one_lag(judge, fit, i)
-        fit = one if one.loss - fit.loss <= standard_error(fit, one) else fit
-    return fit
-
-
-def _one_lag(judge: Judge, fit: LawFit, at: int) -> LawFit:
-    """The fit with the best single lag as law `at`."""
-    law = fit.laws[at]
-    times = np.log(law.law.time_constants)
-
-    def alone(time: float) -> LawFit:
-        one = lags_of(law.family, judge.balance, (math.exp(time),))
-        assert one is not None
-        return judge.fit((*fit.laws[:at], one, *fit.laws[at + 1 :]))
-
-    apart = float(times[1] - times[0])
-    near = min(times.tolist(), key=lambda time: alone(time).loss)
-    return alone(golden_section(lambda time: alone(time).loss, near - apart, near + apart, _NARROWED))
-
-
 def _following(judge: Judge, fit: LawFit, all_of_them: Sequence[Columns]) -> LawFit | None:
     """One law more, if it is certain and of use; no law of u beside one of the motion: it would follow its noise."""
     others = [
@@ -260,12 +230,6 @@ def as_good(other: LawFit, best: LawFit) -> bool:
     return other.loss - best.loss <= near and (other is best or other.loss < _TIED * best.loss)
 
 
-def standard_error(a: LawFit, b: LawFit) -> float:
-    """Of the difference of two held-out losses, over the blocks."""
-    apart = a.losses - b.losses
-    return float(np.std(apart, ddof=1) * math.sqrt(len(apart))) if len(apart) > 1 else math.inf
-
-
 def _noise_alone(judge: Judge, base: LawFit, first: LawFit) -> str:
     """That the model alone leaves no more than the sensor may, "" if it does: the error of a coarse sensor follows the
     motion, so that functions of the motion explain a part of it.
@@ -291,7 +255,8 @@ def why_not(judge: Judge, before: LawFit, after: LawFit) -> str:
     if small or not _falls(judge, before, after) or not _falls(judge, before, after, held_out=False):
         return "what a function of the channels explains is too small to matter"
     sure = judge.balance.weight == 1.0
-    return "" if not sure.any() or _falls(judge, before, after, sure) else AT_STOPS
+    spread = not sure.any() or _falls(judge, before, after, sure)
+    return "" if spread and is_shown(judge, after) else AT_STOPS
 
 
 def _falls(judge: Judge, before: LawFit, after: LawFit, rows: Mask | None = None, held_out: bool = True) -> bool:

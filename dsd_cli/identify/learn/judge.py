@@ -232,3 +232,9 @@ def _solved(stack: Array, problem: Problem, strength: float) -> tuple[Array, Arr
     theta = np.linalg.solve(normal, (y / scale)[..., None])[..., 0] / scale
     inverse = np.linalg.inv(normal[0]) / (scale[:, None] * scale)
     return theta, inverse[fixed:, fixed:]
+
+
+def standard_error(a: LawFit, b: LawFit) -> float:
+    """Of the difference of two held-out losses, over the blocks."""
+    apart = a.losses - b.losses
+    return float(np.std(apart, ddof=1) * math.sqrt(len(apart))) if len(apart) > 1 else math.inf

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -161,8 +161,17 @@ def _find_motion(look: Look) -> None:
 
 
 def _doubt_motion(look: Look, p: str, w: str, free: Sequence[str]) -> None:
-    """A position, else a velocity, that only its name makes one gives way to a channel that fits the other."""
+    """A position, else a velocity, that only its name makes one gives way to a channel that fits the other.
+
+    That may be each of them the other's.
+    """
     mine = slope_of(look.t, look.values[p], look.values[w]).share
+    swapped = slope_of(look.t, look.values[w], look.values[p])  # of a sine each is the other's, with a sign
+    told = AS_TOLD in (look.found["position"].reason, look.found["velocity"].reason)
+    if mine < UNRELATED and swapped.scale > 0.0 and _fits_better(swapped.share, mine) and not told:
+        look.found["position"] = Guess(w, f"{p} is its slope, whatever the names say")
+        look.found["velocity"] = Guess(p, f"it is the slope of {w}, whatever the names say")
+        return
     of_w = [(slope_of(look.t, look.values[other], look.values[w]).share, other) for other in free]
     share, best = max(of_w, default=(0.0, p))
     if _fits_better(share, mine) and look.found["position"].reason != AS_TOLD:
@@ -198,3 +207,6 @@ def _find_reference(look: Look) -> None:
             found["reference"] = Guess(mine, f"as {other}, {-lead} samples earlier")
             found["position"] = Guess(other, f"as {mine}, {-lead} samples later: measured")
             return
+        if found["position"].reason != AS_TOLD:
+            doubt = f"{other} is as it, {-lead} samples later: is that what was measured?"
+            found["position"] = replace(found["position"], doubt=doubt)

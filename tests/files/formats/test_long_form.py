@@ -84,3 +84,8 @@ def test_names_in_the_letters_of_windows(tmp_path):
     (tmp_path / "log.csv").write_bytes("\n".join(lines).encode("latin-1"))
     (batch,) = open_table(tmp_path / "log.csv", {"t": "Zeit", "u": "Störmoment", "position": "Weg"}).batches()
     np.testing.assert_array_equal(batch.columns["u"], U)
+
+
+def test_numbers_that_are_written_in_two_ways_are_no_names():
+    currents = [f"{u:.1f} A" if u > 0.5 else f"{1e3 * u:.0f} mA" for u in np.round(2.0 * U) / 2.0]
+    assert form(t=T, current=currents, q=Q) is None
