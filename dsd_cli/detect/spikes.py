@@ -18,8 +18,8 @@ from dsd_cli.detect.spec import KernelSpec, nats_of_fit
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.outliers import Level
 
-#: A spike is at least so many times what u usually reaches: the least that `Level` distinguishes from it.
-FACTOR = 2.0
+#: A spike is at least so many times what u usually reaches.
+FACTOR = 4.0
 
 
 class Spikes:
@@ -34,9 +34,7 @@ class Spikes:
 
     def __init__(self, spec: KernelSpec, window: int, logged: bool) -> None:
         self.largest = 0.0
-        energies = energies_of_one(spec, logged)
-        self._shown = smallest_shown(spec, energies)
-        self._least = smallest_that_decides(spec, energies)
+        self._shown = smallest_shown(spec, logged)
         self._rho = spec.settings.rho
         self._decay = spec.time_constant / spec.sample_time if spec.pole > 0.0 else 0.0
         longest = max(whole for whole, _ in spec.taps())
@@ -79,7 +77,7 @@ class Spikes:
         sizes = np.full(u.size, np.inf)
         for row, size, level in found:
             self._cover(sizes, delays, start, row, level)
-            if size < max(FACTOR * level, self._least):
+            if size < FACTOR * level:
                 continue
             self.largest = max(self.largest, size)
             span = self._span + self._decay * max(math.log(size) - math.log(self._rho), 0.0)
@@ -101,11 +99,11 @@ class Spikes:
         self._active = [one for one in self._active if one[1] >= FACTOR * level]
 
 
-def energies_of_one(spec: KernelSpec, logged: bool) -> Array:
-    """Per state the energy of what one value of u of size 1 leaves of d_hat, shape (states,).
+def smallest_shown(spec: KernelSpec, logged: bool) -> Array:
+    """Per state the smallest spike of u, in its unit, that the measurement must show if the state holds.
 
-    The response to it is that of Q (none where d_hat is computed: u cancels), less (Jn/J) times the same one delay
-    later.
+    Shape (states,). The response to one value of u is that of Q (none where d_hat is computed: u cancels), less (Jn/J)
+    times the same one delay later; its energy must be what makes a window unexplained. Infinite without a response.
     """
     p = spec.pole
     energy = (1.0 - p) / (1.0 + p) * (0.5 * (1.0 + p) if spec.aperture == 2 else 1.0)
@@ -114,21 +112,8 @@ def energies_of_one(spec: KernelSpec, logged: bool) -> Array:
     delayed = (1.0 - f) ** 2 + f**2 + 2.0 * f * (1.0 - f) * p
     together = (1.0 - f) * p**whole + f * p ** (whole + 1)
     response = alpha**2 * delayed + (1.0 - 2.0 * alpha * together if logged else 0.0)
-    combos = len(spec.grid.combinations)
-    return np.asarray(np.repeat(energy * np.where(response > 1e-12, response, 0.0)[:, None, :], combos, axis=1).ravel())
-
-
-def smallest_shown(spec: KernelSpec, energies: Array) -> Array:
-    """Per state the smallest spike of u, in its unit, that the measurement must show if the state holds.
-
-    Shape (states,). Its energy must be what makes a window unexplained. Infinite without a response.
-    """
+    floor = 2.0 * nats_of_fit(spec.settings.window) * spec.settings.rho**2
     with np.errstate(divide="ignore"):
-        return np.asarray(np.sqrt(2.0 * nats_of_fit(spec.settings.window) * spec.settings.rho**2 / energies))
-
-
-def smallest_that_decides(spec: KernelSpec, energies: Array) -> float:
-    """The smallest spike of u, in its unit, that alone makes a label confident: the state whose response to it is least
-    then leads the one whose response is largest by `confidence` nats."""
-    gap = float(np.ptp(energies))
-    return math.sqrt(2.0 * spec.settings.confidence * spec.settings.rho**2 / gap) if gap > 0.0 else math.inf
+        shown = np.sqrt(floor / (energy * np.where(response > 1e-12, response, 0.0)))
+    combos = len(spec.grid.combinations)
+    return np.repeat(shown[:, None, :], combos, axis=1).ravel()
