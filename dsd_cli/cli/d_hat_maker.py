@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -50,8 +50,8 @@ def known_maker(config: Config, log: str, read: Reader) -> Config:
     return config.override([f'observer.filter="{maker.filter}"', f'observer.u="{maker.u}"'])
 
 
-def open_makers(config: Config, log: str, read: Reader) -> tuple[Config, tuple[Maker, ...]]:
-    """(the config, by which d_hat is read as it is; the makers that it leaves open of a log without any motion, or
+def open_makers(config: Config, logs: Sequence[str], read: Reader) -> tuple[Config, tuple[Maker, ...]]:
+    """(the config, by which d_hat is read as it is; the makers that it leaves open of logs without any motion, or
     none). What [observer] does not give is open, "auto" or not: where no motion is logged a default is no knowledge.
 
     Parameters
@@ -60,10 +60,10 @@ def open_makers(config: Config, log: str, read: Reader) -> tuple[Config, tuple[M
     """
     section = config.observer
     said = [key for key in _KEYS if config.says(f"observer.{key}")]
-    if section is None or log == "-" or not said:
+    if section is None or "-" in logs or not said:
         return config, MAKERS
     makers = _as_given({key: value for key in said if (value := getattr(section, key)) != "auto"})
-    if len(makers) < 2 or _moves(read(config, log, MOST_ROWS)):
+    if len(makers) < 2 or any(_moves(read(config, log, MOST_ROWS)) for log in logs):
         return config, ()
     return config.override([f'observer.{key}="{getattr(Maker(), key)}"' for key in _KEYS]), makers
 
@@ -118,4 +118,4 @@ def _asked(question: _Question) -> Maker | None:
     inertia = given.inertia or section.nominal_inertia
     model = PlantModel(inertia, given.delay, given.effects, given.rest_speed)
     recording = prepare(loaded.log, observer, loaded.restarts, given.rest_speed)
-    return likeliest(OpenLog(recording, model, replace(observer, sign=1), makers))
+    return likeliest(OpenLog((recording,), model, replace(observer, sign=1), makers))

@@ -42,7 +42,7 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
     with Progress(not quiet) as progress, widening(settings.signals):
         settings, makers = makers_of(settings, [*log, *apart])
         given = load_given(settings, log, apart, progress)
-        found = _found(given, makers, progress, quiet)
+        found, recordings = _found(given, makers, progress, quiet)
     report = DiagnosisReport(
         replace(found, warnings=(*given.warnings, *found.warnings)), given.model, apart, given.dropped
     )
@@ -55,31 +55,35 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
         from dsd_cli.report.plots_diagnosis import draw
         from dsd_cli.report.views_diagnosis import residual_views
 
-        put_picture(plot, lambda: draw(report, residual_views(found, given.model, given.recordings)), quiet)
+        put_picture(plot, lambda: draw(report, residual_views(found, given.model, recordings)), quiet)
 
 
-def _found(given: Given, makers: Sequence[Maker], progress: Progress, quiet: bool) -> Diagnosis:
-    """The answer, in the user's units; whoever of `makers` made d_hat, where they are several."""
+def _found(
+    given: Given, makers: Sequence[Maker], progress: Progress, quiet: bool
+) -> tuple[Diagnosis, Sequence[Recording]]:
+    """(the answer, in the user's units, whoever of `makers` made d_hat, where they are several; what it is of)."""
     from dsd_cli.cli.identification import early
     from dsd_cli.identify.d_hat_makers import diagnosed, of_recording
     from dsd_cli.identify.results import in_units
     from dsd_cli.identify.verdict.diagnose import diagnose as run
 
-    def ask(recordings: Sequence[Recording]) -> Diagnosis:
+    def ask(recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Diagnosis:
         return run(
             recordings,
             given.model,
             given.observer,
             given.engine_settings,
-            holdout=given.holdout,
+            holdout=holdout,
             progress=progress,
             stability=True,
             on_told=early(quiet, progress),
         )
 
-    asked = of_recording(
-        (*given.recordings, *given.holdout), given.model, given.observer, makers, given.engine_settings
-    )
-    found = ask(given.recordings) if asked is None else diagnosed(asked, lambda recording: ask([recording]))
+    asked = of_recording(given.recordings, given.model, given.observer, makers, given.engine_settings, given.holdout)
+    recordings: Sequence[Recording] = given.recordings
+    if asked is None:
+        found = ask(recordings, given.holdout)
+    else:
+        found, recordings = diagnosed(asked, ask)
     result: Diagnosis = in_units(found, given.settings.signals.units)
-    return result
+    return result, recordings

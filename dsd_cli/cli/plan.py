@@ -54,14 +54,14 @@ def as_logged(config: Config, log: str) -> Config:
 
 
 def makers_of(config: Config, logs: Sequence[str]) -> tuple[Config, tuple[Maker, ...]]:
-    """See `open_makers`, of one log that `dsd` itself has not written; several leave nothing open."""
+    """See `open_makers`, of logs that `dsd` itself has not written."""
     from dsd_cli.cli.d_hat_maker import open_makers
     from dsd_cli.files.table_source import OWN_CHANNELS
     from dsd_cli.files.tables_in import metadata_of
 
-    if len(logs) != 1 or OWN_CHANNELS in metadata_of(logs[0]):
+    if any(OWN_CHANNELS in metadata_of(log) for log in logs):
         return config, ()
-    return open_makers(config, logs[0], _with_d_hat_as_it_is)
+    return open_makers(config, logs, _with_d_hat_as_it_is)
 
 
 def _with_d_hat_as_it_is(config: Config, log: str, rows: int) -> LoadedLog:

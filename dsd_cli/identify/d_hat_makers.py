@@ -23,6 +23,7 @@ from dsd_cli.identify.grades import grade
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.recording import Recording, prepare
+from dsd_cli.identify.recordings.regular import SAMPLED_U
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Diagnosis, Estimate, Estimates
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import diagnose
@@ -35,35 +36,41 @@ from dsd_cli.signals.log import D_HAT_MAKER, DHatSource, Log, with_channels
 #: Share of belief of a maker that is ruled out: no verdict is surer than the rest.
 RULED_OUT = 1.0 - POLICY.surest
 
-Ask = Callable[[Recording], Diagnosis]
+Ask = Callable[[Sequence[Recording], Sequence[Recording]], Diagnosis]
 
 
 @dataclass(frozen=True)
 class OpenLog:
-    """A recording, as it was logged, whose d_hat one of `makers` made, with the model that it is asked about.
+    """Recordings, as they were logged, whose d_hat one of `makers` made, with the model that they are asked about.
 
-    observer : d_hat with the sign of eq. 13.
+    observer : d_hat with the sign of eq. 13. holdout : recordings by the same maker, never fitted.
     """
 
-    recording: Recording
+    recordings: tuple[Recording, ...]
     model: PlantModel
     observer: ObserverSettings
     makers: tuple[Maker, ...]
     settings: Settings = field(default_factory=Settings)
+    holdout: tuple[Recording, ...] = ()
 
-    def made(self, maker: Maker) -> Recording:
-        """As that maker would have made it."""
-        return self.recording if maker.as_here else self._made(self.recording, maker)
+    def made(self, maker: Maker) -> tuple[list[Recording], list[Recording]]:
+        """(recordings, held-out ones) as that maker would have made them."""
+        made, apart = (
+            [one if maker.as_here else self._made(one, maker) for one in some]
+            for some in (self.recordings, self.holdout)
+        )
+        return made, apart
 
     @cached_property
-    def parts(self) -> dict[Maker, Recording]:
-        """What is searched of it, as each maker would have made it."""
-        (part,) = excerpts([self.recording])
-        return {maker: self._made(part, maker) for maker in self.makers}
+    def parts(self) -> dict[Maker, list[Recording]]:
+        """What is searched of them, as each maker would have made it."""
+        parts = excerpts(self.recordings)
+        return {maker: [self._made(part, maker) for part in parts] for maker in self.makers}
 
     def _made(self, recording: Recording, maker: Maker) -> Recording:
         pieces = recording.pieces
-        channels = {name: np.concatenate([p[name] for p in pieces]) for name in ("t", "u", "d_hat")}
+        logged = {"t": "t", "u": SAMPLED_U if SAMPLED_U in pieces[0] else "u", "d_hat": "d_hat"}
+        channels = {name: np.concatenate([p[was] for p in pieces]) for name, was in logged.items()}
         restarts = np.cumsum([len(p) for p in pieces[:-1]], dtype=int).tolist()
         log = replace(pieces[0], channels=channels, source=recording.name)
         return prepare(as_made_by(log, maker, self.observer), self.observer, restarts, self.model.rest_speed)
@@ -99,14 +106,15 @@ def of_recording(
     observer: ObserverSettings,
     makers: Sequence[Maker],
     settings: Settings,
+    holdout: Sequence[Recording] = (),
 ) -> OpenLog | None:
     """None where only one maker may be it, where a motion is logged, or where d_hat is not as it was logged."""
-    (recording, *others) = recordings
-    how = recording.provenance
-    alone = how.get("d_hat") == "logged" and how.get("velocity", "").startswith("reconstructed")
-    if others or len(makers) < 2 or not alone:
+    hows = [one.provenance for one in (*recordings, *holdout)]
+    alone = (how.get("d_hat") == "logged" and how.get("velocity", "").startswith("reconstructed") for how in hows)
+    if len(makers) < 2 or not all(alone):
         return None
-    return OpenLog(recording, model, replace(observer, sign=1), tuple(makers), settings)
+    open_, apart = tuple(recordings), tuple(holdout)
+    return OpenLog(open_, model, replace(observer, sign=1), tuple(makers), settings, apart)
 
 
 def likeliest(asked: OpenLog) -> Maker:
@@ -116,18 +124,19 @@ def likeliest(asked: OpenLog) -> Maker:
     ------
     DataError : the log is too short, or lacks u or d_hat.
     """
-    return _searched(asked, lambda r: diagnose([r], asked.model, asked.observer, asked.settings))[1].best
+    return _searched(asked, lambda r, _: diagnose(r, asked.model, asked.observer, asked.settings))[1].best
 
 
-def diagnosed(asked: OpenLog, ask: Ask) -> Diagnosis:
-    """The answer whoever made d_hat; `ask` has it of a recording. Raises what that raises."""
+def diagnosed(asked: OpenLog, ask: Ask) -> tuple[Diagnosis, list[Recording]]:
+    """(the answer whoever made d_hat, the recordings as the likeliest has made them); `ask` has an answer of
+    recordings and held-out ones. Raises what that raises."""
     found, beliefs = _searched(asked, ask)
     best = max(found, key=beliefs.shares.__getitem__)
     answer, shares = found[best], {m: max(beliefs.shares[m], 1e-300) for m in found}
     sure = sum(shares[m] * d.probability for m, d in found.items() if d.verdict == answer.verdict)
-    over = _OverMakers(beliefs, best, asked.recording.sample_time)
+    over = _OverMakers(beliefs, best, asked.recordings[0].sample_time)
     sure = min(sure / sum(shares.values()), over.wrong(answer, asked.model))
-    return over.put(replace(answer, advice=(*_said(beliefs), *answer.advice)), sure)
+    return over.put(replace(answer, advice=(*_said(beliefs), *answer.advice)), sure), asked.made(best)[0]
 
 
 def _searched(asked: OpenLog, ask: Ask) -> tuple[dict[Maker, Diagnosis], Beliefs]:
@@ -137,16 +146,16 @@ def _searched(asked: OpenLog, ask: Ask) -> tuple[dict[Maker, Diagnosis], Beliefs
     found = dict[Maker, Diagnosis]()
     beliefs = _beliefs(asked, asked.model, lambda problem: problem.beside)
     while len(found) < 2 and all(beliefs.shares[m] < RULED_OUT for m in found):
-        found[beliefs.best] = answer = ask(asked.made(beliefs.best))
+        found[beliefs.best] = answer = ask(*asked.made(beliefs.best))
         beliefs = _beliefs(asked, answer.whole_model or answer.refitted_model, lambda problem: problem.base)
     return found, beliefs
 
 
 def _beliefs(asked: OpenLog, model: PlantModel, terms: Callable[[Problem], Terms]) -> Beliefs:
     """By what each leaves held out, in the rows, band and whitening of one of them."""
-    problem = pose([asked.parts[asked.makers[0]]], model, asked.settings)
+    problem = pose(asked.parts[asked.makers[0]], model, asked.settings)
     first = Search(problem).refit
-    problems = {m: asked_of_all(problem, [made], (), first) for m, made in asked.parts.items()}
+    problems = {m: asked_of_all(problem, made, (), first) for m, made in asked.parts.items()}
     fits = {m: Search(there).fit(terms(problem), first.tap) for m, there in problems.items()}
     shares = belief_by_squares(np.stack([fit.losses for fit in fits.values()]))
     values = {m: flat(there.scale.model(fits[m])) for m, there in problems.items()}

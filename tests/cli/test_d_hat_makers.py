@@ -236,6 +236,21 @@ def test_diagnose_says_that_d_hat_was_made_another_way(tmp_path):
         assert ("made with filter exact, newest u" in first) is said
 
 
+@pytest.mark.parametrize("more", [["other.csv"], ["--holdout", "other.csv"]], ids=["logs", "holdout"])
+def test_who_made_d_hat_is_asked_of_several_logs_as_of_one(more, tmp_path):
+    """Read as made here, the delay is a sample off."""
+    for seed, name in ((1, "log.csv"), (2, "other.csv")):
+        t, u, d_hat, _ = noisy(Maker("exact", "newest"), seed, n=2000)
+        write(tmp_path / name, t, u, d_hat)
+    (tmp_path / "dsd.toml").write_text(CONFIG)
+    done = dsd("diagnose", "log.csv", *more, "-c", "dsd.toml", "--format", "json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert "made with exact" in found["advice"][0].replace("filter ", "")
+    assert found["provenance"]["d_hat"] == "logged, made with filter exact, newest u"
+    assert found["estimates"]["delay"]["value"] == pytest.approx(DELAY, abs=3e-4)
+
+
 def test_errors_hold_the_truth_whoever_made_d_hat(tmp_path):
     """Told the wrong maker, the delay of a smooth motion is off by many standard errors; told none, the error holds the
     doubt: makers half a sample apart stay apart."""

@@ -218,7 +218,7 @@ def test_check_says_to_widen_too(monkeypatch, capsys):
         (
             "check",
             "--prior",
-            "check asks what is identifiable from the log alone; diagnose, add and improve take --prior",
+            "check judges what is identifiable from the log alone; diagnose, add and improve take --prior",
         ),
         ("check", "--fix", "diagnose, add and improve take --fix"),
         ("compare", "--hold", "compare fits nothing"),

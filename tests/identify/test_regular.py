@@ -5,8 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from dsd_cli.identify.d_hat_makers import OpenLog
+from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.recordings.regular import mean_ahead, regularised
+from dsd_cli.plant.maker import MAKERS, Maker
+from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
+from tests.oracle.d_hat_makers import made
 
 T, ROWS = 0.001, 800
 
@@ -81,6 +86,20 @@ def test_a_command_that_was_measured_becomes_its_mean_ahead(jitter):
     inner = slice(3, -3)
     late = np.abs(np.sin(w * start) - wanted)[inner].max()  # what a staircase would be off
     assert np.abs(found["u"] - wanted)[inner].max() < (0.3 if jitter else 1e-3) * late
+
+
+@pytest.mark.parametrize("maker", [Maker(), Maker("euler", "newest")], ids=str)
+def test_a_d_hat_has_the_samples_of_a_command_that_was_measured(maker):
+    """Whatever acted between them: with the observer's own u taken out again the acceleration is that of the speed."""
+    t, nominal, tau = T * np.arange(ROWS), 0.03, 0.01
+    u, v = np.sin(2 * np.pi * 25.0 * t), np.sin(2 * np.pi * 6.0 * t)
+    log = _log(t, u, hold="sampled", d_hat=made(t, u, v, nominal, tau, maker.filter, maker.u))
+    observer = ObserverSettings(nominal, tau, 1)
+    asked = OpenLog((prepare(log, observer),), PlantModel(nominal, 0.0, {}), observer, MAKERS)
+    for recording in (asked.made(maker)[0][0], asked.parts[maker][0]):
+        (piece,) = recording.pieces
+        assert piece["u"] == pytest.approx(mean_ahead(u), abs=1e-12)
+        assert piece["acceleration"][2:] == pytest.approx(np.diff(v)[1:] / T, abs=1e-6)
 
 
 def test_mean_ahead_is_exact_on_cubics():

@@ -113,10 +113,10 @@ class Problem:
         """Errors of a fit, unit of u."""
         return self.errors.of_fit(fit, self.scale)
 
-    def values(self, fit: Fit, returned: bool = True) -> Fitted:
+    def values(self, fit: Fit, returned: bool = True, as_found: bool = False) -> Fitted:
         """Values of a fit with standard errors, from rows where friction's direction is sure; `returned` : these count
-        noise that came back through a controller. What is left clearly beyond noise is correlated over many rows."""
-        found, known = at_least_squares(weighed(fit, self.solver, self.errors.bank))
+        noise that came back through a controller, `as_found` : shapes stay. What is left beyond noise is correlated."""
+        found, known = at_least_squares(weighed(fit, self.solver, self.errors.bank), as_found)
         known = known if returned else replace(known, returned=0.0)
         left, noise = found.variance, self._noise_in(found)
         beyond = left if found.leaning else left - noise if left > POLICY.incomplete * noise else 0.0

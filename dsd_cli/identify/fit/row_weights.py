@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dsd_cli.effects import Role
 from dsd_cli.identify.fit.bank import SHARE, Bank, Terms, has_friction
-from dsd_cli.identify.fit.covariance import Information, converged
+from dsd_cli.identify.fit.covariance import Information, converged, information
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.values import MOST_SHARE
@@ -93,8 +93,10 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     return Weighed(trusting, fit, _residual(fit, bank), size)
 
 
-def at_least_squares(found: Weighed) -> tuple[Weighed, Information]:
-    """With the shapes where these rows have them, and what they say there."""
+def at_least_squares(found: Weighed, as_found: bool = False) -> tuple[Weighed, Information]:
+    """With the shapes where these rows have them, or `as_found`, and what they say there."""
+    if as_found:
+        return found, information(found.fit, found.solver)
     fit, known = converged(found.fit, found.solver)
     residual = found.residual if fit is found.fit else _residual(fit, found.solver.bank)
     return replace(found, fit=fit, residual=residual), known

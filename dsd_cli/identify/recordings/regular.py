@@ -18,15 +18,19 @@ from dsd_cli.signals.log import Array, Log
 
 #: Mean of a smooth signal over the interval between the inner two of four samples (exact for cubics).
 MEAN_OF_FOUR = np.array([-1.0, 13.0, 13.0, -1.0]) / 24.0
+#: u as it was sampled: what the maker of a logged d_hat has put into it.
+SAMPLED_U = "sampled_u"
 #: Seed of the white noise that is interpolated as the channels are.
 _SEED = 20261122
 
 
 def regularised(piece: Log) -> Log:
-    """The piece on a regular clock, u its mean from each sample to the next; with "white" where it was interpolated."""
+    """The piece on a regular clock, u its mean from each sample to the next; with "white" where it was interpolated,
+    and with `SAMPLED_U` where u was measured and d_hat logged."""
     stamps = irregular_stamps(piece)
     if piece.u_hold == "sampled":
-        piece = replace(piece, channels={**piece.channels, "u": mean_ahead(piece["u"])})
+        own = {SAMPLED_U: piece["u"]} if "d_hat" in piece else {}
+        piece = replace(piece, channels={**piece.channels, **own, "u": mean_ahead(piece["u"])})
     if stamps is None:
         return piece
     from scipy.interpolate import CubicSpline

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dsd_cli.identify.recordings.regular import SAMPLED_U
 from dsd_cli.identify.recordings.smoothing import noise_of
 from dsd_cli.identify.recordings.spectrum import SensorKind, SensorNoise, sensor_noise
 from dsd_cli.plant.model import ObserverSettings
@@ -93,7 +94,7 @@ def net_force(piece: Log, observer: ObserverSettings) -> Array:
     pole = observer.pole(piece.sample_time)
     raw = np.zeros(len(d_hat))
     raw[1:] = (d_hat[1:] - pole * d_hat[:-1]) / (1.0 - pole)
-    u = frame.seen(frame.mean_u(piece["u"], 0.0), None)
+    u = frame.seen(frame.mean_u(piece[SAMPLED_U if SAMPLED_U in piece else "u"], 0.0), None)
     total = raw + u
     total[0] = 0.0
     return np.asarray(total)

@@ -23,7 +23,7 @@ def identified_only(search: Search, whole: Fit) -> Fit:
 def _told(search: Search, whole: Fit) -> Fit:
     """Without those, one after the other, shapes as they are; the same fit if there are none."""
     while any(kind_of(t.id) != t.id for t in search.added(whole.terms)):
-        estimates = search.problem.values(whole).estimates
+        estimates = search.problem.values(whole, as_found=True).estimates
         sizes = {t: _deviations(t, estimates) for t in search.added(whole.terms) if kind_of(t.id) != t.id}
         least = min(sizes, key=lambda t: sizes[t])
         if sizes[least] > POLICY.value_deviations:
