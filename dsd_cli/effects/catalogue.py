@@ -31,7 +31,8 @@ def _own() -> dict[str, Effect]:
     import pkgutil
 
     here = str(Path(__file__).parent)  # not the package itself, which imports this module
-    modules = (importlib.import_module(f"{__package__}.{m.name}") for m in pkgutil.iter_modules([here]))
+    names = [m.name for m in pkgutil.iter_modules([here]) if not m.name.startswith("_")]  # a compiled one may not load
+    modules = (importlib.import_module(f"{__package__}.{name}") for name in names)
     effects = [module.EFFECT for module in modules if hasattr(module, "EFFECT")]
     return {effect.id: effect for effect in sorted(effects, key=lambda effect: effect.id)}
 

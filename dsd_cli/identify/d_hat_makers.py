@@ -135,7 +135,8 @@ def diagnosed(asked: OpenLog, ask: Ask) -> tuple[Diagnosis, list[Recording]]:
     answer, shares = found[best], {m: max(beliefs.shares[m], 1e-300) for m in found}
     sure = sum(shares[m] * d.probability for m, d in found.items() if d.verdict == answer.verdict)
     over = _OverMakers(beliefs, best, asked.recordings[0].sample_time)
-    sure = min(sure / sum(shares.values()), over.wrong(answer, asked.model))
+    none_asked = EVEN if sum(shares.values()) < RULED_OUT else POLICY.surest  # another made d_hat than those asked of
+    sure = min(sure / sum(shares.values()), over.wrong(answer, asked.model), none_asked)
     return over.put(replace(answer, advice=(*_said(beliefs), *answer.advice)), sure), asked.made(best)[0]
 
 
