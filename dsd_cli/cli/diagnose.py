@@ -73,7 +73,7 @@ def _found(
             given.model,
             given.observer,
             given.engine_settings,
-            holdout=holdout,
+            holdout=tuple(holdout),
             progress=progress,
             stability=True,
             on_told=early(quiet, progress),
