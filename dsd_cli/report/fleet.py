@@ -12,6 +12,7 @@ import numpy as np
 
 from dsd_cli.report.head import SCHEMA_VERSION
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.spread import robust_deviation
 
 Row = Mapping[str, Any]
 
@@ -147,7 +148,7 @@ def _odd(rows: Sequence[Row]) -> list[Odd]:
         if known.sum() < USUAL_LOGS:
             continue
         usual = float(np.median(values[known]))
-        spread = 1.4826 * float(np.median(np.abs(values[known] - usual)))
+        spread = robust_deviation(values[known] - usual)
         fitted = column.startswith("value.")
         own = numbers_of(rows, column.replace("value.", "error.")) if fitted else np.zeros(known.size)
         scale = np.sqrt(max(spread, AGREES * abs(usual)) ** 2 + np.where(np.isfinite(own), own, 0.0) ** 2)

@@ -13,6 +13,7 @@ from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.spread import robust_deviation
 
 #: Limits by name; position has two ends.
 NAMES = ("position", "velocity", "acceleration", "jerk", "u")
@@ -22,8 +23,6 @@ _RISE = 0.5
 _REACHED = 0.999
 #: Times what the logs reached, from where on a limit leaves room for what they have not seen.
 _FAR = 2.0
-#: Standard deviations of a normal law beyond which half of all lies.
-_MEDIAN = 0.6745
 
 
 @dataclass(frozen=True)
@@ -136,5 +135,5 @@ def noise_of_u(known: Equations, seconds: float) -> float:
     for stretch, band in zip(known.stretches, known.bands_of_stretches, strict=True):
         u = stretch.log["u"]
         rest = u[band.half : len(u) - band.half] - np.convolve(u, band.taps, "valid")
-        size = max(size, most / _MEDIAN * float(np.median(np.abs(rest))))
+        size = max(size, most * robust_deviation(rest))
     return size

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from dsd_cli.identify.fit.pushes import Pushes, centred
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.spread import robust_deviation
 
 #: Inertias of a motor alone that are tried, shares of the one of both.
 _STARTS = np.geomspace(0.1, 0.95, 14)
@@ -232,6 +233,6 @@ def _robust(columns: Array, target: Array) -> tuple[Array, Array, float]:
         inverse = np.linalg.pinv(w.T @ scaled, rcond=1e-13)
         theta = inverse @ (w.T @ target)
         rest = target - scaled @ theta
-        spread = max(1.4826 * float(np.median(np.abs(rest))), 1e-300)
+        spread = max(robust_deviation(rest), 1e-300)
         weight = 1.0 / (1.0 + (rest / (2.0 * spread)) ** 2)
     return theta / size, spread * np.sqrt(np.abs(np.diag(inverse))) / size, spread

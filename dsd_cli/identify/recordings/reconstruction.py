@@ -18,6 +18,7 @@ from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array, Log
 from dsd_cli.signals.runs import runs
+from dsd_cli.signals.spread import robust_deviation
 
 #: Samples that are averaged, the most averages, and hats over speed (each side of zero) and position.
 AVERAGED, MOST_ROWS, SPEED_HATS, PLACE_HATS = 5, 4000, 6, 24
@@ -71,7 +72,7 @@ def _by_forces(speed: Array, force: Array, quiet: NDArray[np.bool_], piece: Log,
 def _quiet(force: Array) -> NDArray[np.bool_]:
     """Whether each sample is without net force, shape (n,): the axis rests or cruises there."""
     mean = np.abs(np.convolve(force, np.ones(QUIET) / QUIET, "same"))
-    noise = 1.4826 * float(np.median(np.abs(np.diff(force)))) / np.sqrt(2.0 * QUIET)
+    noise = robust_deviation(np.diff(force)) / np.sqrt(2.0 * QUIET)
     return np.asarray(mean < max(NONE * noise, float(np.quantile(mean, LEAST_QUIET))))
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.rounding import ROUNDING
+from dsd_cli.signals.spread import robust_deviation
 
 #: Half widths that are tried, samples; 0 leaves the channel as it is.
 HALF_WIDTHS = (0, 2, 3, 4, 6, 8, 11, 15, 20, 28)
@@ -91,7 +92,7 @@ def smooth(x: Array, t: Array, known: ChannelNoise | None = None) -> Smoothed:
             break
         candidate, slope = _local(x, stamps, half)
         removed = (x - candidate)[moving]
-        size = (_rms(removed) if quantised else _robust(removed)) / (noise * _kept(half))
+        size = (_rms(removed) if quantised else robust_deviation(removed)) / (noise * _kept(half))
         if size > POLICY.smoothing_growth * least:
             break
         chosen, least = half, min(least, max(size, 1.0))
@@ -162,7 +163,7 @@ def noise_of(x: Array) -> float:
         return step / float(np.sqrt(12.0))
     if len(x) <= max(_DIFFERENCES):
         return 0.0
-    return min(_robust(np.diff(x, m)) / math.sqrt(math.comb(2 * m, m)) for m in _DIFFERENCES)
+    return min(robust_deviation(np.diff(x, m)) / math.sqrt(math.comb(2 * m, m)) for m in _DIFFERENCES)
 
 
 def encoder_step(x: Array) -> float:
@@ -224,8 +225,3 @@ def _kept(half: int) -> float:
 
 def _rms(x: Array) -> float:
     return float(np.sqrt(np.mean(x**2))) if x.size else 0.0
-
-
-def _robust(x: Array) -> float:
-    """Standard deviation by the median, blind to rare large values."""
-    return float(1.4826 * np.median(np.abs(x))) if x.size else 0.0

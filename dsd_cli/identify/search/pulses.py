@@ -20,6 +20,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.spread import robust_deviation
 
 ROUNDS = 3
 #: Rows by which the edges of the best window are moved before the next one is looked for.
@@ -127,7 +128,7 @@ def _strongest(x: Array, sure: NDArray[np.bool_] | None = None) -> list[tuple[in
         return []
     left = x - np.median(x[clear])
     steps = np.abs(np.diff(left))[clear[1:] & clear[:-1]]
-    noise = 1.4826 * float(np.median(steps)) / np.sqrt(2.0) if steps.size else math.inf
+    noise = robust_deviation(steps) / np.sqrt(2.0) if steps.size else math.inf
     lengths = np.unique(
         np.geomspace(POLICY.shortest_pulse, max(len(x) // 3, POLICY.shortest_pulse + 1), 24).astype(int)
     )

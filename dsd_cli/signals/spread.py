@@ -1,0 +1,15 @@
+"""How far values stray, told by their median: a few that are far off, or a motion in between, do not count."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dsd_cli.signals.log import Array
+
+#: Standard deviations of a normal law per median of its size: one over the quantile at 3/4.
+NORMAL = 1.4826
+
+
+def robust_deviation(x: Array) -> float:
+    """Standard deviation of normal values about zero, from the median of |x|; 0 where there are none."""
+    return NORMAL * float(np.median(np.abs(x))) if x.size else 0.0
