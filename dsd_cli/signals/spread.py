@@ -1,4 +1,4 @@
-"""How far values stray, told by their median: a few that are far off, or a motion in between, do not count."""
+"""How far values stray, by their median: a few that are far off, or a motion in between, do not count."""
 
 from __future__ import annotations
 

@@ -40,11 +40,12 @@ MCAP = Format("MCAP", "mcap_file", "McapFile", ("mcap",), "mcap")
 BAG = Format("a ROS bag", "ros_bag", "RosBag", ("rosbags",), "ros")
 JSON = Format("JSON", "json_file", "JsonFile")
 CODESYS = Format("a trace of CODESYS", "codesys", "CodesysTrace")
+SCOPE = Format("text of a scope", "scope", "ScopeFile")
 PAIRS = Format("lines of names with values", "pairs", "PairsFile")
 #: What only the rows say, and so nobody asks until a column is missing.
 LONG = Format("a table with a row for each value", "long_form", "LongFile")
 
-FORMATS = (NUMPY, ARROW, MAT, NETCDF, MAT73, HDF5, MDF, TDMS, MCAP, BAG, JSON, CODESYS, PAIRS)
+FORMATS = (NUMPY, ARROW, MAT, NETCDF, MAT73, HDF5, MDF, TDMS, MCAP, BAG, JSON, CODESYS, SCOPE, PAIRS)
 
 _MAGIC = (
     (b"\x93NUMPY", NUMPY),
@@ -70,6 +71,7 @@ _BAGS = (".bag", ".db3")
 def format_of(path: str | Path, head: bytes) -> Format | None:
     """The format of a file that begins with `head` (`HEAD_BYTES`), or of a folder; None: none of these."""
     from dsd_cli.files.formats.pairs import are_pairs
+    from dsd_cli.files.formats.scope import is_scope
 
     if is_bag(path):
         return BAG
@@ -90,6 +92,8 @@ def format_of(path: str | Path, head: bytes) -> Format | None:
         return CODESYS
     if text[:1] in (b"{", b"[") and not text.startswith(b"{'"):  # the latter is how Python prints it
         return None if _is_units_first(text) else JSON
+    if is_scope(path, head):
+        return SCOPE
     return PAIRS if are_pairs(head) else None
 
 
