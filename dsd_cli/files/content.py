@@ -10,11 +10,15 @@ import lzma
 import re
 import zipfile
 import zlib
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
+from xml.etree.ElementTree import ParseError
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.formats.base import check_size
+from dsd_cli.files.workbook import is_workbook, text_of_workbook
 
 #: Bytes that are unpacked at a time, and those that tell how a text is written.
 PIECE, HEAD = 1 << 20, 4096
@@ -27,6 +31,8 @@ _PACKED: dict[bytes, tuple[str, Any]] = {
 _ZIP = b"PK\x03\x04"
 #: The stamp that a serial monitor puts before each line.
 _STAMPED = re.compile(rb"(?m)^(\d\d:\d\d:\d\d[.,]\d+) -> ")
+#: What lies beside a log in a zip: what was written about it.
+_BESIDE = re.compile(r"(?i)(\.(json|ya?ml|toml|ini|md|pdf|png|jpe?g|svg|html?|xml|m|py)|(^|/)(readme|license)[^/]*)$")
 _CONTROLS = re.compile("[\0-\x08]")
 
 
@@ -44,7 +50,7 @@ def content_of(path: str | Path, most: int | None = None) -> bytes | None:
                 return _unpacked(path, packed[0], packed[1](path, "rb"), most)
             if head.startswith(_ZIP):
                 member = _member(str(path))
-                return None if member is None else _unpacked(path, "a zip archive", member, most)
+                return None if member is None else _unpacked(path, *member, most)
             if _encoding(head) is None and _STAMPED.match(head) is None:
                 return None
             file.seek(0)
@@ -59,8 +65,8 @@ def text_of(path: str | Path) -> bytes:
     return Path(path).read_bytes() if content is None else content
 
 
-def _member(path: str) -> IO[bytes] | None:
-    """The one file in a zip, but for what systems add; None: arrays of NumPy, or no zip."""
+def _member(path: str) -> tuple[str, Any] | None:
+    """What a zip is and the one file in it, but for what systems and people add; None: arrays of NumPy, or no zip."""
     try:
         archive = zipfile.ZipFile(path)
     except (zipfile.BadZipFile, NotImplementedError):
@@ -68,34 +74,69 @@ def _member(path: str) -> IO[bytes] | None:
     names = [name for name in archive.namelist() if not name.endswith("/")]
     if any(name.endswith(".npy") for name in names):
         return None
-    if any(name.startswith("xl/") for name in names):
-        raise DataError(f"{path}: is an Excel workbook", "save the sheet with the log as CSV")
+    if is_workbook(names):
+        check_size(path, sum(one.file_size for one in archive.infolist()))
+        return "an Excel workbook", _Lines(text_of_workbook(archive))
     files = [name for name in names if not name.startswith("__MACOSX/") and not Path(name).name.startswith(".")]
-    if len(files) != 1:
+    logs = [name for name in files if len(files) == 1 or not _BESIDE.search(name)]
+    if len(logs) != 1:
         listed = ", ".join(files[:4]) + (" ..." if len(files) > 4 else "")
         raise DataError(f"{path}: is a zip archive of {len(files)} files{listed and f' ({listed})'}", "unpack it first")
+    check_size(path, archive.getinfo(logs[0]).file_size)
     try:
-        return archive.open(files[0])
+        return "a zip archive", archive.open(logs[0])
     except (RuntimeError, NotImplementedError, zipfile.BadZipFile) as error:  # with a password, or an odd method
         raise _damaged(path, "a zip archive", error) from None
 
 
-def _unpacked(path: str | Path, kind: str, stream: IO[bytes], most: int | None) -> bytes:
+class _Lines:
+    """What gives lines as a stream of bytes."""
+
+    def __init__(self, lines: Iterator[bytes]) -> None:
+        self._lines = lines
+
+    def read1(self, size: int) -> bytes:
+        return b"".join(islice(self._lines, size // HEAD))
+
+    def __enter__(self) -> _Lines:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+
+def _unpacked(path: str | Path, kind: str, stream: Any, most: int | None) -> bytes:
     """The text that a stream gives, and no more than the machine has memory for."""
     text, size = io.BytesIO(), 0  # grows in place, and is handed over without a copy
     try:
         with stream:
-            while (most is None or size < 2 * most) and (part := stream.read(PIECE)):
+            while (most is None or size < 2 * most) and (part := _next(stream, size)):
+                if not size and not _is_text(_as_utf8(part[:HEAD])):
+                    break
                 size += text.write(part)
                 check_size(str(path), size)
-    except (OSError, EOFError, RuntimeError, NotImplementedError, ValueError) as error:
+    except (OSError, EOFError, RuntimeError, NotImplementedError, ValueError, LookupError) as error:
         raise _damaged(path, kind, error) from None
-    except (zlib.error, lzma.LZMAError, zipfile.BadZipFile) as error:
+    except (zlib.error, lzma.LZMAError, zipfile.BadZipFile, ParseError) as error:
         raise _damaged(path, kind, error) from None
-    content = _as_utf8(text.getvalue())[:most]
-    if b"\0" in content[:HEAD].rstrip(b"\0"):
+    if not size and part:
         raise DataError(f"{path}: is {kind}, and what is in it is no text", "unpack it first")
-    return content
+    return _as_utf8(text.getvalue())[:most]
+
+
+def _is_text(head: bytes) -> bool:
+    """Whether it is more than zeros, which may stand at its end alone."""
+    return bool(text := head.rstrip(b"\0")) and b"\0" not in text
+
+
+def _next(stream: Any, size: int) -> bytes:
+    """More of it; what stands behind the end of a gzip file is none of it, as gzip itself has it."""
+    try:
+        return bytes(stream.read1(PIECE))
+    except gzip.BadGzipFile as error:
+        if size and "Not a gzipped file" in str(error):
+            return b""
+        raise
 
 
 def _damaged(path: str | Path, kind: str, error: Exception) -> DataError:
@@ -108,8 +149,8 @@ def _as_utf8(content: bytes) -> bytes:
     if encoding is not None:  # cut at any byte, or spoiled: what is wrong shows in its place
         content = content.decode(encoding, "replace").removeprefix("\ufeff").encode()
     if _STAMPED.match(content):
-        line = content.partition(b"\n")[0]
-        by = next((one for one in (b"\t", b";", b",") if one in line), b" ")
+        lines = content[:HEAD].splitlines()[:-1] or [content]
+        by = max((b"\t", b";", b",", b" "), key=lambda one: sum(one in line.partition(b" -> ")[2] for line in lines))
         content = _STAMPED.sub(rb"\1" + by, content)
     return content
 

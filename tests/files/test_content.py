@@ -59,7 +59,7 @@ def test_a_plain_file_is_read_as_it_is(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (zipped(b"", "xl/workbook.xml", "[Content_Types].xml"), "an Excel workbook: save the sheet"),
+        (zipped(b"", "xl/workbook.xml", "[Content_Types].xml"), "an Excel workbook and cannot be unpacked"),
         (zipped(PLAIN.encode(), "a.csv", "b.csv"), "a zip archive of 2 files (a.csv, b.csv): unpack it first"),
         (zipped(PLAIN.encode(), "folder/"), "a zip archive of 0 files: unpack it first"),
         (gzip.compress(PLAIN.encode(), mtime=0)[:-900], "gzip-compressed and cannot be unpacked"),
@@ -77,6 +77,44 @@ def test_what_cannot_be_unpacked_is_one_line_with_its_name(content: bytes, said:
         numbers(path)
     assert str(caught.value).startswith(f"{path}: is ")
     assert said in str(caught.value)
+
+
+def test_what_is_written_about_a_log_may_lie_beside_it_in_a_zip(tmp_path: Path) -> None:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr("run/meta.json", '{"operator": "x"}')
+        archive.writestr("run/log.csv", PLAIN)
+        archive.writestr("README.txt", "what it is")
+    plain = numbers(written(tmp_path, PLAIN.encode()))
+    assert np.array_equal(numbers(written(tmp_path, packed.getvalue())), plain)
+
+
+@pytest.mark.parametrize("behind", [b"\0" * 512, b"and what a logger added"])
+def test_bytes_behind_the_end_of_a_gzip_file_are_none_of_it(behind: bytes, tmp_path: Path) -> None:
+    plain = numbers(written(tmp_path, PLAIN.encode()))
+    assert np.array_equal(numbers(written(tmp_path, gzip.compress(PLAIN.encode()) + behind)), plain)
+
+
+def test_a_bomb_that_is_no_text_is_refused_at_its_first_bytes(tmp_path: Path) -> None:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("log.csv", "w") as file:
+        for _ in range(200):
+            file.write(bytes(1 << 20))
+    path = written(tmp_path, packed.getvalue())
+    tracemalloc.start()
+    with pytest.raises(DataError, match="what is in it is no text"):
+        content_of(path)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 16 << 20  # of 200 MiB
+
+
+def test_a_bomb_that_says_how_large_it_is_is_refused_before_it_is_unpacked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.sysconf", lambda name: 100)  # 10 kB of memory
+    with pytest.raises(DataError, match="unpacks to"):
+        content_of(written(tmp_path, zipped(PLAIN.encode())), 100)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
