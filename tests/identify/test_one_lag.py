@@ -20,10 +20,12 @@ def _magnet(s, q):
 
 
 BOTH = Law("", LATE.draw, lambda s, t, q, v, u: LATE.force(s, t, q, v, u) + _magnet(s, q), LATE.on, after=LATE.after)
+#: Less after a while than right after a turn, by less than the dry friction beside it, so that it does not drive.
+FALLS = Law("", LATE.draw, lambda s, t, q, v, u: -0.1 * LATE.force(s, t, q, v, u), LATE.on, after=LATE.after)
 
 
 def learnt_of(law, seed, sensor, motion):
-    log = make(law, seed, sensor, motion, laws={**COMPLETE, "both": BOTH})
+    log = make(law, seed, sensor, motion, laws={**COMPLETE, "both": BOTH, "falls": FALLS})
     model = PlantModel(log.inertia, log.delay, {**log.believed, **known_of(log)})
     return log, learn([prepare(Log(log.channels, 1e-3, law), ObserverSettings(log.inertia, 0.01))], model)
 
@@ -43,3 +45,11 @@ def test_a_force_over_the_position_is_learnt_beside_friction_that_builds_up():
     lags = found.model.effects["lagged_friction"]
     assert lags["time_constants"] == pytest.approx([log.drawn["tau"]], rel=0.15)
     assert lags["levels"] == pytest.approx([1.3 * log.drawn["size"]], rel=0.1)
+
+
+def test_friction_that_is_highest_right_after_a_turn_is_said_to_fall_off():
+    log, found = learnt_of("falls", 9401, "speed40k", "moves")
+    lags = found.model.effects["lagged_friction"]
+    assert lags["time_constants"] == pytest.approx([log.drawn["tau"]], rel=0.15)
+    assert lags["levels"] == pytest.approx([-0.13 * log.drawn["size"]], rel=0.1)
+    assert found.family == "friction that falls off over time after each turn"

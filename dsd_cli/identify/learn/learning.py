@@ -16,7 +16,7 @@ from dsd_cli.identify.learn.formulate import formula_of
 from dsd_cli.identify.learn.judge import Judge, LawFit
 from dsd_cli.identify.learn.results import LEARNT, NOT_OF_MOTION, NOTHING, Learnt, Tie
 from dsd_cli.identify.learn.rows import Balance, balance_of
-from dsd_cli.identify.learn.words import of_several, separating
+from dsd_cli.identify.learn.words import of_laws, separating
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.recording import Recording
@@ -129,7 +129,7 @@ def _learnt(chosen: Choice, scores: Scores, stand_ins: Sequence[str]) -> Learnt:
     return Learnt(
         logs=tuple(r.name for r in scores.recordings),
         verdict=LEARNT,
-        family=of_several(families),
+        family=of_laws(chosen.fit),
         channels=formula.on
         if formula is not None and by_formula
         else tuple(dict.fromkeys(name for family in families for name in family.on)),
@@ -181,7 +181,7 @@ def _held_out(score: Score, chosen: Choice, fit: LawFit, holdout: Sequence[Recor
 def _tie(chosen: Choice, other: LawFit) -> Tie:
     families = [law.family for law in other.laws]
     own = [law.family for law in chosen.best.laws]
-    return Tie(of_several(families), families[-1].on, chosen.rmse(other), separating(own[-1], families[-1]))
+    return Tie(of_laws(other), families[-1].on, chosen.rmse(other), separating(own[-1], families[-1]))
 
 
 def _notes(problem: Problem, heldout: float) -> tuple[str, ...]:

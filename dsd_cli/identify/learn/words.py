@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dsd_cli.effects.lagging import LAGGED
+from dsd_cli.identify.learn.curves import coefficients, parts
+from dsd_cli.identify.learn.families import ACCELERATION, DIRECTION, INERTIA_OVER_TIME, MEMORY, TIME, Family
+from dsd_cli.identify.learn.judge import LawFit
 
-from dsd_cli.identify.learn.families import ACCELERATION, INERTIA_OVER_TIME, MEMORY, TIME, Family
+#: Friction behind lags of sgn v whose levels are below 0: most right after a turn.
+_FALLS = "friction that falls off over time after each turn"
 
 
-def of_several(families: Sequence[Family]) -> str:
-    """Their names, joined."""
-    return " and ".join(family.name for family in families)
+def of_laws(fit: LawFit) -> str:
+    """Their names, joined; the levels of friction that acts late say which way it goes after a turn."""
+    theta, names = coefficients(fit), list[str]()
+    for law, at in parts(fit):
+        late = law.family.effect is LAGGED and law.family.factor == DIRECTION
+        names.append(_FALLS if late and theta[at].sum() < 0.0 else law.family.name)
+    return " and ".join(names)
 
 
 #: Channel -> the motion that shows what depends on it.
