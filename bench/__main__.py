@@ -5,7 +5,8 @@ logs of another laboratory, see bench/outside.py; `python -m bench paired` asks 
 bench/paired.py; `python -m bench random` runs the property
 tests on new examples, see bench/properties.py; `python -m bench fuzz` looks for input that breaks the commands, see
 bench/fuzz.py; `python -m bench kills` ends them by signals, see bench/fuzz_kills.py;
-`python -m bench learn` asks what is learnt of laws that no catalogue has, see bench/learn.py;
+`python -m bench learn` asks what is learnt of laws that no catalogue has, see bench/learn.py, `python -m
+bench learn-nothing` what is made of logs in which nothing is missing;
 `python -m bench coverage` counts how often standard errors hold the truth, see bench/coverage.py, `python -m bench
 values` the same on axes of many kinds, see bench/values.py;
 `python -m bench longlog` labels a day at 10 kHz, see bench/longlog.py; `python -m bench fleet`
@@ -36,6 +37,7 @@ STUDIES = {
     "hidden": "hidden",
     "learn": "learn",
     "learn-machines": "learn_machines",
+    "learn-nothing": "learn_nothing",
     "outside": "outside",
     "plan": "plan",
     "paired": "paired",

@@ -1,7 +1,7 @@
 """`python -m bench learn`: laws of no catalogue from an outside rig, what `dsd learn` makes of them.
 
 Every law of `tests/oracle/rig_strange_laws.py`, or of `--laws-from FILE.py` (a file with a dictionary `LAWS` of the
-same kind), behind four sensors, from several seeds; then logs with nothing missing (`learn_nothing`).
+same kind), behind four sensors, from several seeds.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from bench.engines import ROOT
-from bench.learn_nothing import COMPLETE, known_of
 from bench.learn_truth import law_error, settled
 from bench.marked import put
 from dsd_cli.effects import Role, get_effect
@@ -100,7 +99,7 @@ def recording_of(log: StrangeLog, without_law: bool = False) -> tuple[Recording,
         size = len(log.truth)
         channels["u"] = channels["u"] + (1.0 - part) * later[n : n + size] + part * later[n + 1 : n + 1 + size]
     observer = ObserverSettings(log.inertia, 0.01)
-    believed = PlantModel(log.inertia, log.delay, {**log.believed, **known_of(log)})
+    believed = PlantModel(log.inertia, log.delay, dict(log.believed))
     return prepare(Log(channels, 1e-3, log.law), observer), believed
 
 
@@ -123,8 +122,8 @@ def asked(law: str, sensor: str, seed: int, laws: dict[str, Any]) -> Row:
     second, _ = recording_of(other)
     problem = pose([second], found.model, Settings(effects=()))
     known = settled(problem.errors.equations)[problem.errors.equations.kept]
-    hidden = None if law in COMPLETE else {**LAWS, **laws}[law]
-    on, form = ((), "") if hidden is None else (hidden.on, hidden.form)
+    hidden = {**LAWS, **laws}[law]
+    on, form = hidden.on, hidden.form
     names = set() if found.formula is None else set(found.formula.effects)
     return Row(
         law,
@@ -136,27 +135,21 @@ def asked(law: str, sensor: str, seed: int, laws: dict[str, Any]) -> Row:
         names == FORMS[form] if form in FORMS else None,
         found.refitted.heldout_rmse,
         found.after.heldout_rmse,
-        true_error(log) if hidden else float("nan"),
+        true_error(log),
         float(np.sqrt(np.mean(problem.errors.rows_of_model(found.model)[known] ** 2))),
-        true_error(other) if hidden else float("nan"),
+        true_error(other),
         covered(found, log, hidden),
         cpu,
         "" if found.formula is None else found.formula.text,
-        *(
-            ()
-            if hidden is None
-            else (
-                law_error(log, hidden, recording, model),
-                law_error(other, hidden, second, model, settled),
-            )
-        ),
+        law_error(log, hidden, recording, model),
+        law_error(other, hidden, second, model, settled),
     )
 
 
-def covered(found: Learnt, log: StrangeLog, law: Law | None) -> float | None:
+def covered(found: Learnt, log: StrangeLog, law: Law) -> float | None:
     """Share of the visited knots of a curve over one channel whose band holds the true law there, evaluated at the
     knot itself; None for other curves."""
-    if found.verdict != LEARNT or law is None or len(found.curves) != 1 or len(found.curves[0].channels) != 1:
+    if found.verdict != LEARNT or len(found.curves) != 1 or len(found.curves[0].channels) != 1:
         return None
     curve = found.curves[0]
     effect, channel = get_effect(curve.effect), curve.channels[0]
@@ -196,26 +189,22 @@ def run(laws: Iterable[str], seeds: Iterable[int], sensors: list[str], more: dic
 
 def summary(rows: list[Row]) -> list[str]:
     """The figures, one line each."""
-    strange = [row for row in rows if row.law not in COMPLETE]
-    clean = [row for row in rows if row.law in COMPLETE]
-    lines = []
-    if strange:
-        speed = [row for row in strange if row.exact is not None and row.sensor.startswith("speed")]
-        band = [row.covered for row in strange if row.covered is not None]
-        lines += [
-            f"{len(strange)} logs of {len({row.law for row in strange})} laws",
-            _share("right channels", [row.right for row in strange]),
-            _share("held-out error within 10 % of the true law's", [r.after <= 1.1 * r.exact_law for r in strange]),
-            _share("second motion within 20 %", [r.second <= 1.2 * r.second_exact_law for r in strange]),
-            _share("held-out error within 10 % of the true force's", [r.after <= 1.1 * r.true for r in strange]),
-            _share("second motion within 20 % of it", [r.second <= 1.2 * r.second_true for r in strange]),
-            _share("error falls by 80 % at least", [row.after < 0.2 * row.before for row in strange]),
-            _share("exact form, speed sensors, law in the dictionary", [bool(row.exact) for row in speed]),
-            f"knots whose 95 % band holds the law: {100.0 * np.mean(band):.0f} %" if band else "",
-            f"CPU of 20 s at 1 kHz: {np.mean([r.cpu for r in rows]):.1f} s, at most {max(r.cpu for r in rows):.1f} s",
-        ]
-    if clean:
-        lines.append(f"laws in logs with nothing missing: {sum(r.verdict == LEARNT for r in clean)} of {len(clean)}")
+    if not rows:
+        return []
+    speed = [row for row in rows if row.exact is not None and row.sensor.startswith("speed")]
+    band = [row.covered for row in rows if row.covered is not None]
+    lines = [
+        f"{len(rows)} logs of {len({row.law for row in rows})} laws",
+        _share("right channels", [row.right for row in rows]),
+        _share("held-out error within 10 % of the true law's", [r.after <= 1.1 * r.exact_law for r in rows]),
+        _share("second motion within 20 %", [r.second <= 1.2 * r.second_exact_law for r in rows]),
+        _share("held-out error within 10 % of the true force's", [r.after <= 1.1 * r.true for r in rows]),
+        _share("second motion within 20 % of it", [r.second <= 1.2 * r.second_true for r in rows]),
+        _share("error falls by 80 % at least", [row.after < 0.2 * row.before for row in rows]),
+        _share("exact form, speed sensors, law in the dictionary", [bool(row.exact) for row in speed]),
+        f"knots whose 95 % band holds the law: {100.0 * np.mean(band):.0f} %" if band else "",
+        f"CPU of 20 s at 1 kHz: {np.mean([r.cpu for r in rows]):.1f} s, at most {max(r.cpu for r in rows):.1f} s",
+    ]
     return [line for line in lines if line]
 
 
@@ -228,7 +217,7 @@ def table(rows: list[Row]) -> list[str]:
     lines = ["| law | right channels | exact form | held-out: without, with, true law, true force | second: with, "
              "true law, true force |",
              "|---|---|---|---|---|"]  # fmt: skip
-    for law in dict.fromkeys(row.law for row in rows if row.law not in COMPLETE):
+    for law in dict.fromkeys(row.law for row in rows):
         own = [row for row in rows if row.law == law]
         exact = [row for row in own if row.exact is not None]
         form = f"{sum(bool(r.exact) for r in exact)} of {len(exact)}" if exact else "-"
@@ -241,7 +230,7 @@ def table(rows: list[Row]) -> list[str]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """`python -m bench learn [--laws a,b] [--seeds 3] [--first 101] [--nothing 50] [--laws-from FILE.py] [-o FILE]`,
+    """`python -m bench learn [--laws a,b] [--seeds 3] [--first 101] [--laws-from FILE.py] [-o FILE]`,
     `--page FILE...`."""
     parser = argparse.ArgumentParser(prog="python -m bench learn", description=__doc__)
     parser.add_argument("--laws", help="some of them, with commas between")
@@ -249,7 +238,6 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--sensors", default=",".join(SENSORS), help="some of them, with commas between")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--first", type=int, default=101)
-    parser.add_argument("--nothing", type=int, default=50, help="seeds with nothing missing, behind each sensor")
     parser.add_argument("-o", "--output", default="out/learn.jsonl")
     parser.add_argument("--page", nargs="+", help="ask nothing; these files of rows into docs/measured/learn.md")
     given = parser.parse_args(arguments)
@@ -261,9 +249,5 @@ def main(arguments: list[str] | None = None) -> None:
     out = Path(given.output)
     out.parent.mkdir(parents=True, exist_ok=True)
     laws = given.laws.split(",") if given.laws else list(more) or list(LAWS)
-    sensors = given.sensors.split(",")
-    rows = run(laws, range(given.first, given.first + given.seeds), sensors, more, out)
-    if given.nothing:
-        for seed in range(given.first, given.first + given.nothing):
-            rows = run([list(COMPLETE)[seed % len(COMPLETE)]], [seed], sensors, {**COMPLETE, **more}, out)
+    rows = run(laws, range(given.first, given.first + given.seeds), given.sensors.split(","), more, out)
     print("\n".join([*summary(rows), "", *table(rows)]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -94,7 +95,7 @@ def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -
     if refused:
         return Choice(judge, base, base, (), look.richest, first, refused, undecided=refused == AT_STOPS)
     # a law is as fine as it gets before another is asked for: that would explain what a coarse curve leaves
-    fit, finer = refined(judge, with_one_lag(judge, first))
+    fit, finer = refined(judge, with_one_lag(judge, in_parts(judge, first, look.columns)))
     while first.laws[0].family.of_motion and len(fit.laws) < MOST_LAWS:
         following = _following(judge, fit, look.columns)
         if following is None:
@@ -161,6 +162,17 @@ def also_an_inertia(judge: Judge, gain: LawFit) -> tuple[LawFit, ...]:
         return ()
     other = judge.fit((columns,))
     return (other,) if as_good(other, gain) else ()
+
+
+def in_parts(judge: Judge, whole: LawFit, columns: Sequence[Columns]) -> LawFit:
+    """Two laws over one channel each in the place of one over both, where they leave no more on held-out blocks: a
+    table over two channels has few knots in each."""
+    over = set(whole.laws[0].family.over)
+    if len(over) < 2:
+        return whole
+    single = [c for c in columns if not c.family.of_u and len(c.family.over) == 1 and set(c.family.over) < over]
+    pairs = [two for two in combinations(single, 2) if {name for c in two for name in c.family.over} == over]
+    return min([whole, *map(judge.fit, pairs)], key=lambda fit: fit.loss)
 
 
 def refined(judge: Judge, fit: LawFit) -> tuple[LawFit, LawFit | None]:
@@ -250,15 +262,15 @@ def why_not(judge: Judge, before: LawFit, after: LawFit) -> str:
     gains = (after.without - after.losses) / judge.nats(after)
     if float(gains.sum()) < POLICY.unknown_nats or not spread_over_blocks(gains):
         return "no function of the channels explains what is left, on blocks that it was not fitted to"
-    taken = left_of(judge, before) ** 2 - left_of(judge, after) ** 2
-    small = taken < (POLICY.least_unknown * judge.balance.problem.errors.force) ** 2
-    if small or not _falls(judge, before, after) or not _falls(judge, before, after, held_out=False):
+    if not _matters(judge, before, after) or not _matters(judge, before, after, held_out=False):
         return "what a function of the channels explains is too small to matter"
     sure = judge.balance.weight == 1.0
-    spread = not sure.any() or _falls(judge, before, after, sure)
+    spread = not sure.any() or _matters(judge, before, after, sure)
     return "" if spread and is_shown(judge, after) else AT_STOPS
 
 
-def _falls(judge: Judge, before: LawFit, after: LawFit, rows: Mask | None = None, held_out: bool = True) -> bool:
+def _matters(judge: Judge, before: LawFit, after: LawFit, rows: Mask | None = None, held_out: bool = True) -> bool:
+    """Whether the last law takes enough of what is left in these rows, and of u."""
     was, now = (left_of(judge, fit, rows, held_out) for fit in (before, after))
-    return now < (1.0 - POLICY.unknown_fall) * was
+    least = POLICY.least_unknown * judge.balance.problem.errors.force
+    return now < (1.0 - POLICY.unknown_fall) * was and was**2 - now**2 > least**2
