@@ -111,7 +111,7 @@ def of_tier(name: str, seed: int) -> tuple[str, Recording, PlantModel] | None:
 
 def _smaller(effect: str, values: Mapping[str, Any]) -> dict[str, Any]:
     linear = {p.name for p in get_effect(effect).parameters if p.linear and not p.data}
-    return {n: _BELIEVED * v if n in linear else v for n, v in values.items()}
+    return {n: _BELIEVED * v if n in linear and isinstance(v, float) else v for n, v in values.items()}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
