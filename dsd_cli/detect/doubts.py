@@ -26,7 +26,7 @@ class Doubts:
 
     def __init__(self, plan: Plan, engine: Engine) -> None:
         spec = engine.spec
-        self._spikes = Spikes(spec, plan.settings.window, plan.d_hat_source == "logged")
+        self._spikes = Spikes(plan, spec)
         self._rest = RestShare(plan.settings.effective_window)
         self._unknown = UnknownForces(spec) if plan.has_motion else None
         # methods whose recursion is the memory, and short windows: a label that is confident has stood for a while
@@ -62,7 +62,7 @@ class Doubts:
 
     def checked(self, labels: Labels, inputs: Inputs, model: Array | None) -> Labels:
         """The labels of the next samples, confident only where nothing speaks against it."""
-        spike = self._spikes.unfounded(inputs.u, labels.state)
+        spike = self._spikes.unfounded(inputs, labels)
         if spike is not None:
             self._doubted += int((labels.confident & spike).sum())
             labels = without_confidence(labels, spike)

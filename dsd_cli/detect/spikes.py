@@ -1,119 +1,253 @@
-"""Labels that rest on a spike of u: a corrupt cell looks like a command that the plant never got.
+"""Labels that one wrong value of u decides: a corrupt cell looks like a command that the plant never got.
 
 A delay of 0 with the nominal inertia predicts d_hat = 0 for any u. One wrong value of u therefore speaks, with all the
-weight of its square, for that state and against every other, and d_hat cannot contradict. A state whose prediction
-would show the spike is another matter: if it explains its window with the spike in it, the spike was there. A window
-holds a spike twice: as it is in d_hat, u(t), and as that state delays it, u(t - L). Between the two, and after both,
-the window says of the state only that others are wrong.
+weight of its square, for that state and against every other, and d_hat cannot contradict; delays see it one after the
+other. So every value that stands out is asked both ways: was it commanded, or is it wrong? A second kernel takes u with
+the value before in its place (and the d_hat that the observer would have computed from that). A label stays confident
+only if its state, with u as logged, leads every other state with u either way. Once no state explains its window
+without the value and one does with it, it was commanded, and is no spike any more.
 """
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.detect.spec import KernelSpec, nats_of_fit
+from dsd_cli.detect.engine import Labels
+from dsd_cli.detect.kernel import Backend, Kernel, make_kernel
+from dsd_cli.detect.plan import Plan
+from dsd_cli.detect.rows import Inputs
+from dsd_cli.detect.spec import WARMUP, KernelSpec
+from dsd_cli.plant.filtering import SETTLED
+from dsd_cli.plant.observer import DisturbanceObserver
 from dsd_cli.signals.log import Array
-from dsd_cli.signals.outliers import Level
+from dsd_cli.signals.outliers import TIMES, Level
 
-#: A spike is at least so many times what u usually reaches.
-FACTOR = 4.0
+#: Times the level from which on a value of u is asked both ways: the least that `Level` distinguishes from it.
+FACTOR = 2.0
+#: Nats that both ways may still differ by in any state once a spike has left all windows.
+FORGOTTEN = 1e-3
+#: Likelihoods that are held at once.
+AT_ONCE = 1_000_000
 
 
 class Spikes:
-    """Finds the labels that rest on a spike; every value of u passes through it, in order.
+    """Finds the labels that rest on a spike; every sample passes through it, in order.
 
-    Parameters
-    ----------
-    spec : what the kernel works with.
-    window : samples that a decision looks back on.
-    logged : d_hat comes from the log; else it is computed from u, and a spike of u is in both.
+    `largest` : of the spikes so far, unit of u.
     """
 
-    def __init__(self, spec: KernelSpec, window: int, logged: bool) -> None:
+    def __init__(self, plan: Plan, spec: KernelSpec) -> None:
         self.largest = 0.0
-        self._shown = smallest_shown(spec, logged)
-        self._rho = spec.settings.rho
-        self._decay = spec.time_constant / spec.sample_time if spec.pole > 0.0 else 0.0
-        longest = max(whole for whole, _ in spec.taps())
-        self._span, self._longest = window + spec.aperture + 2, longest
-        self._delays = np.repeat([whole for whole, _ in spec.taps()], self._shown.size // len(spec.taps()))
         self._level = Level()
-        self._active: list[tuple[int, float, int]] = []  # sample, size, samples for which a window holds it
+        self._ways = _Ways(plan, spec)
+        self._past: list[_Samples] = []  # what a kernel that begins now must have seen
+        self._spikes: list[tuple[int, float]] = []  # row and size
+        self._asked: list[_Asked] = []  # with u as logged; then without all spikes, then without each run of them
 
     @property
     def level(self) -> float:
         """What u usually reaches, as a power of two."""
         return self._level.value
 
-    def warning(self, doubted: int) -> str:
-        """What to say of that many confident labels that were none."""
-        return (
-            f"u stands out (up to {self.largest:.3g}, it usually reaches about {self.level:.3g}), and nothing shows "
-            f"that it was so: {doubted} label(s) that rest on it are not confident"
-        )
-
     def restart(self) -> None:
         """What comes next rests on nothing that was before; the level of u stays."""
-        self._active = []
+        self._past, self._spikes, self._asked = [], [], []
 
-    def unfounded(self, u: Array, state: NDArray[np.int32]) -> NDArray[np.bool_] | None:
-        """Which labels of the next samples, shape (n,), rest on a spike; None: none does."""
-        sizes = self._spike_behind(u, self._delays[state])
-        return None if sizes is None else sizes < self._shown[state]
-
-    def _spike_behind(self, u: Array, delays: NDArray[np.int64]) -> Array | None:
-        """Per sample the smallest spike that a window holds, infinite for none; None: there is none in all of them.
-
-        Where the window of the sample's own delay holds none of it, its size is 0. A value is no spike any more from
-        the sample on that shows it to be the level of u.
-        """
+    def unfounded(self, inputs: Inputs, labels: Labels) -> NDArray[np.bool_] | None:
+        """Which labels and estimates of the next samples, shape (n,), rest on a spike; None: none does."""
         start = self._level.rows
-        found = self._level.follow(u, FACTOR)
-        if not found and not self._active:
-            return None
-        sizes = np.full(u.size, np.inf)
+        samples = _Samples(start, inputs)
+        found = self._level.follow(inputs.u, FACTOR)
+        wrong = np.zeros(inputs.u.size, dtype=np.bool_) if found or self._spikes else None
+        begin = 0
         for row, size, level in found:
-            self._cover(sizes, delays, start, row, level)
-            if size < FACTOR * level:
-                continue
-            self.largest = max(self.largest, size)
-            span = self._span + self._decay * max(math.log(size) - math.log(self._rho), 0.0)
-            self._active.append((row, size, math.ceil(span)))
-        self._cover(sizes, delays, start, start + u.size, self._level.value)
-        self._active = [one for one in self._active if one[0] + one[2] + self._longest > start + u.size]
-        return sizes
+            self._advance(samples, slice(begin, row - start), labels, wrong)
+            begin = row - start
+            self._spikes = [one for one in self._spikes if one[1] >= FACTOR * level]
+            if size >= FACTOR * level:
+                self.largest = max(self.largest, size)
+                self._spikes.append((row, size))
+            self._asked = []
+        self._advance(samples, slice(begin, inputs.u.size), labels, wrong)
+        self._remember(samples)
+        return wrong
 
-    def _cover(self, sizes: Array, delays: NDArray[np.int64], start: int, now: int, level: float) -> None:
-        """Write down what the spikes act on before `now`, and let those go that are no spikes at this level."""
-        for row, size, span in self._active:
-            first, end = max(row, start), min(row + span + self._longest, now)
-            part = slice(first - start, max(end - start, first - start))
-            since = np.arange(first, first + len(sizes[part])) - row
-            late = since - delays[part]
-            own = (since < span) | ((late >= 0) & (late < span))
-            others = since < self._span + self._longest  # what Q has left of it later tells no states apart
-            sizes[part] = np.minimum(sizes[part], np.where(others & ~own, 0.0, size))
-        self._active = [one for one in self._active if one[1] >= FACTOR * level]
+    def _advance(self, samples: _Samples, rows: slice, labels: Labels, wrong: NDArray[np.bool_] | None) -> None:
+        """Both ways over these samples where a label or an estimate is confident, as long as they differ."""
+        begin, size = rows.start, min(self._ways.reach, max(AT_ONCE // self._ways.states, 1))
+        while self._spikes and begin < rows.stop and wrong is not None:
+            stop = min(begin + size, rows.stop)
+            after = samples.start + stop - self._spikes[-1][0]
+            if not any(column[begin:stop].any() for column in (labels.confident, *labels.estimates[4:])):
+                self._asked = []
+                if after > self._ways.lasting:
+                    self._spikes = []
+            elif self._asked or self._begin(samples, begin):
+                logged, others, length = self._both(samples.part(begin, stop))
+                stop = begin + length
+                for other in others:
+                    wrong[begin:stop] |= self._ways.decided(logged, other, labels.state[begin:stop])
+                    if labels.estimates:
+                        wrong[begin:stop] |= self._ways.excluded(logged, other)[:length]
+                gone = all(_apart(logged[-1], other[-1]) <= FORGOTTEN for other in others)
+                if self._asked and gone and after > self._ways.reach:
+                    self._spikes, self._asked = [], []
+            else:
+                stop = begin  # no spike is left
+            begin = stop
+
+    def _begin(self, samples: _Samples, now: int) -> bool:
+        """Kernels that have taken what was before the sample `now` of these; whether a spike is left."""
+        pieces = [*self._past, samples.part(0, now)]
+        while self._spikes and not self._asked:
+            rows = [row for row, _ in self._spikes]
+            runs = [part.tolist() for part in np.split(rows, np.flatnonzero(np.diff(rows) >= TIMES) + 1)]
+            sets = [[], rows, *(runs[-TIMES:] if len(runs) > 1 else [])]  # more would be a level
+            self._asked = [_Asked(self._ways, frozenset(one)) for one in sets]
+            for piece in pieces:
+                if self._asked and len(piece.inputs.u):
+                    self._both(piece)
+        return bool(self._spikes)
+
+    def _both(self, samples: _Samples) -> tuple[Array, list[Array], int]:
+        """Likelihoods with u as logged, without spikes, and of how many samples: up to where a spike was commanded.
+
+        That one is none any more, and what follows begins anew.
+        """
+        logged, *others = (asked.likelihoods(samples) for asked in self._asked)
+        first = [_first(self._ways.needed(logged, other)) for other in others]
+        which = int(np.argmin(first))
+        if first[which] == len(logged):
+            return logged, others, len(logged)
+        without = self._asked[1 + which].without
+        self._spikes, self._asked = [one for one in self._spikes if one[0] not in without], []
+        return logged, others, first[which] + 1
+
+    def _remember(self, samples: _Samples) -> None:
+        """Keep what a kernel needs that begins at the first spike, or next."""
+        end = samples.start + len(samples.inputs.u)
+        first = min([row for row, _ in self._spikes], default=end) - self._ways.memory
+        self._past = [one for one in self._past if one.start + len(one.inputs.u) > first]
+        self._past.append(samples.part(max(first - samples.start, 0), len(samples.inputs.u)))
 
 
-def smallest_shown(spec: KernelSpec, logged: bool) -> Array:
-    """Per state the smallest spike of u, in its unit, that the measurement must show if the state holds.
+class _Samples(NamedTuple):
+    """Samples in a row, the first of which is the sample `start` of all."""
 
-    Shape (states,). The response to one value of u is that of Q (none where d_hat is computed: u cancels), less (Jn/J)
-    times the same one delay later; its energy must be what makes a window unexplained. Infinite without a response.
-    """
-    p = spec.pole
-    energy = (1.0 - p) / (1.0 + p) * (0.5 * (1.0 + p) if spec.aperture == 2 else 1.0)
-    whole, f = (np.array(column)[:, None] for column in zip(*spec.taps(), strict=True))
-    alpha = np.asarray(spec.alphas)[None, :]
-    delayed = (1.0 - f) ** 2 + f**2 + 2.0 * f * (1.0 - f) * p
-    together = (1.0 - f) * p**whole + f * p ** (whole + 1)
-    response = alpha**2 * delayed + (1.0 - 2.0 * alpha * together if logged else 0.0)
-    floor = 2.0 * nats_of_fit(spec.settings.window) * spec.settings.rho**2
-    with np.errstate(divide="ignore"):
-        shown = np.sqrt(floor / (energy * np.where(response > 1e-12, response, 0.0)))
-    combos = len(spec.grid.combinations)
-    return np.repeat(shown[:, None, :], combos, axis=1).ravel()
+    start: int
+    inputs: Inputs
+
+    def part(self, begin: int, end: int) -> _Samples:
+        """Those from `begin` to `end` of these."""
+        u, d_hat, t, forces = self.inputs[:4]
+        cut = slice(begin, end)
+        some = None if forces is None else type(forces)(*(column[cut] for column in forces))
+        return _Samples(self.start + begin, Inputs(u[cut], d_hat[cut], t[cut], some))
+
+
+class _Ways:
+    """What all kernels of one detector have in common."""
+
+    def __init__(self, plan: Plan, spec: KernelSpec) -> None:
+        window = plan.settings.window
+        self.spec = replace(spec, settings=replace(spec.settings, window=window))
+        self.states, self.confidence = len(spec.grid), spec.settings.confidence
+        self.floor = self.spec.log_likelihood_floor
+        self.source, self.observer = plan.d_hat_source, plan.observer
+        self.backend: Backend | None = "numpy" if spec.settings.sensor_noise else plan.backend
+        longest = max(whole for whole, _ in spec.taps())
+        self.reach = window + longest + spec.aperture + 2  # rows until all windows have had a spike
+        settling = int(np.ceil(SETTLED * spec.time_constant / spec.sample_time))
+        self.lasting = self.reach + 4 * settling  # and until Q has less than 1e-8 of it
+        self.memory = window + spec.warmup_rows + int(np.ceil(spec.warmup_time / spec.sample_time))
+
+    def needed(self, logged: Array, other: Array) -> NDArray[np.bool_]:
+        """Whether a state explains its window with u as logged, and none does without the spikes; shape (n,)."""
+        best = logged.max(axis=1)
+        with np.errstate(invalid="ignore"):
+            lead = best - other.max(axis=1)
+        return np.asarray((best >= self.floor) & (lead >= max(self.confidence, FORGOTTEN)))
+
+    def decided(self, logged: Array, other: Array, state: NDArray[Any]) -> NDArray[np.bool_]:
+        """Whether the lead of the state chosen over all others is `confidence` by the spikes alone; shape (n,).
+
+        Without them it is less; with them it is as much, or more by as much (a label that was chosen otherwise).
+        """
+        lead, without = (_lead(logged[: state.size], one[: state.size], state) for one in (logged, other))
+        differ = _apart(logged[: state.size], other[: state.size]) > FORGOTTEN
+        with np.errstate(invalid="ignore"):
+            return differ & ~(without >= self.confidence) & ~(np.fmax(lead, lead - without) < self.confidence)
+
+    def excluded(self, logged: Array, other: Array) -> NDArray[np.bool_]:
+        """Whether a state is behind by `confidence` for the spikes alone: estimates rest on all states; shape (n,)."""
+        best = logged.max(axis=1, keepdims=True) - self.confidence
+        return np.asarray(((logged <= best) & (other > best)).any(axis=1))
+
+
+def _lead(logged: Array, other: Array, state: NDArray[Any]) -> Array:
+    """Nats by which these states, as logged, lead all others in `other`; shape (n,)."""
+    at = np.arange(state.size), state
+    other = other.copy()
+    other[at] = -np.inf
+    with np.errstate(invalid="ignore"):
+        return np.asarray(logged[at] - other.max(axis=1))
+
+
+def _apart(logged: Array, other: Array) -> Any:
+    """Nats by which two likelihoods of a state differ at most; two that are infinitely far away do not."""
+    with np.errstate(invalid="ignore"):
+        return np.nan_to_num(np.abs(other - logged), nan=0.0).max(axis=-1)
+
+
+def _first(yes: NDArray[np.bool_]) -> int:
+    """The first of these that is; their number if none is."""
+    return int(np.argmax(yes)) if yes.any() else yes.size
+
+
+class _Asked:
+    """A kernel that takes u without the spikes of these rows, in chunks."""
+
+    def __init__(self, ways: _Ways, without: frozenset[int]) -> None:
+        self._ways, self.without = ways, without
+        self._kernel: Kernel = make_kernel(ways.spec, ways.backend)
+        self._held = 0.0
+        self._observer = None
+        if without and ways.source != "logged":
+            self._observer = DisturbanceObserver(ways.observer, ways.spec.sample_time, ways.source)
+
+    def likelihoods(self, samples: _Samples) -> Array:
+        """log p of every state over its window, shape (n, states); 0 where nothing is judged."""
+        u, d_hat, t, forces = samples.inputs[:4]
+        n = len(u)
+        if n and self.without:
+            instead = self._instead(u, samples.start)
+            d_hat = d_hat + self._observed(instead - u, t)
+            u = instead
+        found, status = np.empty((n, self._ways.states)), np.empty(n, dtype=np.uint8)
+        buffers: Sequence[Any] = (u, d_hat, t if self._ways.spec.timed else None, *(forces or (None,) * 3))
+        buffers = tuple(None if one is None else np.ascontiguousarray(one) for one in buffers)
+        self._kernel.run(*buffers, found, np.empty(n, dtype=np.int32), np.empty(n), np.empty(n), status, None)
+        found[status == WARMUP] = 0.0
+        return found
+
+    def _instead(self, u: Array, start: int) -> Array:
+        """u with the value before them in place of the spikes."""
+        rows = [row - start for row in self.without if start <= row < start + len(u)]
+        instead = u.copy()
+        for row in sorted(rows):
+            instead[row] = instead[row - 1] if row else self._held
+        if len(u):
+            self._held = float(instead[-1])
+        return instead
+
+    def _observed(self, change: Array, t: Array) -> Array | float:
+        """What the observer would have added to d_hat if u had been other by `change`."""
+        if self._observer is None:
+            return 0.0
+        stamps = t if self._ways.spec.timed else None
+        return self._observer.run(np.where(np.isfinite(change), change, 0.0), np.zeros(len(change)), stamps)

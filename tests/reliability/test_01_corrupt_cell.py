@@ -63,7 +63,7 @@ def test_a_range_of_the_user_drops_what_is_beyond_it(folder):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("value", ["20", "1e8"])
+@pytest.mark.parametrize("value", ["2.5", "20", "1e8"])
 def test_live_and_files_give_the_same_labels(folder, value):
     text = corrupt(folder, "u", value)
     done("detect", "bad.csv", "-c", CONFIG, "-o", "labels.csv", cwd=folder)
@@ -123,3 +123,29 @@ def test_no_label_is_confident_because_only_others_have_the_spike(folder, name, 
     wrong = (labels["delay"] != log["true_delay"]) | (labels["inertia"] != log["true_inertia"])
     near = np.arange(wrong.size) - row
     assert not (labels["confident"] & wrong)[(near >= 0) & (near < 600)].any()
+
+
+@pytest.fixture(scope="module")
+def load_change(tmp_path_factory) -> Path:
+    here = tmp_path_factory.mktemp("load")
+    config = SAMPLES / "servo-load-change.toml"
+    done("simulate", "-c", config, "--duration", "3", "--seed", "11", "-o", "made.csv", cwd=here)
+    write(here, "log.csv", read_labels(here / "made.csv"))  # without what `simulate` says of it beside it
+    done("detect", "log.csv", "-c", config, "-o", "clean.csv", cwd=here)
+    return here
+
+
+@pytest.mark.parametrize(("row", "value"), [(1610, 3.0), (1850, -2.5), (2300, 2.2), (2700, -3.9)])
+def test_no_label_is_confident_because_of_a_value_that_is_hardly_more_than_usual(load_change, row, value):
+    """u reaches 1.24 here. 2.2 is enough: a delay of 0 explains it, and 250 labels were confident and wrong."""
+    log = {name: column.copy() for name, column in read_labels(load_change / "log.csv").items()}
+    clean = read_labels(load_change / "clean.csv")
+    log["u"][row] = value
+    write(load_change, "spike.csv", log)
+    config = SAMPLES / "servo-load-change.toml"
+    done("detect", "spike.csv", "-c", config, "-o", "labels.csv", cwd=load_change)
+    labels = read_labels(load_change / "labels.csv")
+    assert not (labels["confident"].astype(bool) & (labels["state"] != clean["state"])).any()
+    near = np.arange(log["u"].size) - row
+    away = (near < 0) | (near > WINDOW + REACH)  # it costs its window and no more
+    assert (labels["confident"] == clean["confident"])[away].all()
