@@ -99,3 +99,40 @@ def test_a_move_of_half_a_second_teaches_no_law(tmp_path):
     result = json.loads(done.stdout)
     assert result["verdict"] == "none"
     assert "too short" in result["why"]
+
+
+#: A linear axis as the ladder leaves its first half.
+LINEAR = """
+[signals]
+time = "t_s"
+u = "force_N"
+position = "position_m"
+[observer]
+nominal_inertia = 95
+time_constant = 0.02
+[model]
+inertia = 94.95
+[model.effects.coulomb_friction]
+level = 20.9
+[model.effects.viscous_friction]
+coefficient = 199.6
+[model.effects.viscous_asymmetry]
+coefficient = -37.7
+"""
+
+
+def test_what_the_first_half_of_a_record_teaches_halves_the_force_error_of_the_second(tmp_path):
+    """Speed and position each have their own curve; one table over both leaves three quarters (1.4 N of 1.85)."""
+    (tmp_path / "dsd.toml").write_text(LINEAR, encoding="utf-8")
+    log = recording("emps/emps_train.csv")
+    done = warm.run("learn", log, "--to", "12.4", "-o", "learnt.toml", "--format", "json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["channels"] == ["velocity", "position"]
+    force, position = [], []
+    for config in ("dsd.toml", "learnt.toml"):
+        words = ("compare", log, "-c", config, "--from", "12.4", "--format", "json")
+        force.append(json.loads(warm.run(*words, cwd=tmp_path).stdout)["force"]["rmse"])
+        simulated = json.loads(warm.run(*words, "--horizon", "simulation", cwd=tmp_path).stdout)
+        position.append(simulated["open_loop"][0]["rmse"])
+    assert force[1] < 0.55 * force[0]
+    assert position[1] < position[0]

@@ -230,8 +230,8 @@ def _solved(stack: Array, problem: Problem, strength: float) -> tuple[Array, Arr
     scale = np.where(np.arange(len(size)) < fixed, size, math.sqrt(max(float(np.mean(size**2)), 1e-300)))
     normal = (a + ridge) / (scale[:, None] * scale)
     theta = np.linalg.solve(normal, (y / scale)[..., None])[..., 0] / scale
-    inverse = np.linalg.inv(normal[0]) / (scale[:, None] * scale)
-    return theta, inverse[fixed:, fixed:]
+    own = scale[fixed:]  # an effect of the model that never acted has none
+    return theta, np.linalg.inv(normal[0])[fixed:, fixed:] / (own[:, None] * own)
 
 
 def standard_error(a: LawFit, b: LawFit) -> float:
