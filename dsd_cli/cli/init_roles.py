@@ -21,6 +21,7 @@ from dsd_cli.files.recognise import (
     is_voltage,
     quaternions,
     recognise,
+    role_of_unit,
     unit_in,
 )
 from dsd_cli.files.sample import Sample, Table
@@ -79,11 +80,12 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
     looks = [(by_names(table, given), table) for table in tables]
     best, table = max(looks, key=lambda item: _worth(*item))
     if not _whole(best.found):
-        union = by_names(_union(tables), given)
+        union = _by_units(by_names(_union(tables), given))
         if _whole(union.found):
             union, said = _joint(path, sample, union)
             return Chosen(union.found, {}, union.clock, None, tuple(said))
-        return _by_deeds(sorted(looks, key=lambda item: -_worth(*item))[:TABLES], given)
+        deeds = _by_deeds(sorted(looks, key=lambda item: -_worth(*item))[:TABLES], given)
+        return deeds if not deeds.missing or deeds.candidates else replace(deeds, candidates=_forces(tables, deeds))
     best, said = _joint(path, sample, best) if not given else (best, [])
     table = replace(table, channels=tuple(one for one in table.channels if one.name in best.columns))
     return _completed(best, table, given, tuple(said))
@@ -99,6 +101,25 @@ def usable(table: Table, given: Collection[str] = ()) -> Table:
 
 def _union(tables: Sequence[Table]) -> Table:
     return Table("", tuple(c for one in tables for c in one.channels), None, any(one.clock for one in tables))
+
+
+def _by_units(look: FirstLook) -> FirstLook:
+    """With the roles whose unit one column alone has: of channels in several tables nothing else says what they do."""
+    found = dict(look.found)
+    for role in ("u", "velocity", "position"):
+        taken = {one.column for one in found.values()}
+        mine = [name for name in look.columns if name not in taken and role_of_unit(look.units[name]) == role]
+        if role not in found and len(mine) == 1:
+            found[role] = Recognised(role, mine[0], look.units[mine[0]])
+    return replace(look, found=found)
+
+
+def _forces(tables: Sequence[Table], chosen: Chosen) -> tuple[str, ...]:
+    """Columns of all tables that are no motion, those whose unit is that of a force first."""
+    taken = {one.column for one in chosen.found.values()}
+    free = [(c.name, c.unit) for one in tables for c in one.channels if c.name not in taken and not _is_clock(c)]
+    free = [(name, unit) for name, unit in free if not is_motion(name, unit)]
+    return tuple(name for name, unit in sorted(free, key=lambda item: role_of_unit(item[1]) != "u"))
 
 
 def _joint(path: str, sample: Sample, look: FirstLook) -> tuple[FirstLook, list[str]]:

@@ -16,7 +16,9 @@ from dsd_cli.files import csv_dialect as dialects
 from dsd_cli.files.arrow_arrays import as_float64, numbers
 from dsd_cli.files.content import content_of
 from dsd_cli.files.csv_cells import Written
-from dsd_cli.files.csv_layout import CsvLayout, footer, look, sample_time_of
+from dsd_cli.files.csv_layout import CsvLayout, footer, look
+from dsd_cli.files.csv_rate import sample_time_of
+from dsd_cli.files.csv_stamps import split_stamps
 from dsd_cli.files.parquet_in import arrow_source, threaded
 from dsd_cli.files.table_source import Batch, choose_columns, read_head, read_sidecar
 from dsd_cli.signals.log import Array
@@ -25,6 +27,8 @@ HEAD_BYTES = 1 << 16
 BLOCK_BYTES = 1 << 21
 #: Bytes of text from which all columns are looked at.
 PEEK_BYTES = 1 << 23
+#: What the second column of stamps in two of them is called here.
+_PARTS = "parts of a second"
 #: Bytes at the end of a file in which text behind the rows is looked for.
 FOOTER_BYTES = 1 << 12
 
@@ -53,9 +57,12 @@ class CsvTable:
         told = (line for line in lines[found.skip :] if not dialects.is_comment(line))
         below = dialects.fields_of(next(told, ""), found.header.delimiter)
         header = found.header._replace(names=dialects.numbered(found.header.names, columns.values(), below))
-        self.column_names: list[str] = header.names
-        self.columns = choose_columns(name, header.names, columns, optional)
-        self._places = {canonical: header.names.index(column) for canonical, column in self.columns.items()}
+        self._split = split_stamps(header.names, lines[found.skip :], header.delimiter)
+        self.column_names: list[str] = [*header.names, *([self._split.name] if self._split else [])]
+        self.columns = choose_columns(name, self.column_names, columns, optional)
+        self._places = {canonical: self.column_names.index(column) for canonical, column in self.columns.items()}
+        if self._split and (whole := [c for c, at in self._places.items() if at == len(header.names)]):
+            self._places |= {whole[0]: self._split.at, _PARTS: self._split.at + 1}
         self._dialect = dialects.look_at_rows(lines, header, found.skip, list(self._places.values()), found.units)
         if layout.decimal is not None:
             how = {k: how for k, how in self._dialect.written.items() if how.digits or how.decimal == layout.decimal}
@@ -89,10 +96,13 @@ class CsvTable:
             return {}
         except (pa.ArrowException, OSError, UnicodeError) as error:
             raise self._explain(0, error) from None
-        found = {at: batch.column(at) for at, name in enumerate(names) if names.index(name) == at and name}
+        found = {at: batch.column(at) for at in range(batch.num_columns) if names.index(names[at]) == at and names[at]}
         for at, how in self._dialect.written.items():
             if at in found and pa.types.is_string(found[at].type):
                 found[at] = _spelt(found[at], how)
+        if self._split and {at := self._split.at, at + 1} <= found.keys():
+            together = as_float64(found.pop(at)) + self._split.scale * as_float64(found.pop(at + 1))
+            found = {len(names) - 1: pa.array(together), **found}
         return {names[at]: column for at, column in found.items()}
 
     def texts(self, column: str) -> list[str]:
@@ -113,6 +123,9 @@ class CsvTable:
             for batch in self._reader():
                 if batch.num_rows:
                     columns = {c: _values(batch.column(f"c{at}"), how.get(at)) for c, at in self._places.items()}
+                    if self._split and (parts := columns.pop(_PARTS, None)) is not None:
+                        stamped = next(c for c, at in self._places.items() if at == self._split.at)
+                        columns[stamped] = columns[stamped] + self._split.scale * parts
                     yield Batch(batch.num_rows, columns)
                     rows += batch.num_rows
         except (pa.ArrowException, OSError, ValueError) as error:  # the last of a stamp in words

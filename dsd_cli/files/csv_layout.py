@@ -6,14 +6,13 @@ of units, and a preamble; [csv] says where these are when that is not so.
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.csv_body import DELIMITERS, Body, CsvLayout, body_of, is_data
-from dsd_cli.files.csv_cells import MISSING, is_number, number
+from dsd_cli.files.csv_cells import MISSING, is_number
 from dsd_cli.files.csv_dialect import COMMENT, Header, decode, fields_of, find_header, is_comment, uncommented
 from dsd_cli.files.recognise import is_count, is_time, is_unit
 
@@ -109,31 +108,6 @@ def _is_text(fields: Sequence[str]) -> bool:
     return bool(there) and not any(map(is_number, there))
 
 
-#: What a preamble calls the time from row to row, or how many there are in a second; the unit before or after a number.
-_VALUE = r"[ _a-z]*[\[(]?({0})?[\])]?[\"\s:;,=]+([\d.,]+(?:e[-+]?\d+)?)\s*({0})?\b"
-_INTERVAL, _RATE = (
-    re.compile(names + _VALUE.format(units), re.IGNORECASE)
-    for names, units in (
-        (r"(?:sampl\w*[ _]?(?:time|interval|period)|abtastzeit|trace period|delta_?x|\binterval)", "s|ms|us|µs"),
-        (r"(?:sampl\w*[ _]?(?:rate|freq\w*)|abtastrate|abtastfrequenz|\bfs(?=\W.*hz))", "hz|khz"),
-    )
-)
-_SCALE = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "hz": 1.0, "khz": 1e3}
-
-
-def sample_time_of(lines: Sequence[str], found: Found) -> float | None:
-    """s from row to row, as what stands above the numbers says it; None: it does not."""
-    units = dict(zip(map(str.casefold, found.header.names), found.units or (), strict=False))
-    if is_number(text := units.get("increment", "-")) and text.strip() not in MISSING:
-        return float(text)
-    for line in lines[: found.skip]:
-        for kind in (_INTERVAL, _RATE):
-            if (said := kind.search(line)) and is_number(said[2]) and (value := number(said[2])) > 0.0:
-                value *= _SCALE[(said[1] or said[3] or "s").lower()]
-                return value if kind is _INTERVAL else 1.0 / value
-    return None
-
-
 def find_layout(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
     """Header, units and the first line of data of a file that begins with these lines.
 
@@ -220,6 +194,9 @@ def _above(rows: Sequence[Row], body: Body) -> Found:
                 name if is_unit(cell) or not cell else f"{name} {cell}"
                 for name, cell in zip(_fitted(names, body), below, strict=True)
             ]
+    told = [row.cells for row in rows if len(row.cells) == body.fields and _key(row.cells) in UNIT_KEYS]
+    if units is None and told:  # its first cell says what it is, in the place of the stamps
+        units = ["", *(cell.strip() for cell in told[0][1:])]
     if comment:
         notes.append(_COMMENTED.format(at + 1))
     elif at > 0:

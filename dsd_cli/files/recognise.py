@@ -112,6 +112,14 @@ def is_force(name: str, unit: str) -> bool:
     return plain_unit(unit) in OF_U.keys() - {"v", "mv", "volt", "volts", "%"} or _score("u", name) > 0.0
 
 
+def role_of_unit(unit: str) -> str:
+    """What a channel in that unit is: "u", "velocity", "position" or ""."""
+    known = plain_unit(unit)
+    if known in OF_U.keys() - {"%"}:
+        return "u"
+    return next((role for role in ("velocity", "position") if known in NAMED[role]), "")
+
+
 def is_current(name: str, unit: str) -> bool:
     """Whether name or unit say that it is a current."""
     return plain_unit(unit) in {"a", "ma", "amp", "amps"} or _has(name, {"current", "strom", "iq", "amps", "amp"})

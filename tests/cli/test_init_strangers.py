@@ -13,7 +13,7 @@ import pytest
 
 from dsd_cli.files.config import load_config
 from dsd_cli.files.recognise import unit_in
-from dsd_cli.identify.roles import Channel, guess_roles
+from dsd_cli.identify.roles import Channel, guess_roles, slope_of
 from tests.cli.rig import DSD, done, dsd, refused
 from tests.files import strangers
 from tests.recordings import recording
@@ -294,3 +294,53 @@ def test_a_cell_that_is_no_number_is_named_with_its_line(tmp_path: Path) -> None
     said = done("init", "sheet.csv", cwd=tmp_path).stderr
     assert load_config(tmp_path / "dsd.toml").signals.u == "u"
     assert 'could not be read (sheet.csv, line 701, column "u": "#DIV/0!" is not a number: mend it' in said
+
+
+def test_a_velocity_is_the_slope_of_counts_though_the_axis_rests_most_of_the_time() -> None:
+    t = np.arange(6000) * 1e-3
+    q = np.interp(t % 2.0, [0.0, 1.4, 1.7, 2.0], [0.0, 0.0, 1.0, 1.0]) + np.floor(t / 2.0)
+    counts, rpm = np.round(4096 * q), 60.0 * np.gradient(q, t)
+    found = slope_of(t, counts, rpm)
+    assert found.share > 0.98
+    assert found.scale == pytest.approx(60.0 / 4096, rel=1e-2)
+    wrapped = slope_of(t, counts % 4096, rpm)
+    assert wrapped.scale == pytest.approx(60.0 / 4096, rel=1e-2)
+
+
+def test_the_stamps_of_a_serial_monitor_are_split_as_its_rows_are(tmp_path: Path) -> None:
+    """Whatever the lines say that the sketch printed first."""
+    t = strangers.STEP * np.arange(strangers.ROWS)
+    stamped = [
+        f"10:00:{1 + s:06.3f} -> {1000 * s:.0f},{100 * u:.3f},{1000 * q:.2f}"
+        for s, u, q in zip(t, AXIS["u"], AXIS["q"], strict=True)
+    ]
+    lines = ["10:00:00.500 -> Motor test v3", "10:00:00.600 -> ms,pwm,enc", *stamped]
+    strangers.text(tmp_path, "monitor.txt", lines)
+    done("init", "monitor.txt", cwd=tmp_path)
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.time, signals.time_unit, signals.u, signals.position) == ("ms", "ms", "pwm", "enc")
+
+
+def test_of_channels_with_clocks_of_their_own_units_say_what_names_do_not(tmp_path: Path) -> None:
+    asammdf = pytest.importorskip("asammdf")
+    t, half = AXIS["t"], AXIS["t"][::2]
+    made = asammdf.MDF(version="4.10")
+    made.append([asammdf.Signal(AXIS["u"], t, unit="Nm", name="M_act")], acq_name="1 ms")
+    turned = [(AXIS["q"][::2], "°", "p_act"), (AXIS["v"][::2], "°/s", "n_act")]
+    made.append([asammdf.Signal(x, half, unit=unit, name=name) for x, unit, name in turned], acq_name="2 ms")
+    made.save(tmp_path / "log.mf4", overwrite=True)
+    made.close()
+    done("init", "log.mf4", cwd=tmp_path)
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.u, signals.position, signals.velocity) == ("1 ms/M_act", "2 ms/p_act", "2 ms/n_act")
+
+
+def test_the_units_of_a_preamble_hold_for_the_columns_below(tmp_path: Path) -> None:
+    head = ["Separator\tTab", "Channels\t3", "Y_Unit_Label\tNm\tdeg\tdeg/s", "Delta_X\t2E-3\t2E-3\t2E-3", "***End***"]
+    head += ["X_Value\tCouple\tAngle codeur\tVitesse\tComment"]
+    deg = 180.0 / np.pi
+    body = strangers.rows(AXIS, AXIS["t"], AXIS["u"], deg * AXIS["q"], deg * AXIS["v"], by="\t")
+    strangers.text(tmp_path, "log.lvm", head + body)
+    done("init", "log.lvm", cwd=tmp_path)
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.u_unit, signals.position_unit, signals.velocity_unit) == ("N m", "deg", "deg/s")

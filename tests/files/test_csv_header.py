@@ -4,7 +4,8 @@ import pytest
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.csv_dialect import read_header
-from dsd_cli.files.csv_layout import CsvLayout, Found, look, sample_time_of
+from dsd_cli.files.csv_layout import CsvLayout, Found, look
+from dsd_cli.files.csv_rate import sample_time_of
 
 TIME, OTHER, UNITS = ["t", "u", "q", "v"], ["time", "1", "2", "3"], ["ms", "Nm", "deg", "deg/s"]
 ROWS = [f"{k / 250},{0.5 + k / 8},{-k / 16},{k / 32}" for k in range(12)]

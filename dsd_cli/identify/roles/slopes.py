@@ -16,8 +16,8 @@ FEWEST = 30
 LAGS = 40
 #: A longer average is the better one from this much more of the square on.
 BETTER_SLOPE = 1e-3
-#: A slope of more than so many usual ones is where a position wraps.
-WRAPS = 50.0
+#: No axis goes through more than this share of its travel from one row to the next: there its position wraps.
+WRAPS = 0.5
 
 
 class Slope(NamedTuple):
@@ -37,6 +37,7 @@ def slope_of(t: Array, p: Array, w: Array) -> Slope:
     t : s (or any unit: the scale is per that), rising, shape (n,); p, w : finite, shape (n,).
     """
     best = Slope(0.0, 0.0, 0, 1)
+    p = _unwrapped(p)
     area = np.concatenate([[0.0], np.cumsum(0.5 * (w[1:] + w[:-1]) * np.diff(t))])
     for span in SPANS:
         if t.size < FEWEST * span:
@@ -44,9 +45,6 @@ def slope_of(t: Array, p: Array, w: Array) -> Slope:
         length = t[span:] - t[:-span]
         slope = (p[span:] - p[:-span]) / length
         mean = (area[span:] - area[:-span]) / length
-        size = np.abs(slope)
-        usual = size <= WRAPS * np.median(size) if np.any(slope) else np.ones(slope.size, dtype=bool)
-        slope = np.where(usual, slope, 0.0)
         lag = lag_of(slope, mean, LAGS)
         a, b = (slope[: slope.size - lag], mean[lag:]) if lag >= 0 else (slope[-lag:], mean[:lag])
         power, own = float(a @ a), float(b @ b)
@@ -57,6 +55,16 @@ def slope_of(t: Array, p: Array, w: Array) -> Slope:
         if share > best.share + BETTER_SLOPE:
             best = Slope(scale, share, lag, span)
     return best
+
+
+def _unwrapped(p: Array) -> Array:
+    """The same with the steps of the rows around it where it wraps, or where a value is none of the axis's."""
+    steps = np.diff(p)
+    far = np.abs(steps) > WRAPS * np.ptp(p)
+    if far.all():
+        return p
+    steps[far] = np.interp(np.flatnonzero(far), np.flatnonzero(~far), steps[~far])
+    return np.concatenate([p[:1], p[0] + np.cumsum(steps)])
 
 
 def lag_of(x: Array, y: Array, longest: int) -> int:

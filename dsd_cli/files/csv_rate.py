@@ -1,0 +1,33 @@
+"""How far apart the rows of a text file are, as the lines above its numbers say it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from dsd_cli.files.csv_cells import MISSING, is_number, number
+from dsd_cli.files.csv_layout import Found
+
+#: What a preamble calls the time from row to row, or how many there are in a second; the unit before or after a number.
+_VALUE = r"[ _a-z]*[\[(]?({0})?[\])]?[\"\s:;,=]+([\d.,]+(?:e[-+]?\d+)?)\s*({0})?\b"
+_INTERVAL, _RATE = (
+    re.compile(names + _VALUE.format(units), re.IGNORECASE)
+    for names, units in (
+        (r"(?:sampl\w*[ _]?(?:time|interval|period)|abtastzeit|trace period|delta_?x|\binterval)", "s|ms|us|µs"),
+        (r"(?:sampl\w*[ _]?(?:rate|freq\w*)|abtastrate|abtastfrequenz|\bfs(?=\W.*hz))", "hz|khz"),
+    )
+)
+_SCALE = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "hz": 1.0, "khz": 1e3}
+
+
+def sample_time_of(lines: Sequence[str], found: Found) -> float | None:
+    """s from row to row, as what stands above the numbers says it; None: it does not."""
+    units = dict(zip(map(str.casefold, found.header.names), found.units or (), strict=False))
+    if is_number(text := units.get("increment", "-")) and text.strip() not in MISSING:
+        return float(text)
+    for line in lines[: found.skip]:
+        for kind in (_INTERVAL, _RATE):
+            if (said := kind.search(line)) and is_number(said[2]) and (value := number(said[2])) > 0.0:
+                value *= _SCALE[(said[1] or said[3] or "s").lower()]
+                return value if kind is _INTERVAL else 1.0 / value
+    return None
