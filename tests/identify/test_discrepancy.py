@@ -12,7 +12,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import diagnose
-from dsd_cli.identify.verdict.discrepancy import discrepancy_of
+from dsd_cli.identify.verdict.discrepancy import before_climb, discrepancy_of
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Log
 from tests.identify.search_rig import BELIEVED, OBSERVER, T, posed, seen
@@ -122,3 +122,15 @@ def test_noise_that_pushes_as_hard_as_u_hides_no_spring():
     found = diagnose([prepare(Log(channels, step, "log.csv"), OBSERVER)], PlantModel(0.01, 0.0, {}), OBSERVER, asked)
     assert found.verdict == "stiffness"
     assert set(found.found) == {"stiffness", "viscous_friction"}
+
+
+def test_what_a_set_explains_is_counted_from_where_the_climb_began():
+    """For an effect of the set of which the last rung took the first half; else from the model as it is."""
+    effects = {"viscous_friction": {"coefficient": 0.05}, "coulomb_friction": {"level": 0.2}}
+    model = replace(BELIEVED, effects={"viscous_friction": effects["viscous_friction"]})
+    search = posed(effects, ("coulomb_friction",), model)
+    whole = search.fit((*search.base, Term("coulomb_friction")), search.refit.tap)
+    asked = Settings(taken=("viscous_friction",), begun=replace(BELIEVED, effects=effects))
+    assert before_climb(search, whole, Settings(), "coulomb_friction") is search.refit
+    assert before_climb(search, whole, asked, "gravity") is search.refit
+    assert before_climb(search, whole, asked, "coulomb_friction").terms == ()

@@ -13,6 +13,7 @@ from dsd_cli.identify.fit.freeform import GAIN, freeform_fits, loss_of
 from dsd_cli.identify.fit.noise import structured_share
 from dsd_cli.identify.fit.row_weights import clear_rows, surely_less
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array
@@ -44,6 +45,14 @@ def discrepancy_of(search: Search, fit: Fit) -> Discrepancy:
     there = _beyond(part, part.fit(fit.terms, fit.tap), lambda group: group != ("time",))
     first = there if there.unknown or not over_time.unknown else over_time
     return replace(first, unknown=over_time.unknown or there.unknown)
+
+
+def before_climb(search: Search, whole: Fit, asked: Settings, name: str) -> Fit:
+    """What the share that a set explains is of: the model with its own values fitted; for an effect of the set that
+    answered the last rung, the model without what the climb took since: half of that set is as sure as it was."""
+    if asked.begun is None or name not in asked.begun.effects:
+        return search.refit
+    return search.fit(tuple(t for t in search.base if t.id not in asked.taken), whole.tap)
 
 
 def _structured(equations: Equations, residual: Array) -> float:

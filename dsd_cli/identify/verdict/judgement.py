@@ -15,7 +15,7 @@ from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling,
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.contradictions import contradictions
-from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, only_at_stops, said_of_stops
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, before_climb, only_at_stops, said_of_stops
 from dsd_cli.identify.verdict.evidence import Membership, probabilities
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.own_values import ParameterCheck
@@ -102,7 +102,8 @@ class Verdict:
         if not (group or self._only_together()) or self._weightless(self.whole):
             self.rising = best if self._explains(best) else ""
             return self._unknown()
-        known = self._share_of_possible(rmse(self.search.refit), rmse(self.whole))
+        begun = before_climb(self.search, self.whole, self.shown.settings, best)
+        known = self._share_of_possible(rmse(begun), rmse(self.whole))
         named = min(group or [best], key=lambda name: get_effect(name).rarity)
         self._named_for[named] = best
         noise = not (self.beyond.unknown or needs_acceleration(named))  # is left, and no law of the motion follows it
