@@ -199,6 +199,11 @@ class Effect:
         return sum(p.linear for p in self.parameters)
 
     @property
+    def of_time(self) -> bool:
+        """Whether it is a function of time alone, free in shape: a list of events, or a line."""
+        return self.role is Role.APPLIED and not self.needs and (self.listed or self.searched > 0)
+
+    @property
     def listed(self) -> bool:
         """Whether it is a list of events, found in the residual over time and not from the ranges of a log."""
         return any(p.listed for p in self.parameters)

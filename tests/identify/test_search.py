@@ -142,6 +142,7 @@ def test_of_two_that_cost_the_same_the_commoner_is_taken_unless_the_lead_is_cert
     options = {o.effect: o for o in pair.options(pair.refit)}
     search = Search(pair.problem)
     search.practical = lambda before, after: True
+    search.lead = lambda before, after: lead if before is not after else 0.0
     commoner = replace(options["coulomb_friction"], evidence=0.0)
     rarer = replace(options["constant_load"], evidence=lead)
     assert preferred(search, [rarer, commoner]).effect == named

@@ -60,5 +60,4 @@ def drowns(moved: Array, fitted: float, inertia: float) -> bool:
 def needs_acceleration(effect_id: str) -> bool:
     """Whether an effect can be identified by the forward form alone: one on u, of u, of time, or a mass."""
     effect = get_effect(effect_id)
-    of_time = not effect.needs and (effect.listed or effect.searched > 0)
-    return effect.role in (Role.INPUT, Role.STRUCTURE) or "u" in effect.needs or of_time
+    return effect.role in (Role.INPUT, Role.STRUCTURE) or "u" in effect.needs or effect.of_time

@@ -104,10 +104,33 @@ def at_least_squares(found: Weighed, as_found: bool = False) -> tuple[Weighed, I
 
 def inflation(white: Array, most: int = POLICY.correlated_rows) -> float:
     """Integrated autocorrelation time: 1 + 2 sum of the autocorrelation over `most` lags at most, rows."""
-    n = len(white)
-    lags = min(most, n // 4)
-    products = np.array([np.dot(white[: n - k], white[k:]) for k in range(lags)])
-    return float(max(1.0, 1.0 + 2.0 * np.sum(products[1:]) / max(products[0], 1e-300))) if lags else 1.0
+    correlation = autocorrelation(white, most)
+    return float(max(1.0, 1.0 + 2.0 * np.sum(correlation[1:])))
+
+
+def shared_inflation(noise: Array, column: Array) -> float:
+    """Variance of the coefficient of a column in this noise, over that in white noise of its size."""
+    found = [autocorrelation(x, POLICY.correlated_rows) for x in (noise, column)]
+    taper = 1.0 - np.arange(len(found[0])) / max(len(found[0]), 1)
+    return float(1.0 + 2.0 * np.sum((taper * found[0] * found[1])[1:]))
+
+
+def unpredicted_share(x: Array) -> float:
+    """Share of the variance that no linear function of the last `POLICY.gap_rows` rows predicts (Levinson, Durbin)."""
+    correlation = autocorrelation(x, POLICY.gap_rows + 1)
+    share, past = 1.0, np.zeros(0)
+    for k in range(1, len(correlation)):
+        partial = (correlation[k] - past @ correlation[k - 1 : 0 : -1]) / share
+        past = np.append(past - partial * past[::-1], partial)
+        share *= 1.0 - partial**2
+    return float(share)
+
+
+def autocorrelation(x: Array, most: int) -> Array:
+    """At lags from 0 on, `most` and a quarter of the rows at most."""
+    n = len(x)
+    products = np.array([np.dot(x[: n - k], x[k:]) for k in range(min(most, n // 4))])
+    return products / max(float(products[0]), 1e-300) if len(products) else products
 
 
 def _exact(fit: Fit, solver: Solver) -> tuple[Fit, Solver]:

@@ -35,6 +35,8 @@ class Search(Protocol):
 
     def price(self, terms: Terms) -> float: ...
 
+    def lead(self, before: Fit, after: Fit) -> float: ...
+
     def added(self, terms: Terms) -> Terms: ...
 
     @property
@@ -109,6 +111,6 @@ def _simple(effect: Effect, allowed: Sequence[str]) -> list[str]:
 def _as_good(search: Search, one: Option, best: Option) -> bool:
     """Whether a lead of the best over one that costs no more is not certain, or over a cheaper one does not matter."""
     saved = search.price(best.fit.terms) - search.price(one.fit.terms)
-    if best.evidence - one.evidence < POLICY.least_gain:
+    if search.lead(one.fit, best.fit) < POLICY.least_gain:
         return saved > -ROUNDING
     return saved > ROUNDING and not search.practical(one.fit, best.fit)

@@ -11,17 +11,14 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from itertools import combinations
 
-import numpy as np
-
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import SHARE, Term, Terms, has_friction
-from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.fit.delay import best_delay
-from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import MOST_SHARE
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.search.evidence import Evidence
 from dsd_cli.identify.search.preference import Option, in_common_terms, preferred
 from dsd_cli.identify.search.repeats import apart, names_to_try
 from dsd_cli.identify.search.scan import Scan
@@ -47,65 +44,17 @@ MOST_PAIRS = 4
 __all__ = ["Option", "Search"]
 
 
-class Search:
+class Search(Evidence):
     """Selections of effects for a problem; `allowed` : effects that may be added, by default its candidates."""
 
     #: A search over a part of the rows, which finds candidates for all of them (`long_logs.Judge`).
     excerpt: Search | None = None
 
     def __init__(self, problem: Problem) -> None:
-        self.problem, self.solver, self.noise = problem, problem.solver, problem.noise
-        self.base, self.allowed = problem.base, problem.candidates
-        self.most_tap, self.ranges, self.practical = problem.most_tap, problem.ranges, problem.practical
+        super().__init__(problem)
+        self.allowed, self.most_tap, self.ranges = problem.candidates, problem.most_tap, problem.ranges
         self.taps = problem.solver.taps(problem.most_tap)
         self._options: dict[tuple[Terms, int], list[Option]] = {}
-
-    @property
-    def equations(self) -> Equations:
-        """Whitened ones."""
-        return self.problem.equations
-
-    # -- evidence --------------------------------------------------------------------------------------------------
-
-    def evidence(self, fit: Fit) -> float:
-        """Held-out log-likelihood (up to a constant) less the price of the effects beyond the model's, nats."""
-        return -self.nats(fit.loss) - self.price(fit.terms)
-
-    def nats(self, squares: float, more: float = 0.0) -> float:
-        """Negative log-likelihood of a sum of squares; the variance is that of the noise, or what is left if more.
-
-        more : rows beyond those of the logs that the squares are of.
-
-        What is left beyond the noise is force that no effect describes, and what takes a hundredth off it is no surer
-        than if it were noise: N/2 ln of it, from where it exceeds the noise on.
-        """
-        rows = self.equations.counted + more
-        over = 2.0 * squares / (rows * self.noise.nats)
-        return 0.5 * rows * (over if over < 1.0 else 1.0 + math.log(over))
-
-    def price(self, terms: Terms) -> float:
-        """Nats for having chosen these effects and searched their shapes."""
-        added = [t for t in terms if t.id not in {b.id for b in self.base}]
-        return sum(
-            POLICY.effect_price
-            + POLICY.shape_price * t.effect.searched
-            + POLICY.pulse_price * len(t.shape.get("edges", ()))
-            for t in added
-        )
-
-    def gains(self, before: Fit, after: Fit) -> np.ndarray:
-        """Nats per block, shape (B,), without prices: shares of the whole gain as of what squares fall."""
-        fall = before.loss - after.loss
-        scale = (self.nats(before.loss) - self.nats(after.loss)) / fall if fall != 0.0 else 1.0 / self.noise.nats
-        return (before.losses - after.losses) * scale
-
-    def matters(self, before: Fit, after: Fit) -> bool:
-        """Whether going from one fit to the other is certain and of use."""
-        gain = self.evidence(after) - self.evidence(before)
-        if gain < POLICY.least_gain:
-            return False
-        spread = _events(before) != _events(after) or spread_over_blocks(self.gains(before, after))
-        return spread and self.practical(before, after)
 
     # -- fits ------------------------------------------------------------------------------------------------------
 
@@ -202,8 +151,10 @@ class Search:
         return found
 
     def challenger(self, rest: Fit, member: str, own: float) -> Option | None:
-        """The best replacement of a member that gains `own`, by evidence; None if no candidate comes near it."""
+        """The best replacement of a member that gains `own`, by evidence; None if no candidate comes near it. A law is
+        not replaced by a function of time."""
         found = [f for f in self._at_best_starts(rest) if f[2].id != member and f[0] > WORTH_CHALLENGING * own]
+        found = [f for f in found if not f[2].effect.of_time]
         options = []
         for _, tap, term in sorted(found, key=lambda f: -f[0])[:MOST_CHALLENGERS]:
             terms = (*rest.terms, term)
@@ -218,25 +169,32 @@ class Search:
         return Scan(self.solver, terms, tap, self.taps_for)
 
     def run(self, start: Fit, report: Callable[[float], None] = lambda _: None, *, to_friction: bool = False) -> Fit:
-        """The set of effects that nothing betters any more, or the first that has friction."""
+        """The set of effects that nothing betters any more, or the first that has friction.
+
+        Of a motion that is a few sines any law of it is lines in time: those are asked of what the laws leave.
+        """
         current = start
         for step in range(POLICY.most_effects):
             report(step / POLICY.most_effects)
             options = self.options(current)
-            forward = preferred(self, [o for o in options if self.matters(current, o.fit)])
-            reached = [self.settled(forward.fit)] if forward is not None else []
-            pair = self._best_pair(current, options)
-            if pair is not None and (
-                forward is None or self.evidence(pair) > self.evidence(reached[0]) + POLICY.least_gain
-            ):
-                reached.append(self.settled(pair))
-            reached = [fit for fit in reached if self.matters(current, fit)]
+            laws = [o for o in options if not get_effect(o.effect).of_time]
+            reached = self._forward(current, laws) or self._forward(current, options)
             if not reached:
                 break
             current = max(reached, key=self.evidence)
             if to_friction and has_friction(current.terms) and not has_friction(start.terms):
                 break
         return current
+
+    def _forward(self, current: Fit, options: Sequence[Option]) -> list[Fit]:
+        """Sets with one effect more, or two, that matter."""
+        forward = preferred(self, [o for o in options if self.matters(current, o.fit)])
+        reached = [self.settled(forward.fit)] if forward is not None else []
+        pair = self._best_pair(current, options)
+        single = -math.inf if forward is None else self.evidence(reached[0])
+        if pair is not None and self.evidence(pair) > single + POLICY.least_gain:
+            reached.append(self.settled(pair))
+        return [fit for fit in reached if self.matters(current, fit)]
 
     def _best_pair(self, current: Fit, options: Sequence[Option]) -> Fit | None:
         """Two effects at once, for each may be hidden behind the other: the best pair at the shapes they have alone."""
@@ -293,8 +251,3 @@ class Search:
             if self.price(best.fit.terms) <= self.price(fit.terms) or self.matters(fit, best.fit):
                 return best.fit
         return fit
-
-
-def _events(fit: Fit) -> set[Term]:
-    """Single events, which have a price of their own: one block may be all that sees one."""
-    return {t for t in fit.terms if t.effect.listed}

@@ -93,7 +93,7 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     as_well = [o for o in options if alike_to(o)]
     found = dict.fromkeys(o.effect for o in (*as_well, *filter(rivals, options)))
     as_told = _changed(search, whole) + math.log(POLICY.changed_for_name)
-    alike = [o.effect for o in as_well if _changed(search, o.fit) <= as_told]
+    alike = [o.effect for o in as_well if _changed(search, o.fit) <= as_told and not get_effect(o.effect).of_time]
     shares = probabilities(search, rest, [own, *options])
     surest = 1.0 if _told(search, whole, effect_id) else POLICY.surest_untold
     if member.effect.listed and has_friction(whole.terms) and search.problem.reconstructed("velocity"):

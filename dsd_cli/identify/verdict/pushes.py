@@ -43,7 +43,7 @@ def pushed(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Discre
     if above_floor(search, settled):  # a law that was hidden behind the pushes blurs their edges
         settled = _placed_again(search, search.run(settled))
     then, law = discrepancy_of(search, settled), law_of_pushes(search, settled)
-    better = search.evidence(settled) > search.evidence(whole) and search.practical(whole, settled)
+    better = search.lead(whole, settled) > POLICY.least_gain and search.practical(whole, settled)
     a_law = beyond.on and "time" not in beyond.on and beyond.heldout_rmse < rmse(settled)
     if better and not then.unknown and not a_law and not law:
         return settled, then  # a function of motion or u that explains more than pushes is a law
@@ -86,7 +86,7 @@ def _pushes_alone(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit,
         found = _placed_again(search, found)
     if surely_left(search, found) > POLICY.floor_factor * search.problem.floor:
         return None
-    if search.evidence(found) < search.evidence(whole) + POLICY.least_gain or law_of_pushes(search, found):
+    if search.lead(whole, found) < POLICY.least_gain or law_of_pushes(search, found):
         return None
     then = discrepancy_of(search, found)
     return None if then.unknown and not beyond.unknown else (found, then)

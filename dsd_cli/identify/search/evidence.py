@@ -1,0 +1,116 @@
+"""What a set of effects explains of the recordings, and whether one set explains surely more than another.
+
+Each fit is judged on blocks that it did not see, with the noise of the rows. What it leaves beyond that noise is as a
+rule not white, and then the same columns explain more of it by chance.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from dsd_cli.identify.fit.bank import Term, Terms
+from dsd_cli.identify.fit.blocks import spread_over_blocks
+from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.problem import Problem
+from dsd_cli.identify.fit.row_weights import shared_inflation, unpredicted_share
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
+
+
+class Evidence:
+    """Of sets of effects for a problem; `base` : the effects that the model has."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem, self.solver, self.noise, self.base = problem, problem.solver, problem.noise, problem.base
+        self.practical = problem.practical
+        self._chances: dict[tuple[Terms, int, Terms, int], float] = {}
+
+    @property
+    def equations(self) -> Equations:
+        """Whitened ones."""
+        return self.problem.equations
+
+    def evidence(self, fit: Fit) -> float:
+        """Held-out log-likelihood (up to a constant) less the price of the effects beyond the model's, nats."""
+        return -self.nats(fit.loss) - self.price(fit.terms)
+
+    def nats(self, squares: float, more: float = 0.0) -> float:
+        """Negative log-likelihood of a sum of squares; the variance is that of the noise, or what is left if more.
+
+        more : rows beyond those of the logs that the squares are of.
+
+        What is left beyond the noise is force that no effect describes, and what takes a hundredth off it is no surer
+        than if it were noise: N/2 ln of it, from where it exceeds the noise on.
+        """
+        rows = self.equations.counted + more
+        over = 2.0 * squares / (rows * self.noise.nats)
+        return 0.5 * rows * (over if over < 1.0 else 1.0 + math.log(over))
+
+    def price(self, terms: Terms) -> float:
+        """Nats for having chosen these effects and searched their shapes."""
+        added = [t for t in terms if t.id not in {b.id for b in self.base}]
+        return sum(
+            POLICY.effect_price
+            + POLICY.shape_price * t.effect.searched
+            + POLICY.pulse_price * len(t.shape.get("edges", ()))
+            for t in added
+        )
+
+    def gains(self, before: Fit, after: Fit) -> np.ndarray:
+        """Nats per block, shape (B,), without prices: shares of the whole gain as of what squares fall."""
+        fall = before.loss - after.loss
+        scale = (self.nats(before.loss) - self.nats(after.loss)) / fall if fall != 0.0 else 1.0 / self.noise.nats
+        return (before.losses - after.losses) * scale
+
+    def lead(self, before: Fit, after: Fit) -> float:
+        """Evidence that one fit has over another, nats.
+
+        A law of the motion is judged against noise of the colour of what it leaves. A line in time, or a push, must
+        explain what the past of the residual does not predict: any function of time that is smooth imitates another.
+        """
+        gained = (self.nats(before.loss) - self.nats(after.loss)) / self.by_chance(before, after)
+        if _of_time(before) != _of_time(after):
+            gained = min(gained, 0.5 * self.equations.counted * math.log(self._news(before) / self._news(after)))
+        return gained - self.price(after.terms) + self.price(before.terms)
+
+    def _news(self, fit: Fit) -> float:
+        """Mean square of what the past of a residual does not predict of it."""
+        left = self._left(fit)[self.equations.kept]
+        return max(float(left @ left) * unpredicted_share(left), 1e-300)
+
+    def by_chance(self, before: Fit, after: Fit) -> float:
+        """How many times more the difference of two fits explains by chance of what the second leaves than of noise
+        that is white (at least 1): 1 + 2 sum of the products of both autocorrelations, the variance of a coefficient in
+        coloured noise over that in white noise of the same size (Bartlett).
+
+        A line in time, or a push, lies where the spectrum of a residual is strongest; a law of the motion does not.
+        """
+        key = (before.terms, before.tap, after.terms, after.tap)
+        if key not in self._chances:
+            counts = self.equations.kept
+            was, left = (self._left(fit)[counts] for fit in (before, after))
+            self._chances[key] = max(shared_inflation(left, was - left) / self.noise.inflation, 1.0)
+        return self._chances[key]
+
+    def _left(self, fit: Fit) -> np.ndarray:
+        """Whitened residual of the form that is evidence, shape (N,)."""
+        return np.asarray(fit.forward @ np.stack(self.solver.bank.design(fit.terms, fit.tap).rows))
+
+    def matters(self, before: Fit, after: Fit) -> bool:
+        """Whether going from one fit to the other is certain and of use."""
+        if self.lead(before, after) < POLICY.least_gain:
+            return False
+        spread = _events(before) != _events(after) or spread_over_blocks(self.gains(before, after))
+        return spread and self.practical(before, after)
+
+
+def _of_time(fit: Fit) -> set[Term]:
+    """Effects that are functions of time alone, whatever the motion."""
+    return {t for t in fit.terms if t.effect.of_time}
+
+
+def _events(fit: Fit) -> set[Term]:
+    """Single events, which have a price of their own: one block may be all that sees one."""
+    return {t for t in fit.terms if t.effect.listed}
