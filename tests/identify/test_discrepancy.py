@@ -131,6 +131,7 @@ def test_what_a_set_explains_is_counted_from_where_the_climb_began():
     search = posed(effects, ("coulomb_friction",), model)
     whole = search.fit((*search.base, Term("coulomb_friction")), search.refit.tap)
     asked = Settings(taken=("viscous_friction",), begun=replace(BELIEVED, effects=effects))
-    assert before_climb(search, whole, Settings(), "coulomb_friction") is search.refit
-    assert before_climb(search, whole, asked, "gravity") is search.refit
-    assert before_climb(search, whole, asked, "coulomb_friction").terms == ()
+    assert before_climb(search, whole, Settings(), "coulomb_friction", 0.9) is search.refit
+    assert before_climb(search, whole, asked, "gravity", 0.9) is search.refit
+    assert before_climb(search, whole, asked, "coulomb_friction", 0.9).terms == ()
+    assert before_climb(search, whole, asked, "coulomb_friction", 0.04) is search.refit  # rarer than one of twenty

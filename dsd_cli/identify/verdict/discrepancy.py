@@ -47,10 +47,11 @@ def discrepancy_of(search: Search, fit: Fit) -> Discrepancy:
     return replace(first, unknown=over_time.unknown or there.unknown)
 
 
-def before_climb(search: Search, whole: Fit, asked: Settings, name: str) -> Fit:
+def before_climb(search: Search, whole: Fit, asked: Settings, name: str, belief: float) -> Fit:
     """What the share that a set explains is of: the model with its own values fitted; for an effect of the set that
-    answered the last rung, the model without what the climb took since: half of that set is as sure as it was."""
-    if asked.begun is None or name not in asked.begun.effects:
+    answered the last rung, the model without what the climb took since: half of that set is as sure as it was. Not for
+    one in which the log leaves less belief than there was before it, one of some twenty."""
+    if asked.begun is None or name not in asked.begun.effects or belief <= math.exp(-POLICY.effect_price):
         return search.refit
     return search.fit(tuple(t for t in search.base if t.id not in asked.taken), whole.tap)
 

@@ -102,7 +102,8 @@ class Verdict:
         if not (group or self._only_together()) or self._weightless(self.whole):
             self.rising = best if self._explains(best) else ""
             return self._unknown()
-        begun = before_climb(self.search, self.whole, self.shown.settings, best)
+        belief = probability_of(self.search, self.whole, member, member.place, self.surest)
+        begun = before_climb(self.search, self.whole, self.shown.settings, best, belief)
         known = self._share_of_possible(rmse(begun), rmse(self.whole))
         named = min(group or [best], key=lambda name: get_effect(name).rarity)
         self._named_for[named] = best
