@@ -12,7 +12,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import diagnose
-from dsd_cli.identify.verdict.discrepancy import before_climb, discrepancy_of
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, before_climb, discrepancy_of
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Log
 from tests.identify.search_rig import BELIEVED, OBSERVER, T, posed, seen
@@ -130,8 +130,13 @@ def test_what_a_set_explains_is_counted_from_where_the_climb_began():
     model = replace(BELIEVED, effects={"viscous_friction": effects["viscous_friction"]})
     search = posed(effects, ("coulomb_friction",), model)
     whole = search.fit((*search.base, Term("coulomb_friction")), search.refit.tap)
-    asked = Settings(taken=("viscous_friction",), begun=replace(BELIEVED, effects=effects))
-    assert before_climb(search, whole, Settings(), "coulomb_friction", 0.9) is search.refit
-    assert before_climb(search, whole, asked, "gravity", 0.9) is search.refit
-    assert before_climb(search, whole, asked, "coulomb_friction", 0.9).terms == ()
-    assert before_climb(search, whole, asked, "coulomb_friction", 0.04) is search.refit  # rarer than one of twenty
+    climbed = Settings(taken=("viscous_friction",), begun=replace(BELIEVED, effects=effects))
+
+    def begun(name="coulomb_friction", belief=0.9, on=("position",), asked=climbed):
+        return before_climb(search, whole, Discrepancy(on, 0.1, True, 0.1), asked, name, belief)
+
+    assert begun().terms == ()
+    assert begun(asked=Settings()) is search.refit
+    assert begun("gravity", on=("velocity",)) is search.refit  # not of that set
+    assert begun(on=("position", "velocity")) is search.refit  # stands in for another law of the velocity
+    assert begun(belief=0.04) is search.refit  # rarer than one of twenty

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import GAIN, freeform_fits, loss_of
 from dsd_cli.identify.fit.noise import structured_share
@@ -47,11 +48,16 @@ def discrepancy_of(search: Search, fit: Fit) -> Discrepancy:
     return replace(first, unknown=over_time.unknown or there.unknown)
 
 
-def before_climb(search: Search, whole: Fit, asked: Settings, name: str, belief: float) -> Fit:
+def before_climb(search: Search, whole: Fit, beyond: Discrepancy, asked: Settings, name: str, belief: float) -> Fit:
     """What the share that a set explains is of: the model with its own values fitted; for an effect of the set that
-    answered the last rung, the model without what the climb took since: half of that set is as sure as it was. Not for
-    one in which the log leaves less belief than there was before it, one of some twenty."""
-    if asked.begun is None or name not in asked.begun.effects or belief <= math.exp(-POLICY.effect_price):
+    answered the last rung, the model without what the climb took since: half of that set is as sure as it was.
+
+    Not where a function of its own channels explains what is left, for then it stands in for another law of them; and
+    not where the log leaves less belief in it than there was before, one of some twenty.
+    """
+    own = {*get_effect(name).needs} or {"time"}
+    doubtful = (beyond.unknown and own & {*beyond.on}) or belief <= math.exp(-POLICY.effect_price)
+    if asked.begun is None or name not in asked.begun.effects or doubtful:
         return search.refit
     return search.fit(tuple(t for t in search.base if t.id not in asked.taken), whole.tap)
 

@@ -103,7 +103,7 @@ class Verdict:
             self.rising = best if self._explains(best) else ""
             return self._unknown()
         belief = probability_of(self.search, self.whole, member, member.place, self.surest)
-        begun = before_climb(self.search, self.whole, self.shown.settings, best, belief)
+        begun = before_climb(self.search, self.whole, self.beyond, self.shown.settings, best, belief)
         known = self._share_of_possible(rmse(begun), rmse(self.whole))
         named = min(group or [best], key=lambda name: get_effect(name).rarity)
         self._named_for[named] = best
