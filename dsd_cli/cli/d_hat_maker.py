@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from dsd_cli.errors import UsageError
-from dsd_cli.plant.maker import MAKERS, Maker
+from dsd_cli.plant.maker import MAKERS, Maker, left_open
 
 if TYPE_CHECKING:
     from dsd_cli.files.config import Config
@@ -47,7 +46,7 @@ def known_maker(config: Config, log: str, read: Reader) -> Config:
             f'{log}: does not say how d_hat was made, and observer {_open(config)} is "auto"',
             "give observer.filter and observer.u: the log is too short to say",
         )
-    return config.override([f'observer.filter="{maker.filter}"', f'observer.u="{maker.u}"'])
+    return config.override(maker.keys)
 
 
 def open_makers(config: Config, logs: Sequence[str], read: Reader) -> tuple[Config, tuple[Maker, ...]]:
@@ -60,16 +59,23 @@ def open_makers(config: Config, logs: Sequence[str], read: Reader) -> tuple[Conf
     """
     section = config.observer
     said = [key for key in _KEYS if config.says(f"observer.{key}")]
-    if section is None or "-" in logs or not said:
+    if section is None or not said:
         return config, MAKERS
-    makers = _as_given({key: value for key in said if (value := getattr(section, key)) != "auto"})
+    if "-" in logs:
+        return config, ()
+    makers = left_open(*(getattr(section, key) if key in said else "auto" for key in _KEYS))
     if len(makers) < 2 or any(_moves(read(config, log, MOST_ROWS)) for log in logs):
         return config, ()
-    return config.override([f'observer.{key}="{getattr(Maker(), key)}"' for key in _KEYS]), makers
+    return config.override(Maker().keys), makers
 
 
-def _as_given(given: Mapping[str, str]) -> tuple[Maker, ...]:
-    return tuple(m for m in MAKERS if all(getattr(m, key) == value for key, value in given.items()))
+def half_said(config: Config) -> tuple[str, ...]:
+    """That one of both keys alone is given, for a stream, of which the other is not asked."""
+    open_ = [key for key in _KEYS if not config.says(f"observer.{key}")]
+    if len(open_) != 1:
+        return ()
+    how = f'"{getattr(config.observer, open_[0])}"'
+    return (f"observer.{open_[0]} is not given, and a stream is not asked who made d_hat: it is read as {how}",)
 
 
 def _moves(loaded: LoadedLog) -> bool:
@@ -99,23 +105,15 @@ class _Question:
 @lru_cache(maxsize=8)
 def _asked(question: _Question) -> Maker | None:
     from dsd_cli.files.config import Observer
-    from dsd_cli.identify.checks.d_hat_maker import maker_by_motion
-    from dsd_cli.identify.checks.stretches import cut
-    from dsd_cli.identify.d_hat_makers import OpenLog, likeliest
-    from dsd_cli.identify.recordings.recording import prepare
+    from dsd_cli.identify.d_hat_makers import of_log
     from dsd_cli.plant.model import ObserverSettings, PlantModel
 
     config, section = question.config, question.config.require(Observer)
     loaded = question.read(config, question.log, MOST_ROWS)
     if "d_hat" not in loaded.log or loaded.log.d_hat_source != "logged":
         return Maker()
-    makers = _as_given({key: value for key in _KEYS if (value := getattr(section, key)) != "auto"})
     observer = ObserverSettings(section.nominal_inertia, section.time_constant, section.sign)
-    if _moves(loaded):
-        found = maker_by_motion(cut(loaded.log, loaded.restarts, True), observer, makers)
-        return None if found is None else found.maker
     given = config.model
     inertia = given.inertia or section.nominal_inertia
     model = PlantModel(inertia, given.delay, given.effects, given.rest_speed)
-    recording = prepare(loaded.log, observer, loaded.restarts, given.rest_speed)
-    return likeliest(OpenLog((recording,), model, replace(observer, sign=1), makers))
+    return of_log(loaded.log, loaded.restarts, model, observer, left_open(section.filter, section.u))

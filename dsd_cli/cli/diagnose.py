@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
     from dsd_cli.cli.identification import Given
     from dsd_cli.cli.progress import Progress
+    from dsd_cli.identify.d_hat_makers import OpenLog
     from dsd_cli.identify.recordings.recording import Recording
     from dsd_cli.identify.results import Diagnosis
-    from dsd_cli.plant.maker import Maker
 
 
 @spread
@@ -29,9 +29,9 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
     import sys
     from dataclasses import replace
 
-    from dsd_cli.cli.identification import check_logs, load_given, print_json, warn
+    from dsd_cli.cli.identification import check_logs, load_open, print_json, warn
     from dsd_cli.cli.pictures import check_plot, put_picture
-    from dsd_cli.cli.plan import makers_of, widening
+    from dsd_cli.cli.plan import widening
     from dsd_cli.cli.progress import Progress
     from dsd_cli.report.diagnosis import DiagnosisReport, print_table, to_json
 
@@ -40,9 +40,8 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
     check_logs(log, apart, settings.signals)
     check_plot(plot, [options.config, *log, *options.files(settings)])
     with Progress(not quiet) as progress, widening(settings.signals):
-        settings, makers = makers_of(settings, [*log, *apart])
-        given = load_given(settings, log, apart, progress)
-        found, recordings = _found(given, makers, progress, quiet)
+        given, asked = load_open(settings, log, apart, progress)
+        found, recordings = _found(given, asked, progress, quiet)
     report = DiagnosisReport(
         replace(found, warnings=(*given.warnings, *found.warnings)), given.model, apart, given.dropped
     )
@@ -59,11 +58,10 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
 
 
 def _found(
-    given: Given, makers: Sequence[Maker], progress: Progress, quiet: bool
+    given: Given, asked: OpenLog | None, progress: Progress, quiet: bool
 ) -> tuple[Diagnosis, Sequence[Recording]]:
-    """(the answer, in the user's units, whoever of `makers` made d_hat, where they are several; what it is of)."""
-    from dsd_cli.cli.identification import early
-    from dsd_cli.identify.d_hat_makers import diagnosed, of_recording
+    """(the answer, in the user's units; what it is of)."""
+    from dsd_cli.cli.identification import diagnosed, early
     from dsd_cli.identify.results import in_units
     from dsd_cli.identify.verdict.diagnose import diagnose as run
 
@@ -79,11 +77,6 @@ def _found(
             on_told=early(quiet, progress),
         )
 
-    asked = of_recording(given.recordings, given.model, given.observer, makers, given.engine_settings, given.holdout)
-    recordings: Sequence[Recording] = given.recordings
-    if asked is None:
-        found = ask(recordings, given.holdout)
-    else:
-        found, recordings = diagnosed(asked, ask)
+    found, recordings = diagnosed(given, asked, ask)
     result: Diagnosis = in_units(found, given.settings.signals.units)
     return result, recordings

@@ -211,12 +211,13 @@ def _compare(path: str, settings: Config) -> Row:
 
 
 def _diagnose(path: str, settings: Config) -> Row:
-    from dsd_cli.cli.identification import load_given
+    from dsd_cli.cli.identification import diagnosed, load_open
     from dsd_cli.identify.verdict.diagnose import diagnose
     from dsd_cli.report.verdict import candidate, verdict_line
 
-    given = load_given(settings, [path], [])
-    result = diagnose(given.recordings, given.model, given.observer, given.engine_settings)
+    given, asked = load_open(settings, [path], [])
+    how = given.model, given.observer, given.engine_settings
+    result, _ = diagnosed(given, asked, lambda recordings, _: diagnose(recordings, *how))
     winner = candidate(result, result.verdict)
     named = {} if winner is None or result.whole_values else _named(winner.effect, winner.parameters)
     values = {**result.estimates, **named}

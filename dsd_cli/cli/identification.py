@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -13,8 +13,10 @@ from dsd_cli.errors import printable, source_name
 if TYPE_CHECKING:
     from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import Config, Signals
+    from dsd_cli.identify.d_hat_makers import Ask, OpenLog
     from dsd_cli.identify.fit.priors import PriorKnowledge
     from dsd_cli.identify.recordings.recording import Recording
+    from dsd_cli.identify.results import Diagnosis
     from dsd_cli.identify.verdict.contradictions import Contradiction
     from dsd_cli.identify.verdict.diagnose import Settings
     from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -68,15 +70,36 @@ def check_logs(logs: Sequence[str], holdout: Sequence[str], signals: Signals | N
 
 
 def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str], progress: Progress | None = None) -> Given:
-    """Read all logs, reporting to `progress`.
+    """Read all logs, reporting to `progress`; d_hat as the likeliest of the makers that are open has made it.
 
     Raises
     ------
     DataError, UsageError : see `load_recording`; or [model] has no inertia.
     """
-    from dsd_cli.cli.plan import observer_settings
-    from dsd_cli.cli.recordings import believed_model, known_values, load_holdout, load_recording
+    given, asked = load_open(config, logs, holdout, progress)
+    if asked is None:
+        return given
+    from dsd_cli.identify.d_hat_makers import likeliest
 
+    if progress is not None:
+        progress("asking who made d_hat")
+    found = likeliest(asked)
+    if found.best.as_here:
+        return given
+    made, apart = map(tuple, asked.made(found.best))
+    settings, warnings = given.settings.override(found.best.keys), (*given.warnings, found.said("it is read so"))
+    return replace(given, settings=settings, recordings=made, holdout=apart, warnings=warnings)
+
+
+def load_open(
+    config: Config, logs: Sequence[str], holdout: Sequence[str], progress: Progress | None = None
+) -> tuple[Given, OpenLog | None]:
+    """(all logs, d_hat as it was logged where its maker is open; what then says who it was). Raises as `load_given`."""
+    from dsd_cli.cli.plan import makers_of, observer_settings
+    from dsd_cli.cli.recordings import believed_model, known_values, load_holdout, load_recording
+    from dsd_cli.identify.d_hat_makers import of_recording
+
+    config, makers = makers_of(config, [*logs, *holdout])
     observer, model = observer_settings(config), believed_model(config)
     known = known_values(config)
     loaded = {path: load_recording(path, config, progress=progress) for path in logs}
@@ -86,7 +109,7 @@ def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str], prog
     for _, one in everything:
         for reason, count in one.dropped.items():
             dropped[reason] = dropped.get(reason, 0) + count
-    return Given(
+    given = Given(
         config,
         tuple(loaded[path].recording for path in logs),
         tuple(one.recording for one in aside.values()),
@@ -96,6 +119,16 @@ def load_given(config: Config, logs: Sequence[str], holdout: Sequence[str], prog
         dropped,
         tuple(f"{source_name(path)}: {warning}" for path, one in everything for warning in one.warnings),
     )
+    return given, of_recording(given.recordings, model, observer, makers, given.engine_settings, given.holdout)
+
+
+def diagnosed(given: Given, asked: OpenLog | None, ask: Ask) -> tuple[Diagnosis, Sequence[Recording]]:
+    """(the answer, whoever made d_hat; the recordings that it is of)."""
+    if asked is None:
+        return ask(given.recordings, given.holdout), given.recordings
+    from dsd_cli.identify.d_hat_makers import diagnosed as over_makers
+
+    return over_makers(asked, ask)
 
 
 def say(quiet: bool, line: str) -> None:

@@ -47,6 +47,7 @@ def load_recording(
     DataError : no u, nothing to have d_hat from, too short, or an axis that stands still.
     UsageError : the config lacks [observer].
     """
+    from dsd_cli.cli.d_hat_maker import half_said
     from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_settings, plant_model, reading
     from dsd_cli.errors import DataError, TooShort
     from dsd_cli.files.logs import load_log
@@ -75,6 +76,8 @@ def load_recording(
     dropped = {reason: count for reason, count in loaded.dropped.items() if count}
     beyond = held_beyond(plant_model(config, 1.0), recording.pieces) if config.model.effects else []
     warnings = (*loaded.warnings, *absent(config, columns, loaded), *_wrong(loaded, config), *beyond)
+    if path == "-" and not loaded.log.channels.keys() & {"velocity", "position"}:
+        warnings += half_said(config)
     return LoadedRecording(recording, dropped, warnings)
 
 

@@ -77,6 +77,8 @@ def tell(teller: Teller, origin: Origin, others: Sequence[Path]) -> Story:
     with Progress(not teller.quiet) as progress:
         looked = [checked_log(path, config, teller.quiet, progress) for path in logs]
     given = teller.attempt("the model", lambda: load_given(config, logs, holdout))
+    if given.value is not None:
+        config = teller.config = given.value.settings
     comparison, ladder, diagnosis, curves = teller.identified(given, 2 * _axes(config))
     plan = teller.planned(given, diagnosis)
     text, detector, with_what = teller.at_the_end(origin.text, given, ladder)

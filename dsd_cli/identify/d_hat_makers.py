@@ -15,6 +15,8 @@ from functools import cached_property
 
 import numpy as np
 
+from dsd_cli.identify.checks.d_hat_maker import maker_by_motion
+from dsd_cli.identify.checks.stretches import cut
 from dsd_cli.identify.fit.bank import Terms
 from dsd_cli.identify.fit.problem import Problem, asked_of_all, pose
 from dsd_cli.identify.fit.testability import Settings
@@ -89,6 +91,12 @@ class Beliefs:
         most = max(self.shares.values())
         return next(m for m, share in self.shares.items() if share >= EVEN * most)
 
+    def said(self, how: str) -> str:
+        """Who the best is, and how d_hat is read therefore."""
+        best = self.best
+        sure = f"{100.0 * min(self.shares[best], POLICY.surest):.0f} %"
+        return f"d_hat looks as if it was made with {best} ({sure}); {how}. If you know it: {' and '.join(best.keys)}"
+
 
 def as_made_by(log: Log, maker: Maker, observer: ObserverSettings) -> Log:
     """The log with d_hat as this package makes it, where that maker has made it. Needs t, u and d_hat."""
@@ -117,14 +125,30 @@ def of_recording(
     return OpenLog(open_, model, replace(observer, sign=1), tuple(makers), settings, apart)
 
 
-def likeliest(asked: OpenLog) -> Maker:
-    """The maker under whom what is found in the log explains it best.
+def of_log(
+    log: Log, restarts: Sequence[int], model: PlantModel, observer: ObserverSettings, makers: Sequence[Maker]
+) -> Maker | None:
+    """Who made its d_hat: by the motion where that is logged, else the likeliest; None where it does not say.
+
+    Raises
+    ------
+    DataError : it is too short, or lacks u or d_hat.
+    """
+    if "velocity" in log or "position" in log:
+        found = maker_by_motion(cut(log, restarts, True), observer, makers)
+        return None if found is None else found.maker
+    recording = prepare(log, observer, restarts, model.rest_speed)
+    return likeliest(OpenLog((recording,), model, replace(observer, sign=1), tuple(makers))).best
+
+
+def likeliest(asked: OpenLog) -> Beliefs:
+    """In the makers, with what is found in the log as the likeliest of them made it.
 
     Raises
     ------
     DataError : the log is too short, or lacks u or d_hat.
     """
-    return _searched(asked, lambda r, _: diagnose(r, asked.model, asked.observer, asked.settings))[1].best
+    return _searched(asked, lambda r, _: diagnose(r, asked.model, asked.observer, asked.settings))[1]
 
 
 def diagnosed(asked: OpenLog, ask: Ask) -> tuple[Diagnosis, list[Recording]]:
@@ -218,9 +242,4 @@ def _said(beliefs: Beliefs) -> tuple[str, ...]:
     """That another made d_hat."""
     if beliefs.shares.get(Maker(), 0.0) > RULED_OUT:
         return ()
-    best = beliefs.best
-    return (
-        f"d_hat looks as if it was made with {best} ({100.0 * beliefs.shares[best]:.0f} %); values are means"
-        f' over all makers, and their errors hold the doubt. If you know it: observer.filter = "{best.filter}" and'
-        f' observer.u = "{best.u}"',
-    )
+    return (beliefs.said("values are means over all makers, and their errors hold the doubt"),)

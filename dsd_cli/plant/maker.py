@@ -48,6 +48,11 @@ class Maker:
         return self == Maker()
 
     @property
+    def keys(self) -> tuple[str, str]:
+        """What says so in a config."""
+        return f'observer.filter = "{self.filter}"', f'observer.u = "{self.u}"'
+
+    @property
     def intervals(self) -> int:
         """How many intervals its d_hat averages."""
         return 2 if self.filter == "bilinear" else 1
@@ -74,6 +79,11 @@ class Maker:
 
 #: Every one.
 MAKERS = tuple(Maker(how, pairing) for how in FILTERS for pairing in PAIRINGS)
+
+
+def left_open(how: str = "auto", pairing: str = "auto") -> tuple[Maker, ...]:
+    """The makers of which a config may speak, in the order of `MAKERS`; "auto" leaves all."""
+    return tuple(m for m in MAKERS if how in ("auto", m.filter) and pairing in ("auto", m.u))
 
 
 class Remade(NamedTuple):

@@ -1,5 +1,6 @@
 """`[observer] filter` and `u`: a d_hat that a drive made its own way, through the commands that read it."""
 
+import csv
 import json
 
 import numpy as np
@@ -249,6 +250,49 @@ def test_who_made_d_hat_is_asked_of_several_logs_as_of_one(more, tmp_path):
     assert "made with exact" in found["advice"][0].replace("filter ", "")
     assert found["provenance"]["d_hat"] == "logged, made with filter exact, newest u"
     assert found["estimates"]["delay"]["value"] == pytest.approx(DELAY, abs=3e-4)
+
+
+def answered(folder, command, *words, stdin=None):
+    done = dsd(command, *words, "-c", "dsd.toml", "--format", "json", cwd=folder, stdin=stdin)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout), done.stderr
+
+
+@pytest.fixture(scope="module")
+def unsaid(tmp_path_factory):
+    """A log of a maker that its config does not name."""
+    folder = tmp_path_factory.mktemp("unsaid")
+    t, u, d_hat, _ = noisy(Maker("exact", "newest"), n=2000)
+    write(folder / "log.csv", t, u, d_hat)
+    (folder / "dsd.toml").write_text(CONFIG)
+    return folder
+
+
+@pytest.mark.parametrize("log", ["log.csv", "-"], ids=["file", "stream"])
+def test_add_fits_the_log_of_the_maker_that_diagnose_finds_and_says_so(log, unsaid):
+    """Read as made here, the delay is a sample off."""
+    stdin = None if log != "-" else (unsaid / "log.csv").read_text()
+    words = ("viscous_friction", "-o", "better.toml")
+    found, said = answered(unsaid, "add", log, *words, stdin=stdin)
+    assert found["estimates"]["delay"]["value"] == pytest.approx(DELAY, abs=3e-4)
+    assert said.count("made with filter exact, newest u") == 1
+    assert 'observer.filter = "exact" and observer.u = "newest"' in said
+
+
+def test_a_fleet_says_what_diagnose_says(unsaid):
+    alone = answered(unsaid, "diagnose", "log.csv")[0]
+    done = dsd("fleet", "diagnose", "log.csv", "-c", "dsd.toml", "-o", "fleet.csv", "--workers", "1", cwd=unsaid)
+    assert done.returncode == 0, done.stderr
+    (row,) = csv.DictReader((unsaid / "fleet.csv").open())
+    assert row["verdict"] == alone["verdict"]
+    assert float(row["value.delay"]) == pytest.approx(alone["estimates"]["delay"]["value"], rel=1e-6)
+
+
+def test_a_stream_with_one_of_both_keys_says_how_the_other_is_read(unsaid):
+    (unsaid / "dsd.toml").write_text(CONFIG.replace("[model]", 'filter = "exact"\n[model]'))
+    said = answered(unsaid, "diagnose", "-", stdin=(unsaid / "log.csv").read_text())[1]
+    (unsaid / "dsd.toml").write_text(CONFIG)
+    assert 'observer.u is not given, and a stream is not asked who made d_hat: it is read as "previous"' in said
 
 
 def test_errors_hold_the_truth_whoever_made_d_hat(tmp_path):

@@ -77,9 +77,8 @@ def check_maker(stretches: Sequence[Stretch], observer: ObserverSettings, undone
     if not undone.as_here:
         remedy = 'observer.filter = "auto" and observer.u = "auto"'
         return [Finding(f"d_hat was not made with {undone}", "d_hat", "warning", sure, remedy)]
-    what, remedy = f"d_hat was made with {found.maker}", f'observer.filter = "{found.maker.filter}"'
-    remedy += f' and observer.u = "{found.maker.u}"'
-    return [Finding(what, "d_hat", "warning", sure, remedy)]
+    what = f"d_hat was made with {found.maker}"
+    return [Finding(what, "d_hat", "warning", sure, " and ".join(found.maker.keys))]
 
 
 def _part(s: Stretch) -> Stretch:
