@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from bench.paired import all_tiers, read
-from dsd_cli.effects import get_effect
+from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.learn.learning import learn
 from dsd_cli.identify.learn.results import LEARNT
 from dsd_cli.identify.recordings.recording import Recording, prepare
@@ -109,9 +109,13 @@ def of_tier(name: str, seed: int) -> tuple[str, Recording, PlantModel] | None:
     return f"{name}: {' '.join(truth['effects'])}", prepare(log, observer), model
 
 
-def _smaller(effect: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    linear = {p.name for p in get_effect(effect).parameters if p.linear and not p.data}
-    return {n: _BELIEVED * v if n in linear and isinstance(v, float) else v for n, v in values.items()}
+def _smaller(name: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Its force alone: distances, speeds and phases stay, which other values may be shares of."""
+    effect = get_effect(name)
+    if effect.role is Role.INPUT:  # what acts on u has no force that could be smaller
+        return dict(values)
+    coefficients, shape = effect.to_columns(values)
+    return dict(effect.from_columns(tuple(_BELIEVED * c for c in coefficients), shape))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
