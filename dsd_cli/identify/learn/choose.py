@@ -172,7 +172,10 @@ def in_parts(judge: Judge, whole: LawFit, columns: Sequence[Columns]) -> LawFit:
         return whole
     single = [c for c in columns if not c.family.of_u and len(c.family.over) == 1 and set(c.family.over) < over]
     pairs = [two for two in combinations(single, 2) if {name for c in two for name in c.family.over} == over]
-    return min([whole, *map(judge.fit, pairs)], key=lambda fit: fit.loss)
+    fits = [judge.fit(two) for two in pairs]
+    best = min(fits, key=lambda fit: fit.loss, default=whole)
+    as_fine = [refined(judge, fit)[0] for fit in fits if as_good(fit, best)]
+    return min([whole, *as_fine], key=lambda fit: fit.loss)
 
 
 def refined(judge: Judge, fit: LawFit) -> tuple[LawFit, LawFit | None]:
