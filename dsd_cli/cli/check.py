@@ -114,9 +114,23 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
         u_shift=config.signals.u_shift,
         maker=made(config).maker,
     ).named(config.signals.units)
+    if config.signals.units.assumed:
+        result = replace(result, findings=(*result.findings, _open_unit()))
     if window(config.signals):
         result = replace(result, findings=tuple(_widened(finding) for finding in result.findings))
     return Checked(loaded.log, tuple(loaded.restarts), result)
+
+
+def _open_unit() -> Finding:
+    from dsd_cli.identify.checks.results import Finding
+
+    return Finding(
+        "the unit of the motion is unknown: it is taken as rad or m",
+        "position",
+        "note",
+        1.0,
+        'signals.position_unit = "rad", "deg", "turn", "m" or "mm": gravity and cogging are named by it',
+    )
 
 
 def _widened(finding: Finding) -> Finding:

@@ -94,11 +94,21 @@ def _asked(named: dict[str, str], override: list[str], quiet: bool) -> Asked:
 
 def _question(missing: str, candidates: Sequence[str]) -> str:
     """Ask for a column: its name, or its place in the list that is shown."""
+    if missing == "position_unit":
+        return _unit(candidates)
     what = "the control input (torque, force, current, voltage)" if missing == "u" else "the position"
     for at, name in enumerate(candidates, start=1):
         typer.echo(printable(f"  {at}: {name}"), err=True)
     answer = str(typer.prompt(f"Which column is {what}? number or name", err=True)).strip()
     return candidates[int(answer) - 1] if answer.isdigit() and 0 < int(answer) <= len(candidates) else answer
+
+
+def _unit(units: Sequence[str]) -> str:
+    """Ask for the unit of the position; "" for one that is not known."""
+    asked = f"In what unit is the position? {', '.join(units)}; Enter: not known"
+    while (answer := str(typer.prompt(asked, default="", show_default=False, err=True)).strip()) not in ("", *units):
+        typer.echo(printable(f'  "{answer}" is none of them'), err=True)
+    return answer
 
 
 def _proposed(log: str, asked: Asked, quiet: bool) -> Proposed:

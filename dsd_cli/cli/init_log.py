@@ -5,31 +5,39 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
+from dsd_cli.cli.init_proposal import (
+    UNITS,
+    Proposal,
+    answer_unit,
+    factors_of,
+    is_answered,
+    is_open,
+    is_question,
+    name_unit,
+    settle_units,
+    with_units,
+)
 from dsd_cli.cli.init_questions import column_question, step_question, without_coarse_stamps
 from dsd_cli.cli.init_roles import Chosen, choose
-from dsd_cli.cli.init_units import Units, step_of, units_of
+from dsd_cli.cli.init_units import step_of, units_of
 from dsd_cli.errors import DsdError, source_name
-from dsd_cli.files.config import Signals
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.first_look import time_unit_of
 from dsd_cli.files.formats.base import CLOCK
 from dsd_cli.files.logs import LoadedLog, load_log
-from dsd_cli.files.recognise import Recognised
 from dsd_cli.files.sample import sample
 from dsd_cli.files.template import headed, template_text, with_value
-from dsd_cli.files.words import COUNTS, plain_unit
 from dsd_cli.identify.checks import CheckResult, check_log
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import predict_d_hat
 from dsd_cli.signals.clock import FASTEST, SLOWEST, TIME_SCALE
 from dsd_cli.signals.log import Array, Log
-from dsd_cli.signals.units import POSITION, VELOCITY
 
 #: Rows from which everything is proposed.
 ROWS = 200_000
@@ -39,21 +47,6 @@ WINDOW, FEWEST, MOST = 0.1, 50, 5000
 RHO_OF_LEFT, RHO_OF_U = 1.5, 0.1
 #: rho at least, as a share of u: no sensor is better than that.
 RHO_LEAST = 0.002
-_SCALE_KEYS = {"u": "u_scale", "velocity": "velocity_scale", "position": "position_scale"}
-
-
-@dataclass
-class Proposal:
-    """(section, key) -> TOML value, and one line for each thing that was found or guessed."""
-
-    values: dict[tuple[str, str], str] = field(default_factory=dict)
-    said: list[str] = field(default_factory=list)
-
-    def put(self, section: str, key: str, value: object, why: str = "") -> None:
-        """Set a key; `why`, where it is worth a line."""
-        self.values[section, key] = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else _toml(value)
-        if why:
-            self.said.append(f"{key} = {self.values[section, key]}: {why}")
 
 
 class Asked(NamedTuple):
@@ -88,14 +81,17 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
         answer = asked.ask(chosen.missing, chosen.candidates)
         asked = asked._replace(given={**asked.given, chosen.missing: answer})
         chosen = choose(source_name(name), looked, asked.given)
-    chosen = without_coarse_stamps(chosen)
+    chosen = with_units(without_coarse_stamps(chosen), asked.values)
     out.said += chosen.said
     _name_columns(chosen, out)
+    for (section, key), value in asked.values.items():
+        if section == "signals":  # which the numbers below are read by
+            out.put(section, key, value)
     unstamped = not chosen.missing and not chosen.clock and "time" not in chosen.found
     step = _rows_apart(chosen, asked, looked.sample_time, out) if unstamped else None
     if not chosen.missing and (step or not unstamped):
         try:
-            loaded, factors = _read(path, chosen, step, asked.layout, out)
+            loaded, factors = _read(path, chosen, step, asked, out)
         except DsdError as error:
             said = str(error).replace(path, source_name(name))
             out.said.append(f"its rows could not be read ({said}); the numbers are those of the template")
@@ -103,6 +99,9 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
             _propose_numbers(loaded, factors, out)
     for (section, key), value in asked.values.items():
         out.put(section, key, value)
+    if is_open(out, "position"):  # which answers for the velocity, too
+        out.said = [line for line in out.said if not is_answered(line, "velocity")]
+    out.said.sort(key=is_question)
     text = headed(template_text("lab"), source_name(name))
     for (section, key), written in out.values.items():
         text = with_value(text, section, key, written)
@@ -138,37 +137,13 @@ def _name_columns(chosen: Chosen, out: Proposal) -> None:
         why = "by its name" if guess is None else guess.reason
         doubt = f"; {guess.doubt}" if guess is not None and guess.doubt else ""
         out.put("signals", channel, one.column, f"{why}{unit}{doubt}{others}")
-        _name_unit(channel, one, out)
-
-
-def _name_unit(channel: str, one: Recognised, out: Proposal) -> None:
-    """Units by name, so that every table and picture has them; a factor where the name has none."""
-    if channel not in _SCALE_KEYS:
-        return
-    if one.named and _one_kind(channel, one.named, out):
-        out.put("signals", f"{channel}_unit", one.named)
-    factor = one.factor or 1.0
-    if factor != 1.0 and (channel == "u" or ("signals", f"{channel}_unit") not in out.values):
-        out.put("signals", _SCALE_KEYS[channel], float(f"{factor:.6g}"), f'"{one.column}" is in {one.unit}')
-    if channel != "u" and not one.named:
-        si = "rad/s or m/s" if channel == "velocity" else "rad or m"
-        known = "is not said" if not one.unit else f'is "{one.unit}", which is not known'
-        if plain_unit(one.unit) in COUNTS:
-            unit = "counts/s" if channel == "velocity" else "counts"
-            known = f'is counts: {channel}_unit = "{unit}" and counts_per_turn (or counts_per_metre) say how much'
-        out.said.append(f'{channel}: the unit of "{one.column}" {known}; it is taken as {si}')
-
-
-def _one_kind(channel: str, unit: str, out: Proposal) -> bool:
-    """Not turns beside metres: a config has one kind. The velocity comes first."""
-    velocity = out.values.get(("signals", "velocity_unit"))
-    return channel != "position" or velocity is None or POSITION[unit][0] == VELOCITY[json.loads(velocity)][0]
+        name_unit(channel, one, out)
 
 
 def _read(
-    path: str, chosen: Chosen, told: float | None, layout: CsvLayout | None, out: Proposal
+    path: str, chosen: Chosen, told: float | None, asked: Asked, out: Proposal
 ) -> tuple[LoadedLog, dict[str, float]]:
-    found = chosen.found
+    found, layout = chosen.found, asked.layout
     names = {c: one.column for c, one in found.items() if c in ("u", "d_hat", "velocity", "position")}
     unit, sample_time = "s", None
     if chosen.clock:
@@ -184,35 +159,17 @@ def _read(
         unit = time_unit_of(step, float(first["t"][0]))
         out.said.append(f"time_unit: not said; steps of {step:g} are taken as {unit}")
     out.put("signals", "time_unit", unit)
-    _settle_units(units_of(chosen.table, found, TIME_SCALE[unit], sample_time), out)
-    factors = _factors(out)
+    settle_units(units_of(chosen.table, found, TIME_SCALE[unit], sample_time), out)
+    if asked.ask is not None and is_open(out, "position") and (answer := asked.ask("position_unit", UNITS)):
+        answer_unit(out, answer)
+        found = {**found, "position": replace(found["position"], unit=answer)}
+        settle_units(units_of(chosen.table, found, TIME_SCALE[unit], sample_time), out)
+    factors = factors_of(out)
     scale = TIME_SCALE[unit]
     loaded = load_log(
         path, names, sample_time=sample_time, time_scale=scale, factors=factors, most_rows=ROWS, layout=layout
     )
     return loaded, factors
-
-
-def _settle_units(units: Units, out: Proposal) -> None:
-    for at, (key, value) in enumerate(units.keys.items()):
-        out.put("signals", key, value, units.why if at == 0 else "")
-        channel = key.partition("_")[0]
-        out.said = [line for line in out.said if not _is_answered(line, channel)]
-
-
-def _is_answered(line: str, channel: str) -> bool:
-    """Whether it asks for the unit of a channel, which another has said by now."""
-    return line.startswith(f"{channel}: ") and ("is not said" in line or "is counts" in line)
-
-
-def _factors(out: Proposal) -> dict[str, float]:
-    """Channel -> factor, as the config will have it."""
-    written: dict[str, Any] = {
-        key: json.loads(text) for (section, key), text in out.values.items() if section == "signals"
-    }
-    told = {key: value for key, value in written.items() if key in Signals.keys and key != "sample_time"}
-    factors = Signals(**told).factors()
-    return {channel: value for channel, value in factors.items() if channel in _SCALE_KEYS}
 
 
 def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal) -> None:
@@ -294,7 +251,3 @@ def _left(loaded: LoadedLog, model: PlantModel, observer: ObserverSettings) -> f
 
 def _short(value: float) -> float:
     return float(f"{max(value, 0.0):.3g}")
-
-
-def _toml(value: object) -> str:
-    return str(value).lower() if isinstance(value, bool) else repr(value)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dsd_cli.effects import get_effect
+from dsd_cli.effects.base import Role
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate, Diagnosis
 from dsd_cli.identify.verdict.contradictions import kept_values
@@ -10,6 +12,12 @@ from dsd_cli.report.levels import levels_text
 from dsd_cli.report.names import error, force_error, listed, moves, percent, values_text
 from dsd_cli.report.prior_conflicts import first_of_all
 from dsd_cli.report.two_numbers import believed
+
+#: What a force that depends on the place is called depends on the unit of that.
+ASSUMED = (
+    "so called with the position in rad or m, which nothing says: in degrees or turns the same force has another name"
+    " of gravity, stiffness and cogging (signals.position_unit decides)"
+)
 
 
 def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:
@@ -47,11 +55,15 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
     values = f"{values}, " if values else ""
     beside, falls = _with_the_set(result, winner)
     tied = winner.indistinguishable_from  # one of these it is
-    verb = "is" if tied or believed(result.probability) else "may be"
+    placed = [
+        name for name in dict.fromkeys((winner.effect, *result.found)) if result.units.assumed and _of_place(name)
+    ]
+    verb = "is" if tied or (believed(result.probability) and winner.effect not in placed) else "may be"
     if winner.effect in (INERTIA, DELAY) or (given is not None and winner.effect in given.effects):
         line = f"{_as_given(winner, given)} of [model] {verb} wrong: {values}{sure}{beside}; {held} {falls}"
     else:
         line = f"{winner.effect} {verb} missing: {values}{sure}{beside}; {held} {falls}"
+    line += f"; {listed(placed)} {'is' if len(placed) == 1 else 'are'} {ASSUMED}" if placed else ""
     return line + (f"; from this log it is indistinguishable from {listed(tied, 'or')}" if tied else "")
 
 
@@ -84,6 +96,14 @@ def _nothing(result: Diagnosis, sure: str, held: str) -> str:
         f" in {names}, which no fit saw, it is {error(left)}: a value differs there,"
         f" or an effect shows"
     )
+
+
+def _of_place(effect: str) -> bool:
+    """Whether its force is a function of the position."""
+    if effect in (INERTIA, DELAY):
+        return False
+    found = get_effect(effect)
+    return found.role is Role.APPLIED and "position" in found.needs
 
 
 def _as_given(winner: Candidate, given: PlantModel | None) -> str:

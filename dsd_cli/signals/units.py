@@ -23,6 +23,7 @@ POSITION = {
     "mm": ("m", 1e-3),
     "um": ("m", 1e-6),
     "counts": ("", 1.0),
+    "unknown": ("", 1.0),
 }
 #: The same of a velocity column, per s.
 VELOCITY = {
@@ -36,6 +37,7 @@ VELOCITY = {
     "mm/s": ("m", 1e-3),
     "um/s": ("m", 1e-6),
     "counts/s": ("", 1.0),
+    "unknown": ("", 1.0),
 }
 #: What u / (q/s^2) is called where it has a name.
 _INERTIAS = {("N m", "rad"): "kg m^2", ("Nm", "rad"): "kg m^2", ("N", "m"): "kg"}
@@ -43,10 +45,14 @@ _INERTIAS = {("N m", "rad"): "kg m^2", ("Nm", "rad"): "kg m^2", ("N", "m"): "kg"
 
 @dataclass(frozen=True)
 class Units:
-    """The user's units: of u as he names it, of positions in SI; "" where he did not say."""
+    """The user's units: of u as he names it, of positions in SI; "" where he did not say.
+
+    `assumed`: positions are taken as SI, and may be in degrees, turns or mm: nothing says it.
+    """
 
     u: str = ""
     position: str = ""
+    assumed: bool = False
 
     @property
     def force(self) -> str:

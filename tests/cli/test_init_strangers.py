@@ -96,10 +96,11 @@ def test_on_a_terminal_it_is_asked(tmp_path: Path) -> None:
         [*map(str, DSD), "init", "what.csv"], cwd=tmp_path, stdin=slave, stderr=slave, stdout=subprocess.PIPE
     )
     os.close(slave)
-    os.write(master, b"beta\n")
+    os.write(master, b"beta\nfurlong\ndeg\n")
     assert process.wait(timeout=120) == 0
     os.close(master)
-    assert load_config(tmp_path / "dsd.toml").signals.u == "beta"
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.u, signals.position_unit) == ("beta", "deg")
 
 
 def test_columns_by_hand_by_number_and_values_that_are_set(tmp_path: Path) -> None:

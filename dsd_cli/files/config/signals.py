@@ -59,6 +59,10 @@ def _range(channel: str) -> Any:
     )
 
 
+#: A unit that nothing says: the column is read as SI, and what depends on that is said so.
+UNKNOWN = "unknown"
+
+
 class Signals(Section):
     """[signals]: which column of the log is what. `None` is a channel that shall not be looked for."""
 
@@ -88,7 +92,9 @@ class Signals(Section):
     )
     u_unit: str = key(_unit(), "unit of u (with its factor), such as N, N m or A; names it in every result", default="")
     position_unit: str = key(
-        choice("", *POSITION), "unit of the columns position and reference; they are read as rad or m", default=""
+        choice("", *POSITION),
+        'unit of the columns position and reference; they are read as rad or m, and taken as that if "unknown"',
+        default="",
     )
     velocity_unit: str = key(
         choice("", *VELOCITY), "unit of the column velocity; it is read as rad/s or m/s", default=""
@@ -194,12 +200,14 @@ class Signals(Section):
         named = [POSITION[self.position_unit][0] if self.position_unit else ""]
         named += [VELOCITY[self.velocity_unit][0] if self.velocity_unit else ""]
         named += ["rad"] if self.counts_per_turn else ["m"] if self.counts_per_metre else []
-        return Units(self.u_unit, next(filter(None, named), ""))
+        position = next(filter(None, named), "")
+        open_ones = UNKNOWN in (self.position_unit, self.velocity_unit) and self.position_scale == 1.0
+        return Units(self.u_unit, position, assumed=open_ones and not position)
 
     def _check_units(self, at: Place) -> None:
         for name in ("position", "velocity"):
             unit, scale = getattr(self, f"{name}_unit"), getattr(self, f"{name}_scale")
-            if unit and abs(scale) != 1.0:
+            if unit not in ("", UNKNOWN) and abs(scale) != 1.0:
                 raise at.child(f"{name}_scale").wrong(scale, f"1 or -1: {name}_unit = {shown(unit)} has its factor")
             if unit.startswith("counts") and not (self.counts_per_turn or self.counts_per_metre):
                 raise at.missing("counts_per_turn", f"{name}_unit = {shown(unit)} needs it, or counts_per_metre")
