@@ -76,7 +76,7 @@ def _member(path: str) -> tuple[str, Any] | None:
         return None
     if is_workbook(names):
         check_size(path, sum(one.file_size for one in archive.infolist()))
-        return "an Excel workbook", _Lines(text_of_workbook(archive))
+        return "an Excel workbook", _Lines(text_of_workbook(path))
     files = [name for name in names if not name.startswith("__MACOSX/") and not Path(name).name.startswith(".")]
     logs = [name for name in files if len(files) == 1 or not _BESIDE.search(name)]
     if len(logs) != 1:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.content import text_of
 from dsd_cli.files.tables_in import open_table
 
@@ -56,14 +57,23 @@ def test_stamps_keep_their_fractions(stamp: Any, tmp_path: Path) -> None:
     assert np.allclose(np.diff(found["t"]), 0.1, atol=2e-6, rtol=0.0)
 
 
-def test_texts_may_be_shared_or_in_their_cell(tmp_path: Path) -> None:
-    cells = (
-        '<row r="1"><c r="A1" t="s"><v>0</v></c><c r="C1" t="inlineStr"><is><t>u "x"</t></is></c></row>'
-        '<row r="3"><c r="A3"><v>0.5</v></c><c r="C3" t="e"><v>#DIV/0!</v></c></row>'
-    )
-    main = 'xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"'
-    with zipfile.ZipFile(tmp_path / "log.xlsx", "w") as archive:
-        archive.writestr("xl/workbook.xml", "<workbook/>")
-        archive.writestr("xl/sharedStrings.xml", f"<sst {main}><si><r><t>t</t></r><r><t>ime</t></r></si></sst>")
-        archive.writestr("xl/worksheets/sheet1.xml", f"<worksheet {main}><sheetData>{cells}</sheetData></worksheet>")
-    assert text_of(tmp_path / "log.xlsx") == b'time,,"u ""x"""\n0.5,,\n'
+def test_errors_and_breaks_of_lines_in_cells(tmp_path: Path) -> None:
+    rows = [["t", None, 'u\n"x"'], [0.5, None, "#DIV/0!"], [1.0, None, True]]
+    assert text_of(book(tmp_path, rows)) == b't,,"u ""x"""\n0.5,,\n1,,1\n'
+
+
+def test_without_the_library_it_says_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = book(tmp_path, table())
+    monkeypatch.setattr("dsd_cli.files.workbook.find_spec", lambda name: None)
+    with pytest.raises(UsageError, match="openpyxl is not installed") as said:
+        text_of(path)
+    assert "pip install" in str(said.value.hint if hasattr(said.value, "hint") else said.value)
+
+
+def test_a_damaged_workbook_is_one_message(tmp_path: Path) -> None:
+    whole = book(tmp_path, table())
+    with zipfile.ZipFile(whole) as old, zipfile.ZipFile(tmp_path / "bad.xlsx", "w") as new:
+        for name in old.namelist():
+            new.writestr(name, old.read(name)[: 100 if "sheet1" in name else None])
+    with pytest.raises(DataError, match="cannot be unpacked"):
+        text_of(tmp_path / "bad.xlsx")
