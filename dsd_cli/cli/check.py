@@ -102,7 +102,7 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
         loaded = load_log(path, columns, optional, **reading(config), watch=progress.watch)
     progress.clear()
     check_sizes(loaded.log.source, loaded)
-    warn(quiet, [f"{loaded.log.source}: {warning}" for warning in absent(config, columns, loaded)])
+    warn(quiet, [f"{loaded.log.source}: {warning}" for warning in (*loaded.warnings, *absent(config, columns, loaded))])
     progress(f"checking {PurePath(path).name}")
     result = check_log(
         loaded.log,

@@ -68,7 +68,13 @@ def init(
         _put(template_text(template), [], f"template {template}", log, template, (output, force, quiet))
         return
     proposed = _proposed(log, _asked(named, override or [], quiet), quiet)
-    _put(proposed.text, proposed.said, f"from {source_name(log)}", log, proposed.question, (output, force, quiet))
+    left = proposed.question or str(proposed.unread or "")
+    _put(proposed.text, proposed.said, f"from {source_name(log)}", log, left, (output, force, quiet))
+    if proposed.unread is not None:
+        name, why = source_name(log), proposed.unread
+        what = why.message.removeprefix(name).lstrip(":, ")
+        where = "" if output == "-" else f"; the numbers in {output} are the template's"
+        raise DataError(f"{name}: its rows could not be read: {what}{where}", why.hint)
     if proposed.question:
         where = "" if output == "-" else f"; {output} has the rest, with that line marked"
         raise DataError(f"{source_name(log)}: {proposed.question}{where}", f"say it: {proposed.command}")

@@ -14,6 +14,7 @@ from dsd_cli.cli.init_proposal import (
     UNITS,
     Proposal,
     answer_unit,
+    drop_open,
     factors_of,
     is_answered,
     is_open,
@@ -31,6 +32,7 @@ from dsd_cli.files.first_look import time_unit_of
 from dsd_cli.files.formats.base import CLOCK
 from dsd_cli.files.logs import LoadedLog, load_log
 from dsd_cli.files.sample import sample
+from dsd_cli.files.tables_in import metadata_of
 from dsd_cli.files.template import headed, template_text, with_value
 from dsd_cli.identify.checks import CheckResult, check_log
 from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -59,12 +61,16 @@ class Asked(NamedTuple):
 
 
 class Proposed(NamedTuple):
-    """The text of a config, what was guessed, and the question that is left ("" for none), with its command."""
+    """The text of a config, what was guessed, and the question that is left ("" for none), with its command.
+
+    `unread`: why the rows could not be read, and the numbers are not of this log; None: they are.
+    """
 
     text: str
     said: list[str]
     question: str = ""
     command: str = ""
+    unread: DsdError | None = None
 
 
 def propose(path: str, asked: Asked, name: str = "") -> Proposed:
@@ -84,17 +90,19 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
     chosen = with_units(without_coarse_stamps(chosen), asked.values)
     out.said += chosen.said
     _name_columns(chosen, out)
+    if "dsd_version" in metadata_of(path):  # our own logs are in SI
+        drop_open(out)
     for (section, key), value in asked.values.items():
         if section == "signals":  # which the numbers below are read by
             out.put(section, key, value)
     unstamped = not chosen.missing and not chosen.clock and "time" not in chosen.found
     step = _rows_apart(chosen, asked, looked.sample_time, out) if unstamped else None
+    unread: DsdError | None = None
     if not chosen.missing and (step or not unstamped):
         try:
             loaded, factors = _read(path, chosen, step, asked, out)
         except DsdError as error:
-            said = str(error).replace(path, source_name(name))
-            out.said.append(f"its rows could not be read ({said}); the numbers are those of the template")
+            unread = error
         else:
             _propose_numbers(loaded, factors, out)
     for (section, key), value in asked.values.items():
@@ -106,7 +114,7 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
     for (section, key), written in out.values.items():
         text = with_value(text, section, key, written)
     if not chosen.missing and (step or not unstamped):
-        return Proposed(text, out.said)
+        return Proposed(text, out.said, unread=unread)
     left = (column_question if chosen.missing else step_question)(name, chosen, asked.given, text)
     return Proposed(left.text, out.said, left.question, left.command)
 

@@ -85,6 +85,14 @@ def answer_unit(out: Proposal, unit: str) -> None:
     out.said = [line for line in out.said if not is_answered(line, "position")]
 
 
+def drop_open(out: Proposal) -> None:
+    """Without units that are unknown: SI it is."""
+    for channel in ("position", "velocity"):
+        if is_open(out, channel):
+            del out.values["signals", f"{channel}_unit"]
+            out.said = [line for line in out.said if not is_answered(line, channel)]
+
+
 def is_question(line: str) -> bool:
     """Whether what was said is left open."""
     return "; it is taken as" in line

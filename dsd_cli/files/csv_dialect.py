@@ -43,6 +43,8 @@ _OTHER_FORMATS = {
 }
 
 
+#: A frame as candump prints it: `(1436509052.249713) can0 123#1122`, `can0  123   [2]  11 22`.
+_FRAME = re.compile(rb"\s*(?:\(\d+\.\d+\)\s+)?v?x?l?can\d+\s+[0-9A-F]{3,8}(?:#|\s+\[\d+\])")
 _KNOWN = "export it as one of CSV, Parquet, Arrow, MAT, HDF5, NetCDF, NumPy, MDF, TDMS, MCAP, ROS bag, JSON"
 
 
@@ -70,6 +72,9 @@ class Dialect(NamedTuple):
 
 def refuse_other_formats(source: str, head: bytes) -> None:
     """One line for what is no CSV at all."""
+    if _FRAME.match(head):
+        told = "decode them by the bus's DBC (asammdf or cantools) into MDF or CSV"
+        raise DataError(f"{source}: holds raw frames of a CAN bus, whose bytes it does not explain", told)
     for magic, (found, remedy) in _OTHER_FORMATS.items():
         if head.startswith(magic):
             raise DataError(f"{source}: {found}", remedy)

@@ -12,7 +12,7 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files import csv_dialect as dialects
-from dsd_cli.files.csv_cells import plain_number, seconds
+from dsd_cli.files.csv_cells import is_number, plain_number, seconds
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.formats.known import format_of
 from dsd_cli.files.table_source import Batch, choose_columns, read_sidecar
@@ -168,10 +168,26 @@ class LineStream:
             if first and dialects.is_units_row(fields, [at for _, at in self._places]):
                 self.warnings.append(f"line {self._line} is taken as units, not data")
                 return None
+            if first:
+                self._refuse_spelt(fields)
             if not self.unreadable:
                 self.warnings.append(f'line {self._line} cannot be read: "{line.strip()[:60]}"')
             self.unreadable += 1
             return [np.nan] * len(self._places)
+
+    def _refuse_spelt(self, fields: list[str]) -> None:
+        """Say so at once where the cells of the first row are numbers as only a file may have them.
+
+        Raises
+        ------
+        DataError : they are.
+        """
+        for c, at in self._places:
+            cell = fields[at].strip() if at < len(fields) else ""
+            if c != "t" and is_number(cell) and not _is_plain(cell):
+                what = f'column "{self.column_names[at]}" is written as "{cell[:40]}"'
+                remedy = "write it to a file first, or digits with a decimal sign alone"
+                raise DataError(f"{self.name}, line {self._line}: {what}, which is no number in a stream", remedy)
 
     def _read(self) -> Iterator[list[bytes] | None]:
         """Complete lines as they come; None where the file begins anew."""
@@ -242,3 +258,11 @@ class LineStream:
         os.close(self._fd)
         self._fd = fd
         return True
+
+
+def _is_plain(cell: str) -> bool:
+    try:
+        plain_number(cell)
+    except ValueError:
+        return False
+    return True

@@ -50,3 +50,10 @@ def test_a_verdict_that_depends_on_the_unit_says_so_until_it_is_given(tmp_path: 
     assert "which nothing says" not in found["verdict_text"]
     (gravity,) = [one for one in found["ranking"] if one["effect"] == "gravity"]
     assert abs(gravity["parameters"]["amplitude"]["value"] / GRAVITY - 1.0) < 0.01
+
+
+def test_a_log_of_our_own_is_in_si(tmp_path: Path) -> None:
+    done("simulate", "--template", "servo", "--duration", "2", "-o", "log.csv", cwd=tmp_path)
+    said = done("init", "log.csv", cwd=tmp_path).stderr
+    assert "is not said; it is taken" not in said
+    assert not load_config(tmp_path / "dsd.toml").says("signals.position_unit")

@@ -292,9 +292,12 @@ def test_a_cell_that_is_no_number_is_named_with_its_line(tmp_path: Path) -> None
     lines = ["t,u,q", *strangers.rows(AXIS, AXIS["t"], AXIS["u"], AXIS["q"])]
     lines[700] = lines[700].replace(lines[700].split(",")[1], "#DIV/0!")
     strangers.text(tmp_path, "sheet.csv", lines)
-    said = done("init", "sheet.csv", cwd=tmp_path).stderr
-    assert load_config(tmp_path / "dsd.toml").signals.u == "u"
-    assert 'could not be read (sheet.csv, line 701, column "u": "#DIV/0!" is not a number: mend it' in said
+    result = dsd("init", "sheet.csv", cwd=tmp_path)
+    said = result.stderr
+    assert (result.returncode, load_config(tmp_path / "dsd.toml").signals.u) == (1, "u")
+    assert "next: dsd check" not in said
+    assert 'sheet.csv: its rows could not be read: line 701, column "u": "#DIV/0!" is not a number' in said
+    assert "the numbers in dsd.toml are the template's: mend it" in said
 
 
 def test_a_velocity_is_the_slope_of_counts_though_the_axis_rests_most_of_the_time() -> None:
@@ -345,3 +348,9 @@ def test_the_units_of_a_preamble_hold_for_the_columns_below(tmp_path: Path) -> N
     done("init", "log.lvm", cwd=tmp_path)
     signals = load_config(tmp_path / "dsd.toml").signals
     assert (signals.u_unit, signals.position_unit, signals.velocity_unit) == ("N m", "deg", "deg/s")
+
+
+def test_check_says_how_the_file_was_read(tmp_path: Path) -> None:
+    strangers.twincat(tmp_path, AXIS)
+    done("init", "scope.csv", cwd=tmp_path)
+    assert "lines before the numbers name the channels" in done("check", "scope.csv", cwd=tmp_path).stderr

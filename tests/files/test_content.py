@@ -160,3 +160,10 @@ def test_a_packed_text_is_held_once(tmp_path: Path) -> None:
     tracemalloc.stop()
     assert content == text
     assert most < 1.5 * len(text)
+
+
+@pytest.mark.parametrize("line", [b"(1764060000.100000) can0 181#00C8FF12\n", b"  can0  181   [4]  00 C8 FF 12\n"])
+def test_raw_frames_of_a_bus_say_what_explains_them(line: bytes, tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="raw frames of a CAN bus") as caught:
+        numbers(written(tmp_path, 50 * line))
+    assert "DBC" in str(caught.value)

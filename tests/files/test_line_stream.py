@@ -117,3 +117,11 @@ def test_following_stops_when_asked(tmp_path):
     path = tmp_path / "live.csv"
     path.write_text("t,u\n0,1\n")
     assert len(list(LineStream(path, WANTED, stop=lambda: True).batches())) == 1
+
+
+def test_a_stream_with_units_in_its_cells_says_which_and_not_that_it_has_no_stamps(tmp_path):
+    path = tmp_path / "live.csv"
+    path.write_text("t,u\n" + "".join(f"{k},{k % 5}.5 A\n" for k in range(20)))
+    stream = LineStream(path.open("rb"), {"t": "t", "u": "u"}, name="<stdin>")
+    with pytest.raises(DataError, match=r'line 2: column "u" is written as "0\.5 A", which is no number in a stream'):
+        list(stream.batches())
