@@ -66,3 +66,19 @@ def test_a_position_before_another_one_is_doubted(tmp_path: Path) -> None:
     said = done("init", "log.csv", cwd=tmp_path).stderr
     assert "feedback is as it, " in said
     assert "samples later: is that what was measured?" in said
+
+
+def test_the_setpoint_of_a_speed_loop_is_no_reference_of_the_position() -> None:
+    t = np.arange(8000) * 1e-3
+    asked = 3.0 * np.sin(2.1 * t) + 2.0 * np.sin(7.7 * t)
+    v, q = np.zeros(t.size), np.zeros(t.size)
+    for k in range(t.size - 1):
+        v[k + 1] = v[k] + 1e-3 * 40.0 * (asked[k] - v[k])
+        q[k + 1] = q[k] + 1e-3 * v[k]
+    u = 40.0 * (asked - v) * 0.02
+    values = {"t": t, "u": u, "pos": q, "vel": v, "setpoint": asked}
+    named = {"time": "t", "u": "u", "position": "pos", "velocity": "vel", "reference": "setpoint"}
+    channels = [Channel(*one) for one in values.items()]
+    assert "reference" not in guess_roles(channels, named).found
+    of_place = [Channel("setpoint", q + 0.01 * v) if one.name == "setpoint" else one for one in channels]
+    assert guess_roles(of_place, named).found["reference"].column == "setpoint"

@@ -71,6 +71,7 @@ def guess_roles(
     look = Look(look.values, look.t, look.dt, found, forces, motions, rivals)
     if look.t.size >= FEWEST:
         _find_motion(look)
+        _doubt_reference(look)
         _find_reference(look)
         placed = "position" in look.found
         find_cause(look)
@@ -185,6 +186,16 @@ def _doubt_motion(look: Look, p: str, w: str, free: Sequence[str]) -> None:
 
 def _fits_better(share: float, mine: float) -> bool:
     return share > IS_SLOPE and 1.0 - mine > DOUBTED * (1.0 - share) + BETTER_SLOPE
+
+
+def _doubt_reference(look: Look) -> None:
+    """A reference by its name that is the velocity asked for is none of the position: the setpoint of a speed loop."""
+    named = {role: look.found[role].column for role in ("reference", "velocity", "position") if role in look.found}
+    r, w, p = (look.values.get(named.get(role, "")) for role in ("reference", "velocity", "position"))
+    if r is None or w is None or lead_of(r, w) is None or look.found["reference"].reason == AS_TOLD:
+        return
+    if p is None or lead_of(r, p) is None:
+        del look.found["reference"]
 
 
 def _find_reference(look: Look) -> None:
