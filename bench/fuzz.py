@@ -196,8 +196,9 @@ def _finding(code: int, said: bytes, folder: Path, before: set[str], arguments: 
 
 
 def _asks(said: bytes) -> bool:
-    """Whether `init` ends in its question: what it found stands before it, and in a config with one line marked."""
-    return b"\ndsd: error: " in said and b": say it: dsd init " in said.splitlines()[-1]
+    """Whether `init` ends in its question, or with rows that cannot be read: what it found stands before it."""
+    ends = (b": say it: dsd init ", b": its rows could not be read: ")
+    return b"\ndsd: error: " in said and any(one in said.splitlines()[-1] for one in ends)
 
 
 def _wrong_output(code: int, folder: Path, arguments: list[str]) -> str:

@@ -167,11 +167,12 @@ def _read(
         unit = time_unit_of(step, float(first["t"][0]))
         out.said.append(f"time_unit: not said; steps of {step:g} are taken as {unit}")
     out.put("signals", "time_unit", unit)
-    settle_units(units_of(chosen.table, found, TIME_SCALE[unit], sample_time), out)
+    apart = load_log(path, names, most_rows=ROWS, layout=layout).log.sample_time if chosen.clock else sample_time
+    settle_units(units_of(chosen.table, found, TIME_SCALE[unit], apart), out)
     if asked.ask is not None and is_open(out, "position") and (answer := asked.ask("position_unit", UNITS)):
         answer_unit(out, answer)
         found = {**found, "position": replace(found["position"], unit=answer)}
-        settle_units(units_of(chosen.table, found, TIME_SCALE[unit], sample_time), out)
+        settle_units(units_of(chosen.table, found, TIME_SCALE[unit], apart), out)
     factors = factors_of(out)
     scale = TIME_SCALE[unit]
     loaded = load_log(

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dsd_cli.cli.init_union import by_units, clock_of, forces_in, is_clock, union_of
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.first_look import FirstLook, time_unit_of
 from dsd_cli.files.joints import joint_that_moves
@@ -21,12 +22,11 @@ from dsd_cli.files.recognise import (
     is_voltage,
     quaternions,
     recognise,
-    role_of_unit,
     unit_in,
 )
 from dsd_cli.files.sample import Sample, Table
 from dsd_cli.files.words import TIME_UNITS
-from dsd_cli.identify.roles import Channel, Guess, Roles, facts_of, guess_roles
+from dsd_cli.identify.roles import Guess, Roles, facts_of, guess_roles
 from dsd_cli.signals.clock import TIME_SCALE
 from dsd_cli.signals.log import Array
 
@@ -35,8 +35,6 @@ GIVEN = ("time", "u", "position", "velocity")
 MOTION = ("d_hat", "velocity", "position")
 #: Tables whose channels are looked at one by one.
 TABLES = 4
-#: How evenly a clock rises that has another name.
-EVEN = 1e-3
 
 
 class Coarse(NamedTuple):
@@ -80,12 +78,17 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
     looks = [(by_names(table, given), table) for table in tables]
     best, table = max(looks, key=lambda item: _worth(*item))
     if not _whole(best.found):
-        union = _by_units(by_names(_union(tables), given))
+        union = by_units(by_names(union_of(tables), given))
         if _whole(union.found):
             union, said = _joint(path, sample, union)
-            return Chosen(union.found, {}, union.clock, None, tuple(said))
+            found = union.found if union.clock else {**union.found, **clock_of(tables, union.found)}
+            return Chosen(found, {}, union.clock, None, tuple(said))
         deeds = _by_deeds(sorted(looks, key=lambda item: -_worth(*item))[:TABLES], given)
-        return deeds if not deeds.missing or deeds.candidates else replace(deeds, candidates=_forces(tables, deeds))
+        return (
+            deeds
+            if not deeds.missing or deeds.candidates
+            else replace(deeds, candidates=forces_in(tables, deeds.found))
+        )
     best, said = _joint(path, sample, best) if not given else (best, [])
     table = replace(table, channels=tuple(one for one in table.channels if one.name in best.columns))
     return _completed(best, table, given, tuple(said))
@@ -99,32 +102,9 @@ def usable(table: Table, given: Collection[str] = ()) -> Table:
     return replace(table, channels=tuple(kept))
 
 
-def _union(tables: Sequence[Table]) -> Table:
-    return Table("", tuple(c for one in tables for c in one.channels), None, any(one.clock for one in tables))
-
-
-def _by_units(look: FirstLook) -> FirstLook:
-    """With the roles whose unit one column alone has: of channels in several tables nothing else says what they do."""
-    found = dict(look.found)
-    for role in ("u", "velocity", "position"):
-        taken = {one.column for one in found.values()}
-        mine = [name for name in look.columns if name not in taken and role_of_unit(look.units[name]) == role]
-        if role not in found and len(mine) == 1:
-            found[role] = Recognised(role, mine[0], look.units[mine[0]])
-    return replace(look, found=found)
-
-
-def _forces(tables: Sequence[Table], chosen: Chosen) -> tuple[str, ...]:
-    """Columns of all tables that are no motion, those whose unit is that of a force first."""
-    taken = {one.column for one in chosen.found.values()}
-    free = [(c.name, c.unit) for one in tables for c in one.channels if c.name not in taken and not _is_clock(c)]
-    free = [(name, unit) for name, unit in free if not is_motion(name, unit)]
-    return tuple(name for name, unit in sorted(free, key=lambda item: role_of_unit(item[1]) != "u"))
-
-
 def _joint(path: str, sample: Sample, look: FirstLook) -> tuple[FirstLook, list[str]]:
     """The look with the channels of the joint that moves most; joints that rest are joints, too."""
-    units = {c.name: c.unit for one in sample.tables for c in one.channels if c.values is not None}
+    units = {c.name: c.unit for one in sample.tables for c in one.channels if c.values is not None and not is_clock(c)}
     everything = FirstLook(tuple(units), units, recognise(list(units), units), look.clock)
     found, said = joint_that_moves(path, everything)
     kept = {role: one for role, one in found.found.items() if role in look.found and one.column in look.columns}
@@ -152,7 +132,7 @@ def by_names(table: Table, given: Mapping[str, str]) -> FirstLook:
     names_left = [name for name in names if name not in given.values()]
     found = recognise(names_left, units)
     if not table.clock and "time" not in {**found, **given}:  # what rises evenly is the time, also as "X"
-        evenly = {one.name for one in table.channels if _is_clock(one)}
+        evenly = {one.name for one in table.channels if is_clock(one)}
         found = recognise([name for name in names_left if name not in evenly], units)
     found = {role: one for role, one in found.items() if role not in given}
     for role, column in given.items():
@@ -161,11 +141,6 @@ def by_names(table: Table, given: Mapping[str, str]) -> FirstLook:
     if table.clock and "time" not in given:
         found.pop("time", None)
     return FirstLook(tuple(names), units, found, table.clock)
-
-
-def _is_clock(channel: Channel) -> bool:
-    facts = facts_of(channel)
-    return facts.kind == "counter" or (facts.kind == "clock" and facts.even < EVEN)
 
 
 def _whole(found: Mapping[str, Recognised]) -> bool:

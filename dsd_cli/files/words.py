@@ -83,12 +83,13 @@ NAMED: Mapping[str, Mapping[str, str]] = {
     "position": {
         "rad": "rad", "m": "m", "deg": "deg", "°": "deg", "degree": "deg", "degrees": "deg", "mm": "mm", "um": "um",
         "rev": "turn", "turn": "turn", "turns": "turn", "grad": "deg", "umdr": "turn", "mrad": "mrad", "cm": "cm",
+        "rot": "turn",
     },
     "velocity": {
         "rad/s": "rad/s", "m/s": "m/s", "deg/s": "deg/s", "°/s": "deg/s", "mm/s": "mm/s", "um/s": "um/s", "rpm": "rpm",
         "r/min": "rpm", "1/min": "rpm", "rev/s": "turn/s", "turn/s": "turn/s", "turns/s": "turn/s", "hz": "turn/s",
         "grad/s": "deg/s", "u/min": "rpm", "umdr/min": "rpm", "min-1": "rpm", "min^-1": "rpm", "u/s": "turn/s",
-        "mrad/s": "mrad/s", "cm/s": "cm/s", "tr/min": "rpm", "giri/min": "rpm", "rev/min": "rpm",
+        "mrad/s": "mrad/s", "cm/s": "cm/s", "tr/min": "rpm", "giri/min": "rpm", "rev/min": "rpm", "rot/s": "turn/s",
     },
 }  # fmt: skip
 OF_U: Mapping[str, tuple[str, float]] = {

@@ -354,3 +354,33 @@ def test_check_says_how_the_file_was_read(tmp_path: Path) -> None:
     strangers.twincat(tmp_path, AXIS)
     done("init", "scope.csv", cwd=tmp_path)
     assert "lines before the numbers name the channels" in done("check", "scope.csv", cwd=tmp_path).stderr
+
+
+def test_matrices_that_have_their_time_in_the_first_column(tmp_path: Path) -> None:
+    """As Simulink's To Workspace writes them, in a file whose groups are their names."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        for name, channel in (("rt_u", "u"), ("rt_q", "q"), ("rt_qd", "v")):
+            file[name] = np.column_stack([AXIS["t"], AXIS[channel]])
+    done("init", "log.h5", cwd=tmp_path)
+    signals = load_config(tmp_path / "dsd.toml").signals
+    found = (signals.time, signals.u, signals.position, signals.velocity)
+    assert found == ("rt_u/1", "rt_u/2", "rt_q/2", "rt_qd/2")
+
+
+def test_a_velocity_beside_the_clock_of_a_file_is_no_slope_per_row(tmp_path: Path) -> None:
+    """Per second it is that of the position, and has no factor."""
+    writer = pytest.importorskip("mcap.writer")
+    with (tmp_path / "log.mcap").open("wb") as file:
+        made = writer.Writer(file)
+        made.start()
+        channel = made.register_channel("/motor", "json", made.register_schema("s", "jsonschema", b"{}"))
+        for t, *row in zip(*(AXIS[one] for one in ("t", "q", "v", "u")), strict=True):
+            stamp = 1_764_060_000_000_000_000 + round(1e9 * t)
+            content = json.dumps(dict(zip(("q", "dq", "tau"), map(float, row), strict=True)))
+            made.add_message(channel, stamp, content.encode(), stamp)
+        made.finish()
+    done("init", "log.mcap", cwd=tmp_path)
+    config = load_config(tmp_path / "dsd.toml")
+    assert (config.signals.position, config.signals.velocity) == ("motor/q", "motor/dq")
+    assert config.signals.factors() == {}

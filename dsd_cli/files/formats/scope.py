@@ -49,7 +49,8 @@ class ScopeFile(InMemory):
 
 def is_scope(path: str | Path, head: bytes) -> bool:
     """Whether a file that begins so has channels with stamps that differ."""
-    if not any(_paired(fields_of(decode(line), by)) for line in head.splitlines() for by in DELIMITERS[:3]):
+    cells = (fields_of(decode(line), by) for line in head.splitlines() for by in DELIMITERS[:3])
+    if not any(_paired(one) or _paired(one[:-1]) for one in cells):  # the last may be a column for comments
         return False
     try:
         lines = _head(path)

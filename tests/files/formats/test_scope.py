@@ -27,7 +27,13 @@ def scope(folder: Path, head: str, by: str = "\t", ragged: bool = True) -> Path:
 
 @pytest.mark.parametrize("ragged", [True, False])
 @pytest.mark.parametrize(
-    ("head", "by"), [(PREAMBLE, "\t"), ("time,Torque,time,Position\n", ","), ("t_1;Torque;t_2;Position\n", ";")]
+    ("head", "by"),
+    [
+        (PREAMBLE, "\t"),
+        ("time,Torque,time,Position\n", ","),
+        ("t_1;Torque;t_2;Position\n", ";"),
+        ("X\tTorque\tX\tPosition\tComment\n", "\t"),
+    ],
 )
 def test_every_value_stays_with_its_stamp(head: str, by: str, ragged: bool, tmp_path: Path) -> None:
     path = scope(tmp_path, head, by, ragged)

@@ -1,0 +1,53 @@
+"""Channels that are in several tables, each with its clock: what units and names say, as nothing else can be said."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from dsd_cli.files.first_look import FirstLook
+from dsd_cli.files.recognise import Recognised, is_motion, role_of_unit
+from dsd_cli.files.sample import Table
+from dsd_cli.identify.roles import Channel, facts_of
+
+#: How evenly a clock rises that has another name.
+EVEN = 1e-3
+
+
+def union_of(tables: Sequence[Table]) -> Table:
+    return Table("", tuple(c for one in tables for c in one.channels), None, any(one.clock for one in tables))
+
+
+def by_units(look: FirstLook) -> FirstLook:
+    """With the roles whose unit one column alone has: of channels in several tables nothing else says what they do."""
+    found = dict(look.found)
+    for role in ("u", "velocity", "position"):
+        taken = {one.column for one in found.values()}
+        mine = [name for name in look.columns if name not in taken and role_of_unit(look.units[name]) == role]
+        if role not in found and len(mine) == 1:
+            found[role] = Recognised(role, mine[0], look.units[mine[0]])
+    return replace(look, found=found)
+
+
+def forces_in(tables: Sequence[Table], found: Mapping[str, Recognised]) -> tuple[str, ...]:
+    """Columns of all tables that are no motion, those whose unit is that of a force first."""
+    taken = {one.column for one in found.values()}
+    free = [(c.name, c.unit) for one in tables for c in one.channels if c.name not in taken and not is_clock(c)]
+    free = [(name, unit) for name, unit in free if not is_motion(name, unit)]
+    return tuple(name for name, unit in sorted(free, key=lambda item: role_of_unit(item[1]) != "u"))
+
+
+def clock_of(tables: Sequence[Table], found: Mapping[str, Recognised]) -> dict[str, Recognised]:
+    """The time of u's table, where every table that a role is in has one clock, and all call it alike."""
+    used = [one for one in tables if {c.name for c in one.channels} & {role.column for role in found.values()}]
+    clocks = [[c.name for c in one.channels if is_clock(c)] for one in used]
+    called = {name.rpartition("/")[2] for names in clocks for name in names}
+    if "time" in found or len(called) != 1 or any(len(names) != 1 for names in clocks):
+        return {}
+    of_u = next(at for at, one in enumerate(used) if found["u"].column in {c.name for c in one.channels})
+    return {"time": Recognised("time", clocks[of_u][0])}
+
+
+def is_clock(channel: Channel) -> bool:
+    facts = facts_of(channel)
+    return facts.kind == "counter" or (facts.kind == "clock" and facts.even < EVEN)
