@@ -107,11 +107,14 @@ class Judge:
             return self.fit(laws[:-1]).losses if len(laws) > 1 else self.fit(()).losses
         keep = list(range(len(problem.rows) - len(laws[-1].rows)))
         less = Grams(*(g[..., keep, :][..., :, keep] for g in found))
-        rows = np.array([*blocks.fitted_rows])
+        rows = np.array([len(problem.rows[0]), *blocks.fitted_rows])
         at = [i - 1 for i in keep[1:]]
-        quiet = without_noise(less.fitted, problem.noise[np.ix_(at, at)], rows)
+        stack = np.concatenate([less.total[None], less.fitted])
+        quiet = without_noise(stack, problem.noise[np.ix_(at, at)], rows)
         short = replace_penalty(problem, len(keep))
-        return losses(_solved(quiet, short, 1e-6)[0], less, blocks)
+        strengths = STRENGTHS if len(laws) > 1 else (0.0,)
+        tried = [losses(_solved(quiet, short, strength)[0][1:], less, blocks) for strength in strengths]
+        return min(tried, key=lambda left: float(left.sum()))
 
     def posed(self, laws: tuple[Columns, ...]) -> Problem:
         """Target and columns in the form that suits the laws."""
