@@ -164,7 +164,7 @@ def table(rows: Sequence[Row]) -> list[str]:
     cpu = sum(r["seconds"] for r in rows)
     said = f"{broken} named that must not be; {near} of {values} published values within their margin"
     more = f"{agree} of {compared} within it of a plain regression; {hidden} unnamed of which that finds nothing"
-    return [*lines, "", f"{met} of {musts} that must be named; {said}, {more}; {cpu:.0f} s of CPU."]
+    return [*lines, "", f"{met} of {musts} that must be named; {said},", f"{more}; {cpu:.0f} s of CPU."]
 
 
 def _words(text: str) -> str:
