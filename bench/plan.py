@@ -24,6 +24,7 @@ from dsd_cli.cli.plan_loop import left_open, misled
 from dsd_cli.errors import DsdError
 from dsd_cli.identify.design.plan import Wanted, plan_next
 from dsd_cli.identify.design.results import Motion, Plan
+from dsd_cli.identify.design.targets import targets_of
 from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.sets import Search
@@ -62,6 +63,8 @@ class Machine:
         beliefs = self.trial.beliefs
         self.model = PlantModel(beliefs["inertia"], beliefs["delay"], base)
         self.kept: list[tuple[Search, Any]] = []
+        #: Of the last plan, the fits of both sides of each pair.
+        self.sets: list[tuple[Any, Any]] = []
 
     def moved(self, t: Any, wanted: Any, take: int) -> tuple[Recording, Any]:
         """(recording, exact motion)."""
@@ -89,7 +92,11 @@ class Machine:
         """(plan within the machine's limits, s of CPU)."""
         begin = time.process_time()
         plan = plan_next(*self.kept[-1], said, self.observer, Wanted(limits=self.limits))
-        return plan, time.process_time() - begin
+        taken = time.process_time() - begin
+        targets = targets_of(*self.kept[-1], said)
+        fits = [e.fit for e in targets.explanations]
+        self.sets = [(fits[a], fits[b]) for a, b in targets.pairs] if plan.pairs else []
+        return plan, taken
 
     @property
     def limits(self) -> dict[str, tuple[float, float]]:
@@ -155,15 +162,20 @@ def _broken(plan: Plan, exact: Any) -> dict[str, float]:
 
 def _realised(machine: Machine, plan: Plan) -> list[tuple[float, float]]:
     """(expected, realised nats) of pairs with the truth in them, on both logs."""
-    search, _ = machine.kept[-1]
-    what, found = machine.case.what[0], []
-    fits = {o.effect: o.fit for o in search.options(search.refit)} | {"none": search.refit}
-    for pair in plan.pairs:
-        for truth, rival, expected in ((pair.a, pair.b, pair.nats_if_a), (pair.b, pair.a, pair.nats_if_b)):
-            if truth == what and rival in fits and truth in fits and np.isfinite(expected) and expected > 0.0:
-                left = [search.nats(search.converged(fits[name]).loss) for name in (rival, truth)]
+    search, what, found = machine.kept[-1][0], machine.case.what[0], []
+    for pair, sets in zip(plan.pairs, machine.sets, strict=True):
+        ways = zip((sets, sets[::-1]), (pair.nats_if_a, pair.nats_if_b), strict=True)
+        for (truth, rival), expected in ways:
+            named = [what in {t.id for t in fit.terms} for fit in (truth, rival)]
+            if named == [True, False] and np.isfinite(expected) and expected > 0.0:
+                left = [search.nats(_anew(search, fit).loss) for fit in (rival, truth)]
                 found.append((float(expected), left[0] - left[1]))
     return found
+
+
+def _anew(search: Search, known: Any) -> Any:
+    """The same set of effects, fitted to the logs of another search."""
+    return search.converged(search.fit(known.terms, known.tap))
 
 
 def looped(case: RigCase, kind: str) -> Row | None:

@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from dsd_cli.effects import get_effect
+import numpy as np
+
+from dsd_cli.effects import Ranges, get_effect
 from dsd_cli.identify.design.explanations import Explanation
+from dsd_cli.identify.design.limits import Limits
 from dsd_cli.identify.design.rows import Model
 from dsd_cli.identify.design.targets import Targets
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.search.sets import Search
 
 #: Other shapes that a rival may take.
-_MOST_SHAPES = 3
+_MOST_SHAPES = 4
 
 
 @dataclass(frozen=True)
@@ -36,12 +39,15 @@ class Expected:
     errors: Mapping[str, float]
 
 
-def cases_of(search: Search, targets: Targets, draws: int) -> list[Case]:
-    """Of all pairs in both directions, and of the truth under itself; the first explanation in any case."""
+def cases_of(search: Search, targets: Targets, draws: int, ranges: Ranges) -> list[Case]:
+    """Of all pairs in both directions, and of the truth under itself; the first explanation in any case.
+
+    ranges : what logs and motion together may contain.
+    """
     explanations = targets.explanations
     pairs = {p for a, b in targets.pairs for p in ((a, b), (b, a)) if not _within(explanations, *p)}
     pairs |= {(a, a) for p in pairs for a in p} | {(0, 0)}
-    shapes = [_shapes(search, e) for e in explanations]
+    shapes = [_shapes(search, e, ranges) for e in explanations]
     return [
         Case(a, d, b, model)
         for a, b in sorted(pairs)
@@ -50,17 +56,32 @@ def cases_of(search: Search, targets: Targets, draws: int) -> list[Case]:
     ]
 
 
-def _shapes(search: Search, rival: Explanation) -> tuple[Model, ...]:
+def _shapes(search: Search, rival: Explanation, ranges: Ranges) -> tuple[Model, ...]:
     """Of a rival: as fitted, and its added effects at other starting shapes."""
-    added, found = search.added(rival.fit.terms), [rival.model]
-    for term in added:
-        if not term.effect.searched or term.effect.listed:
-            continue
-        starts = get_effect(term.id).starts(search.ranges)
-        for shape in starts[:: max(len(starts) // _MOST_SHAPES, 1)][:_MOST_SHAPES]:
-            terms = tuple(Term.of(t.id, shape) if t == term else t for t in rival.fit.terms)
+    found = [rival.model]
+    for term in search.added(rival.fit.terms):
+        for other in other_shapes(term, ranges):
+            terms = tuple(other if t == term else t for t in rival.fit.terms)
             found.append(replace(rival.model, terms=terms))
     return tuple(found)
+
+
+def other_shapes(term: Term, ranges: Ranges) -> list[Term]:
+    """The effect at a few of the starting shapes that a search over such ranges begins with, from end to end."""
+    if not term.effect.searched or term.effect.listed:
+        return []
+    starts = get_effect(term.id).starts(ranges)
+    places = np.unique(np.linspace(0, len(starts) - 1, min(_MOST_SHAPES, len(starts))).round().astype(int))
+    return [Term.of(term.id, starts[i]) for i in places]
+
+
+def ranges_within(found: Ranges, limits: Limits) -> Ranges:
+    """What logs contain, and a motion that goes as far as the limits."""
+    return found._replace(
+        top_speed=max(found.top_speed, limits.velocity),
+        travel=max(found.travel, limits.high - limits.low),
+        top_drive=max(found.top_drive, limits.u),
+    )
 
 
 def _within(explanations: Sequence[Explanation], truth: int, rival: int) -> bool:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.effects import get_effect
+from dsd_cli.effects import Parameter, Role, get_effect
 from dsd_cli.identify.design.rows import Model, shapes_of
+from dsd_cli.identify.fit.bank import FIXED, SHARE
 from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
-from dsd_cli.identify.fit.bank import SHARE
-from dsd_cli.identify.fit.covariance import information, root_of
+from dsd_cli.identify.fit.covariance import root_of
+from dsd_cli.identify.fit.row_weights import at_least_squares, weighed
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import flat
 from dsd_cli.identify.grades import Grade
@@ -31,12 +32,14 @@ class Explanation:
 
     name : of what distinguishes it: an effect, several with "+", "none".
     fitted : model and its values as they stand. draws : plants out of what the logs leave open, the fitted one first.
+    weak : whether a value of its forces is hardly identified.
     """
 
     name: str
     fit: Fit
     model: Model
     draws: tuple[PlantModel, ...]
+    weak: bool = False
 
     @property
     def fitted(self) -> PlantModel:
@@ -57,34 +60,106 @@ class Value:
     slope: Array
 
 
-def explanation_of(search: Search, name: str, fit: Fit, doubtful: bool) -> Explanation:
-    """Of a fitted set. doubtful : whether none of the sets may hold."""
+def explanation_of(search: Search, name: str, fit: Fit, doubtful: bool, own: Collection[str]) -> Explanation:
+    """Of a fitted set. doubtful : whether none of the sets may hold. own : effects that others do not have."""
     bank = search.solver.bank
     model = Model(fit.terms, fit.tap * bank.tap_time, bank.tap_time, fit.total, fit.widths)
-    return Explanation(name, fit, model, _draws(search, fit, doubtful))
+    told = search.problem.values(fit).estimates.items()
+    weak = any(e.grade in ("weak", "not") and not e.held for n, e in told if "." in n)
+    return Explanation(name, fit, model, _draws(search, fit, doubtful, own), weak)
 
 
-def _draws(search: Search, fit: Fit, doubtful: bool) -> tuple[PlantModel, ...]:
+def _draws(search: Search, fit: Fit, doubtful: bool, own: Collection[str]) -> tuple[PlantModel, ...]:
     """The plant of a fit, and others that the logs leave as likely: normal, but within what the values allow.
 
     What the logs do not identify stays what the model says; in doubt also what they hardly do, and the delay: beside
-    effects that are not there it is any."""
-    scale, noise = search.problem.scale, search.noise
-    spread = root_of(information(fit, search.solver).covariance(noise.variance * noise.inflation))
+    effects that are not there it is any. The other values are those that then go with it: of friction and a load that
+    only add up in the logs the sum is known, and each plant has it. So a force that the model does not have, and of
+    which nothing says that it is there beside the others, is in no plant (u would be planned for it), but for its own.
+    """
+    found, known = at_least_squares(weighed(fit, search.solver, search.problem.errors.bank))
+    told, scale, fit = search.problem.values(fit).estimates, search.problem.scale, found.fit
     random = np.random.default_rng(_SEED)
-    told = search.problem.values(fit).estimates
     left_open: tuple[Grade, ...] = ("weak", "not") if doubtful else ("not",)
     stays = {n for n, e in told.items() if e.grade in left_open or (doubtful and n == DELAY)}
     given = {n: v for n, v in flat(search.problem.model).items() if n in stays}
-    plants = [scale.model(fit).with_values(given)]
-    linear = len(fit.total)
-    most = np.concatenate([_WIDEST * np.abs(fit.total), np.full(len(spread) - linear, _WIDEST)])
-    most[SHARE] = 1.0
+    covariance = known.covariance(found.variance * found.inflation)
+    left = _Left(covariance, np.zeros(len(covariance)))
+    at, here = _flat_of(search, fit), flat(scale.model(fit))
+    for name, value in given.items():
+        if name != DELAY and name in here:
+            row = _slope(lambda x, name=name: at(x)[name], fit.total, len(covariance))  # type: ignore[misc]
+            left = left.where(row, value - here[name])
+    forces = [n for n, e in told.items() if e.grade in left_open and _is_force(n) and not _either(n, given, own)]
+    for name in sorted(forces, key=lambda n: abs(told[n].value) / max(told[n].std_error, 1e-300)):
+        row = _slope(lambda x, name=name: at(x)[name], fit.total, len(covariance))  # type: ignore[misc]
+        if left.may_be(row, -here[name]):
+            left = left.where(row, -here[name])
+    middle, spread = _changed(fit, left.mean), root_of(left.covariance)
+    plants = [scale.model(middle).with_values(given)]
     for _ in range(DRAWS - 1):
         z = np.clip(random.standard_normal(len(spread)), -_FARTHEST, _FARTHEST)
-        change = np.clip(spread @ z, -most, most)
-        plants.append(scale.model(_changed(fit, change)).with_values(given))
+        plants.append(scale.model(_changed(middle, left.within(spread @ z, middle))).with_values(given))
     return tuple(plants)
+
+
+@dataclass(frozen=True)
+class _Left:
+    """What logs leave open of coefficients and logarithms of shapes: normal around a change, shape (m,), of the fit."""
+
+    covariance: Array
+    mean: Array
+
+    def where(self, row: Array, value: float) -> _Left:
+        """Given that row @ change is this; as it is where that is no matter of these unknowns."""
+        along = self.covariance @ row
+        variance, off = float(row @ along), value - float(row @ self.mean)
+        if not variance > 0.0:
+            return self
+        return _Left(self.covariance - np.outer(along, along) / variance, self.mean + along * (off / variance))
+
+    def may_be(self, row: Array, value: float) -> bool:
+        """Whether row @ change may be this, by what the logs leave open."""
+        off = value - float(row @ self.mean)
+        return off**2 <= _FARTHEST**2 * float(row @ self.covariance @ row)
+
+    def within(self, change: Array, fit: Fit) -> Array:
+        """The likeliest change beside one of which each part is no more than a share of the value."""
+        most = _most(fit, len(change))
+        covariance = self.covariance
+        for _ in range(len(change)):
+            beyond = np.abs(change) - most
+            i = int(np.argmax(beyond / np.maximum(most, 1e-300)))
+            along = covariance[:, i]
+            if not (beyond[i] > 0.0 and along[i] > 0.0):
+                break
+            change = change + along * ((math.copysign(most[i], change[i]) - change[i]) / along[i])
+            covariance = covariance - np.outer(along, along) / along[i]
+        return np.clip(change, -most, most)
+
+
+def _either(name: str, given: Mapping[str, float], own: Collection[str]) -> bool:
+    return name in given or name.partition(".")[0] in own
+
+
+def _is_force(name: str) -> bool:
+    """Whether a value is the size of a force."""
+    effect, _, value = name.partition(".")
+    found = get_effect(effect) if value else None
+    return found is not None and found.role in (Role.APPLIED, Role.FRICTION) and _is_size(found.parameter(value))
+
+
+def _is_size(parameter: Parameter) -> bool:
+    return parameter.linear and not parameter.listed and not parameter.whole_turn
+
+
+def _most(fit: Fit, size: int) -> Array:
+    """By how much coefficients (all of an effect by a share of its size) and logarithms of shapes may change."""
+    parts = np.split(fit.total[FIXED:], np.cumsum(fit.widths)[:-1]) if fit.widths else []
+    sizes = [np.abs(fit.total[:FIXED]), *(np.full(len(c), np.linalg.norm(c)) for c in parts)]
+    most = _WIDEST * np.concatenate([*sizes, np.ones(size - len(fit.total))])
+    most[SHARE] = 1.0
+    return np.asarray(most)
 
 
 def _changed(fit: Fit, change: Array) -> Fit:
@@ -105,7 +180,7 @@ def values_of(search: Search, first: Explanation, wanted: Sequence[str] | None) 
     found, at = [], _flat_of(search, first.fit)
     for name in wanted:
         value, error = estimates[name].value, estimates[name].std_error
-        slope = _slope(lambda x, name=name: at(x)[name], first)  # type: ignore[misc]
+        slope = _slope(lambda x, name=name: at(x)[name], first.model.total, first.model.size - 1)  # type: ignore[misc]
         size = search.problem.recordings[0].sample_time if name == DELAY else abs(value)
         found.append(Value(name, size, error, slope))
     return tuple(found)
@@ -122,14 +197,15 @@ def _flat_of(search: Search, fit: Fit) -> Callable[[Array], dict[str, float]]:
     return lambda change: flat(scale.model(_changed(fit, change)))
 
 
-def _slope(value: Callable[[Array], float], first: Explanation) -> Array:
+def _slope(value: Callable[[Array], float], total: Array, size: int) -> Array:
     """Numerical, over coefficients and logarithms of shapes, shape (m,)."""
-    size, total = first.model.size - 1, first.model.total
     steps = np.concatenate([1e-4 * np.maximum(np.abs(total), 1e-3 * abs(total[AT_INERTIA])), np.full(size, 1e-4)])
     steps = steps[:size]
     steps[SHARE] = 1e-3
     found = np.zeros(size)
     for i, step in enumerate(steps):
+        if not step > 0.0:  # a coefficient of 0 beside an inertia of 0
+            continue
         change = np.zeros(size)
         change[i] = step
         found[i] = (value(change) - value(-change)) / (2.0 * step)

@@ -82,12 +82,16 @@ def actuated(model: PlantModel, u: Array, step: float) -> Array:
     return np.asarray(u)
 
 
-def as_recording(template: Recording, path: Path, u: Array, rest_speed: float = 0.0) -> Recording:
+def as_recording(
+    template: Recording, path: Path, u: Array, rest_speed: float = 0.0, seen: Recording | None = None
+) -> Recording:
     """A motion as the sensor of the template would show it, but for its noise.
 
-    Where friction may hold the axis is known no better than by that sensor.
+    Where friction may hold the axis is known no better than by that sensor: as `seen` (`seen.as_seen`), or by the noise
+    that the speed of the template has.
     """
     step, q = path.step, path.position
+    template = template if seen is None else seen
     if template.sensor.two_intervals:
         acceleration = np.pad(np.diff(q, 2) / step**2, 1, mode="edge")
     else:
@@ -104,5 +108,10 @@ def as_recording(template: Recording, path: Path, u: Array, rest_speed: float = 
         "speed_noise": np.full(len(q), template.speed_noise),
         "turning": np.full(len(q), np.nan),
     }
+    if seen is not None:
+        rest, (piece,) = seen.rest_speed, seen.pieces
+        at = np.minimum(np.round(path.times / piece.sample_time).astype(int), len(piece) - 1)
+        channels |= {name: piece[name][at] for name in ("rest_speed", "speed_noise")}
+        channels["turning"] = np.where(np.isfinite(piece["turning"][at]), path.acceleration, np.nan)
     log = Log(channels, step, "plan", u_hold=template.pieces[0].u_hold)
     return replace(template, name="plan", pieces=(log,), rest_speed=rest, levels=(), pushed=None)

@@ -1,28 +1,21 @@
-"""What a motion is expected to identify: nats for each pair of explanations, standard errors of values.
-
-If A is the plant, B explains a motion but for |(I - P_B) x_A|^2 / 2 s^2 nats: x_A is what A does on it, P_B projects on
-all that B may fit (its own columns, inertia, delay, the other effects, slopes over its shapes), s the noise of the rows
-that the log has shown. Both are inner products of rows, so those of a log and of parts of a motion add up. B may also
-take another shape altogether: the least over these counts. The mean over plants that the logs leave as likely for A.
-"""
+"""What a motion is worth: nats of the targets that count, and what it shows of the catalogue."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from copy import copy
 from functools import cached_property
 
 import numpy as np
 
-from dsd_cli.identify.design.cases import Case, Expected, cases_of
-from dsd_cli.identify.design.inverse import Path, as_recording, command_for
-from dsd_cli.identify.design.reach import Reach
-from dsd_cli.identify.design.rows import Model, MotionRows, Products, equations_like, left, own_form, variance_of
+from dsd_cli.identify.design.cases import Expected
+from dsd_cli.identify.design.expectation import Expectation
+from dsd_cli.identify.design.inverse import Path
+from dsd_cli.identify.design.limits import Limits
+from dsd_cli.identify.design.rows import (
+    Products,
+)
 from dsd_cli.identify.design.targets import Targets, apart
-from dsd_cli.identify.fit.bank import INERTIA, has_friction
-from dsd_cli.identify.fit.direction import drowns, moved_by
-from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.fit.values import whole_inertia
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array
@@ -32,189 +25,29 @@ from dsd_cli.signals.log import Array
 LEAST, ENOUGH, PLENTY = 1e-3, 50.0, 500.0
 #: Weight of a factor in the nats of an effect of the catalogue, against one in those of what is open.
 _WIDE = 1.0
-#: Nats of an effect of the catalogue below which a motion does not show it at all.
-_UNSEEN = 1e-6
+#: Nats of an effect of the catalogue, as large as is just of use, below which a motion does not show it: as large as u
+#: itself it would not get enough.
+_UNSEEN = ENOUGH * POLICY.much_force**2
 
 
-class Measure:
-    """Expected evidence on top of the logs of a search.
+class Measure(Expectation):
+    """Expected evidence on top of the logs of a search, for the targets that count.
 
     Parameters
     ----------
-    draws : plants of each explanation that are averaged over. only : names of the targets that count; None: all.
+    only : names of those; None: all. The others as `Expectation`.
     """
 
-    def __init__(self, search: Search, targets: Targets, draws: int, only: frozenset[str] | None = None) -> None:
-        self.search, self.targets, self.draws, self._only = search, targets, draws, only
-        self.cases = cases_of(search, targets, draws)
-        self.held = any(has_friction(e.fit.terms) for e in targets.explanations)
-        self.reach = Reach.beside(search, targets.explanations[0].model)
-        #: Of all inner products: the cases', and at the end those of the reach.
-        self._asked = [*self.cases, Case(0, 0, 0, self.reach.model)]
-        self._size = max(case.model.size for case in self._asked)
-        self.template, self.inverse = search.problem.recordings[0], search.solver.inverse
-        #: Band and whitening of the rows of a motion, at first of that log which shows most.
-        self.form = self.known.band, self.known.whitening[self.known.bands.index(self.known.band)]
-        self.longest_delay = max(m.delay for e in targets.explanations for m in e.draws)
-
-    @property
-    def known(self) -> Equations:
-        """Rows of the logs."""
-        return self.search.equations
-
-    @cached_property
-    def of_logs(self) -> Products:
-        """Inner products of the logs, shape (cases + 1, P, P): of the reach at the end."""
-        rows, made = MotionRows(self.known), dict[Model, Array]()
-        for case in self._asked:
-            if case.model not in made:
-                made[case.model] = rows.gram(case.model)
-        moved = moved_by(self.search.problem.errors.bank, self.targets.explanations[0].fit.tap)
-        return self._filled([made[case.model] for case in self._asked], self.known, moved)
-
-    @property
-    def nothing(self) -> Products:
-        """Inner products of no motion."""
-        return Products(0, np.zeros((len(self._asked), self._size, self._size)), np.zeros(2))
-
-    def most_u(self, path: Path, most: float) -> float:
-        """Largest |u| that a plant needs for a motion, up to `most`."""
-        return max(float(np.abs(u).max()) for u in self.commands(path, most).values())
-
-    def of_path(self, path: Path, most: float) -> Products:
-        """Inner products of a motion that each plant makes exactly, with no more than so large a u."""
-        return self.of_runs({key: (path, u) for key, u in self.commands(path, most).items()})
-
-    def commands(self, path: Path, most: float) -> dict[tuple[int, int], Array]:
-        """(explanation, draw) -> what this plant needs for a motion, no more than `most`."""
-        keys = dict.fromkeys((c.truth, c.draw) for c in self.cases)
-        return {(e, d): command_for(self.targets.explanations[e].draws[d], path, most) for e, d in keys}
-
-    def of_runs(self, runs: Mapping[tuple[int, int], tuple[Path, Array]]) -> Products:
-        """Inner products of motions: (explanation, draw) -> the path that this plant took, and its command."""
-        paths, made = dict[int, MotionRows](), dict[tuple[int, int], MotionRows]()
-        for key, (path, u) in runs.items():
-            if id(path) not in paths:
-                paths[id(path)] = MotionRows(self.equations_of(path, u))
-            rows = paths[id(path)]
-            made[key] = rows.under(u) if rows.equations.stretches else rows
-        return self._filled(
-            [
-                rows.gram(case.model) if rows.equations.stretches else np.zeros((case.model.size,) * 2)
-                for case in self._asked
-                for rows in [made[case.truth, case.draw]]
-            ],
-            made[0, 0].equations,
-            made[0, 0].moved(self.targets.explanations[0].model) if made[0, 0].equations.stretches else np.zeros(2),
-        )
-
-    def equations_of(self, path: Path, u: Array) -> Equations:
-        """Rows of a planned motion like those of the logs; the axis rests before and after it."""
-        recording = as_recording(self.template, path, u, self.search.problem.model.rest_speed)
-        return equations_like(self.form, recording, self.longest_delay, self.held)
-
-    def _filled(self, grams: Sequence[Array], equations: Equations, moved: Array) -> Products:
-        found = self.nothing.grams
-        for i, gram in enumerate(grams):
-            found[i, : len(gram), : len(gram)] = gram
-        return Products(sum(equations.lengths), found, moved)
-
-    def expected(self, planned: Products) -> Expected:
-        """Of the logs and a motion with these inner products: truth and rival have one choice of values for both."""
-        nats, of_use, u_of_logs, inverse = {}, {}, self._u_of_logs, self._inverse_with(planned)
-        for pair, some in self._leads(planned.grams, inverse).items():
-            loss, squares = self._left_by(pair, inverse)
-            nats[pair] = float(np.mean([self._in_nats(loss, planned.rows, *one) for one in some]))
-            of_use[pair] = min(self._of_use(squares[1] - squares[0] + lead, u_of_logs + u) for lead, u in some)
-        return Expected(nats, of_use, self._errors(planned))
-
-    def _inverse_with(self, planned: Products) -> bool:
-        """Whether u on the motion will be evidence of logs and motion (`fit.direction`)."""
-        js, now = (whole_inertia(self.targets.explanations[0].fit), self.search.problem.model.inertia), self.inverse
-        if drowns(self.of_logs.moved, *js) != now:  # something else decided, and will
-            return now
-        return drowns(self.of_logs.moved + planned.moved, *js)
-
-    def _of_use(self, lead: float, u: float) -> float:
-        """A lead in squares over the least that is of use, where u has so large ones (`Problem.least_of_use`)."""
-        least = POLICY.least_force_at_turns if self.held else POLICY.least_force
-        return lead / (least**2 * u)
-
-    @cached_property
-    def now(self) -> dict[tuple[int, int], float]:
-        """(truth, rival) -> nats by which the logs prefer the truth: what the search says, but for prices."""
-        pairs = {(c.truth, c.rival) for c in self.cases if c.truth != c.rival}
-        left = [self.search.nats(e.fit.loss) for e in self.targets.explanations]
-        return {(truth, rival): left[rival] - left[truth] for truth, rival in sorted(pairs)}
-
-    def _left_by(self, pair: tuple[int, int], inverse: bool) -> Array:
-        """What truth and rival leave in the logs in a form, held out and in all, in squares; shape (2, 2)."""
-        if inverse == self.inverse:
-            fits = [self.targets.explanations[i].fit for i in pair]
-            return np.array([[fit.loss for fit in fits], [fit.squares for fit in fits]])
-        return np.array(2 * [[self._left_now[inverse][self._own[i, 0]] for i in pair]])
-
-    @property
-    def _u_of_logs(self) -> float:
-        """Square of u in the rows of the logs."""
-        return float(self.of_logs.grams[0, 0, 0])
-
-    def _leads(self, grams: Array, inverse: bool) -> dict[tuple[int, int], list[tuple[float, float]]]:
-        """(truth, rival) -> of each draw, by how much more a motion adds to what the rival leaves than to what the
-        truth leaves, and all of its u, in squares; of a rival's shapes the one that then leaves least."""
-        squares, before = self._squares((self.of_logs.grams + grams)[:-1], inverse), self._left_now[inverse]
-        fitted: dict[tuple[int, int, int], int] = {}  # each begins with the shapes of its fit
-        least: dict[tuple[int, int, int], float] = {}
-        for i, case in enumerate(self.cases):
-            if case.truth != case.rival:
-                key = (case.truth, case.rival, case.draw)
-                fitted.setdefault(key, i)
-                least[key] = min(least.get(key, np.inf), float(squares[i]))
-        leads: dict[tuple[int, int], list[tuple[float, float]]] = {}
-        for (a, b, draw), joint in least.items():
-            i, j = self._own[a, draw], fitted[a, b, draw]
-            lead = float(joint - before[j] - (squares[i] - before[i]))
-            leads.setdefault((a, b), []).append((max(lead, 0.0), float(grams[i, 0, 0])))
-        return leads
-
-    @cached_property
-    def _own(self) -> dict[tuple[int, int], int]:
-        """(explanation, draw) -> place of the case in which it is the truth and explains itself."""
-        return {(c.truth, c.draw): i for i, c in enumerate(self.cases) if c.truth == c.rival}
-
-    @cached_property
-    def _left_now(self) -> dict[bool, Array]:
-        """Sums of squares in the logs, shape (cases,), by whether the inverse form is evidence."""
-        return {inverse: self._squares(self.of_logs.grams[:-1], inverse) for inverse in (False, True)}
-
-    def _in_nats(self, loss: Sequence[float], rows: float, lead: float, u: float) -> float:
-        """Nats of logs and motion together, as the search counts them: of both (truth and rival, which leave `loss` in
-        the logs) the motion adds the noise of its rows and, for its u (`u`, in squares), what the truth leaves in the
-        logs beyond the noise; of the rival a lead."""
-        noise = self.search.noise.variance
-        misfit = self.targets.doubt * max(loss[0] - self.of_logs.rows * noise, 0.0) / self._u_of_logs
-        truth, rival = (x + rows * noise + misfit * u for x in loss)
-        return self.search.nats(rival + lead, rows) - self.search.nats(truth, rows)
-
-    def _squares(self, grams: Array, inverse: bool) -> Array:
-        """Sums of squares of a form, shape (cases,)."""
-        return left(grams, 0) if inverse else self.search.solver.inertia**2 * left(grams, 1 + INERTIA)
-
-    def _errors(self, planned: Products) -> dict[str, float]:
-        if not self.targets.values:
-            return {}
-        grams = self._with_logs(planned).grams
-        own = [i for i, c in enumerate(self.cases) if c.truth == c.rival == 0]
-        size = self.targets.explanations[0].model.size
-        before = self.of_logs.grams[own[0], 1:size, 1:size]
-        after = np.mean(grams[own, 1:size, 1:size], axis=0)
-        floor = self.search.noise.variance * self.search.noise.inflation
-        found = {}
-        for value in self.targets.values:
-            was, now = (variance_of(normal, value.slope) for normal in (before, after))
-            known = np.isfinite(value.error) and value.error > 0.0
-            found[value.name] = value.error * float(np.sqrt(now / was)) if known else float(np.sqrt(floor * now))
-        return found
+    def __init__(
+        self,
+        search: Search,
+        targets: Targets,
+        draws: int,
+        only: frozenset[str] | None = None,
+        limits: Limits | None = None,
+    ) -> None:
+        super().__init__(search, targets, draws, limits)
+        self._only = only
 
     def nats(self, planned: Products) -> dict[str, float]:
         """Of every target: "a, not b" where a is true, and of a value (value / error)^2 / 2; what is just of use counts
@@ -255,7 +88,7 @@ class Measure:
 
     def without(self, names: Sequence[str]) -> Measure:
         """The same without these targets."""
-        return Measure(self.search, self.targets, self.draws, self.open - set(names)) if names else self
+        return Measure(self.search, self.targets, self.draws, self.open - set(names), self._limits) if names else self
 
     def smallest(self, planned: Products) -> float:
         """Expected nats of the target that is identified least; of the catalogue's effects where there is no target."""
@@ -269,25 +102,26 @@ class Measure:
         which the catalogue's other effects are distinguished."""
         least = min(self.smallest(planned), PLENTY) if self.open else PLENTY
         shown = self._shown(planned)
-        wide = float(np.mean(np.log(np.clip(shown, _UNSEEN, PLENTY)))) if len(shown) else 0.0
+        wide = float(self.reach.shares @ np.log(np.clip(shown, _UNSEEN, PLENTY))) if len(shown) else 0.0
         return float(np.log(max(least, LEAST))) + _WIDE * wide
 
     def _shown(self, planned: Products) -> Array:
         """Nats by which each of the catalogue's effects is distinguished from any other, shape (m,)."""
         return self.reach.shown(self._reached(self._with_logs(planned))) / self.search.noise.nats
 
-    def _with_logs(self, planned: Products) -> Products:
-        """Information of both; of the motion alone, where none of the explanations may hold for the logs."""
-        return planned if self.targets.unknown else self.of_logs + planned
-
     def _reached(self, products: Products) -> Array:
         size = self.reach.model.size
         return products.grams[-1, :size, :size]
 
-    def in_band_of(self, acceleration: Array) -> Measure:
-        """The same, motions in the band that its log will have; acceleration : of one, at samples of the logs."""
-        found = copy(self)
-        found.form = own_form(self.search, acceleration)
+    def in_form_of(self, path: Path, u: Array, times: int) -> Measure:
+        """The same, motions in the form that the log of this one, made so often, will have, and with the rows of the
+        logs that count beside it."""
+        kept, found = self.open, copy(self)  # what counts is a matter of the logs as they were
+        found.like, found.rows_of_logs = self.like.beside(self.search, path, u, times)
+        if found.rows_of_logs is not self.rows_of_logs:
+            found.of_logs, found._before = found._of_logs(), self.of_logs
+            found.__dict__.pop("_left_now", None)
+        assert found.open == kept
         return found
 
     def sized_by(self, motions: Sequence[Products]) -> Measure:

@@ -9,17 +9,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dsd_cli.errors import DataError
+from dsd_cli.identify.design.able import able_to_move
 from dsd_cli.identify.design.cases import Expected
 from dsd_cli.identify.design.closed_loop import Loop, Run, usual_loop
 from dsd_cli.identify.design.impossible import not_by_motion, told_by_none
 from dsd_cli.identify.design.inverse import Path, command_for
 from dsd_cli.identify.design.limits import Limits, limits_of, narrowed, noise_of_u, unvisited, with_u
 from dsd_cli.identify.design.measure import ENOUGH, Measure
-from dsd_cli.identify.design.motions import ROOM, Part, Room, generator_values, position_of
+from dsd_cli.identify.design.motions import ROOM, Part, Room, generator_values
 from dsd_cli.identify.design.optimise import TIMES, Sized, joined, library_of, optimised
 from dsd_cli.identify.design.results import Impossible, Motion, Plan, PlannedPair, PlannedValue, Stage
 from dsd_cli.identify.design.rows import planning_step
-from dsd_cli.identify.design.targets import Targets, apart, targets_of, within_reach
+from dsd_cli.identify.design.targets import Targets, apart, targets_of
 from dsd_cli.identify.design.verified import DRAWS_IN_LOOP, GENTLE, verified
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.results import Diagnosis
@@ -106,12 +107,12 @@ class _Asked:
         DataError : u cannot move the axis, or no motion keeps the limits.
         """
         search, wanted, room, limits = self.search, self.wanted, self.room, self.room.limits
-        names, targets = tuple(e.name for e in targets.explanations), _able_to_move(targets, room)
+        names, targets = tuple(e.name for e in targets.explanations), able_to_move(targets, room, search.problem.model)
         if targets.doubtful:  # the plant is none of those that will be simulated
             room = replace(room, limits=narrowed(limits, ROOM))
         report("looking at motions", 0.1)
         impossible = list(not_by_motion(search, targets, self.diagnosis))
-        measure = Measure(search, targets, _DRAWS_IN_SEARCH)
+        measure = Measure(search, targets, _DRAWS_IN_SEARCH, limits=limits)
         empty = _Answer(search, targets, limits, self.diagnosis, names)
         if targets.nothing:
             return empty.plan(None, measure, measure.expected(measure.nothing), impossible)
@@ -127,21 +128,6 @@ class _Asked:
         report("under the loop", 0.8)
         loop = _loop(targets, self.observer, wanted, room, search.problem.model.delay)
         return _verified(measure, empty, parts, (room, loop, wanted), (impossible, cost))
-
-
-def _able_to_move(targets: Targets, room: Room) -> Targets:
-    """Without explanations by which u could not even begin to move the axis within its limit.
-
-    Raises
-    ------
-    DataError : the first of them is one.
-    """
-    gentle = position_of(Part("harmonics", 4.0, (0.0, 1.0, 0.5, 0.0), scale=GENTLE), room)
-    path, most = Path.of(gentle, room.step), room.limits.u
-    able = [float(np.abs(command_for(e.fitted, path, 3.0 * most)).max()) < ROOM * most for e in targets.explanations]
-    if not able[0]:
-        raise DataError(f"u within {most:.3g} does not move this axis", "widen --limit u, or take another --start")
-    return within_reach(targets, able)
 
 
 def _enough(
@@ -188,10 +174,9 @@ def _verified(
     kept = verified(measure.targets, parts, room, loop, allowed, measure.search.problem.model.delay)
     whole = TIMES * kept.parts
     motion = _motion(measure, joined(whole, room), room, wanted)
-    t = measure.template.sample_time * np.arange(round(motion.seconds / measure.template.sample_time))
-    seen = np.interp(t, motion.step * np.arange(len(motion.acceleration)), motion.acceleration)
-    first = Measure(measure.search, measure.targets, DRAWS_IN_LOOP, measure.open).in_band_of(seen)
     path = kept.runs[0, 0].path  # that of the plants that were not run to the end, too
+    first = Measure(measure.search, measure.targets, DRAWS_IN_LOOP, measure.open, answer.limits)
+    first = first.in_form_of(path, kept.runs[0, 0].u, TIMES)
     exact = {key: (path, u) for key, u in first.commands(path, room.limits.u).items()}
     once = first.of_runs(exact | {key: (run.path, run.u) for key, run in kept.runs.items()})
     expected = first.expected(TIMES * once)
@@ -212,7 +197,7 @@ def _motion(measure: Measure, position: Array, room: Room, wanted: Wanted) -> Mo
     holds the axis there."""
     from scipy.interpolate import make_interp_spline
 
-    step = measure.template.sample_time if math.isnan(wanted.rate) else wanted.rate
+    step = measure.like.template.sample_time if math.isnan(wanted.rate) else wanted.rate
     position = np.pad(position, (_steps_of_delay(measure, room), 0), mode="edge")
     t = room.step * np.arange(len(position))
     spline = make_interp_spline(t, position, k=5)

@@ -12,8 +12,10 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dsd_cli.effects import Role
+from dsd_cli.effects import Ranges, Role
+from dsd_cli.identify.design.cases import other_shapes
 from dsd_cli.identify.design.rows import Model
 from dsd_cli.identify.fit.bank import FIXED, Term
 from dsd_cli.identify.policy import POLICY
@@ -26,19 +28,27 @@ _RIDGE = 1e-9
 
 @dataclass(frozen=True)
 class Reach:
-    """model : an explanation with every other effect beside it, of size 0. effects : of those, the rows of its Gram
-    matrix. sizes : of each of these rows, its coefficient squared, shape (m,)."""
+    """model : an explanation with every other effect beside it, of size 0, once in each of its shapes. effects : of
+    those, the rows of its Gram matrix; names : whose they are. sizes : of each of these rows, its coefficient squared,
+    shape (m,)."""
 
     model: Model
+    names: tuple[str, ...]
     effects: tuple[slice, ...]
     sizes: Array
 
     @classmethod
-    def beside(cls, search: Search, model: Model) -> Reach:
-        """All candidates that are functions of the motion, at the shapes in which the logs would have them."""
+    def beside(cls, search: Search, model: Model, ranges: Ranges) -> Reach:
+        """All candidates that are functions of the motion, at the shapes in which the logs would have them, and at
+        those that such ranges can show: of friction at low speed a poor log sees no speed."""
         here = {t.id for t in model.terms}
         found = [o.fit for o in search.options(search.refit) if o.effect not in here]
-        added = [(fit.terms[-1], fit.widths[-1]) for fit in found if _of_motion(fit.terms[-1])]
+        added = [
+            (term, fit.widths[-1])
+            for fit in found
+            for term in dict.fromkeys([fit.terms[-1], *other_shapes(fit.terms[-1], ranges)])
+            if _of_motion(term)
+        ]
         widths = [width for _, width in added]
         ends = 1 + FIXED + sum(model.widths) + np.cumsum([0, *widths])
         wide = replace(
@@ -47,7 +57,8 @@ class Reach:
             widths=(*model.widths, *widths),
             total=np.concatenate([model.total, np.zeros(sum(widths))]),
         )
-        return cls(wide, tuple(slice(int(a), int(b)) for a, b in pairwise(ends)), np.ones(sum(widths)))
+        names = tuple(term.id for term, _ in added)
+        return cls(wide, names, tuple(slice(int(a), int(b)) for a, b in pairwise(ends)), np.ones(sum(widths)))
 
     def sized(self, grams: Sequence[Array]) -> Reach:
         """Each effect so large that it is of use beside the largest u (`POLICY.much_force`, a share of it) in the one
@@ -69,13 +80,24 @@ class Reach:
         normal = gram / np.outer(size, size) + _RIDGE * np.eye(len(gram))
         alone = _without(normal[first:last, first:last], normal[first:last, own], normal[np.ix_(own, own)])
         least = np.diag(alone).copy()
-        for effect in self.effects:
+        owner = self._owner
+        for name, effect in zip(self.names, self.effects, strict=True):
             at = slice(effect.start - first, effect.stop - first)
             beside = np.diag(_without(alone, alone[:, at], alone[at, at] + _RIDGE * np.eye(at.stop - at.start)))
-            others = np.ones(len(least), dtype=bool)
-            others[at] = False
+            others = owner != name
             least[others] = np.minimum(least[others], beside[others])
         return np.asarray(self.sizes * size[first:last] ** 2 * np.maximum(least, 0.0))
+
+    @property
+    def _owner(self) -> NDArray[np.str_]:
+        """Effect of each row, shape (m,)."""
+        return np.repeat(np.array(self.names, dtype=np.str_), [x.stop - x.start for x in self.effects])
+
+    @property
+    def shares(self) -> Array:
+        """Of each row in a mean over effects, shape (m,): those of one effect share alike."""
+        _, which, count = np.unique(self._owner, return_inverse=True, return_counts=True)
+        return np.asarray(1.0 / (count[which] * len(count)))
 
 
 def _without(normal: Array, cross: Array, own: Array) -> Array:

@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.effects import Role
-from dsd_cli.identify.fit.band import Band, band_of, chosen_band
+from dsd_cli.identify.fit.band import Band, band_of, own_bands
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, Term, Terms, columns_of, commands, has_friction, inputs_of
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.noise import fitted_noise, whitening
-from dsd_cli.identify.fit.row_weights import many_sure
+from dsd_cli.identify.fit.row_weights import many_sure, uncertain
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.sets import Search
@@ -27,8 +28,8 @@ from dsd_cli.signals.log import Array, with_channels
 
 #: Relative step of the slopes over shapes.
 _STEP = 0.02
-#: s between the samples of a planned motion, at most, while it is looked for; seed of its sensor's noise.
-_LONGEST_STEP, _SEED = 0.005, 20261123
+#: s between the samples of a planned motion, at most, while it is looked for.
+_LONGEST_STEP = 0.005
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,23 +157,25 @@ class MotionRows:
         return self._shared[INERTIA][0]
 
 
-def own_form(search: Search, acceleration: Array) -> tuple[Band, Array]:
-    """(band, whitening) of the rows of a motion: as far up as it stands above the noise of the logs' sensor
-    (`fit.band`), whitened by the forces and the noise that the logs have left (`fit.noise`)."""
+def own_form(search: Search, seen: Recording) -> tuple[Band, Array]:
+    """(band, whitening) of the rows of a motion: as far up as it stands above the noise of its sensor (`fit.band`),
+    whitened by the forces and the noise that the logs have left (`fit.noise`)."""
     few = search.excerpt or search  # whose rows the noise is of
     known, rows, sensors = few.equations, few.noise.rows, [r.sensor.noise for r in few.problem.recordings]
     assert rows is not None
     levels = fitted_noise(list(zip(known.by_recording(rows), known.bands, sensors, strict=True)))
-    noise = sensors[0].made(len(acceleration), np.random.default_rng(_SEED))
-    band = chosen_band([acceleration + noise], sensors[0], known.sample_time)
-    return band, whitening(levels, band, sensors[0])
+    band = own_bands([*few.problem.recordings, seen])[-1]
+    return band, whitening(levels, band, seen.sensor.noise)
 
 
-def equations_like(form: tuple[Band, Array], recording: Recording, delay: float, held: bool) -> Equations:
+def equations_like(
+    form: tuple[Band, Array], recording: Recording, delay: float, held: bool, surely: bool | None = None
+) -> Equations:
     """Rows of a planned motion in a band, at the samples of the logs, and with that whitening.
 
     held : there may be friction: rows in which the direction is not sure say nothing. Where few are sure, as of a
         short part in a narrow band, those count in which it is known for a large enough share: as in the search.
+    surely : whether the sure ones decide; None asks the motion alone.
     """
     (band, taps), step = form, recording.sample_time
     if not math.isclose(step, band.sample_time):
@@ -181,8 +184,13 @@ def equations_like(form: tuple[Band, Array], recording: Recording, delay: float,
     found = equations_of([recording], math.ceil(delay / step) + 3, band).with_whitening(taps)
     if not held or not found.stretches:
         return found
-    sure = many_sure(found)
+    sure = many_sure(found) if surely is None else sure_of(found) if surely else None
     return replace(found, row_weight=(found.kept if sure is None else sure).astype(np.float64))
+
+
+def sure_of(equations: Equations) -> NDArray[np.bool_]:
+    """Rows that count and in which the direction of friction is sure, shape (N,)."""
+    return np.asarray(equations.kept & (uncertain(equations) <= POLICY.unsure_share))
 
 
 def left(grams: Array, target: int) -> Array:

@@ -65,7 +65,7 @@ def targets_of(
         names += [name for pair in made.left_open(diagnosis, unknown=True) for name in pair]
     first = NONE if unknown else made.name_of(whole)
     names = list(dict.fromkeys([first, *names]))
-    explanations = tuple(explanation_of(search, name, made.fits[name], doubtful) for name in names)
+    explanations = tuple(explanation_of(search, name, made.fits[name], doubtful, _own(name, pairs)) for name in names)
     if unknown:  # none of them stands: the limits are kept under each, and the motion is for the whole catalogue
         return Targets(explanations, (), (), unknown=True, doubtful=True)
     places = tuple((names.index(a), names.index(b)) for a, b in pairs if a in names and b in names)
@@ -74,6 +74,12 @@ def targets_of(
     found = values_of(search, explanations[0], values)
     doubt = 1.0 if math.isnan(doubt) else doubt
     return Targets(explanations, places, found, tuple(wanted), doubtful=doubtful, doubt=doubt)
+
+
+def _own(name: str, pairs: Sequence[tuple[str, str]]) -> set[str]:
+    """Effects by which an explanation is distinguished from those that it is paired with."""
+    beside = [other.split(" + ") for a, b in pairs for one, other in ((a, b), (b, a)) if one == name]
+    return {effect for rival in beside for effect in name.split(" + ") if effect not in rival}
 
 
 def _unknown(diagnosis: Diagnosis) -> bool:

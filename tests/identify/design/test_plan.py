@@ -146,6 +146,29 @@ def test_where_nobody_knows_what_is_missing_the_motion_is_for_the_whole_catalogu
     assert after.found == (what,)
 
 
+@pytest.mark.parametrize(
+    ("what", "kind", "seed", "sensing"),
+    [
+        # small moves on a slope of cogging: gravity of 53 and a load of -51 are found where u is 9.5 at most
+        ("cogging", "small", 86059, "speed40k"),
+        # one way, where Stribeck friction is also an asymmetry that pushes forward beside more of dry friction
+        ("stribeck_friction", "one way", 86028, "enc4096"),
+    ],
+)
+def test_forces_that_cancel_out_where_a_poor_log_has_been_are_not_planned_for(
+    what: str, kind: str, seed: int, sensing: str
+) -> None:
+    asked = poor(what, kind, seed, sensing)
+    plan = asked.plan()
+    assert plan.motion is not None
+    t = np.arange(len(plan.motion.position)) * plan.motion.step
+    _, exact = follow(asked.case, asked.trial, t, (plan.motion.position, plan.motion.velocity, plan.motion.u), take=1)
+    assert plan.limits.low < exact.q.min() < exact.q.max() < plan.limits.high
+    assert np.abs(exact.v).max() < plan.limits.velocity
+    off = exact.v - np.interp(exact.t, t, plan.motion.velocity)
+    assert np.sqrt(np.mean(off**2)) < 0.25 * np.sqrt(np.mean(exact.v**2))
+
+
 def test_where_nothing_is_missing_the_motion_goes_on_to_what_the_log_never_visited() -> None:
     """Within 0.1 rad a cubic spring is 1e-3 of u. Limits as wide as the log leave nothing to find out."""
     asked = poor("cubic_stiffness", "small", 87113, "speed40k")

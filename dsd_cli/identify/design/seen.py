@@ -1,0 +1,72 @@
+"""A planned motion as the sensor of a log would show it: its noise, its counts, and what is made of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dsd_cli.errors import DataError
+from dsd_cli.identify.design.inverse import Path
+from dsd_cli.identify.fit.band import Band
+from dsd_cli.identify.fit.noise import passed_variance
+from dsd_cli.identify.recordings.recording import Recording, prepare
+from dsd_cli.identify.recordings.smoothing import encoder_step
+from dsd_cli.plant.model import ObserverSettings
+from dsd_cli.signals.log import Array, Log
+
+#: Seed of the sensor's noise.
+_SEED = 20261123
+
+
+def as_seen(template: Recording, path: Path, u: Array, rest_speed: float) -> Recording | None:
+    """The log of that motion at the samples of the template, prepared as every log is: how far its speed is known, and
+    where the axis may rest or turn. None where the template had neither position nor speed, or the motion is too short.
+    """
+    step, random = template.sample_time, np.random.default_rng(_SEED)
+    count = int(path.times[-1] / step) + 1
+    held = np.minimum((np.arange(count) * step / path.step + 1e-9).astype(int), len(u) - 1)
+    channels = {"t": step * np.arange(count), "u": u[held]}
+    if template.provenance.get("position") == "logged":
+        channels["position"] = _counted(_at(path, path.position, channels["t"]), template, random)
+    noise = template.sensor.noise
+    if template.provenance.get("velocity") in ("logged", "smoothed") and noise.kind == "velocity":
+        heard = np.sqrt(noise.scale) * step * random.standard_normal(count)
+        channels["velocity"] = _at(path, path.velocity, channels["t"]) + heard
+    if len(channels) == 2:
+        return None
+    log = Log(channels, step, "plan", u_hold=template.pieces[0].u_hold)
+    try:  # d_hat is had from this observer's own inverse: any will do
+        return prepare(log, ObserverSettings(1.0, 10.0 * step), rest_speed=rest_speed)
+    except DataError:
+        return None
+
+
+def times_white(seen: Recording, path: Path, band: Band, whitening: Array) -> float:
+    """By how much more noise of the acceleration there is in whitened rows than white noise of the sensor would leave.
+
+    Where a motion crosses the counts of an encoder more slowly than the band ends, these are no white noise but forces
+    in the band.
+    """
+    (piece,) = seen.pieces
+    step, t = piece.sample_time, piece["t"]
+    if seen.sensor.two_intervals:
+        exact = np.pad(np.diff(_at(path, path.position, t), 2) / step**2, 1, mode="edge")
+    else:
+        velocity = _at(path, path.velocity, t)
+        exact = np.diff(velocity, prepend=velocity[:1]) / step
+    rows = band.rows(piece["acceleration"] - exact, 0)
+    if len(rows) < len(whitening):
+        return 1.0
+    white = np.convolve(rows, whitening, "same")
+    return float(np.mean(white**2)) / max(passed_variance(whitening, band, seen.sensor.noise), 1e-300)
+
+
+def _at(path: Path, x: Array, t: Array) -> Array:
+    from scipy.interpolate import make_interp_spline
+
+    return np.asarray(make_interp_spline(path.times, x, k=3)(t))
+
+
+def _counted(q: Array, template: Recording, random: np.random.Generator) -> Array:
+    """A position by the template's encoder, or with the noise of its sensor."""
+    step = max(encoder_step(p["position"]) for p in template.pieces)
+    return step * np.round(q / step) if step > 0.0 else q + template.position_noise * random.standard_normal(len(q))

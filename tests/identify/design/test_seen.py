@@ -1,0 +1,61 @@
+"""A planned motion through the sensor of a log: counts, their noise, and what is known of the speed."""
+
+import numpy as np
+import pytest
+
+from dsd_cli.identify.design.inverse import Path
+from dsd_cli.identify.design.seen import as_seen, times_white
+from dsd_cli.identify.fit.band import band_of
+from dsd_cli.identify.recordings.recording import Recording, prepare
+from dsd_cli.plant.model import ObserverSettings
+from dsd_cli.signals.log import Array, Log
+
+T, COUNT = 0.001, 2.0 * np.pi / 4096.0
+_t = T * np.arange(8000)
+WHITE = np.eye(1, 25, 12)[0]
+
+
+@pytest.fixture(scope="module")
+def template() -> Recording:
+    """Of an encoder; u is no matter here."""
+    position = COUNT * np.round(0.8 * np.sin(2.0 * np.pi * 0.7 * _t) / COUNT)
+    log = Log({"t": _t, "u": np.sin(_t), "position": position}, T, "log")
+    return prepare(log, ObserverSettings(0.01, 0.01))
+
+
+def seen(template: Recording, position: Array) -> tuple[Recording, Path]:
+    path = Path.of(position, 0.004)
+    found = as_seen(template, path, np.zeros(len(position)), 0.0)
+    assert found is not None
+    return found, path
+
+
+def test_the_position_is_counted_at_the_samples_of_the_log(template: Recording) -> None:
+    found, path = seen(template, 0.5 * np.sin(np.pi * 0.004 * np.arange(1000)))
+    (piece,) = found.pieces
+    assert piece.sample_time == pytest.approx(T)
+    counts = piece["position"] / COUNT
+    np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
+    np.testing.assert_allclose(piece["position"], np.interp(piece["t"], path.times, path.position), atol=0.51 * COUNT)
+
+
+def test_counts_that_pass_more_slowly_than_the_band_ends_are_no_white_noise(template: Recording) -> None:
+    """At 0.02 rad/s 13 counts pass in a second, a line within 20 Hz; at 1 rad/s they are 650 lines away from it."""
+    t = 0.004 * np.arange(2000)
+    band = band_of(20.0, T)
+    crawl, fast = (seen(template, x) for x in (0.02 * t, 0.6 * np.sin(2.0 * t)))
+    assert times_white(*crawl, band, WHITE) > 10.0
+    assert times_white(*fast, band, WHITE) < 2.0
+
+
+def test_in_a_crawl_the_speed_is_known_less_well(template: Recording) -> None:
+    t = 0.004 * np.arange(2000)
+    crawl, fast = (seen(template, x)[0] for x in (0.02 * t, 0.6 * np.sin(2.0 * t)))
+    assert crawl.speed_noise > 0.1 * 0.02
+    assert fast.speed_noise < 0.1 * 1.2
+    assert np.isfinite(fast.pieces[0]["turning"]).any()
+
+
+def test_what_has_neither_position_nor_speed_is_not_shown(template: Recording) -> None:
+    drifting = Recording(**{**template.__dict__, "provenance": {"velocity": "reconstructed from u and d_hat"}})
+    assert as_seen(drifting, Path.of(np.zeros(500), 0.004), np.zeros(500), 0.0) is None
