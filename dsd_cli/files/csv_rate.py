@@ -7,9 +7,10 @@ from collections.abc import Sequence
 
 from dsd_cli.files.csv_cells import MISSING, is_number, number
 from dsd_cli.files.csv_layout import Found
+from dsd_cli.signals.clock import FASTEST, SLOWEST
 
 #: What a preamble calls the time from row to row, or how many there are in a second; the unit before or after a number.
-_VALUE = r"[ _a-z]*[\[(]?({0})?[\])]?[\"\s:;,=]+([\d.,]+(?:e[-+]?\d+)?)\s*({0})?\b"
+_VALUE = r"[ _a-z]*[\[(]?({0})?[\])]?[\"\s:;,=]+([.,]?\d+(?:[.,]\d+)*(?:e[-+]?\d+)?)(?:[\s\"\'\[(,;]*({0})\b)?"
 _INTERVAL, _RATE = (
     re.compile(names + _VALUE.format(units), re.IGNORECASE)
     for names, units in (
@@ -28,6 +29,9 @@ def sample_time_of(lines: Sequence[str], found: Found) -> float | None:
     for line in lines[: found.skip]:
         for kind in (_INTERVAL, _RATE):
             if (said := kind.search(line)) and is_number(said[2]) and (value := number(said[2])) > 0.0:
-                value *= _SCALE[(said[1] or said[3] or "s").lower()]
-                return value if kind is _INTERVAL else 1.0 / value
+                unit = said[1] or said[3]
+                value *= _SCALE[(unit or "s").lower()]
+                seconds = value if kind is _INTERVAL else 1.0 / value
+                if unit or FASTEST <= seconds <= SLOWEST:  # `Sampling time; 500` may be us
+                    return seconds
     return None

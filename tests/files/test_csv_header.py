@@ -127,7 +127,17 @@ def test_names_that_are_units_too() -> None:
 
 @pytest.mark.parametrize(
     ("said", "step"),
-    [("# fs = 500 Hz", 2e-3), ("# Sampling rate [kHz]: 2.5", 4e-4), ("# Abtastrate;250", 4e-3), ("# fs = 5 A", None)],
+    [
+        ('"Sampling Time","500","us"', 5e-4),
+        ("Sampling Time,500,us", 5e-4),
+        ("Abtastzeit;0,5;ms", 5e-4),
+        ("Sampling time;500", None),
+        ("Sampling time;0.002", 2e-3),
+        ("# fs = 500 Hz", 2e-3),
+        ("# Sampling rate [kHz]: 2.5", 4e-4),
+        ("# Abtastrate;250", 4e-3),
+        ("# fs = 5 A", None),
+    ],
 )
 def test_a_rate_above_the_numbers_says_how_far_rows_are_apart(said, step):
     lines = [said, "u,q", *(f"{k}.5,{k * k}" for k in range(50))]
