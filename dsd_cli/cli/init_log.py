@@ -113,6 +113,8 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
     text = headed(template_text("lab"), source_name(name))
     for (section, key), written in out.values.items():
         text = with_value(text, section, key, written)
+    if unread is not None:
+        text = f"# <- MISSING: its rows could not be read, all numbers below are the template's\n{text}"
     if not chosen.missing and (step or not unstamped):
         return Proposed(text, out.said, unread=unread)
     left = (column_question if chosen.missing else step_question)(name, chosen, asked.given, text)

@@ -296,6 +296,7 @@ def test_a_cell_that_is_no_number_is_named_with_its_line(tmp_path: Path) -> None
     said = result.stderr
     assert (result.returncode, load_config(tmp_path / "dsd.toml").signals.u) == (1, "u")
     assert "next: dsd check" not in said
+    assert (tmp_path / "dsd.toml").read_text().startswith("# <- MISSING: its rows could not be read")
     assert 'sheet.csv: its rows could not be read: line 701, column "u": "#DIV/0!" is not a number' in said
     assert "the numbers in dsd.toml are the template's: mend it" in said
 
