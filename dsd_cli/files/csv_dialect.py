@@ -29,7 +29,6 @@ _OTHER_FORMATS = {
     ),
     b"SQLite format 3\0": ("is an SQLite database", "write its table as CSV: sqlite3 -header -csv FILE 'select * ..'"),
     b"WPILOG": ("is a data log of WPILib", "AdvantageScope exports it as CSV or MCAP"),
-    b"# Created by Octave": ("is text of Octave's save", "save it with -v7, or as CSV"),
     b"<!": ("is a web page", "fetch the file itself"),
     b"<html": ("is a web page", "fetch the file itself"),
     b"<?xml": ("is XML", "export it as CSV"),

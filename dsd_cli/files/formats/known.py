@@ -40,12 +40,13 @@ MCAP = Format("MCAP", "mcap_file", "McapFile", ("mcap",), "mcap")
 BAG = Format("a ROS bag", "ros_bag", "RosBag", ("rosbags",), "ros")
 JSON = Format("JSON", "json_file", "JsonFile")
 CODESYS = Format("a trace of CODESYS", "codesys", "CodesysTrace")
+OCTAVE = Format("text of Octave's save", "octave_text", "OctaveText")
 SCOPE = Format("text of a scope", "scope", "ScopeFile")
 PAIRS = Format("lines of names with values", "pairs", "PairsFile")
 #: What only the rows say, and so nobody asks until a column is missing.
 LONG = Format("a table with a row for each value", "long_form", "LongFile")
 
-FORMATS = (NUMPY, ARROW, MAT, NETCDF, MAT73, HDF5, MDF, TDMS, MCAP, BAG, JSON, CODESYS, SCOPE, PAIRS)
+FORMATS = (NUMPY, ARROW, MAT, NETCDF, MAT73, HDF5, MDF, TDMS, MCAP, BAG, JSON, CODESYS, OCTAVE, SCOPE, PAIRS)
 
 _MAGIC = (
     (b"\x93NUMPY", NUMPY),
@@ -58,6 +59,7 @@ _MAGIC = (
     (b"CDF\x01", NETCDF),
     (b"CDF\x02", NETCDF),
     (b"MDF     ", MDF),
+    (b"# Created by Octave", OCTAVE),
     (b"UnFinMF ", MDF),
     (b"TDSm", TDMS),
     (b"\x89MCAP0\r\n", MCAP),
