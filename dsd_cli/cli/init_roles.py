@@ -107,8 +107,10 @@ def _joint(path: str, sample: Sample, look: FirstLook) -> tuple[FirstLook, list[
     units = {c.name: c.unit for one in sample.tables for c in one.channels if c.values is not None and not is_clock(c)}
     everything = FirstLook(tuple(units), units, recognise(list(units), units), look.clock)
     found, said = joint_that_moves(path, everything)
+    clocks = {c.name for one in sample.tables for c in one.channels if is_clock(c)}
     kept = {role: one for role, one in found.found.items() if role in look.found and one.column in look.columns}
-    mine = tuple(name for name in look.columns if name in found.columns)
+    kept |= {"time": look.found["time"]} if "time" in look.found else {}
+    mine = tuple(name for name in look.columns if name in found.columns or name in clocks)
     return (replace(look, found=kept, columns=mine), said) if said and _whole(kept) else (look, [])
 
 

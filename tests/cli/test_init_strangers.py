@@ -1,5 +1,6 @@
 """`dsd init` and `dsd check` on files as other tools write them: roles, units and clock that nobody named."""
 
+import datetime
 import json
 import math
 import os
@@ -9,6 +10,8 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from dsd_cli.files.config import load_config
@@ -19,6 +22,7 @@ from tests.files import strangers
 from tests.recordings import recording
 
 AXIS = strangers.axis()
+JOINTS = {"position": "q", "velocity": "v", "effort": "u"}
 
 
 @pytest.mark.parametrize("name", strangers.MADE)
@@ -385,3 +389,27 @@ def test_a_velocity_beside_the_clock_of_a_file_is_no_slope_per_row(tmp_path: Pat
     config = load_config(tmp_path / "dsd.toml")
     assert (config.signals.position, config.signals.velocity) == ("motor/q", "motor/dq")
     assert config.signals.factors() == {}
+
+
+def test_the_joint_that_moves_keeps_the_time_that_all_joints_share(tmp_path: Path) -> None:
+    rest = np.zeros(strangers.ROWS)
+    lists = {f"joint_{name}": np.column_stack([AXIS[one], rest]).tolist() for name, one in JOINTS.items()}
+    pq.write_table(pa.table({"timestamp_us": np.round(1e6 * AXIS["t"]).astype(int), **lists}), tmp_path / "log.parquet")
+    done("init", "log.parquet", cwd=tmp_path)
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.time, signals.time_unit) == ("timestamp_us", "us")
+    assert (signals.u, signals.position) == ("joint_effort/1", "joint_position/1")
+
+
+@pytest.mark.parametrize("stamp", ["%Y-%m-%d %H:%M:%S,{ms:03d}", "%Y-%m-%dT%H:%M:%S.{ms:03d}"])
+def test_lines_of_a_logger_keep_the_fractions_of_their_stamps(stamp: str, tmp_path: Path) -> None:
+    """Python's logging has a comma before them."""
+    begin = datetime.datetime(2025, 11, 25, 10)
+    lines = []
+    for k, (u, q) in enumerate(zip(AXIS["u"], AXIS["q"], strict=True)):
+        at = begin + datetime.timedelta(seconds=strangers.STEP * k)
+        said = at.strftime(stamp).format(ms=at.microsecond // 1000)
+        lines.append(f"{said} DEBUG axis: pos={q:.6f} torque={u:.5f}")
+    strangers.text(tmp_path, "controller.log", lines)
+    said = done("init", "controller.log", cwd=tmp_path).stderr
+    assert f"sample time {strangers.STEP:g} s" in said

@@ -18,7 +18,7 @@ PAIR = re.compile(
     r"([A-Za-z_][\w./\[\]]*)'?\s*[=:]\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|-?inf)([A-Za-z%°]+(?:/s)?)?(?![\w.:])"
 )
 #: What may be a stamp before the first of them.
-STAMP = re.compile(r"\d{4}-\d\d-\d\d[ T][\d:.]+|\d+(?:[.:]\d+)*")
+STAMP = re.compile(r"\d{4}-\d\d-\d\d[ T][\d:.,]*\d|\d+(?:[.:]\d+)*")
 #: Pairs in a line, lines and the share of them with the same names, at least.
 FEWEST, LINES, ALIKE = 2, 5, 0.6
 
