@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from dsd_cli.files.config import load_config
 from dsd_cli.identify.roles import Channel, guess_roles
@@ -82,3 +83,15 @@ def test_the_setpoint_of_a_speed_loop_is_no_reference_of_the_position() -> None:
     assert "reference" not in guess_roles(channels, named).found
     of_place = [Channel("setpoint", q + 0.01 * v) if one.name == "setpoint" else one for one in channels]
     assert guess_roles(of_place, named).found["reference"].column == "setpoint"
+
+
+@pytest.mark.parametrize(("inertia", "u"), [(0.04, None), (0.15, "CH1")])
+def test_of_two_channels_without_names_none_is_u_where_each_explains_the_other(inertia: float, u: str | None) -> None:
+    """A viscous brake: with little inertia the force is the speed, nearly, and the speed the force."""
+    t = np.arange(9000) * 2e-3
+    force = np.sin(1.7 * t) + 0.5 * np.sin(5.1 * t)
+    v = np.zeros(t.size)
+    for k in range(t.size - 1):
+        v[k + 1] = v[k] + 2e-3 * (force[k] - 0.5 * v[k]) / inertia
+    found = guess_roles([Channel("t", t), Channel("CH1", force), Channel("CH2", v)], {"time": "t"}).found
+    assert (found["u"].column if "u" in found else None) == u

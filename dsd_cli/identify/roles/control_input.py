@@ -40,8 +40,9 @@ def find_cause(look: Look) -> None:
                 best = cause.share, motion, name
     if best is None or best[0] < (IS_CAUSE if known else CLEARLY):
         return
-    if not known and "u" not in found and _as_well(look, *best):
-        return  # neither the motion nor what causes it is known, and others do as well: for the user to say
+    turned = look.causes.get(best[1].column, Cause(0.0, 0.0, 0)).share > best[0] - AS_WELL
+    if not known and "u" not in found and (turned or _as_well(look, *best)):
+        return  # neither the motion nor what causes it is known, and others, or these two turned, do as well: ask
     _take(look, *best)
 
 
