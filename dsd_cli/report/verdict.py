@@ -58,7 +58,7 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
     placed = [
         name for name in dict.fromkeys((winner.effect, *result.found)) if result.units.assumed and _of_place(name)
     ]
-    verb = "is" if tied or (believed(result.probability) and winner.effect not in placed) else "may be"
+    verb = "is" if winner.effect not in placed and (tied or believed(result.probability)) else "may be"
     if winner.effect in (INERTIA, DELAY) or (given is not None and winner.effect in given.effects):
         line = f"{_as_given(winner, given)} of [model] {verb} wrong: {values}{sure}{beside}; {held} {falls}"
     else:
