@@ -265,15 +265,18 @@ def why_not(judge: Judge, before: LawFit, after: LawFit) -> str:
     gains = (after.without - after.losses) / judge.nats(after)
     if float(gains.sum()) < POLICY.unknown_nats or not spread_over_blocks(gains):
         return "no function of the channels explains what is left, on blocks that it was not fitted to"
-    if not _matters(judge, before, after) or not _matters(judge, before, after, held_out=False):
+    problem = judge.balance.problem
+    least = POLICY.least_unknown * problem.errors.force
+    if not all(_takes(judge, before, after, least, held_out=held_out) for held_out in (True, False)):
         return "what a function of the channels explains is too small to matter"
     sure = judge.balance.weight == 1.0
-    spread = not sure.any() or _matters(judge, before, after, sure)
+    spread = not sure.any() or _takes(judge, before, after, POLICY.floor_factor * problem.floor, sure)
     return "" if spread and is_shown(judge, after) else AT_STOPS
 
 
-def _matters(judge: Judge, before: LawFit, after: LawFit, rows: Mask | None = None, held_out: bool = True) -> bool:
-    """Whether the last law takes enough of what is left in these rows, and of u."""
+def _takes(
+    judge: Judge, before: LawFit, after: LawFit, least: float, rows: Mask | None = None, held_out: bool = True
+) -> bool:
+    """Whether the last law takes enough of what is left in these rows, and `least` of it, unit of u."""
     was, now = (left_of(judge, fit, rows, held_out) for fit in (before, after))
-    least = POLICY.least_unknown * judge.balance.problem.errors.force
     return now < (1.0 - POLICY.unknown_fall) * was and was**2 - now**2 > least**2
