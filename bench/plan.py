@@ -162,20 +162,24 @@ def _broken(plan: Plan, exact: Any) -> dict[str, float]:
 
 def _realised(machine: Machine, plan: Plan) -> list[tuple[float, float]]:
     """(expected, realised nats) of pairs with the truth in them, on both logs."""
-    search, what, found = machine.kept[-1][0], machine.case.what[0], []
+    (search, whole), what, found = machine.kept[-1], machine.case.what[0], []
     for pair, sets in zip(plan.pairs, machine.sets, strict=True):
         ways = zip((sets, sets[::-1]), (pair.nats_if_a, pair.nats_if_b), strict=True)
         for (truth, rival), expected in ways:
             named = [what in {t.id for t in fit.terms} for fit in (truth, rival)]
             if named == [True, False] and np.isfinite(expected) and expected > 0.0:
-                left = [search.nats(_anew(search, fit).loss) for fit in (rival, truth)]
+                left = [search.nats(_anew(search, whole, fit).loss) for fit in (rival, truth)]
                 found.append((float(expected), left[0] - left[1]))
     return found
 
 
-def _anew(search: Search, known: Any) -> Any:
-    """The same set of effects, fitted to the logs of another search."""
-    return search.converged(search.fit(known.terms, known.tap))
+def _anew(search: Search, whole: Any, known: Any) -> Any:
+    """The same set of effects, fitted to the logs of another search: its shapes begin where they were, and where that
+    search has them."""
+    ids = {t.id for t in known.terms}
+    others = [whole, search.refit, *(o.fit for o in search.options(search.refit))]
+    same = [search.fit(known.terms, known.tap), *(f for f in others if {t.id for t in f.terms} == ids)]
+    return min((search.converged(fit) for fit in same), key=lambda fit: float(fit.loss))
 
 
 def looped(case: RigCase, kind: str) -> Row | None:

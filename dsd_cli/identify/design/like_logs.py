@@ -8,7 +8,7 @@ import numpy as np
 
 from dsd_cli.identify.design.inverse import Path, as_recording
 from dsd_cli.identify.design.rows import equations_like, own_form, sure_of
-from dsd_cli.identify.design.seen import as_seen, times_white
+from dsd_cli.identify.design.seen import as_heard, as_seen, times_white
 from dsd_cli.identify.fit.band import Band
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.policy import POLICY
@@ -54,7 +54,7 @@ class LikeLogs:
         """(the same in the form that the log of this motion, made so often, will have; rows of the logs beside it):
         where the direction of friction is sure in many rows of both, those alone count in both."""
         seen, known = as_seen(self.template, path, u, self.rest_speed), search.equations
-        found = self if seen is None else replace(self, form=own_form(search, seen))
+        found = replace(self, form=own_form(search, seen or as_heard(self.template, path, u)))
         if not self.held:
             return found, known
         both = [(known, 1), (found.equations(path, u), times)]

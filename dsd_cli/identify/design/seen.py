@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from dsd_cli.errors import DataError
@@ -19,8 +21,11 @@ _SEED = 20261123
 
 def as_seen(template: Recording, path: Path, u: Array, rest_speed: float) -> Recording | None:
     """The log of that motion at the samples of the template, prepared as every log is: how far its speed is known, and
-    where the axis may rest or turn. None where the template had neither position nor speed, or the motion is too short.
+    where the axis may rest or turn. None where the template had neither position nor speed, or its acceleration by a
+    logged d_hat, or the motion is too short.
     """
+    if template.sensor.noise.kind == "d_hat":
+        return None
     step, random = template.sample_time, np.random.default_rng(_SEED)
     count = int(path.times[-1] / step) + 1
     held = np.minimum((np.arange(count) * step / path.step + 1e-9).astype(int), len(u) - 1)
@@ -38,6 +43,16 @@ def as_seen(template: Recording, path: Path, u: Array, rest_speed: float) -> Rec
         return prepare(log, ObserverSettings(1.0, 10.0 * step), rest_speed=rest_speed)
     except DataError:
         return None
+
+
+def as_heard(template: Recording, path: Path, u: Array) -> Recording:
+    """The same by the noise of the template's acceleration alone."""
+    step = template.sample_time
+    t = step * np.arange(int(path.times[-1] / step) + 1)
+    velocity, acceleration = (np.interp(t, path.times, x) for x in (path.velocity, path.acceleration))
+    noise = template.sensor.noise.made(len(t), np.random.default_rng(_SEED))
+    channels = {"t": t, "u": np.interp(t, path.times, u), "velocity": velocity, "acceleration": acceleration + noise}
+    return replace(template, name="plan", pieces=(Log(channels, step, "plan"),))
 
 
 def times_white(seen: Recording, path: Path, band: Band, whitening: Array) -> float:

@@ -1,12 +1,15 @@
 """A planned motion through the sensor of a log: counts, their noise, and what is known of the speed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dsd_cli.identify.design.inverse import Path
-from dsd_cli.identify.design.seen import as_seen, times_white
+from dsd_cli.identify.design.seen import as_heard, as_seen, times_white
 from dsd_cli.identify.fit.band import band_of
 from dsd_cli.identify.recordings.recording import Recording, prepare
+from dsd_cli.identify.recordings.spectrum import SensorNoise
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.signals.log import Array, Log
 
@@ -57,5 +60,16 @@ def test_in_a_crawl_the_speed_is_known_less_well(template: Recording) -> None:
 
 
 def test_what_has_neither_position_nor_speed_is_not_shown(template: Recording) -> None:
-    drifting = Recording(**{**template.__dict__, "provenance": {"velocity": "reconstructed from u and d_hat"}})
+    drifting = replace(template, provenance={"velocity": "reconstructed from u and d_hat"})
     assert as_seen(drifting, Path.of(np.zeros(500), 0.004), np.zeros(500), 0.0) is None
+
+
+def test_by_a_logged_d_hat_only_its_noise_is_heard(template: Recording) -> None:
+    sensor = replace(template.sensor, noise=SensorNoise("d_hat", 0.9, 4.0))
+    logged = replace(template, sensor=sensor)
+    path = Path.of(0.6 * np.sin(0.008 * np.arange(2000)), 0.004)
+    assert as_seen(logged, path, np.zeros(2000), 0.0) is None
+    (piece,) = as_heard(logged, path, np.zeros(2000)).pieces
+    off = piece["acceleration"] - np.interp(piece["t"], path.times, path.acceleration)
+    # white noise of variance 4 through the inverse of the filter: (1 + p^2) / (1 - p)^2
+    assert np.var(off) == pytest.approx(4.0 * (1.0 + 0.81) / 0.01, rel=0.1)
