@@ -270,7 +270,8 @@ def why_not(judge: Judge, before: LawFit, after: LawFit) -> str:
     if not all(_takes(judge, before, after, least, held_out=held_out) for held_out in (True, False)):
         return "what a function of the channels explains is too small to matter"
     sure = judge.balance.weight == 1.0
-    spread = not sure.any() or _takes(judge, before, after, POLICY.floor_factor * problem.floor, sure)
+    noise = 0.0 if before.laws else POLICY.floor_factor * problem.floor  # beside a law that is sure a small one may be
+    spread = not sure.any() or _takes(judge, before, after, noise, sure)
     return "" if spread and is_shown(judge, after) else AT_STOPS
 
 
