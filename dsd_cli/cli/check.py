@@ -115,21 +115,24 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
         maker=made(config).maker,
     ).named(config.signals.units)
     if config.signals.units.assumed:
-        result = replace(result, findings=(*result.findings, _open_unit()))
+        result = replace(result, findings=(*result.findings, _open_unit(config)))
     if window(config.signals):
         result = replace(result, findings=tuple(_widened(finding) for finding in result.findings))
     return Checked(loaded.log, tuple(loaded.restarts), result)
 
 
-def _open_unit() -> Finding:
+def _open_unit(config: Config) -> Finding:
+    from dsd_cli.files.config.signals import UNKNOWN
     from dsd_cli.identify.checks.results import Finding
 
+    channel, per = ("position", "") if config.signals.position_unit == UNKNOWN else ("velocity", "/s")
+    units = [f'"{unit}{per}"' for unit in ("rad", "deg", "turn", "m", "mm")]
     return Finding(
         "the unit of the motion is unknown: it is taken as rad or m",
-        "position",
+        channel,
         "note",
         1.0,
-        'signals.position_unit = "rad", "deg", "turn", "m" or "mm": gravity and cogging are named by it',
+        f"signals.{channel}_unit = {', '.join(units[:-1])} or {units[-1]}: gravity and cogging are named by it",
     )
 
 

@@ -16,9 +16,9 @@ from dsd_cli.cli.init_proposal import (
     answer_unit,
     drop_open,
     factors_of,
-    is_answered,
     is_open,
     is_question,
+    let_velocity_follow,
     name_unit,
     settle_units,
     with_units,
@@ -107,8 +107,7 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
             _propose_numbers(loaded, factors, out)
     for (section, key), value in asked.values.items():
         out.put(section, key, value)
-    if is_open(out, "position"):  # which answers for the velocity, too
-        out.said = [line for line in out.said if not is_answered(line, "velocity")]
+    let_velocity_follow(out)
     out.said.sort(key=is_question)
     text = headed(template_text("lab"), source_name(name))
     for (section, key), written in out.values.items():

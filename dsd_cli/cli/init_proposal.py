@@ -73,7 +73,8 @@ def _one_kind(channel: str, unit: str, out: Proposal) -> bool:
 def settle_units(units: Units, out: Proposal) -> None:
     for at, (key, value) in enumerate(units.keys.items()):
         channel = key.partition("_")[0]
-        if is_open(out, channel):
+        follows = key == "velocity_scale" and is_open(out, "position")
+        if is_open(out, channel) and not follows:
             del out.values["signals", f"{channel}_unit"]
         out.put("signals", key, value, units.why if at == 0 else "")
         out.said = [line for line in out.said if not is_answered(line, channel)]
@@ -83,6 +84,16 @@ def answer_unit(out: Proposal, unit: str) -> None:
     """The unit of the position as the user gives it."""
     out.put("signals", "position_unit", unit)
     out.said = [line for line in out.said if not is_answered(line, "position")]
+
+
+def let_velocity_follow(out: Proposal) -> None:
+    """A velocity whose unit is open has that of the position, per s: it is not asked for, or said to be that."""
+    if is_open(out, "position"):
+        out.said = [line for line in out.said if not is_answered(line, "velocity")]
+    elif is_open(out, "velocity") and (unit := json.loads(out.values.get(("signals", "position_unit"), '""'))):
+        out.said = [
+            line.replace("rad/s or m/s", f"{unit}/s") if is_answered(line, "velocity") else line for line in out.said
+        ]
 
 
 def drop_open(out: Proposal) -> None:

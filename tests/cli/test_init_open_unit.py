@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from dsd_cli.files.config import load_config
 from tests.cli.rig import done
@@ -13,8 +14,8 @@ from tests.cli.rig import done
 STEP, INERTIA, GRAVITY = 0.002, 0.002, 0.4
 
 
-def swung(folder: Path) -> Path:
-    """A weight on an arm, in degrees and degrees per second that no name says, by plain sums."""
+def swung(folder: Path, columns: str = "t,torque,pos,vel", per_slope: float = 1.0) -> Path:
+    """A weight on an arm, in degrees and degrees per second (times `per_slope`) that no name says, by plain sums."""
     t = np.arange(6000) * STEP
     r = 0.9 * np.sin(1.9 * t) + 0.5 * np.sin(4.7 * t)
     q, v, u = np.zeros(t.size), np.zeros(t.size), np.zeros(t.size)
@@ -22,9 +23,14 @@ def swung(folder: Path) -> Path:
         u[k] = 2.0 * (r[k] - q[k]) - 0.05 * v[k]
         v[k + 1] = v[k] + STEP * (u[k] - GRAVITY * np.sin(q[k])) / INERTIA
         q[k + 1] = q[k] + STEP * 0.5 * (v[k] + v[k + 1])
-    rows = np.column_stack([t, u, np.degrees(q), np.degrees(v)])
-    np.savetxt(folder / "log.csv", rows, "%.7g", ",", header="t,torque,pos,vel", comments="")
+    channels = {"t": t, "torque": u, "pos": np.degrees(q), "vel": per_slope * np.degrees(v)}
+    rows = np.column_stack([channels[name] for name in columns.split(",")])
+    np.savetxt(folder / "log.csv", rows, "%.7g", ",", header=columns, comments="")
     return folder / "log.csv"
+
+
+def checked(folder: Path, *more: str) -> dict:
+    return json.loads(done("check", "log.csv", "--format", "json", *more, cwd=folder).stdout)
 
 
 def diagnosed(folder: Path) -> dict:
@@ -36,8 +42,7 @@ def test_a_verdict_that_depends_on_the_unit_says_so_until_it_is_given(tmp_path: 
     said = done("init", "log.csv", cwd=tmp_path).stderr
     assert 'the unit of "pos" is not said; it is taken as rad or m; if it is another: --set' in said
     assert load_config(tmp_path / "dsd.toml").signals.position_unit == "unknown"
-    checked = json.loads(done("check", "log.csv", "--format", "json", cwd=tmp_path).stdout)
-    assert any("signals.position_unit" in one["remedy"] for one in checked["findings"])
+    assert any("signals.position_unit" in one["remedy"] for one in checked(tmp_path)["findings"])
     found = diagnosed(tmp_path)
     assert found["verdict"] != "gravity"
     assert f"{found['verdict']} may be missing" in found["verdict_text"]
@@ -50,6 +55,33 @@ def test_a_verdict_that_depends_on_the_unit_says_so_until_it_is_given(tmp_path: 
     assert "which nothing says" not in found["verdict_text"]
     (gravity,) = [one for one in found["ranking"] if one["effect"] == "gravity"]
     assert abs(gravity["parameters"]["amplitude"]["value"] / GRAVITY - 1.0) < 0.01
+
+
+@pytest.mark.parametrize("per_slope", [1.0, 3.7])
+def test_the_unit_may_be_given_to_any_command_and_the_velocity_follows(per_slope: float, tmp_path: Path) -> None:
+    swung(tmp_path, per_slope=per_slope)
+    done("init", "log.csv", cwd=tmp_path)
+    found = checked(tmp_path, "--set", "signals.position_unit=deg")["findings"]
+    assert not [one for one in found if one["severity"] == "error" or "position_unit" in one["remedy"]]
+    factors = load_config(tmp_path / "dsd.toml", ["signals.position_unit=deg"]).signals.factors()
+    assert factors["velocity"] * per_slope == pytest.approx(factors["position"], rel=1e-3) == np.radians(1.0)
+
+
+@pytest.mark.parametrize("answer", ["velocity_unit=deg/s", "position_unit=deg"])
+def test_of_a_velocity_alone_its_own_unit_is_asked_for(answer: str, tmp_path: Path) -> None:
+    swung(tmp_path, "t,torque,vel")
+    done("init", "log.csv", cwd=tmp_path)
+    assert any('signals.velocity_unit = "rad/s", "deg/s"' in one["remedy"] for one in checked(tmp_path)["findings"])
+    config = load_config(tmp_path / "dsd.toml", [f"signals.{answer}"])
+    assert config.signals.factors()["velocity"] == pytest.approx(np.radians(1.0))
+
+
+def test_what_observe_writes_of_it_is_as_open(tmp_path: Path) -> None:
+    swung(tmp_path)
+    done("init", "log.csv", cwd=tmp_path)
+    done("observe", "log.csv", "-o", "own.csv", cwd=tmp_path)
+    found = json.loads(done("check", "own.csv", "--format", "json", cwd=tmp_path).stdout)["findings"]
+    assert any("unit of the motion is unknown" in one["what"] for one in found)
 
 
 def test_a_log_of_our_own_is_in_si(tmp_path: Path) -> None:

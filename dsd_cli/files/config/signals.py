@@ -59,7 +59,8 @@ def _range(channel: str) -> Any:
     )
 
 
-#: A unit that nothing says: the column is read as SI, and what depends on that is said so.
+#: A unit that nothing says: the column is read as SI, and what depends on that is said so. A velocity follows the
+#: position, once its unit is said.
 UNKNOWN = "unknown"
 
 
@@ -97,7 +98,9 @@ class Signals(Section):
         default="",
     )
     velocity_unit: str = key(
-        choice("", *VELOCITY), "unit of the column velocity; it is read as rad/s or m/s", default=""
+        choice("", *VELOCITY),
+        'unit of the column velocity; it is read as rad/s or m/s; "unknown": that of the position, per s',
+        default="",
     )
     counts_per_turn: float | None = key(number(above=0), "counts to a turn, for counts of a rotary axis", default=None)
     counts_per_metre: float | None = key(number(above=0), "counts to a metre, of a linear one", default=None)
@@ -166,7 +169,8 @@ class Signals(Section):
         """[signals] for a log that these have been applied to: its columns are called as ours, in s and SI units."""
         kept = {k: v for k, v in written.items() if k not in _READING and (k not in _COLUMNS or v == "")}
         si = self.units.position
-        return kept | ({"position_unit": si, "velocity_unit": f"{si}/s"} if si else {})
+        unit = {"position_unit": si, "velocity_unit": f"{si}/s"} if si else {}
+        return kept | ({"position_unit": UNKNOWN} if self.units.assumed else unit)
 
     def columns(self) -> dict[str, str]:
         """Column of the file by channel (`time` and the rest), without those that shall not be looked for."""
@@ -179,10 +183,11 @@ class Signals(Section):
         d_hat is a force in the unit of u, so that it shares u's scale; its sign is [observer] sign's business.
         """
         position = self.position_scale * self._factor(POSITION, self.position_unit)
+        of_velocity = abs(position) if self.velocity_unit == UNKNOWN else self._factor(VELOCITY, self.velocity_unit)
         found = {
             "u": self.u_sign * self.u_scale,
             "d_hat": self.u_scale,
-            "velocity": self.velocity_scale * self._factor(VELOCITY, self.velocity_unit),
+            "velocity": self.velocity_scale * of_velocity,
             "position": position,
             "reference": position,
         }
@@ -201,7 +206,7 @@ class Signals(Section):
         named += [VELOCITY[self.velocity_unit][0] if self.velocity_unit else ""]
         named += ["rad"] if self.counts_per_turn else ["m"] if self.counts_per_metre else []
         position = next(filter(None, named), "")
-        open_ones = UNKNOWN in (self.position_unit, self.velocity_unit) and self.position_scale == 1.0
+        open_ones = UNKNOWN in (self.position_unit, self.velocity_unit) and abs(self.position_scale) == 1.0
         return Units(self.u_unit, position, assumed=open_ones and not position)
 
     def _check_units(self, at: Place) -> None:
