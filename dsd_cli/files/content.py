@@ -33,6 +33,8 @@ _ZIP = b"PK\x03\x04"
 _STAMPED = re.compile(rb"(?m)^(\d\d:\d\d:\d\d[.,]\d+) -> ")
 #: What lies beside a log in a zip: what was written about it.
 _BESIDE = re.compile(r"(?i)(\.(json|ya?ml|toml|ini|md|pdf|png|jpe?g|svg|html?|xml|m|py)|(^|/)(readme|license)[^/]*)$")
+#: What archives hold that are documents: of OpenDocument, of Microsoft.
+_OF_OFFICE = ("mimetype", "[Content_Types].xml")
 _CONTROLS = re.compile("[\0-\x08]")
 
 
@@ -49,7 +51,7 @@ def content_of(path: str | Path, most: int | None = None) -> bytes | None:
             if packed := next((packed for magic, packed in _PACKED.items() if head.startswith(magic)), None):
                 return _unpacked(path, packed[0], packed[1](path, "rb"), most)
             if head.startswith(_ZIP):
-                member = _member(str(path))
+                member = _member(str(path), head)
                 return None if member is None else _unpacked(path, *member, most)
             if _encoding(head) is None and _STAMPED.match(head) is None:
                 return None
@@ -65,18 +67,24 @@ def text_of(path: str | Path) -> bytes:
     return Path(path).read_bytes() if content is None else content
 
 
-def _member(path: str) -> tuple[str, Any] | None:
+def _member(path: str, head: bytes) -> tuple[str, Any] | None:
     """What a zip is and the one file in it, but for what systems and people add; None: arrays of NumPy, or no zip."""
     try:
         archive = zipfile.ZipFile(path)
-    except (zipfile.BadZipFile, NotImplementedError):
+    except NotImplementedError:
         return None
+    except zipfile.BadZipFile as error:
+        if b".npy" in head:
+            return None
+        raise _damaged(path, "a zip archive or a spreadsheet", error) from None
     names = [name for name in archive.namelist() if not name.endswith("/")]
     if any(name.endswith(".npy") for name in names):
         return None
     if is_workbook(names):
         check_size(path, sum(one.file_size for one in archive.infolist()))
         return "an Excel workbook", _Lines(text_of_workbook(path))
+    if any(name in _OF_OFFICE for name in names):
+        raise DataError(f"{path}: is a file of an office program", "save the sheet with the log as .xlsx or CSV")
     files = [name for name in names if not name.startswith("__MACOSX/") and not Path(name).name.startswith(".")]
     logs = [name for name in files if len(files) == 1 or not _BESIDE.search(name)]
     if len(logs) != 1:

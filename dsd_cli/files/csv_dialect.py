@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.csv_cells import DECIMAL_COMMA, MISSING, Written, decimal_signs, is_number, written
+from dsd_cli.files.recognise import is_time
 
 DELIMITERS = (",", ";", "\t")
 COMMENT = ("#", "%")
@@ -35,6 +36,7 @@ _OTHER_FORMATS = {
     b"header:\n": ("is what a topic was echoed as", "record a bag, or echo it with --csv (ROS 1: -p)"),
     b"header: \n": ("is what a topic was echoed as", "record a bag, or echo it with --csv (ROS 1: -p)"),
     b"Obj\x01": ("is an Avro file", "write it as Parquet or CSV"),
+    b"\xd0\xcf\x11\xe0": ("is a workbook of an old Excel (.xls)", "save it as .xlsx or CSV"),
     b"\x1f\x8b": ("is gzip-compressed", "unpack it first"),
     b"PK\x03\x04": ("is a zip archive or a spreadsheet", "export it as CSV"),
     b"\xff\xfe": ("is UTF-16 text", "save it as UTF-8"),
@@ -209,6 +211,18 @@ def numbered(names: Sequence[str], wanted: Iterable[str], below: Sequence[str] =
     for k, cell in enumerate(below[: len(found)]):
         if not found[k] and cell.strip() and str(k + 1) not in found:
             found[k] = str(k + 1)
+    return found
+
+
+def without_copies(names: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """The names, with a number behind those of clocks that have in all these rows what the first of their name has:
+    one clock, beside each channel."""
+    rows = [row for row in rows if len(row) == len(names)]
+    found = list(names)
+    for at, name in enumerate(names):
+        first, other = names.index(name), f"{name} {names[: at + 1].count(name)}"
+        if first < at and is_time(name) and other not in names and rows and all(r[at] == r[first] for r in rows):
+            found[at] = other
     return found
 
 

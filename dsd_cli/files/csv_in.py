@@ -55,8 +55,9 @@ class CsvTable:
         layout = layout or CsvLayout()
         found = look(name, lines, layout)
         told = (line for line in lines[found.skip :] if not dialects.is_comment(line))
-        below = dialects.fields_of(next(told, ""), found.header.delimiter)
-        header = found.header._replace(names=dialects.numbered(found.header.names, columns.values(), below))
+        rows = [dialects.fields_of(line, found.header.delimiter) for line in told]
+        names = dialects.numbered(dialects.without_copies(found.header.names, rows), columns.values(), *rows[:1])
+        header = found.header._replace(names=names)
         self._split = split_stamps(header.names, lines[found.skip :], header.delimiter)
         self.column_names: list[str] = [*header.names, *([self._split.name] if self._split else [])]
         self.columns = choose_columns(name, self.column_names, columns, optional)
@@ -80,9 +81,10 @@ class CsvTable:
 
     @property
     def units(self) -> dict[str, str]:
-        """Column -> what the row of units says, or every cell; empty without such."""
+        """Column -> what the row of units says, or every cell, or stamps in two columns; empty without such."""
         header, units = self._dialect.header, self._dialect.units
         beside = {header.names[at]: how.unit for at, how in self._dialect.written.items() if how.unit}
+        beside |= {self._split.name: "s"} if self._split else {}
         return beside if units is None else dict(zip(header.names, units, strict=False)) | beside
 
     def peek(self) -> dict[str, Any]:

@@ -31,6 +31,8 @@ _FACTORS = {"position": POSITION, "velocity": VELOCITY}
 _IN_BRACKETS = re.compile(r"[\[(<]\s*([^\])>]*?)\s*[\])>]")
 _NUMBER = re.compile(r"(?:/\d+|\s*[\[(]\d+[\])])+$")
 _HEX = re.compile(r"0x[0-9a-fA-F]+")
+#: What the time of one channel is called below it.
+_CLOCK = "time"
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|°|[\u3041-\u30ff\u4e00-\u9fff]+")
 #: `quantity / unit`, as standards write it.
 _OVER = re.compile(r"\s/\s*(\S.*?)\s*$")
@@ -184,8 +186,11 @@ def quaternions(names: Collection[str]) -> set[str]:
 def unit_in(name: str, channel: str) -> str:
     """The unit at the end of a name: in brackets, or as its last words; empty without one.
 
-    The number of a column of a matrix is no part of it: pos_deg/1, pos_deg[1].
+    The number of a column of a matrix is no part of it: pos_deg/1, pos_deg[1]; nor is the unit of a channel that of
+    its clock: torque [Nm]/time.
     """
+    if channel == "time" and name.endswith(f"/{_CLOCK}"):
+        return ""
     name = _NUMBER.sub("", name)
     inside = [text for text in _IN_BRACKETS.findall(name) if not text.isdigit()]  # r79[0] is the number of a parameter
     if inside:

@@ -147,6 +147,8 @@ def test_a_pointer_of_git_lfs_is_named(tmp_path: Path) -> None:
         ("vel [deg/s] (3)", "velocity", "deg/s"),
         ("torque_abs_nm/6", "u", "nm"),
         ("drive/velocity/1", "velocity", ""),
+        ("dwell [ms]/time", "time", ""),
+        ("dwell [ms]/time [s]", "time", "s"),
     ],
 )
 def test_the_number_of_a_matrix_column_hides_no_unit(name: str, channel: str, unit: str) -> None:

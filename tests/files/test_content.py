@@ -61,6 +61,10 @@ def test_a_plain_file_is_read_as_it_is(tmp_path: Path) -> None:
     [
         (zipped(b"", "xl/workbook.xml", "[Content_Types].xml"), "an Excel workbook and cannot be unpacked"),
         (zipped(PLAIN.encode(), "a.csv", "b.csv"), "a zip archive of 2 files (a.csv, b.csv): unpack it first"),
+        (zipped(b"", "mimetype", "content.xml", "styles.xml"), "a file of an office program: save the sheet"),
+        (zipped(b"", "[Content_Types].xml", "word/document.xml"), "a file of an office program: save the sheet"),
+        (zipped(PLAIN.encode(), "xl/workbook.xml")[:-9], "a zip archive or a spreadsheet and cannot be unpacked"),
+        (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(4096), "a workbook of an old Excel (.xls): save it as .xlsx"),
         (zipped(PLAIN.encode(), "folder/"), "a zip archive of 0 files: unpack it first"),
         (gzip.compress(PLAIN.encode(), mtime=0)[:-900], "gzip-compressed and cannot be unpacked"),
         (lzma.compress(PLAIN.encode())[:-90], "xz-compressed and cannot be unpacked"),

@@ -1,11 +1,15 @@
 """Which line above the numbers names the columns: comments, titles and rows of units are told from each other."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.csv_dialect import read_header
 from dsd_cli.files.csv_layout import CsvLayout, Found, look
 from dsd_cli.files.csv_rate import sample_time_of
+from dsd_cli.files.tables_in import open_table
 
 TIME, OTHER, UNITS = ["t", "u", "q", "v"], ["time", "1", "2", "3"], ["ms", "Nm", "deg", "deg/s"]
 ROWS = [f"{k / 250},{0.5 + k / 8},{-k / 16},{k / 32}" for k in range(12)]
@@ -148,3 +152,20 @@ def test_groups_above_the_names_are_no_names():
     """pandas writes columns of two levels so: `drive` stood for two columns, whose units were `t` and `tau`."""
     rows = [f"{k},{k / 250},{k / 8},{k / 16}" for k in range(12)]
     assert seen(",drive,drive,axis", ",t,tau,q", *rows).header.names == ["", "t", "tau", "q"]
+
+
+@pytest.mark.parametrize("units", ["", "s,Nm,s,rad\n"])
+def test_one_clock_beside_each_channel_is_one(units: str, tmp_path: Path) -> None:
+    rows = "".join(f"{k / 250},{k % 7},{k / 250},{k % 5}\n" for k in range(99))
+    (tmp_path / "log.csv").write_text(f"Time,Torque,Time,Pos\n{units}{rows}")
+    table = open_table(tmp_path / "log.csv", {"t": "Time", "position": "Pos"})
+    (batch,) = table.batches()
+    assert table.column_names == ["Time", "Torque", "Time 2", "Pos"]
+    assert np.array_equal(batch.columns["t"], np.arange(99) / 250)
+
+
+def test_of_two_columns_of_one_name_none_is_guessed(tmp_path: Path) -> None:
+    """At rest at first, they are the same there."""
+    (tmp_path / "log.csv").write_text("t,u,u\n" + "".join(f"{k},0.0,0.0\n" for k in range(9000)) + "9000,1.0,2.0\n")
+    with pytest.raises(DataError, match='2 columns are called "u"'):
+        open_table(tmp_path / "log.csv", {"t": "t", "u": "u"})

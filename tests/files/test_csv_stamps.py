@@ -39,6 +39,13 @@ def test_both_columns_are_one_time(text: str, name: str, start: int, tmp_path: P
     assert not set(name.split("+")) & set(names)  # alone each of them is no time
 
 
+@pytest.mark.parametrize("header", ["sec,ns,f,n,q\n", "stamp_s,stamp_ns,f,n,q\n"])
+def test_both_together_are_in_seconds(header: str, tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text(table(START, header))
+    units = {one.name: one.unit for looked in sample(str(tmp_path / "log.csv")).tables for one in looked.channels}
+    assert units["+".join(header.split(",")[:2])] == "s"
+
+
 @pytest.mark.parametrize(
     "header", ["sec,temp,f,n,q\n", "a.sec,b.nsec,f,n,q\n", "count,flags,f,n,q\n"], ids=["none", "of two", "counts"]
 )

@@ -18,13 +18,15 @@ from dsd_cli.files.csv_cells import MISSING, is_number, number
 from dsd_cli.files.csv_dialect import decode, fields_of
 from dsd_cli.files.csv_layout import CsvLayout, Found, look
 from dsd_cli.files.formats.base import InMemory
-from dsd_cli.files.recognise import is_time
+from dsd_cli.files.recognise import is_motion, is_time
 from dsd_cli.files.table_source import read_head
 from dsd_cli.signals.log import Array
 
 #: Bytes that hold its preamble and its first rows.
 HEAD = 1 << 13
 _NUMBERED = re.compile(r"[ ._]?\d+$")
+#: What the stamps of a plot are called, which may be a place as well.
+_OF_A_PLOT = "x"
 
 
 class ScopeFile(InMemory):
@@ -60,7 +62,15 @@ def is_scope(path: str | Path, head: bytes) -> bool:
     width = len(found.header.names)
     rows = [fields_of(line, found.header.delimiter) for line in lines[found.skip :] if line.strip()]
     stamps = [[cell.strip() for cell in row[: width - 1 : 2]] for row in rows]
-    return _paired(found.header.names) and any(len(set(row)) > 1 or 2 * len(row) < width for row in stamps)
+    differ = any(len(set(row)) > 1 or 2 * len(row) < width for row in stamps)
+    return differ and _paired(found.header.names) and (is_time(found.header.names[0]) or _rise(stamps))
+
+
+def _rise(rows: Sequence[Sequence[str]]) -> bool:
+    """Whether no column falls from row to row, as long as it has cells: what swings is measured."""
+    longest = max(map(len, rows), default=0)
+    columns = [[row[at] for row in rows if at < len(row) and row[at] not in MISSING] for at in range(longest)]
+    return all(all(map(is_number, cells)) and np.all(np.diff([*map(number, cells)]) >= 0.0) for cells in columns)
 
 
 def _head(path: str | Path) -> list[str]:
@@ -74,10 +84,11 @@ def _paired(names: Sequence[str]) -> bool:
     names = names[:-1] if names and not names[-1] else names
     clocks = {_NUMBERED.sub("", name) for name in names[::2]}
     of_values = names[1::2]
+    of_one = len(clocks) == 1 and (clocks == {_OF_A_PLOT} or not is_motion(names[0], ""))
     return (
         len(names) >= 4
         and len(names) % 2 == 0
-        and (len(clocks) == 1 or all(map(is_time, clocks)))
+        and (of_one or all(map(is_time, clocks)))
         and all(name and not is_number(name) for name in (*clocks, *of_values))
         and clocks.isdisjoint(_NUMBERED.sub("", name) for name in of_values)
     )

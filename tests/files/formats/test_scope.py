@@ -54,8 +54,10 @@ def test_units_of_the_preamble_stay_with_their_channel(tmp_path: Path) -> None:
     [
         "time,u,time,q\n" + "".join(f"{k},{k % 5},{k},{k % 3}\n" for k in range(50)),
         "t,u,q,v\n" + "".join(f"{k},{k % 5},{k + 1},{k % 3}\n" for k in range(50)),
+        "q1,tau1,q2,tau2\n" + "".join(f"{k},{k % 5},{2 * k},{k % 3}\n" for k in range(50)),
+        "ch1,a1,ch2,a2\n" + "".join(f"{k % 9},{k % 5},{k % 7},{k % 3}\n" for k in range(50)),
     ],
-    ids=["the same stamps twice", "no pairs"],
+    ids=["the same stamps twice", "no pairs", "two joints", "what swings"],
 )
 def test_a_table_of_one_clock_is_none(text: str, tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text(text)
