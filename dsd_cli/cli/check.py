@@ -132,7 +132,8 @@ def _open_unit(config: Config) -> Finding:
         channel,
         "note",
         1.0,
-        f"signals.{channel}_unit = {', '.join(units[:-1])} or {units[-1]}: gravity and cogging are named by it",
+        f"signals.{channel}_unit = {', '.join(units[:-1])} or {units[-1]}: gravity and cogging are named by it;"
+        " `dsd init LOG --force --set` with it sizes inertia and rho as well",
     )
 
 
