@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.detect.coloured import spectrum, whitening
 from dsd_cli.detect.engine import Engine, Labels
 from dsd_cli.detect.goodness import make_goodness
 from dsd_cli.detect.kernel import KernelSpec
@@ -98,11 +97,7 @@ class UnknownForces:
 
     def __init__(self, spec: KernelSpec) -> None:
         self._spec = spec
-        noise = spec.settings.sensor_noise
-        self._whitening = None
-        if noise:
-            b, c = spectrum(noise, float(spec.alphas[0]) * spec.grid.inertias[0], spec.sample_time)
-            self._whitening = whitening(spec.settings.rho, b, c, spec.pole)
+        self._whitening = spec.whitening
         self.restart()
 
     def restart(self) -> None:

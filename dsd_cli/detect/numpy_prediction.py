@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.detect.coloured import Whitened, spectrum, whitening
+from dsd_cli.detect.coloured import Whitened
 from dsd_cli.detect.spec import KernelSpec
 from dsd_cli.plant.prediction import combine
 from dsd_cli.signals.log import Array
@@ -21,12 +21,8 @@ from dsd_cli.signals.log import Array
 def make_prediction(spec: KernelSpec) -> Any:
     """The recursion for the clock of `spec`; whitened where the noise of the sensor is known."""
     prediction = TimedPrediction(spec) if spec.timed else RegularPrediction(spec)
-    noise = spec.settings.sensor_noise
-    if not noise:
-        return prediction
-    nominal_inertia = float(spec.alphas[0]) * spec.grid.inertias[0]
-    b, c = spectrum(noise, nominal_inertia, spec.sample_time)
-    return Whitened(prediction, whitening(spec.settings.rho, b, c, spec.pole))
+    found = spec.whitening
+    return prediction if found is None else Whitened(prediction, found)
 
 
 class RegularPrediction:

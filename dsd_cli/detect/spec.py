@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from dsd_cli.detect.coloured import Whitening, spectrum, whitening
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.plant.filtering import SETTLED, delay_taps
@@ -61,6 +62,15 @@ class KernelSpec:
         if not self.settings.observer_filter or self.time_constant == 0.0:
             return 0.0
         return float(np.exp(-self.sample_time / self.time_constant))
+
+    @property
+    def whitening(self) -> Whitening | None:
+        """What makes the noise of the sensor white; None where that is not given."""
+        noise = self.settings.sensor_noise
+        if not noise:
+            return None
+        nominal_inertia = float(self.alphas[0]) * self.grid.inertias[0]
+        return whitening(self.settings.rho, *spectrum(noise, nominal_inertia, self.sample_time), self.pole)
 
     def taps(self) -> list[tuple[int, float]]:
         """Per delay: whole samples and the fraction of one."""

@@ -10,6 +10,7 @@ without the value and one does with it, it was commanded, and is no spike any mo
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from dsd_cli.detect.engine import Labels
 from dsd_cli.detect.kernel import Backend, Kernel, make_kernel
 from dsd_cli.detect.plan import Plan
-from dsd_cli.detect.rows import Inputs
+from dsd_cli.detect.rows import Inputs, joined
 from dsd_cli.detect.spec import WARMUP, KernelSpec
 from dsd_cli.plant.filtering import SETTLED
 from dsd_cli.plant.observer import DisturbanceObserver
@@ -45,9 +46,9 @@ class Spikes:
         self.largest = 0.0
         self._level = Level()
         self._ways = _Ways(plan, spec)
-        self._past: list[_Samples] = []  # what a kernel that begins now must have seen
+        self._past: deque[_Samples] = deque()  # what a kernel that begins now must have seen
         self._spikes: list[tuple[int, float]] = []  # row and size
-        self._asked: list[_Asked] = []  # with u as logged; then without all spikes, then without each run of them
+        self._asked: list[_Asked] = []  # with u as logged; then without each run of spikes, at last without all
 
     @property
     def level(self) -> float:
@@ -56,7 +57,8 @@ class Spikes:
 
     def restart(self) -> None:
         """What comes next rests on nothing that was before; the level of u stays."""
-        self._past, self._spikes, self._asked = [], [], []
+        self._past.clear()
+        self._spikes, self._asked = [], []
 
     def unfounded(self, inputs: Inputs, labels: Labels) -> NDArray[np.bool_] | None:
         """Which labels and estimates of the next samples, shape (n,), rest on a spike; None: none does."""
@@ -68,7 +70,8 @@ class Spikes:
         for row, size, level in found:
             self._advance(samples, slice(begin, row - start), labels, wrong)
             begin = row - start
-            self._spikes = [one for one in self._spikes if one[1] >= FACTOR * level]
+            since = row - self._ways.lasting
+            self._spikes = [one for one in self._spikes if one[1] >= FACTOR * level and one[0] >= since]
             if size >= FACTOR * level:
                 self.largest = max(self.largest, size)
                 self._spikes.append((row, size))
@@ -79,7 +82,7 @@ class Spikes:
 
     def _advance(self, samples: _Samples, rows: slice, labels: Labels, wrong: NDArray[np.bool_] | None) -> None:
         """Both ways over these samples where a label or an estimate is confident, as long as they differ."""
-        begin, size = rows.start, min(self._ways.reach, max(AT_ONCE // self._ways.states, 1))
+        begin, size = rows.start, self._ways.at_once
         while self._spikes and begin < rows.stop and wrong is not None:
             stop = min(begin + size, rows.stop)
             after = samples.start + stop - self._spikes[-1][0]
@@ -103,25 +106,28 @@ class Spikes:
 
     def _begin(self, samples: _Samples, now: int) -> bool:
         """Kernels that have taken what was before the sample `now` of these; whether a spike is left."""
-        pieces = [*self._past, samples.part(0, now)]
+        known = _joined([*self._past, samples.part(0, now)])
         while self._spikes and not self._asked:
             rows = [row for row, _ in self._spikes]
             runs = [part.tolist() for part in np.split(rows, np.flatnonzero(np.diff(rows) >= TIMES) + 1)]
-            sets = [[], rows, *(runs[-TIMES:] if len(runs) > 1 else [])]  # more would be a level
+            sets = [[], *(runs[-TIMES:] if len(runs) > 1 else []), rows]  # more would be a level
             self._asked = [_Asked(self._ways, frozenset(one)) for one in sets]
-            for piece in pieces:
-                if self._asked and len(piece.inputs.u):
-                    self._both(piece)
+            begin, end = max(rows[0] - self._ways.memory - known.start, 0), len(known.inputs.u)
+            while self._asked and begin < end:
+                stop = min(begin + self._ways.at_once, end)
+                self._both(known.part(begin, stop))
+                begin = stop
         return bool(self._spikes)
 
     def _both(self, samples: _Samples) -> tuple[Array, list[Array], int]:
         """Likelihoods with u as logged, without spikes, and of how many samples: up to where a spike was commanded.
 
-        That one is none any more, and what follows begins anew.
+        That one is none any more, and what follows begins anew. Where one run of them says it, it says nothing of the
+        others, which no measurement may have seen yet.
         """
         logged, *others = (asked.likelihoods(samples) for asked in self._asked)
         first = [_first(self._ways.needed(logged, other)) for other in others]
-        which = int(np.argmin(first))
+        which = int(np.argmin(first))  # of those that say it at once the first: all of them are last
         if first[which] == len(logged):
             return logged, others, len(logged)
         without = self._asked[1 + which].without
@@ -132,7 +138,8 @@ class Spikes:
         """Keep what a kernel needs that begins at the first spike, or next."""
         end = samples.start + len(samples.inputs.u)
         first = min([row for row, _ in self._spikes], default=end) - self._ways.memory
-        self._past = [one for one in self._past if one.start + len(one.inputs.u) > first]
+        while self._past and self._past[0].start + len(self._past[0].inputs.u) <= first:
+            self._past.popleft()
         self._past.append(samples.part(max(first - samples.start, 0), len(samples.inputs.u)))
 
 
@@ -150,6 +157,11 @@ class _Samples(NamedTuple):
         return _Samples(self.start + begin, Inputs(u[cut], d_hat[cut], t[cut], some))
 
 
+def _joined(parts: Sequence[_Samples]) -> _Samples:
+    """One after the other: a stream may bring every sample by itself."""
+    return _Samples(parts[0].start, joined([one.inputs for one in parts])) if len(parts) > 1 else parts[0]
+
+
 class _Ways:
     """What all kernels of one detector have in common."""
 
@@ -161,10 +173,12 @@ class _Ways:
         self.source, self.observer = plan.d_hat_source, plan.observer
         self.backend: Backend | None = "numpy" if spec.settings.sensor_noise else plan.backend
         longest = max(whole for whole, _ in spec.taps())
-        self.reach = window + longest + spec.aperture + 2  # rows until all windows have had a spike
+        forgetting = 0 if spec.whitening is None else spec.whitening.memory
+        self.reach = window + longest + spec.aperture + 2 + forgetting  # rows until all windows have had a spike
         settling = int(np.ceil(SETTLED * spec.time_constant / spec.sample_time))
+        self.at_once = min(self.reach, max(AT_ONCE // self.states, 1))
         self.lasting = self.reach + 4 * settling  # and until Q has less than 1e-8 of it
-        self.memory = window + spec.warmup_rows + int(np.ceil(spec.warmup_time / spec.sample_time))
+        self.memory = window + spec.warmup_rows + int(np.ceil(spec.warmup_time / spec.sample_time)) + forgetting
 
     def needed(self, logged: Array, other: Array) -> NDArray[np.bool_]:
         """Whether a state explains its window with u as logged, and none does without the spikes; shape (n,)."""

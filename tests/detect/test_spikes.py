@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from dsd_cli.detect import DetectorSettings, Engine, Grid
+from dsd_cli.detect.coloured import SensorNoise
 from dsd_cli.detect.engine import Labels, Measurement
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.rows import Inputs
-from dsd_cli.detect.spikes import Spikes
+from dsd_cli.detect.rows import cut as part
+from dsd_cli.detect.spikes import Spikes, _Asked
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from tests.warm import DSD
 
@@ -96,6 +98,70 @@ def test_a_label_rests_on_a_spike_where_both_ways_say_so(source: str, size: floa
     assert expected.any() or commanded
     # the level of u settles in the first rows
     np.testing.assert_array_equal(np.concatenate(found)[150:], expected[150:])
+
+
+def doubted(u: np.ndarray, d_hat: np.ndarray, grid: Grid, cut: int, noise: float = 0.0, begin: int = 0) -> tuple:
+    """(labels, which of them rest on a spike), d_hat computed from a velocity with that noise.
+
+    begin : so many rows before a spike, at least, the kernels that are asked begin.
+    """
+    settings = DetectorSettings(window=150, rho=RHO, confidence=CONFIDENCE, sensor_noise=SensorNoise(noise))
+    plan = Plan(grid, settings, PlantModel(1.0, 0.0), ObserverSettings(1.0, TAU), "velocity")
+    engine = Engine(plan.grid, settings, Measurement(T, 1.0, TAU))
+    spikes, found, t = Spikes(plan, engine.spec), [], T * np.arange(len(u))
+    spikes._ways.memory = max(spikes._ways.memory, begin)
+    labels = engine.run(u, d_hat)
+    for first in range(0, len(u), cut):
+        end = min(first + cut, len(u))
+        wrong = spikes.unfounded(Inputs(u[first:end], d_hat[first:end], t[first:end], None), part(labels, first, end))
+        found.append(np.zeros(end - first, dtype=bool) if wrong is None else wrong)
+    return labels, np.concatenate(found)
+
+
+def stepped(commanded: dict, wrong: dict, delay: float, rows: int, noise: float) -> tuple[np.ndarray, np.ndarray]:
+    """(u as logged, d_hat computed from it); u is quiet from the sample 200 on but for these values; J = Jn = 1."""
+    k = np.arange(rows)
+    happened = np.where(k < 200, 1.0, 0.02) * np.sign(np.sin(0.11 * k))
+    happened[list(commanded)] = list(commanded.values())
+    u = happened.copy()
+    u[list(wrong)] = list(wrong.values())
+    d_hat = filtered(happened, round(delay / T)) - filtered(u, 0)
+    return u, d_hat + noise * np.random.default_rng(3).normal(size=rows)
+
+
+@pytest.mark.parametrize("cut", [600, 1])
+def test_a_value_that_the_motion_has_shown_says_nothing_of_one_that_no_delay_has_seen_yet(cut: int) -> None:
+    """The first is shown after 30 ms, when the second, which is wrong, has just been logged."""
+    u, d_hat = stepped({301: 2.0}, {328: 5.0}, 0.03, 600, 0.05)
+    labels, wrong = doubted(u, d_hat, Grid((0.03, 0.05), (1.0,)), cut)
+    mistaken = labels.confident & (labels.delay != 0.03)
+    assert mistaken[300:].any()
+    assert not (mistaken & ~wrong)[300:].any()
+
+
+def test_kernels_that_are_asked_begin_early_enough_for_a_filter_that_forgets_late() -> None:
+    """Noise of the velocity as large as this is made white by a filter with a memory of hundreds of rows."""
+    u, d_hat = stepped({}, {2300: 60.0}, 0.03, 3000, 0.05)
+    grid = Grid((0.0, 0.03), (1.0,))
+    _, expected = doubted(u, d_hat, grid, 100, 0.05, begin=2300)
+    assert expected.any()
+    np.testing.assert_array_equal(doubted(u, d_hat, grid, 100, 0.05)[1], expected)
+
+
+def test_many_spikes_cost_as_much_each_as_few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rows that kernels take for one wrong value in 50 of one chunk, and how many at once."""
+    taken, counted = [], _Asked.likelihoods
+    monkeypatch.setattr(
+        _Asked, "likelihoods", lambda self, rows: taken.append(len(rows.inputs.u)) or counted(self, rows)
+    )
+    work = []
+    for rows in (4000, 16000):
+        taken.clear()
+        u, d_hat = stepped({}, dict.fromkeys(range(1000, rows, 50), 3.0), 0.03, rows, 0.05)
+        doubted(u, d_hat, Grid((0.0, 0.03), (1.0,)), rows)
+        work.append(sum(taken) / (rows - 1000))
+        assert max(taken) < 300
+    assert work[1] < 1.2 * work[0]
 
 
 def test_no_label_rests_on_a_value_of_u_that_it_would_see_later_than_others(tmp_path: Path) -> None:
