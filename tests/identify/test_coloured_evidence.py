@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.noise_fit import Noise
 from dsd_cli.identify.fit.row_weights import shared_inflation, unpredicted_share
+from dsd_cli.identify.search.evidence import Evidence
 from dsd_cli.signals.log import Array
 from tests.identify.search_rig import posed
 
@@ -80,3 +85,19 @@ def test_a_lead_is_less_where_what_is_left_has_the_colour_of_what_is_explained()
     slow = posed({"viscous_friction": {"coefficient": 0.05}, "gravity": {"amplitude": 0.3, "phase": 0.0}})
     after = slow.fit((Term("viscous_friction"),), slow.refit.tap)
     assert slow.by_chance(slow.refit, after) > 1.3
+
+
+@pytest.mark.parametrize("beyond", [0.01, 1.0, 100.0], ids=["noise", "near", "far beyond the noise"])
+def test_a_column_gains_half_a_nat_by_chance_however_much_is_left_beyond_the_noise(beyond: float) -> None:
+    """Of 300 draws of noise and of a column, of one colour; the noise of the rows is not white either (twice)."""
+    rng, gained = np.random.default_rng(11), []
+    noise = Noise(1.0 / (1.0 + beyond), 2.0, np.empty(0))
+    rows = SimpleNamespace(counted=1500.0, kept=np.ones(1500, dtype=bool))
+    for _ in range(300):
+        was, column = (_coloured(rng, 0.6, 1500) for _ in range(2))
+        left = was - (column @ was) / (column @ column) * column
+        fits = [SimpleNamespace(terms=(), tap=k, loss=float(x @ x), left=x) for k, x in enumerate((was, left))]
+        judge: Any = SimpleNamespace(noise=noise, equations=rows, _chances={}, _left=lambda fit: fit.left)
+        nats = [Evidence.nats(judge, fit.loss) for fit in fits]
+        gained.append((nats[0] - nats[1]) / Evidence.by_chance(judge, *fits))
+    assert np.mean(gained) == pytest.approx(0.5, rel=0.3)  # within 3.7 standard errors of the mean

@@ -91,7 +91,10 @@ class Evidence:
         if key not in self._chances:
             counts = self.equations.kept
             was, left = (self._left(fit)[counts] for fit in (before, after))
-            self._chances[key] = max(shared_inflation(left, was - left) / self.noise.inflation, 1.0)
+            row, noise = after.loss / max(self.equations.counted, 1.0), self.noise
+            taken = max(row, noise.variance * noise.inflation)  # what `nats` takes for the variance of a row
+            of_white = max(row, noise.variance) / taken
+            self._chances[key] = max(shared_inflation(left, was - left) * of_white, 1.0)
         return self._chances[key]
 
     def _left(self, fit: Fit) -> np.ndarray:
