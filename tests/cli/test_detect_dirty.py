@@ -129,7 +129,7 @@ REFUSED = {
     "no value at all": (b"t,u,d_hat\n" + b"nan,nan,nan\n" * 20, "no finite time stamp"),
     "binary": (b"\x00\x01\x02" * 50, "neither CSV nor Parquet"),
     "half a Parquet": (b"PAR1" + b"x" * 100, "not a readable Parquet file"),
-    "a spreadsheet": (b"PK\x03\x04" + b"x" * 100, "export it as CSV"),
+    "half a zip": (b"PK\x03\x04" + b"x" * 100, "cannot be unpacked"),
 }
 
 
