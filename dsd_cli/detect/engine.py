@@ -146,8 +146,7 @@ class Engine:
         self._floor = spec.log_likelihood_floor
         self._profile = self._make_profile()
         self._rows = 0
-        # noise that is not white is made white between prediction and likelihood: the NumPy kernel has that
-        self._kernel = make_kernel(spec, "numpy" if settings.sensor_noise else backend)
+        self._kernel = make_kernel(spec, backend)
         self._delays, self._inertias = (grid.axes[name].tolist() for name in ("delay", "inertia"))
         self._recursion = self._make_recursion()
         self._step = self._kernel.step

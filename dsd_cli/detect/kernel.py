@@ -6,9 +6,11 @@ import os
 from typing import Any, Literal, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.detect.spec import KernelSpec
 from dsd_cli.errors import UsageError
+from dsd_cli.signals.log import Array
 
 Backend = Literal["compiled", "numpy"]
 
@@ -39,7 +41,11 @@ def active_backend() -> Backend:
 
 
 def make_kernel(spec: KernelSpec, backend: Backend | None = None) -> Kernel:
-    """The kernel for these states; `backend=None` takes the fastest there is."""
+    """The kernel for these states; `backend=None` takes the fastest there is.
+
+    Noise that is not white is made white between prediction and likelihood: the NumPy kernel alone has that.
+    """
+    backend = "numpy" if spec.settings.sensor_noise else backend
     compiled = None if backend == "numpy" else _compiled_class()
     if compiled is None and backend == "compiled":
         raise UsageError("no compiled kernel in this installation", "leave backend out, or install with a compiler")
@@ -48,6 +54,18 @@ def make_kernel(spec: KernelSpec, backend: Backend | None = None) -> Kernel:
 
         return NumpyKernel(spec)
     return _make_compiled(compiled, spec)
+
+
+def likelihoods(kernel: Kernel, spec: KernelSpec, inputs: tuple[Any, ...]) -> tuple[Array, NDArray[np.uint8]]:
+    """log p over its window of every state, shape (n, states), and what each row rests on (WARMUP, PARTIAL, FULL).
+
+    inputs : u, d_hat, t and the three columns of `Forces` of the next samples; None where there are none.
+    """
+    n = len(inputs[0])
+    found, status = np.empty((n, len(spec.grid))), np.empty(n, dtype=np.uint8)
+    buffers = tuple(None if one is None else np.ascontiguousarray(one) for one in inputs)
+    kernel.run(*buffers, found, np.empty(n, dtype=np.int32), np.empty(n), np.empty(n), status, None)
+    return found, status
 
 
 def _make_compiled(compiled: Any, spec: KernelSpec) -> Kernel:

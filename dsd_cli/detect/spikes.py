@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.detect.engine import Labels
-from dsd_cli.detect.kernel import Backend, Kernel, make_kernel
+from dsd_cli.detect.kernel import Kernel, likelihoods, make_kernel
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.rows import Inputs, joined
 from dsd_cli.detect.spec import WARMUP, KernelSpec
@@ -171,7 +171,7 @@ class _Ways:
         self.states, self.confidence = len(spec.grid), spec.settings.confidence
         self.floor = self.spec.log_likelihood_floor
         self.source, self.observer = plan.d_hat_source, plan.observer
-        self.backend: Backend | None = "numpy" if spec.settings.sensor_noise else plan.backend
+        self.backend = plan.backend
         longest = max(whole for whole, _ in spec.taps())
         forgetting = 0 if spec.whitening is None else spec.whitening.memory
         self.reach = window + longest + spec.aperture + 2 + forgetting  # rows until all windows have had a spike
@@ -237,15 +237,13 @@ class _Asked:
     def likelihoods(self, samples: _Samples) -> Array:
         """log p of every state over its window, shape (n, states); 0 where nothing is judged."""
         u, d_hat, t, forces = samples.inputs[:4]
-        n = len(u)
-        if n and self.without:
+        if len(u) and self.without:
             instead = self._instead(u, samples.start)
             d_hat = d_hat + self._observed(instead - u, t)
             u = instead
-        found, status = np.empty((n, self._ways.states)), np.empty(n, dtype=np.uint8)
-        buffers: Sequence[Any] = (u, d_hat, t if self._ways.spec.timed else None, *(forces or (None,) * 3))
-        buffers = tuple(None if one is None else np.ascontiguousarray(one) for one in buffers)
-        self._kernel.run(*buffers, found, np.empty(n, dtype=np.int32), np.empty(n), np.empty(n), status, None)
+        spec = self._ways.spec
+        inputs = (u, d_hat, t if spec.timed else None, *(forces or (None,) * 3))
+        found, status = likelihoods(self._kernel, spec, inputs)
         found[status == WARMUP] = 0.0
         return found
 

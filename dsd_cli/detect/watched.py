@@ -10,7 +10,7 @@ import numpy as np
 
 from dsd_cli.detect.coloured import SensorNoise
 from dsd_cli.detect.engine import Labels
-from dsd_cli.detect.kernel import Kernel, make_kernel
+from dsd_cli.detect.kernel import Kernel, likelihoods, make_kernel
 from dsd_cli.detect.numpy_prediction import make_prediction
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.rows import Inputs, Rows
@@ -143,12 +143,9 @@ class WatchedSession(Session):
 
     def _probabilities(self, buffers: tuple[Any, ...]) -> Array:
         """Of each state from its likelihood over the window (eq. 15), shape (n, states)."""
-        spec, n = self._spec, len(buffers[0])
         if self._kernel is None:
-            self._kernel = make_kernel(spec, "numpy" if spec.settings.sensor_noise else self.plan.backend)
-        found, status = np.empty((n, len(spec.grid))), np.empty(n, dtype=np.uint8)
-        buffers = tuple(None if one is None else np.ascontiguousarray(one) for one in buffers)
-        self._kernel.run(*buffers, found, np.empty(n, dtype=np.int32), np.empty(n), np.empty(n), status, None)
+            self._kernel = make_kernel(self._spec, self.plan.backend)
+        found, status = likelihoods(self._kernel, self._spec, buffers)
         found[status == WARMUP] = np.nan
         with np.errstate(invalid="ignore"):
             found = np.exp(found - found.max(axis=1, keepdims=True))
