@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import ParseError
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.formats.base import check_size
@@ -123,9 +122,9 @@ def _unpacked(path: str | Path, kind: str, stream: Any, most: int | None) -> byt
                     break
                 size += text.write(part)
                 check_size(str(path), size)
-    except (OSError, EOFError, RuntimeError, NotImplementedError, ValueError, LookupError) as error:
+    except (OSError, EOFError, RuntimeError, NotImplementedError, ValueError) as error:
         raise _damaged(path, kind, error) from None
-    except (zlib.error, lzma.LZMAError, zipfile.BadZipFile, ParseError) as error:
+    except (zlib.error, lzma.LZMAError, zipfile.BadZipFile) as error:
         raise _damaged(path, kind, error) from None
     if not size and part:
         raise DataError(f"{path}: is {kind}, and what is in it is no text", "unpack it first")

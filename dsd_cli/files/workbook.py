@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from datetime import date, time
 from importlib.util import find_spec
 from typing import Any
@@ -33,6 +33,7 @@ def text_of_workbook(path: str) -> Iterator[bytes]:
 
 def _lines(path: str) -> Iterator[bytes]:
     from openpyxl import load_workbook  # slow to import
+    from openpyxl.cell.cell import ERROR_CODES
 
     line = io.StringIO()
     write = csv.writer(line, lineterminator="\n").writerow
@@ -44,15 +45,14 @@ def _lines(path: str) -> Iterator[bytes]:
             for row in sheet.iter_rows(values_only=True):
                 line.seek(0)
                 line.truncate()
-                write(map(_text, row))
+                write(_text(value, ERROR_CODES) for value in row)
                 yield line.getvalue().encode()
     except (KeyError, TypeError, AttributeError, IndexError, SyntaxError) as error:  # of XML, SyntaxError
         raise ValueError(f"no sheet of it can be read: {error}") from None
 
 
-def _text(value: Any) -> Any:
-    from openpyxl.cell.cell import ERROR_CODES
-
+def _text(value: Any, errors: Collection[str]) -> Any:
+    """What a cell says; nothing where its formula failed."""
     if isinstance(value, time):
         return value.isoformat("microseconds")
     if isinstance(value, date):
@@ -60,5 +60,5 @@ def _text(value: Any) -> Any:
     if isinstance(value, bool):
         return int(value)
     if isinstance(value, str):
-        return "" if value in ERROR_CODES else " ".join(value.splitlines())
+        return "" if value in errors else " ".join(value.splitlines())
     return value

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 from tests import warm
-from tests.recordings import recording
+from tests.recordings import EMPS, recording
 
 #: What `improve` finds of the arm's axis; the line in time stands in for something that nobody knows.
 ARM = """
@@ -102,16 +102,9 @@ def test_a_move_of_half_a_second_teaches_no_law(tmp_path):
 
 
 #: A linear axis as the ladder leaves its first half.
-LINEAR = """
-[signals]
-time = "t_s"
-u = "force_N"
-position = "position_m"
-[observer]
-nominal_inertia = 95
-time_constant = 0.02
-[model]
-inertia = 94.95
+LINEAR = (
+    EMPS.replace("\ninertia = 95\n", "\ninertia = 94.95\n")
+    + """
 [model.effects.coulomb_friction]
 level = 20.9
 [model.effects.viscous_friction]
@@ -119,6 +112,7 @@ coefficient = 199.6
 [model.effects.viscous_asymmetry]
 coefficient = -37.7
 """
+)
 
 
 def test_what_the_first_half_of_a_record_teaches_lowers_the_force_error_of_the_second(tmp_path):

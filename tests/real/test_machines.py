@@ -29,19 +29,8 @@ from dsd_cli.identify.results import Estimate, Score
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import PlantModel
 from tests import warm
-from tests.recordings import recording
+from tests.recordings import EMPS, recording
 
-EMPS = """
-[signals]
-time = "t_s"
-u = "force_N"
-position = "position_m"
-[observer]
-nominal_inertia = 95
-time_constant = 0.02
-[model]
-inertia = 95
-"""
 #: u in volts, so J is in V s2/rad. The servo's velocity column is filtered and late: the position alone is used.
 XL330 = """
 [signals]
