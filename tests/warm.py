@@ -18,6 +18,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
@@ -46,8 +47,8 @@ def run(
     env : of the command; None is that of the tests. stdin : None is the null device.
     """
     words, env = [str(argument) for argument in arguments], dict(os.environ if env is None else env)
-    if stdin is None and _SERVER.serves(env):
-        return _SERVER.run(words, cwd, env, timeout)
+    if _SERVER.serves(env):
+        return _SERVER.run(words, cwd, env, stdin, timeout)
     return subprocess.run(
         [*DSD, *words],
         input=stdin,
@@ -88,19 +89,23 @@ class _Server:
         return self._mine
 
     def run(
-        self, words: Sequence[str], cwd: Path, env: Mapping[str, str], timeout: float
+        self, words: Sequence[str], cwd: Path, env: Mapping[str, str], stdin: str | bytes | None, timeout: float
     ) -> subprocess.CompletedProcess:
         """One command after the other."""
         with self._lock:
-            server, said, readers = self._started(), [b"", b""], []
+            server, said = self._started(), [b"", b""]
             pipes = [os.pipe(), os.pipe()]
-            with open(os.devnull) as nothing:
-                request = json.dumps({"words": words, "cwd": os.path.abspath(cwd), "env": dict(env)}).encode()
-                socket.send_fds(server, [request], [nothing.fileno(), *(its for _, its in pipes)])
-            for i, (mine, its) in enumerate(pipes):
+            its_in, mine_in = os.pipe() if stdin is not None else (os.open(os.devnull, os.O_RDONLY), -1)
+            request = json.dumps({"words": words, "cwd": os.path.abspath(cwd), "env": dict(env)}).encode()
+            socket.send_fds(server, [request], [its_in, *(its for _, its in pipes)])
+            for its in (its_in, *(its for _, its in pipes)):
                 os.close(its)
-                readers.append(threading.Thread(target=_read, args=(said, i, mine)))
-                readers[i].start()
+            threads = [threading.Thread(target=_read, args=(said, i, mine)) for i, (mine, _) in enumerate(pipes)]
+            if stdin is not None:
+                content = stdin if isinstance(stdin, bytes) else stdin.encode()
+                threads.append(threading.Thread(target=_write, args=(content, mine_in)))
+            for thread in threads:
+                thread.start()
             child = int(server.recv(64))
             server.settimeout(timeout)
             try:
@@ -110,15 +115,21 @@ class _Server:
                 server.settimeout(None)
                 server.recv(64)
                 raise subprocess.TimeoutExpired([*DSD, *words], timeout) from None
-            for reader in readers:
-                reader.join()
-        out, err = (io.TextIOWrapper(io.BytesIO(x)).read() for x in said)
+            for thread in threads:
+                thread.join()
+        text = not isinstance(stdin, bytes)
+        out, err = (io.TextIOWrapper(io.BytesIO(x)).read() if text else x for x in said)
         return subprocess.CompletedProcess([*DSD, *words], code, out, err)
 
 
 def _read(said: list[bytes], i: int, pipe: int) -> None:
     with open(pipe, "rb") as stream:
         said[i] = stream.read()
+
+
+def _write(content: bytes, pipe: int) -> None:
+    with suppress(BrokenPipeError), open(pipe, "wb") as stream:  # a command need not read to the end
+        stream.write(content)
 
 
 _SERVER = _Server()

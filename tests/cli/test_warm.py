@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -14,13 +15,26 @@ from tests import warm
     ids=" ".join,
 )
 def test_streams_exit_code_and_folder_are_the_same(arguments, tmp_path):
+    as_afresh(arguments, tmp_path)
+
+
+@pytest.mark.parametrize("stdin", ["t,u\n0,1\n0.001,2\n", b"t,u\r\n0,1\r\n", ""], ids=["text", "bytes", "nothing"])
+def test_what_is_piped_in_is_read(stdin, tmp_path):
+    as_afresh(["columns", "-"], tmp_path, stdin)
+
+
+def test_what_is_piped_in_need_not_be_read():
+    assert warm.run("--version", cwd=Path(), stdin=b"x" * (1 << 20)).returncode == 0  # more than a pipe holds
+
+
+def as_afresh(arguments, tmp_path, stdin=None):
+    """The command warm, as it is in a process of its own."""
     answers, env = [], {**os.environ, "COLUMNS": "70", "NO_COLOR": "1"}
+    how = {"stdin": subprocess.DEVNULL} if stdin is None else {"input": stdin}
+    how |= {"text": not isinstance(stdin, bytes), "capture_output": True, "env": env}
     for name, run in (
-        ("warm", lambda cwd: warm.run(*arguments, cwd=cwd, env=env)),
-        (
-            "afresh",
-            lambda cwd: subprocess.run([*warm.DSD, *arguments], cwd=cwd, env=env, capture_output=True, text=True),
-        ),
+        ("warm", lambda cwd: warm.run(*arguments, cwd=cwd, env=env, stdin=stdin)),
+        ("afresh", lambda cwd: subprocess.run([*warm.DSD, *arguments], cwd=cwd, **how)),
     ):
         (tmp_path / name).mkdir()
         done = run(tmp_path / name)
