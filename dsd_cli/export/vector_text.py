@@ -48,9 +48,9 @@ class Layout:
         return [Q, V, 0.0, *[self.found.held] * self.held, *self.found.start.values(), *self.found.resting.values()]
 
 
-def step_text(layout: Layout, syntax: Syntax, indent: int, names: dict[str, str] | None = None) -> Text:
+def step_text(layout: Layout, syntax: Syntax, indent: int) -> Text:
     """The state one sample further, under the command `u`; `t` and `ts` are reals that it needs."""
-    found, names = layout.found, {**layout.names(), **(names or {})}
+    found, names = layout.found, layout.names()
     pad, step, n = "    " * indent, found.joint.sample_time, layout.held
     at = syntax.assign.format
     lines = [pad + at(name="t", value=f"({layout.cell(2)} * {syntax.digits(step)})")]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,24 +77,21 @@ def _rest(a: Array, b: Array, rest_speed: float) -> tuple[Mask, Mask]:
     return slow_a & slow_b, (slow_a ^ slow_b) | ((a * b < 0.0) & ~(slow_a & slow_b))
 
 
-def interval_forces(
-    effects: EffectValues, channels: Channels, inertia: float = 1.0, states: dict[str, Any] | None = None
-) -> tuple[Array, Array]:
+def interval_forces(effects: EffectValues, channels: Channels, inertia: float = 1.0) -> tuple[Array, Array]:
     """(force F of applied effects and loads, budget b >= 0 of the frictions), unit of u, shape of the channels.
 
     Parameters
     ----------
     channels : means of an interval; `channels.u` is the delayed u that reaches the plant.
+        The state of effects with memory is that at the begin of a log.
     inertia : J of the whole plant, for effects that hang a part of it on the motor.
-    states : effect id -> state of effects with memory, carried on from and brought up to date; None: the log begins.
     """
-    states = {} if states is None else states
     total = {True: np.zeros(np.shape(channels.u)), False: np.zeros(np.shape(channels.u))}
     for name, values in effects.items():
         effect = get_effect(name)
         if effect.role is Role.INPUT:
             continue
-        force, states[name] = effect.force(channels, values, inertia, states.get(name))
+        force, _ = effect.force(channels, values, inertia, None)
         scale = -inertia if effect.role is Role.STRUCTURE else 1.0
         total[effect.role is Role.FRICTION] = total[effect.role is Role.FRICTION] + scale * force
     return total[False], np.maximum(total[True], 0.0)

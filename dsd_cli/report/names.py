@@ -50,10 +50,10 @@ def estimate_text(estimate: Estimate, unit: bool = True) -> str:
     return f"{text} (not identifiable)" if estimate.grade == "not" and math.isnan(error) else text
 
 
-def values_text(estimates: Estimates, separator: str = ", ") -> str:
+def values_text(estimates: Estimates) -> str:
     """`level 0.52 +- 0.01 u, ...`; a value that is named like its effect stands alone."""
     alone = len(estimates) == 1 and next(iter(estimates), "") in (INERTIA, DELAY)
-    return separator.join(estimate_text(e) if alone else f"{name} {estimate_text(e)}" for name, e in estimates.items())
+    return ", ".join(estimate_text(e) if alone else f"{name} {estimate_text(e)}" for name, e in estimates.items())
 
 
 def estimates_json(estimates: Estimates) -> dict[str, Any]:

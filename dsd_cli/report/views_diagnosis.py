@@ -47,18 +47,9 @@ class ResidualView:
     beside: tuple[str, ...] = ()
 
 
-def residual_view(result: Diagnosis, given: PlantModel, recordings: Sequence[Recording]) -> ResidualView:
-    """Residual of the model fitted along with the verdict's effect, but without it, against the channel it needs.
-
-    Raises
-    ------
-    DataError : the recordings are too short for a balance.
-    """
-    return residual_views(result, given, recordings)[0]
-
-
 def residual_views(result: Diagnosis, given: PlantModel, recordings: Sequence[Recording]) -> tuple[ResidualView, ...]:
-    """The verdict's view, and one for each other effect of the set: what the others leave to it.
+    """The verdict's view: the residual of the model fitted along with its effect, but without it, against the channel
+    that it needs; and one for each other effect of the set: what the others leave to it.
 
     Raises
     ------

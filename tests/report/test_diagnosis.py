@@ -14,7 +14,7 @@ from dsd_cli.report.figure import rendered
 from dsd_cli.report.names import moves, percent
 from dsd_cli.report.plots_diagnosis import draw
 from dsd_cli.report.verdict import verdict_line
-from dsd_cli.report.views_diagnosis import residual_view, residual_views
+from dsd_cli.report.views_diagnosis import residual_views
 from tests.report.examples import DIAGNOSIS, GIVEN, NAN, NOTHING, RANKING, UNKNOWN, recording
 
 REPORT = DiagnosisReport(DIAGNOSIS, GIVEN, ("b.csv",), {"gap": 3})
@@ -201,14 +201,14 @@ def test_a_long_ranking_is_cut_on_the_screen_only() -> None:
 
 def test_the_residual_is_the_force_that_is_missing_and_the_effect_explains_it() -> None:
     """Where the axis is fast, 0.52 of friction against it is missing; with it, noise of 0.3 below the band's end."""
-    view = residual_view(DIAGNOSIS, GIVEN, [recording(), recording()])
+    view = residual_views(DIAGNOSIS, GIVEN, [recording(), recording()])[0]
     assert (view.on, view.effect) == ("velocity", "coulomb_friction")
     for side in (-1.0, 1.0):
         fast = side * view.x > 2.0
         np.testing.assert_allclose(view.residual[fast].mean(), -side * 0.52, atol=0.02)
         np.testing.assert_allclose(view.explained[fast].mean(), -side * 0.52, atol=0.01)
     fast = np.abs(view.x) > 2.0
-    alone = residual_view(DIAGNOSIS, GIVEN, [recording()])
+    alone = residual_views(DIAGNOSIS, GIVEN, [recording()])[0]
     assert len(view.residual) == 2 * len(alone.residual) == len(view.x) == len(view.explained)
     left = (view.residual - view.explained)[fast]
     assert 0.05 < np.std(left) < 0.3
@@ -216,13 +216,13 @@ def test_the_residual_is_the_force_that_is_missing_and_the_effect_explains_it() 
 
 
 def test_without_a_winner_the_residual_is_against_what_it_depends_on() -> None:
-    unnamed = residual_view(UNKNOWN, GIVEN, [recording()])
+    unnamed = residual_views(UNKNOWN, GIVEN, [recording()])[0]
     assert (unnamed.on, unnamed.effect, unnamed.explained) == ("velocity", "", None)
-    assert residual_view(replace(UNKNOWN, depends_on=("time",)), GIVEN, [recording()]).on == "t"
-    assert residual_view(NOTHING, GIVEN, [recording()]).on == "t"
+    assert residual_views(replace(UNKNOWN, depends_on=("time",)), GIVEN, [recording()])[0].on == "t"
+    assert residual_views(NOTHING, GIVEN, [recording()])[0].on == "t"
     heavier = GIVEN.changed(inertia=1.3)
     named = replace(DIAGNOSIS, verdict="inertia", ranking=(replace(RANKING[3], model=heavier),))
-    view = residual_view(named, GIVEN, [recording()])
+    view = residual_views(named, GIVEN, [recording()])[0]
     assert view.on == "u"
     assert np.corrcoef(view.x, view.explained)[0, 1] < -0.99  # -0.3 a, and u is a but for friction
 
@@ -232,7 +232,7 @@ def test_a_log_too_short_for_a_picture_is_one_line() -> None:
     piece = whole.pieces[0]
     short = replace(piece, channels={name: x[:60] for name, x in piece.channels.items()})
     with pytest.raises(DataError, match="too short for a picture"):
-        residual_view(DIAGNOSIS, GIVEN, [replace(whole, pieces=(short,))])
+        residual_views(DIAGNOSIS, GIVEN, [replace(whole, pieces=(short,))])[0]
 
 
 @pytest.mark.parametrize("result", [DIAGNOSIS, NOTHING, UNKNOWN, replace(NOTHING, ranking=())])
@@ -243,7 +243,7 @@ def test_the_picture_is_a_png(result: object) -> None:
 
 
 def test_a_picture_of_an_axis_at_rest_is_drawn() -> None:
-    view = residual_view(DIAGNOSIS, GIVEN, [recording()])
+    view = residual_views(DIAGNOSIS, GIVEN, [recording()])[0]
     view = replace(view, x=np.zeros(len(view.x)))
     one = Candidate("coulomb_friction", 0.1, NAN, 0.1, NAN, {})
     report = DiagnosisReport(replace(DIAGNOSIS, ranking=(one,)))
