@@ -30,7 +30,6 @@ from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Diagnosis, Estim
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.evidence import belief_by_squares
-from dsd_cli.identify.verdict.two_numbers import EVEN
 from dsd_cli.plant.maker import Maker, remade
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import D_HAT_MAKER, DHatSource, Log, with_channels
@@ -89,7 +88,7 @@ class Beliefs:
     def best(self) -> Maker:
         """The first of those half as likely as the likeliest, at least: some leave the same, half a sample later."""
         most = max(self.shares.values())
-        return next(m for m, share in self.shares.items() if share >= EVEN * most)
+        return next(m for m, share in self.shares.items() if share >= POLICY.even * most)
 
     def said(self, how: str) -> str:
         """Who the best is, and how d_hat is read therefore."""
@@ -159,7 +158,9 @@ def diagnosed(asked: OpenLog, ask: Ask) -> tuple[Diagnosis, list[Recording]]:
     answer, shares = found[best], {m: max(beliefs.shares[m], 1e-300) for m in found}
     sure = sum(shares[m] * d.probability for m, d in found.items() if d.verdict == answer.verdict)
     over = _OverMakers(beliefs, best, asked.recordings[0].sample_time)
-    none_asked = EVEN if sum(shares.values()) < RULED_OUT else POLICY.surest  # another made d_hat than those asked of
+    none_asked = (
+        POLICY.even if sum(shares.values()) < RULED_OUT else POLICY.surest
+    )  # another made d_hat than those asked of
     sure = min(sure / sum(shares.values()), over.wrong(answer, asked.model), none_asked)
     return over.put(replace(answer, advice=(*_said(beliefs), *answer.advice)), sure), asked.made(best)[0]
 

@@ -74,7 +74,6 @@ class Policy:
     weakest_pulse: float = 0.1  # of the strongest; less is part of its edges
     same_level: float = 0.2  # share of a level by which neighbours differ that are one pulse
     forgotten_travel: float = 0.25  # of the travel, after which the first state of effects with memory has no influence
-    pulses_fall: float = 0.1  # share of the held-out error that pulses take off: something unknown is there, if no push
     of_place: float = 0.35  # of the pushes' variance that the position explains, and the share of other times at which
     place_by_chance: float = 0.01  # as much of it is explained: both are met by no true pushes
 
@@ -104,22 +103,17 @@ class Policy:
     most_drift: float = 0.7  # of the range of the position, by which it may drift and still be used
     most_travel: float = 1.5  # times the least travel of any speed offset: an axis that works comes back
     told_deviations: float = 2.0  # standard errors that some value of an effect must be away from 0
-    surest_untold: float = 0.5  # where none of them is
-    surest_against_told: float = 0.5  # no effect is surer beside a held or bounded value that the log contradicts
-    afloat_surest: float = 0.5  # and none that depends on the position alone, for its zero is not known
 
     # -- a resonance above the band --
     response_lowest_share: float = 0.25  # of the band's end, from which on the response is looked at
     response_highest_share: float = 0.15  # of the sample rate, up to which it is
     response_nats: float = 30.0  # that a resonance must gain over a rigid axis and over a lag; noise alone reaches 8
-    response_lost: float = 0.3  # of what blocks gain, that others may lose
     response_share: float = 0.03  # least share of the inertia that swings; and that does not
     response_damping: float = 0.25  # of the free vibration; above, nothing swings
     response_correlated: float = 6.0  # rows over which what a swinging load leaves is correlated; more: play may rattle
     response_fall: float = 0.5  # of the output error that it takes off: less, and it leaves something correlated
     response_in_band: float = 0.8  # of the band's end; a resonance below is identified by the balance itself
-    load_leaves: float = 3.0  # times the floor, at most, with a load that the balance alone finds
-    load_takes: float = 3.0  # times as much must be left without it; by following the sensor's noise it can halve that
+    load_takes: float = 3.0  # times the floor is left at most with a load of the balance, and times that without it
 
     response_rise: float = 0.02  # of the held-out error in the band, that such a load may cost there
     driven_gain: float = 0.7  # of the error with a load that the sensor drives, that one driven by the model may leave
@@ -129,21 +123,15 @@ class Policy:
 
     # -- vetoes --
     least_inertia: float = 0.01  # of the inertia first fitted; a set that leaves less explains u by itself
-    near_fall: float = 0.1  # share of the held-out error from which on an unconfirmed effect is mentioned
-    creeping_fall: float = 0.3  # and from which on it is mentioned, where all is left in creeping
-    creeping_rise: float = 1.3  # of what is left of all rows over what is where the direction is sure, and no more
+    creeping_rise: float = 1.3  # of what all rows leave over what is left where the direction is sure: that is creeping
     few_rows: int = 150  # independent equations below which of when u acts nothing is said
-    rows_per_effect: int = 75  # that a push beside laws needs: in a short log they imitate anything
-    least_rows_per_effect: int = 25  # below which no verdict on more than one effect is surer than 50 %
-
-    least_alone: float = 0.005  # share of the held-out error that an effect takes off alone, to be named
+    near_fall: float = 0.1  # share of the held-out error from which on pushes or an unconfirmed effect are something
 
     # -- ties --
     nearly_the_same: float = 0.05  # share by which errors of two effects alone may differ; the commoner one is named
     rival_share: float = 0.7  # of the winner's explained power that a rival explains whose lead in nats is uncertain
     rival_deviations: float = 2.5  # standard errors over the blocks below which a lead is uncertain
     rival_share_in_misfit: float = 0.9  # of the winner's explained power that suffices where something unknown is left
-    cheaper_rival_share: float = 0.95  # and that suffices with fewer shape parameters
     changed_for_name: float = 2.0  # factor on the given values, beyond the winner's change, with which it is not named
     rival_error: float = 2.0  # times the winner's error; a rival that leaves more is none
     most_inflation: float = 3.0  # rows of autocorrelation time; above, something unknown is left
@@ -151,18 +139,16 @@ class Policy:
     # -- probability --
     tempering: float = 0.5  # exponent on likelihoods: blocks are neither independent nor alike
     least_told_direction: float = 0.9  # of the samples in motion; a sensor that shows fewer cannot identify friction
+    even: float = 0.5  # odds of what the log leaves open: no value away from 0, no known zero, another value than given
     surest: float = 0.99  # no verdict is surer: the catalogue is not the world
     stands_in: float = 3.0  # times what is left; an effect that takes off no more stands in for another half the time
     rows_of_a_choice: float = 3.0  # independent equations that halve a belief; times the square of the set's size
     surest_unknown: float = 0.9  # "unknown", however much is left: the search may have missed an effect that is there
-    surest_unnamed: float = 0.5  # a member of a set of which the verdict names none
     surest_unstable: float = 0.9  # where the verdict changes on half of the data or in another band
-    narrower_band: float = 0.5  # times the band, in which the verdict is tried again
-    wider_band: float = 2.0  # the same
+    other_bands: float = 2.0  # by which the band is divided and multiplied, and the verdict tried again there
 
     # -- values --
     value_deviations: float = 4.0  # standard errors from which on a value of the model is wrong
-    one_value_share: float = 0.5  # of what freeing all values gains, that a single wrong value gains
     contradicting_deviations: float = 3.0  # standard deviations from which on a log contradicts a prior or held value
     not_identified: float = 1e3  # standard errors over the value; more is no estimate
     tied_correlation: float = 0.97  # with the inertia, above which only the ratio to it is identified
@@ -192,7 +178,6 @@ class Policy:
     rest_deviations: float = 3.0  # of the speed's noise, within which the axis may be at rest
     creep_share: float = 1e-3  # of the rms speed, up to which a sticking axis may creep
     clear_acceleration: float = 0.12  # of the rms of u: noise of J a above which the smoothed speed's slope is taken
-    quieter_slope: float = 0.5  # of a logged speed's noise, below which the slope of the position replaces it
     clear_signs: float = 8.0  # standard errors from which on a sign counts
     correlated_samples: float = 50.0  # of d_hat that count as one, for that
 

@@ -123,7 +123,7 @@ def test_a_spring_whose_zero_nobody_logged_is_one_spring(what, seed):
     recording, model, observer = asked(log)
     found = diagnose([recording], model, observer)
     assert (found.verdict, found.found) == (what, (what,))
-    assert found.probability <= POLICY.afloat_surest
+    assert found.probability <= POLICY.even
     coefficient = found.ranking[0].parameters["coefficient"]
     assert coefficient.value == pytest.approx(log.truth["effects"][what]["coefficient"], rel=0.02)
 
@@ -141,7 +141,7 @@ def test_a_ripple_tells_how_fast_a_reconstructed_position_creeps(seed):
     (log,) = make([case])
     found = diagnosed(case.what, seed, "udhat")
     assert found.verdict == "cogging"
-    assert found.probability <= POLICY.afloat_surest
+    assert found.probability <= POLICY.even
     for name in ("periods", "amplitude"):
         truth = log.truth["effects"]["cogging"][name]
         assert found.ranking[0].parameters[name].value == pytest.approx(truth, rel=2e-3)

@@ -212,7 +212,7 @@ def _with_velocity(
         return pieces, max(s.value_noise for s in found), _widest(found), {}
     slopes = _smoothed(pieces, parts, "position")
     provenance["position"] = "logged"
-    if max(s.slope_noise for s in slopes) < POLICY.quieter_slope * max(s.value_noise for s in found):
+    if max(s.slope_noise for s in slopes) < max(s.value_noise for s in found):
         provenance["velocity"] = "from position"
         pieces = _with_speed(pieces, [(s.slope, s.slope_spread) for s in slopes])
         return pieces, max(s.slope_noise for s in slopes), _widest(slopes), {}

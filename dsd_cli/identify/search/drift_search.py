@@ -103,7 +103,7 @@ class _Paths:
         beside it. The set that is found there may leave more than before: pushes come later (`verdict.pushes`).
         """
         pulses = with_pulses(search, fit)
-        if pulses is None or _error((search, pulses)) > (1.0 - POLICY.pulses_fall) * _error((search, fit)):
+        if pulses is None or _error((search, pulses)) > (1.0 - POLICY.near_fall) * _error((search, fit)):
             return None
         begin = search, sharpened(search, pulses)
         path = self.settled(*begin)

@@ -253,7 +253,7 @@ def _whatever_the_noise(signals: Signals, rival: Array) -> Callable[[Array], Arr
 def _agreed(by_block: Array) -> bool:
     """Whether the gain is certain: enough without the best block, and little lost in the others."""
     lost, won = (float(np.maximum(sign * by_block, 0.0).sum()) for sign in (-1.0, 1.0))
-    return _enough(by_block) and lost < POLICY.response_lost * won
+    return _enough(by_block) and lost < POLICY.most_lost * won
 
 
 def _enough(by_block: Array) -> bool:

@@ -165,7 +165,7 @@ def beside_told(found: Diagnosis, said: Sequence[str]) -> Diagnosis:
 
 
 def _less_sure(found: Diagnosis) -> Diagnosis:
-    surest = POLICY.surest_against_told
+    surest = POLICY.even
     ranking = tuple(replace(c, probability=min(c.probability, surest)) for c in found.ranking)
     return replace(found, ranking=ranking, probability=min(found.probability, surest))
 

@@ -116,7 +116,7 @@ def only_at_stops(search: Search, fit: Fit) -> bool:
 def _in_doubt(search: Search, fit: Fit) -> bool:
     """Whether what is left comes from stops and creeping, or would with less noise: where the direction is sure no more
     is left than by the sensor, and all rows leave more than that. A coarse encoder's error is a staircase in creeping,
-    and follows u (2 of 50 logs behind 1024 counts in which nothing was missing)."""
+    and follows u."""
     elsewhere, all_of_it = left_elsewhere(search, fit), search.problem.errors.rmse(fit)
     creeping = elsewhere <= search.problem.floor and all_of_it > POLICY.creeping_rise * elsewhere
     return creeping or only_at_stops(search, fit)

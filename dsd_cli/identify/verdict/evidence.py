@@ -83,25 +83,20 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
         return float(lead.sum()) < POLICY.rival_deviations * spread or not search.matters(option.fit, whole)
 
     def alike_to(option: Option) -> bool:
-        if not may_be(option):
-            return False
-        cheaper = search.price(option.fit.terms) < search.price(whole.terms)
-        return share(option) > (
-            POLICY.rival_share_in_misfit if misfit else POLICY.cheaper_rival_share if cheaper else math.inf
-        )
+        return misfit and share(option) > POLICY.rival_share_in_misfit and may_be(option)
 
     as_well = [o for o in options if alike_to(o)]
     found = dict.fromkeys(o.effect for o in (*as_well, *filter(rivals, options)))
     as_told = _changed(search, whole) + math.log(POLICY.changed_for_name)
     alike = [o.effect for o in as_well if _changed(search, o.fit) <= as_told and not get_effect(o.effect).of_time]
     shares = probabilities(search, rest, [own, *options])
-    surest = 1.0 if _told(search, whole, effect_id) else POLICY.surest_untold
+    surest = 1.0 if _told(search, whole, effect_id) else POLICY.even
     if member.effect.listed and has_friction(whole.terms) and search.problem.reconstructed("velocity"):
-        surest = min(surest, POLICY.afloat_surest)  # a speed that wanders turns friction round: that looks like a push
+        surest = min(surest, POLICY.even)  # a speed that wanders turns friction round: that looks like a push
     if not (search.problem.reconstructed("position") and _of_position(effect_id)):
         return Membership(effect_id, shares, tuple(found), tuple(alike), surest)
     afloat = [o.effect for o in options if _of_position(o.effect)]
-    surest = min(surest, POLICY.afloat_surest)
+    surest = min(surest, POLICY.even)
     return Membership(effect_id, shares, tuple(dict.fromkeys([*found, *afloat])), tuple(alike), surest)
 
 

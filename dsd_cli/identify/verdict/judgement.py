@@ -21,7 +21,6 @@ from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.own_values import ParameterCheck
 from dsd_cli.identify.verdict.resonance import Resonance, note_on
 from dsd_cli.identify.verdict.two_numbers import (
-    EVEN,
     left_over,
     missing_of,
     nothing_missing,
@@ -92,7 +91,7 @@ class Verdict:
     def _unknown(self) -> tuple[str, float]:
         """As sure as what is left of u is a force; a push above the band, or play, is rather there than not."""
         likely = left_over(self.search, self.whole)
-        return UNKNOWN, min(max(likely, EVEN if self.shown.said else 0.0), self.limits.surest)
+        return UNKNOWN, min(max(likely, POLICY.even if self.shown.said else 0.0), self.limits.surest)
 
     def _of_members(self) -> tuple[str, float]:
         """(verdict, probability) where effects were found: the one that is worth most."""
@@ -116,7 +115,7 @@ class Verdict:
     def _first(self) -> str:
         """The one worth most alone of those that, or what ties with them, are rather there; of near ones a commoner."""
         likely = {n: probability_of(self.search, self.whole, m, m.place, self.surest) for n, m in self.members.items()}
-        believed = [name for name in self.members if likely[name] >= EVEN and self._lowers(name)]
+        believed = [name for name in self.members if likely[name] >= POLICY.even and self._lowers(name)]
         best = max(members := believed or [*self.members], key=self._worth)
         if best not in self.alone:
             return best
@@ -147,12 +146,12 @@ class Verdict:
     def _explains(self, name: str) -> bool:
         """Whether the effect alone lowers the held-out error of the form that is evidence."""
         one, rmse = self.alone.get(name), self.problem.errors.rmse
-        return one is not None and rmse(one.fit) < (1.0 - POLICY.least_alone) * rmse(self.search.refit)
+        return one is not None and rmse(one.fit) < rmse(self.search.refit)
 
     def _only_together(self) -> bool:
         """Whether several effects leave no more than the sensor: inertia and delay may make up for one without them."""
         complete = not self.beyond.unknown and not above_floor(self.search, self.whole)
-        less = self.problem.errors.rmse(self.whole) < (1.0 - POLICY.least_alone) * self.own.score.rmse
+        less = self.problem.errors.rmse(self.whole) < self.own.score.rmse
         return len(self.members) > 1 and complete and less
 
     def _worth(self, name: str) -> tuple[bool, bool, float]:
@@ -161,8 +160,8 @@ class Verdict:
         option, lowers = self.alone.get(name), self._lowers(name)
         if option is None:
             return False, False, -math.inf
-        limit = (1.0 - POLICY.least_alone) * self.own.score.rmse  # of a model that nothing was fitted for
-        return lowers, lowers and self.problem.errors.rmse(option.fit) < limit, option.evidence
+        given = self.own.score.rmse  # of a model that nothing was fitted for
+        return lowers, lowers and self.problem.errors.rmse(option.fit) < given, option.evidence
 
     def _in_creeping(self) -> Option | None:
         """An effect that would take much off what is left, but only at stops and in creeping, where nothing is sure."""
@@ -170,7 +169,7 @@ class Verdict:
         if not self.options or not only_at_stops(search, search.refit):
             return None
         best = min(self.options, key=lambda o: rmse(o.fit))
-        return best if rmse(best.fit) < (1.0 - POLICY.creeping_fall) * rmse(search.refit) else None
+        return best if rmse(best.fit) < (1.0 - POLICY.near_fall) * rmse(search.refit) else None
 
     def diagnosis(self) -> Diagnosis:
         """The whole answer."""
@@ -289,7 +288,7 @@ class Verdict:
         if self.limits.blocked:  # none is in an answer
             return 0.0
         if effect in self.members:
-            most = self.surest if self.named != UNKNOWN else POLICY.surest_unnamed
+            most = self.surest if self.named != UNKNOWN else POLICY.even
             return min(self.members[effect].probabilities[effect], most)
         if not self.members:
             return probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)

@@ -130,7 +130,7 @@ def _with_stand_ins(found: Diagnosis, rivals: dict[str, tuple[str, ...]]) -> Dia
     ranking = tuple(
         replace(
             c,
-            probability=min(c.probability, POLICY.surest_untold),
+            probability=min(c.probability, POLICY.even),
             indistinguishable_from=tuple(dict.fromkeys((*c.indistinguishable_from, *named[c.effect]))),
         )
         if c.effect in named
@@ -142,5 +142,5 @@ def _with_stand_ins(found: Diagnosis, rivals: dict[str, tuple[str, ...]]) -> Dia
         " they explain as much; logs that go over the same travel at the same speeds would show which"
         for name, effects in named.items()
     )
-    sure = min(found.probability, POLICY.surest_untold) if found.verdict in named else found.probability
+    sure = min(found.probability, POLICY.even) if found.verdict in named else found.probability
     return replace(found, ranking=ranking, probability=sure, warnings=(*found.warnings, *said))

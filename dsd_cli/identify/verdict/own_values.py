@@ -84,20 +84,16 @@ def _fitted_values(search: Search) -> ParameterCheck:
     free = [name for name in (INERTIA, DELAY) if not values[name].held]
     alone = (_alone(search, believed, name, given, values[name]) for name in free)
     candidates = tuple(sorted(alone, key=lambda c: c.rmse_after))
-    fall = given.heldout_rmse**2 - refitted.heldout_rmse**2
     sure = max(_deviations(believed, values), key=lambda pair: pair[1], default=("", 0.0))
     if not problem.falls(given.heldout_rmse, refitted.heldout_rmse, refit) or sure[1] < POLICY.value_deviations:
         return ParameterCheck(score, refitted, candidates, "", 0.0, said)
-    best = candidates[0] if candidates else None
-    reached = given.rmse**2 - best.rmse_after**2 if best is not None else 0.0
     if any("load_share" in v and not is_a_load(v["load_share"]) for v in fitted.model.effects.values()):
         return ParameterCheck(score, refitted, candidates, "", 0.0, (*said, FOLLOWS_NOISE))
-    wrong = best.effect if best is not None and reached > POLICY.one_value_share * fall else sure[0].split(".")[0]
+    wrong = sure[0].split(".")[0]
     if wrong in (INERTIA, DELAY) and not _seen_elsewhere(search, believed, fitted.model):
         return ParameterCheck(score, refitted, candidates, "", 0.0, said)
-    late = _late_effects(search) if best is not None and best.effect == DELAY else ()
-    if best is not None and late:
-        candidates = (replace(best, indistinguishable_from=late), *candidates[1:])
+    if wrong == DELAY and (late := _late_effects(search)):
+        candidates = tuple(replace(c, indistinguishable_from=late if c.effect == DELAY else ()) for c in candidates)
     sure_of_it = min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), POLICY.surest)
     if wrong not in (INERTIA, DELAY):
         candidates = (_all_of_an_effect(search, wrong, score, refitted), *candidates)

@@ -36,7 +36,7 @@ def pushed(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Discre
     if pulses is None or not search.practical(whole, pulses):
         return whole, beyond
     rmse = search.problem.errors.rmse
-    loud = rmse(pulses) < (1.0 - POLICY.pulses_fall) * rmse(whole)
+    loud = rmse(pulses) < (1.0 - POLICY.near_fall) * rmse(whole)
     if not (loud or beyond.unknown):
         return whole, beyond
     settled = _placed_again(search, search.settled(sharpened(search, pulses)))
@@ -76,8 +76,7 @@ def _pushes_alone(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit,
     tried = [with_pulses(search, search.refit), with_pulses(search, search.refit, _left_by_the_given(search))]
     if beyond.unknown or above_floor(search, whole):
         laws = [o.fit for o in search.options(search.refit) if get_effect(o.effect).role is not Role.STRUCTURE]
-        beside = (with_pulses(search, fit) for fit in laws[:_LAWS])
-        tried += [p for p in beside if p is not None and _enough_rows(search, p)]
+        tried += [with_pulses(search, fit) for fit in laws[:_LAWS]]
     likely = [p for p in tried if p is not None and not _hopeless(search, p, whole)]
     if not likely:
         return None
@@ -90,12 +89,6 @@ def _pushes_alone(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit,
         return None
     then = discrepancy_of(search, found)
     return None if then.unknown and not beyond.unknown else (found, then)
-
-
-def _enough_rows(search: Search, pulses: Fit) -> bool:
-    """Whether there are independent equations for a law and each push: in a short log they imitate anything."""
-    event = next(t for t in pulses.terms if t.effect.listed)
-    return search.problem.blocks.rows >= POLICY.rows_per_effect * (1 + len(event.shape["edges"]))
 
 
 def _left_by_the_given(search: Search) -> Array:

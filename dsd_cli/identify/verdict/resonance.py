@@ -186,7 +186,7 @@ def _without_load(
         return found
     rmse, floor = search.problem.errors.rmse, search.problem.floor
     rest = search.fit(tuple(t for t in whole.terms if t not in loads), whole.tap)
-    if rmse(whole) < POLICY.load_leaves * floor and rmse(rest) > POLICY.load_takes * rmse(whole):
+    if rmse(whole) < POLICY.load_takes * floor and rmse(rest) > POLICY.load_takes * rmse(whole):
         return found
     others = tuple(name for name in found.search.allowed if name not in SHOWN)
     settings = replace(found.settings, effects=others)

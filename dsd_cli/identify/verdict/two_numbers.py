@@ -21,18 +21,14 @@ from dsd_cli.identify.verdict.evidence import NOTHING, Membership, probabilities
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.pushes import pushes_leave_more
 
-#: Probability from which on an effect is rather there than not.
-EVEN = 0.5
-
 
 def surest_of(search: Search, whole: Fit, limits: Limits) -> float:
     """Upper bound on any probability: by the number of independent equations, and by the log itself. Every effect was
     chosen among many, beside every other, and so was none: with few equations many effects explain any moves."""
     rows, size = search.problem.blocks.rows, max(_size(search, whole), 1)
     most = rows / (rows + POLICY.rows_of_a_choice * size**2)
-    very_few = size > 1 and rows < POLICY.least_rows_per_effect * size
-    doubtful = very_few or pushes_leave_more(search, whole)
-    return min(POLICY.surest_untold if doubtful else POLICY.surest, most, limits.surest)
+    surest = POLICY.even if pushes_leave_more(search, whole) else POLICY.surest
+    return min(surest, most, limits.surest)
 
 
 def _size(search: Search, whole: Fit) -> int:
@@ -80,7 +76,7 @@ def nothing_missing(search: Search, options: Sequence[Option]) -> float:
     rmse, noise = search.problem.errors.rmse(search.refit), POLICY.floor_factor * search.problem.floor
     left = _force(search, math.sqrt(max(rmse**2 - noise**2, 0.0)))
     likely = 0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING]
-    return likely * (1.0 - EVEN * left) / (1.0 + untested)
+    return likely * (1.0 - POLICY.even * left) / (1.0 + untested)
 
 
 def _force(search: Search, left: float) -> float:
