@@ -81,8 +81,7 @@ def _check_alike(one: str, first: Config, other: str, second: Config) -> None:
 
 def _moved(first: Config, second: Config) -> tuple[Moved, ...]:
     from dsd_cli.cli.recordings import believed_model
-    from dsd_cli.identify.compare.pairs import paired, renamed
-    from dsd_cli.identify.compare.versus import moved
+    from dsd_cli.identify.compare.versus import moved, paired, renamed
     from dsd_cli.identify.fit.values import flat
     from dsd_cli.report.value_units import units_of
 

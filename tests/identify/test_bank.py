@@ -9,7 +9,7 @@ import pytest
 from dsd_cli.identify.fit.band import band_of
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, Bank, Term, drive, has_friction, inputs_of, raw_columns
 from dsd_cli.identify.fit.equations import Equations, equations_of
-from dsd_cli.identify.fit.ranges import ranges
+from dsd_cli.identify.fit.testability import ranges
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Log

@@ -12,8 +12,8 @@ from dsd_cli.identify.fit.bank import Bank, Term
 from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict import evidence
-from dsd_cli.identify.verdict.evidence import (
+from dsd_cli.identify.verdict import probability as evidence
+from dsd_cli.identify.verdict.probability import (
     NOTHING,
     _changed,
     belief_by_squares,

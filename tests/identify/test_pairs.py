@@ -1,6 +1,6 @@
 """Lines of two models stand beside each other by their periods, whatever their numbers."""
 
-from dsd_cli.identify.compare.pairs import paired, renamed
+from dsd_cli.identify.compare.versus import paired, renamed
 from dsd_cli.plant.model import PlantModel
 
 

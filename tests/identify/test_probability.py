@@ -13,8 +13,8 @@ from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.verdict import judgement, two_numbers
 from dsd_cli.identify.verdict.diagnose import diagnose
-from dsd_cli.identify.verdict.evidence import Membership
 from dsd_cli.identify.verdict.judgement import Verdict
+from dsd_cli.identify.verdict.probability import Membership
 from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log

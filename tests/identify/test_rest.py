@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from dsd_cli.identify.fit.stretches import resting
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.rest import resting
 
 REST = 0.1
 

@@ -13,7 +13,7 @@ from dsd_cli.identify.search import preference
 from dsd_cli.identify.search.long_logs import searched_as_is
 from dsd_cli.identify.search.preference import preferred
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict import command_time
+from dsd_cli.identify.verdict import limits as command_time
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.references import Multisine
 from tests.identify.search_rig import BELIEVED, OBSERVER, posed, seen

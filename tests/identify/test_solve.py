@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from dsd_cli.identify.fit.band import band_of
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, Bank, Design, Term, not_negative
 from dsd_cli.identify.fit.blocks import lay_blocks
-from dsd_cli.identify.fit.delay import best_delay
+from dsd_cli.identify.fit.direction import best_delay
 from dsd_cli.identify.fit.equations import equations_of
 from dsd_cli.identify.fit.noise import passed_variance
 from dsd_cli.identify.fit.solve import Solver

@@ -11,20 +11,17 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from dsd_cli.identify.checks import clock
-from dsd_cli.identify.checks.channels import check_channels, check_jumps
+from dsd_cli.identify.checks.channels import check_channels, check_jumps, settled, times_too_large
+from dsd_cli.identify.checks.clock import check_hold
 from dsd_cli.identify.checks.d_hat_maker import check_maker
-from dsd_cli.identify.checks.disturbance import check_disturbance, observed
-from dsd_cli.identify.checks.disturbance_alone import check_alone
+from dsd_cli.identify.checks.disturbance import check_alone, check_disturbance, observed
 from dsd_cli.identify.checks.excitation import check_excitation, excitation
-from dsd_cli.identify.checks.hold import check_hold
 from dsd_cli.identify.checks.parameters import check_parameters, unknown_parameters
 from dsd_cli.identify.checks.results import CheckResult, Excitation, Finding, Identified, Parameter, Severity
-from dsd_cli.identify.checks.sensor import check_sensor, floor_of
 from dsd_cli.identify.checks.signs import check_signs
 from dsd_cli.identify.checks.stretches import SHORTEST
-from dsd_cli.identify.checks.values import believable, check_values, delay_of
+from dsd_cli.identify.checks.values import believable, check_sensor, check_values, delay_of, floor_of
 from dsd_cli.identify.checks.view import View, look
-from dsd_cli.identify.checks.whose_factor import settled, times_too_large
 from dsd_cli.plant.maker import Maker
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.identify.checks.band import Band, difference
-from dsd_cli.identify.checks.lowpass import LowPass
-from dsd_cli.identify.checks.stretches import Stretch
+from dsd_cli.identify.checks.stretches import LowPass, Stretch
 from dsd_cli.signals.log import Array
 
 #: Below this share of its rms the speed is rest, where friction may be any force: such rows are left out.

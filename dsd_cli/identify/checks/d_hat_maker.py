@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.identify.checks.lowpass import LowPass
 from dsd_cli.identify.checks.results import Finding
-from dsd_cli.identify.checks.stretches import Stretch
+from dsd_cli.identify.checks.stretches import LowPass, Stretch
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.verdict.evidence import belief_by_squares
+from dsd_cli.identify.verdict.probability import belief_by_squares
 from dsd_cli.plant.filtering import SETTLED, lowpass_irregular
 from dsd_cli.plant.maker import MAKERS, Maker
 from dsd_cli.plant.model import ObserverSettings

@@ -1,18 +1,25 @@
-"""The motion of a stretch in its band, at every sample: from the sensor, or from u and d_hat where there is none."""
+"""The motion of a stretch in its band, from the sensor or from u and d_hat; along the reference it is an instrument.
+
+A controller puts the noise of its sensor into u, and least squares of u on the motion takes that for an answer of the
+axis: inertia and delay lean. The motion that was asked for drives both and has none of that noise: the same columns
+along the reference are instruments (two-stage least squares, as IDIM-IV of Janot, Vandanjon and Gautier, 2014). Where
+the reference explains little of the motion, errors are large and values not wrong.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
+from dsd_cli.identify.checks.balance import orthonormal, without
 from dsd_cli.identify.checks.band import difference
-from dsd_cli.identify.checks.lowpass import LowPass
-from dsd_cli.identify.checks.stretches import Stretch
+from dsd_cli.identify.checks.stretches import LowPass, Stretch
 from dsd_cli.identify.checks.view import View
-from dsd_cli.plant.model import ObserverSettings
-from dsd_cli.signals.log import Array
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.plant.prediction import Frame
+from dsd_cli.signals.log import Array, Log
 
 #: An axis follows its reference within this, s.
 _FOLLOWS = 0.25
@@ -93,3 +100,30 @@ def _from_disturbance(s: Stretch, keep: LowPass, observer: ObserverSettings) -> 
 def _levelled(x: Array, t: Array) -> Array:
     centred = t - t.mean()
     return np.asarray(x - x.mean() - centred * (centred @ x) / max(float(centred @ centred), 1e-300))
+
+
+def asked_for(s: Stretch, model: PlantModel, keep: LowPass) -> tuple[Stretch, Motion]:
+    """The stretch with the u that the model needs along its reference, and the motion along that."""
+    motion = along_reference(s, keep)
+    idle = replace(s, u=np.zeros(s.t.size))
+    u = model.motor_inertia * motion.acceleration - Frame(Log(motion.channels(idle), s.T)).net_force(model)
+    ahead = round(model.delay / s.T)
+    return replace(s, u=np.concatenate([u[ahead:], np.full(ahead, u[-1])])), motion
+
+
+def in_two_stages(left: Array, slopes: Array, others: Array, along: Array) -> tuple[Array, Array, Array]:
+    """(left, slopes, what the instruments explain of the slopes), beside `others`: see `parameters.judged`.
+
+    Parameters
+    ----------
+    left, slopes, others : shapes (rows,), (rows, values), (rows, m); m may be 0.
+    along : slopes and others along the reference, shape (rows, values + m).
+    """
+    basis = orthonormal(along)
+    hat = basis @ (basis.T @ slopes)
+    if not others.shape[1]:
+        return left, slopes, hat
+    explained = basis @ (basis.T @ others)
+    both = np.column_stack([left, slopes])
+    both = both - others @ np.linalg.lstsq(explained, both, rcond=None)[0]
+    return both[:, 0], both[:, 1:], without(orthonormal(explained), hat)

@@ -14,12 +14,10 @@ from numpy.typing import NDArray
 from dsd_cli.effects import get_effect
 from dsd_cli.errors import UsageError
 from dsd_cli.identify.checks.balance import REST, in_phase, motion_columns, orthonormal, without
-from dsd_cli.identify.checks.instruments import asked_for, in_two_stages
-from dsd_cli.identify.checks.lowpass import LowPass
-from dsd_cli.identify.checks.motion import Motion, motion_of
+from dsd_cli.identify.checks.motion import Motion, asked_for, in_two_stages, motion_of
 from dsd_cli.identify.checks.results import Identified, Parameter
 from dsd_cli.identify.checks.scan import Scanned, block_starts
-from dsd_cli.identify.checks.stretches import Stretch
+from dsd_cli.identify.checks.stretches import LowPass, Stretch
 from dsd_cli.identify.checks.values import believable, delay_of
 from dsd_cli.identify.checks.view import View
 from dsd_cli.identify.grades import grade

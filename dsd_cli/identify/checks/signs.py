@@ -1,11 +1,62 @@
-"""Which channel has the wrong sign: u, velocity, position and d_hat have a vote each."""
+"""Which channel has the wrong sign: u, velocity, position and d_hat have a vote each, u by what the motion says."""
 
 from __future__ import annotations
 
 from dsd_cli.identify.checks.disturbance import Observed, culprit
 from dsd_cli.identify.checks.results import Finding
-from dsd_cli.identify.checks.sign import sign_of_u
 from dsd_cli.identify.checks.view import View
+
+#: An inertia below 0 is believed from so many standard errors on, ...
+CLEAR = 5.0
+#: ... where it explains this share of what friction and weight leave, and of all of u, ...
+EXPLAINED, WEIGHT = 0.3, 0.005
+#: ... and where an inertia above 0 leaves so much more at its best delay (a late u of the right sign looks the same
+#: where the motion is periodic).
+WORSE = 1.25
+#: In a log of fewer rows (each is half a period of the highest frequency) friction that turns and a u that is taken for
+#: late explain as much as an inertia below 0 does: it must explain this share of u, and one above 0 leave so much more.
+FEW, WEIGHT_OF_FEW, WORSE_OF_FEW = 200, 0.02, 2.5
+#: Share of what friction and weight leave of u that an inertia explains which is not hidden by them.
+PLAIN = 0.8
+#: Work done by the motion on u is believed from so many standard errors, and this share of the power of u, on.
+WORK_CLEAR, WORK_SHARE = 4.5, 0.03
+
+
+def sign_of_u(view: View) -> float:
+    """How sure it is that u has the other sign than the motion: 0 if it is not seen, else above 0.5.
+
+    Two signs: an inertia below 0; and, where friction hides the inertia, a u that brakes at every delay that can be.
+    """
+    by_inertia = _by_inertia(view)
+    done = view.work
+    if done is None:
+        return by_inertia
+    if done.clearness > WORK_CLEAR and done.share > WORK_SHARE:
+        return 0.0  # u drives the motion, whatever the inertia looks like
+    if done.clearness < -WORK_CLEAR and done.share > WORK_SHARE and not _rightly_driven(view):
+        return max(by_inertia, 0.95)
+    return by_inertia
+
+
+def _rightly_driven(view: View) -> bool:
+    """Whether an inertia above 0 is plain to see: friction that falls with the speed can look like a u that brakes."""
+    right, turned = view.forward, view.backward
+    if right is None or right.clearness < CLEAR or right.explained < PLAIN or right.weight < WEIGHT_OF_FEW:
+        return False
+    return turned is None or turned.rest > WORSE * right.rest
+
+
+def _by_inertia(view: View) -> float:
+    right, turned = view.forward, view.backward
+    if turned is None or not turned.inside:
+        return 0.0
+    few = view.rows is not None and view.rows.acceleration.size < FEW
+    weight, worse = (WEIGHT_OF_FEW, WORSE_OF_FEW) if few else (WEIGHT, WORSE)
+    if turned.clearness < CLEAR or turned.explained < EXPLAINED or turned.weight < weight:
+        return 0.0
+    if right is not None and right.rest < worse * turned.rest:
+        return 0.0
+    return 0.99
 
 
 def check_signs(view: View, opposite: bool, d_hat: Observed | None, observer_sign: int) -> list[Finding]:

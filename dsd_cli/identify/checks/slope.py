@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dsd_cli.identify.checks.lowpass import LowPass
 from dsd_cli.identify.checks.scan import block_starts, jackknife
-from dsd_cli.identify.checks.stretches import Stretch
+from dsd_cli.identify.checks.stretches import LowPass, Stretch
 from dsd_cli.signals.log import Array
 
 #: Share of the power of the velocity that lies in the band at least, to be compared there.

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 from dsd_cli.identify.checks.balance import Balance, balance, speed_of
 from dsd_cli.identify.checks.band import Band, find_band
-from dsd_cli.identify.checks.lowpass import LowPass
 from dsd_cli.identify.checks.scan import Scanned, Work, reach, scan, work
-from dsd_cli.identify.checks.stretches import Stretch, cut
-from dsd_cli.identify.recordings.cycle import repeats_after
+from dsd_cli.identify.checks.stretches import LowPass, Stretch, cut
+from dsd_cli.identify.recordings.spectrum import repeats_after
 from dsd_cli.signals.log import Log
 
 #: Where no acceleration is seen, speeds are looked at below this share of the sample rate.

@@ -15,13 +15,13 @@ from typing import NamedTuple
 import numpy as np
 
 from dsd_cli.identify.compare.balance import Balance, all_rows
+from dsd_cli.identify.compare.left import acceleration
 from dsd_cli.identify.fit.bank import drive, inputs_of
 from dsd_cli.identify.fit.basis import basis
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import Piece, piece_of
 from dsd_cli.identify.fit.values import terms_of
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.motion import acceleration
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 

@@ -1,4 +1,4 @@
-"""Which way round the balance is evidence: the motion on u (forward), or u on the motion (inverse).
+"""The form of a balance of forces: the motion on u (forward) or u on the motion (inverse), and its whole-step delay.
 
 Forces that no model follows stand in u. The forward form finds what is missing as long as J a is a fair part of u,
 however noisy the sensor. Where friction, weight or cogging is nearly all of u, J a drowns in them: whatever is added,
@@ -8,6 +8,8 @@ acceleration, in which it had to show, says nothing.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -61,3 +63,49 @@ def needs_acceleration(effect_id: str) -> bool:
     """Whether an effect can be identified by the forward form alone: one on u, of u, of time, or a mass."""
     effect = get_effect(effect_id)
     return effect.role in (Role.INPUT, Role.STRUCTURE) or "u" in effect.needs or effect.of_time
+
+
+#: Delays that are tried first, and coarse steps to either side of a delay that is about right.
+_COARSE, _AROUND = 40, 2
+
+
+def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = None, *, believed: float = 0.0) -> int:
+    """The likeliest whole-step delay, found from coarse to fine.
+
+    The likelihood is that of what is left, of unknown variance, N/2 ln SSE. In a motion of few frequencies u of half a
+    period ago is as good as u now, with the other sign: each `POLICY.least_delay_range` between a delay and the
+    believed one costs a nat.
+
+    Parameters
+    ----------
+    near : the best delay of nearly the same rows; all are tried only where the best one is not around it.
+    believed : s.
+    """
+    allowed = solver.taps(most_tap)
+    first, last = allowed[0], allowed[-1]
+
+    def price(tap: int, keep: bool = False) -> float:
+        left = max(solver.squares(terms, tap, keep=keep), 1e-300)
+        distance = abs(tap * solver.bank.tap_time - believed)
+        return 0.5 * solver.bank.equations.counted * math.log(left) + distance / POLICY.least_delay_range
+
+    known = {first: price(first, keep=True)}  # keeps the columns that do not depend on the delay
+
+    def nats(tap: int) -> float:
+        if tap not in known:
+            known[tap] = price(tap)
+        return known[tap]
+
+    step = max(1, (len(allowed) - 1) // _COARSE)
+    tried = allowed[::step]
+    if near is not None:
+        near = min(max(near, first), last)
+        low, high = max(near - _AROUND * step, first), min(near + _AROUND * step, last)
+        around = range(low, high + 1, step)
+        tried = around if around[0] < min(around, key=nats) < around[-1] else tried
+    while True:
+        best = min(tried, key=nats)
+        if step == 1:
+            return best
+        tried = range(max(best - step, first), min(best + step, last) + 1, max(step // 4, 1))
+        step = max(step // 4, 1)

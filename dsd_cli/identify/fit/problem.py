@@ -14,16 +14,14 @@ from dsd_cli.errors import DataError
 from dsd_cli.identify.fit.band import nearest_bands
 from dsd_cli.identify.fit.bank import Bank, Term, Terms, has_friction
 from dsd_cli.identify.fit.blocks import Blocks, lay_blocks
-from dsd_cli.identify.fit.delay import best_delay
-from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION, inverse_is_evidence, needs_acceleration
+from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION, best_delay, inverse_is_evidence, needs_acceleration
 from dsd_cli.identify.fit.driven_load import both_driven, by_contacts, with_driven_load
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.errors import Errors
 from dsd_cli.identify.fit.noise_fit import Noise, measured, sensor_variance
-from dsd_cli.identify.fit.ranges import ranges
 from dsd_cli.identify.fit.row_weights import Weighed, at_least_squares, weighed
 from dsd_cli.identify.fit.solve import Fit, Solver
-from dsd_cli.identify.fit.testability import Settings, candidates_of, check_recordings, check_used
+from dsd_cli.identify.fit.testability import Settings, candidates_of, check_recordings, check_used, ranges
 from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values, terms_of, whole_inertia, without_zero
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording

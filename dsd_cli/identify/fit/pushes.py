@@ -1,4 +1,4 @@
-"""What moves an axis from outside, beside what it did, as contacts of a load are looked for in it."""
+"""What drives a load on the motor: the motion that the sensor saw, and what moves the axis from outside."""
 
 from __future__ import annotations
 
@@ -9,9 +9,55 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.identify.fit.sensor_motion import integrated
+from dsd_cli.identify.recordings.sensor import Sensor
 from dsd_cli.identify.recordings.spectrum import SensorNoise
-from dsd_cli.signals.log import Array
+from dsd_cli.signals.log import Array, Log
+
+#: Seed of the synthetic sensor noise that calibrates the errors-in-variables correction.
+_SEED = 20261121
+
+
+@dataclass(frozen=True)
+class SensorMotion:
+    """What the measured acceleration of a stretch adds up to, and the noise of its sensor: made once a load asks.
+
+    A load that is coupled to the motor is driven by it: with a smoother motion than the acceleration's own it would
+    imitate a noise-free acceleration.
+    """
+
+    log: Log
+    sensor: Sensor
+
+    @cached_property
+    def noise(self) -> Array:
+        """A synthetic realisation of the sensor noise in the acceleration, shape (n,)."""
+        return self.sensor.noise.made(len(self.log), np.random.default_rng(_SEED))
+
+    @cached_property
+    def motion(self) -> tuple[Array, Array]:
+        """(mean speed, mean position) of each interval out of the acceleration, but for a constant speed."""
+        return self._integrated(self.log["acceleration"])
+
+    @cached_property
+    def noisy(self) -> tuple[Array, Array]:
+        """`motion` with `noise` on the acceleration."""
+        return self._integrated(self.log["acceleration"] + self.noise)
+
+    def _integrated(self, acceleration: Array) -> tuple[Array, Array]:
+        return integrated(acceleration, self.log.sample_time, self.sensor.two_intervals)
+
+
+def integrated(acceleration: Array, step: float, two_intervals: bool) -> tuple[Array, Array]:
+    """Mean speed and position of each interval that accelerations add up to, from rest.
+
+    step : s. two_intervals : each is a mean over both intervals beside its sample.
+    """
+    speeds = np.cumsum(acceleration) * step
+    before = np.concatenate([[0.0], speeds[:-1]])
+    mean = before if two_intervals else 0.5 * (before + speeds)
+    ends = np.cumsum(mean) * step
+    return mean, ends - 0.5 * mean * step
+
 
 #: Lengths of windows, samples, and shares of the usual acceleration that the noise of their means may have.
 _WINDOWS, _NOISE = (1, 3, 5, 7, 11, 15, 21, 31), (0.6, 0.25, 0.1)

@@ -1,4 +1,4 @@
-"""Whether recordings can be fitted at all, and which effects can be tested on them."""
+"""What recordings contain, whether they can be fitted at all, and which effects can be tested on them."""
 
 from __future__ import annotations
 
@@ -7,15 +7,40 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dsd_cli.effects import catalogue, get_effect, kind_of
+from dsd_cli.effects import Ranges, catalogue, get_effect, kind_of
 from dsd_cli.errors import DataError, TooShort
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.priors import PriorKnowledge
-from dsd_cli.identify.fit.ranges import ranges
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.levels import Deviations
 from dsd_cli.identify.recordings.recording import Recording, check_one_rate
 from dsd_cli.plant.model import PlantModel
+
+
+def ranges(equations: Equations) -> Ranges:
+    """What the recordings contain, for starting shapes."""
+    logs = [s.log for s in equations.stretches]
+    speeds = [s.mean.velocity[s.free > 0.0] for s in equations.stretches]
+    speed = np.concatenate(speeds) if speeds else np.zeros(1)
+    u = np.concatenate([log["u"] for log in logs])
+    travel = max((float(np.ptp(log["position"])) for log in logs if "position" in log), default=0.0)
+    way = max((float(np.sum(np.abs(np.diff(log["position"])))) for log in logs if "position" in log), default=0.0)
+    moving = speed[np.isfinite(speed)]
+    return Ranges(
+        speed=float(np.sqrt(np.mean(moving**2))) if moving.size else 0.0,
+        top_speed=float(np.abs(moving).max(initial=0.0)),
+        travel=travel,
+        drive=float(np.sqrt(np.mean(u**2))),
+        top_drive=float(np.quantile(np.abs(u), POLICY.exercised)) if u.size else 0.0,
+        sample_time=equations.sample_time,
+        duration=sum(len(log) for log in logs) * equations.sample_time,
+        resolution=POLICY.resolved_deviations * max(r.position_noise for r in equations.recordings),
+        band_hz=equations.band.hz,
+        passes=way / travel if travel > 0.0 else 0.0,
+        cycle=max(r.cycle for r in equations.recordings),
+        spike_drive=float(np.abs(u).max(initial=0.0)),
+    )
+
 
 #: Motion below this share of the largest position or speed is rounding.
 _ROUNDING = 1e-7

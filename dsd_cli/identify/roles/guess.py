@@ -7,10 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.identify.roles.control_input import find_cause
-from dsd_cli.identify.roles.facts import Channel, Facts, facts_of
-from dsd_cli.identify.roles.look import AS_TOLD, ONLY_CAUSE, Guess, Look, lead_of
-from dsd_cli.identify.roles.slopes import BETTER_SLOPE, slope_of
+from dsd_cli.identify.roles.control_input import AS_TOLD, ONLY_CAUSE, Guess, Look, find_cause, lead_of
+from dsd_cli.identify.roles.facts import BETTER_SLOPE, Channel, Facts, facts_of, slope_of
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.rounding import ROUNDING
 

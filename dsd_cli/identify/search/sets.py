@@ -13,7 +13,7 @@ from itertools import combinations
 
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import SHARE, Term, Terms, has_friction
-from dsd_cli.identify.fit.delay import best_delay
+from dsd_cli.identify.fit.direction import best_delay
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import MOST_SHARE

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Literal
 
 from dsd_cli.identify.fit.bank import Terms
-from dsd_cli.identify.fit.delay import best_delay
+from dsd_cli.identify.fit.direction import best_delay
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit, Solver

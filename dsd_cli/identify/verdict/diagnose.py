@@ -13,20 +13,18 @@ from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.levels import Levelled, levelled
 from dsd_cli.identify.search.pulses import event_effect
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.command_time import CommandTime
 from dsd_cli.identify.verdict.contradictions import Contradiction, against_told
-from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrepancy_of
-from dsd_cli.identify.verdict.evidence import memberships
+from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrepancy_of, without_imitations
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.levels import with_levels_said
-from dsd_cli.identify.verdict.limits import limits_of
+from dsd_cli.identify.verdict.limits import CommandTime, limits_of
 from dsd_cli.identify.verdict.numbering import strongest_first
 from dsd_cli.identify.verdict.own_values import own_values
 from dsd_cli.identify.verdict.prior_check import prior_check
+from dsd_cli.identify.verdict.probability import memberships
 from dsd_cli.identify.verdict.pushes import pushed
 from dsd_cli.identify.verdict.resonance import with_response
 from dsd_cli.identify.verdict.stability import with_stability
-from dsd_cli.identify.verdict.varying_gain import without_imitations
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 __all__ = ["Settings", "diagnose"]

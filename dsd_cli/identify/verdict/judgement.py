@@ -16,18 +16,19 @@ from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, before_climb, only_at_stops, said_of_stops
-from dsd_cli.identify.verdict.evidence import Membership, probabilities
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.own_values import ParameterCheck
-from dsd_cli.identify.verdict.resonance import Resonance, note_on
-from dsd_cli.identify.verdict.two_numbers import (
+from dsd_cli.identify.verdict.probability import (
+    Membership,
     left_over,
     missing_of,
     nothing_missing,
+    probabilities,
     probability_of,
     surest_of,
     unexplained_of,
 )
+from dsd_cli.identify.verdict.resonance import Resonance, note_on
 
 
 class Verdict:

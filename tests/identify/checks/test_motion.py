@@ -5,9 +5,8 @@ from time import process_time
 import numpy as np
 import pytest
 
-from dsd_cli.identify.checks.lowpass import LowPass
 from dsd_cli.identify.checks.motion import along_reference
-from dsd_cli.identify.checks.stretches import Stretch
+from dsd_cli.identify.checks.stretches import LowPass, Stretch
 
 #: An axis follows within this, s.
 LONGEST = 0.25
