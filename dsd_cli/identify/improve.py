@@ -208,8 +208,8 @@ class _Climb:
 
 def _stop(steps: Sequence[Step], last: Diagnosis) -> str:
     """Why no further step is possible, or ""."""
-    if len(steps) > POLICY.most_steps:
-        return f"{POLICY.most_steps} steps are taken"
+    if len(steps) > POLICY.most_effects:
+        return f"{POLICY.most_effects} steps are taken"
     if last.verdict in (INERTIA, DELAY) and steps[-1].effect == last.verdict:
         return f"{last.verdict} was fitted already"
     return ""

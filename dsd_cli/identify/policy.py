@@ -52,13 +52,11 @@ class Policy:
     block_gaps: int = 3  # gaps that a block is long at least, so that not all of a fit's rows are gaps
 
     # -- evidence for an effect --
-    effect_price: float = 3.0  # nats for an effect: one of some twenty was chosen
-    shape_price: float = 3.0  # nats for each shape parameter that was searched
+    effect_price: float = 3.0  # nats for an effect, one of some twenty, and for each shape of it that was searched
     pulse_price: float = 14.0  # nats for a pulse in time: its level and two edges, found among all rows
     least_gain: float = 6.0  # nats beyond its price that a step must gain, without its best block, too
     most_lost: float = 0.3  # of what blocks gain, that others may lose: a gain must not be that of a few blocks
-    most_effects: int = 8  # added in one search; a rig distinguishes no more
-    most_steps: int = 10  # of a ladder; nobody believes a model with more parts from one rig
+    most_effects: int = 8  # added in one search, and steps of a ladder; a rig distinguishes no more
     least_cycles: float = 3.0  # in a stretch, for its motion to be called one that repeats
     cycle_left: float = 0.5  # correlation of the speed with itself, below which it has gone elsewhere in between
     cycle_alike: float = 0.98  # and that it has again a cycle later
@@ -80,7 +78,6 @@ class Policy:
     # -- what matters in practice --
     least_fall: float = 0.015  # share of the held-out error that a step takes off
     least_force: float = 0.003  # and the share of u that it explains
-    least_force_at_turns: float = 0.01  # the same beside friction, which is not known better where the axis turns
     much_force: float = 0.015  # or the share of u that it explains, however loud the noise
 
     # -- several logs --
@@ -96,7 +93,6 @@ class Policy:
 
     # -- reconstructed motion --
     drift_rounds: int = 3  # in which its drift is found beside a set of effects, and the set anew
-    drift_gain: float = 0.9  # of the held-out error, which a round must reach
     ripple_share: float = 0.15  # of what is left, that a ripple over the position holds; of noise none holds 0.03
     paths_alone: int = 2  # that are followed, of effects that are asked alone, each on the path that suits it
     path_rounds: int = 6  # in which the path of one set settles: each halves a step that would go too far
@@ -112,7 +108,6 @@ class Policy:
     response_damping: float = 0.25  # of the free vibration; above, nothing swings
     response_correlated: float = 6.0  # rows over which what a swinging load leaves is correlated; more: play may rattle
     response_fall: float = 0.5  # of the output error that it takes off: less, and it leaves something correlated
-    response_in_band: float = 0.8  # of the band's end; a resonance below is identified by the balance itself
     load_takes: float = 3.0  # times the floor is left at most with a load of the balance, and times that without it
 
     response_rise: float = 0.02  # of the held-out error in the band, that such a load may cost there
@@ -125,7 +120,6 @@ class Policy:
     least_inertia: float = 0.01  # of the inertia first fitted; a set that leaves less explains u by itself
     creeping_rise: float = 1.3  # of what all rows leave over what is left where the direction is sure: that is creeping
     few_rows: int = 150  # independent equations below which of when u acts nothing is said
-    near_fall: float = 0.1  # share of the held-out error from which on pushes or an unconfirmed effect are something
 
     # -- ties --
     nearly_the_same: float = 0.05  # share by which errors of two effects alone may differ; the commoner one is named
@@ -134,17 +128,16 @@ class Policy:
     rival_share_in_misfit: float = 0.9  # of the winner's explained power that suffices where something unknown is left
     changed_for_name: float = 2.0  # factor on the given values, beyond the winner's change, with which it is not named
     rival_error: float = 2.0  # times the winner's error; a rival that leaves more is none
-    most_inflation: float = 3.0  # rows of autocorrelation time; above, something unknown is left
 
     # -- probability --
     tempering: float = 0.5  # exponent on likelihoods: blocks are neither independent nor alike
     least_told_direction: float = 0.9  # of the samples in motion; a sensor that shows fewer cannot identify friction
     even: float = 0.5  # odds of what the log leaves open: no value away from 0, no known zero, another value than given
     surest: float = 0.99  # no verdict is surer: the catalogue is not the world
+    clear_fall: float = 0.1  # share of what is left that pushes, a filter, a path or an unconfirmed effect take off
     stands_in: float = 3.0  # times what is left; an effect that takes off no more stands in for another half the time
     rows_of_a_choice: float = 3.0  # independent equations that halve a belief; times the square of the set's size
-    surest_unknown: float = 0.9  # "unknown", however much is left: the search may have missed an effect that is there
-    surest_unstable: float = 0.9  # where the verdict changes on half of the data or in another band
+    surest_in_doubt: float = 0.9  # "unknown", for the search may have missed an effect; what parts do not bear out
     other_bands: float = 2.0  # by which the band is divided and multiplied, and the verdict tried again there
 
     # -- values --
@@ -159,7 +152,7 @@ class Policy:
 
     # -- nothing is missing --
     floor_factor: float = 1.6  # of the sensor's floor; what is left above it is no noise of the sensor
-    least_unknown: float = 0.01  # share of u that a function explains, or that is left: even odds that it is a force
+    least_unknown: float = 0.01  # share of u that is left at even odds of a force; the least beside friction at turns
     floor_excess: float = 0.03  # share of u that is left above that, from which on something is missing, if unknown
     unknown_fall: float = 0.04  # share of the held-out error that a free-form function takes off: something is unknown
     unknown_nats: float = 12.0  # and the nats that it gains: it is the best of some ten functions

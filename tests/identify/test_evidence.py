@@ -12,7 +12,7 @@ from dsd_cli.identify.fit.bank import Bank, Term
 from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict import probability as evidence
+from dsd_cli.identify.verdict import probability
 from dsd_cli.identify.verdict.probability import (
     NOTHING,
     _changed,
@@ -170,9 +170,9 @@ def test_an_effect_that_explains_much_less_is_no_rival_however_uncertain_the_lea
     assert spring.evidence > loud.evidence(rest)
     assert not loud.matters(spring.fit, whole)
     assert membership(loud, whole, "gravity", misfit=False).rivals == ()
-    monkeypatch.setattr(evidence, "POLICY", replace(POLICY, rival_error=100.0))
+    monkeypatch.setattr(probability, "POLICY", replace(POLICY, rival_error=100.0))
     assert membership(loud, whole, "gravity", misfit=False).rivals == ()
-    monkeypatch.setattr(evidence, "POLICY", replace(POLICY, rival_error=100.0, rival_share=0.5))
+    monkeypatch.setattr(probability, "POLICY", replace(POLICY, rival_error=100.0, rival_share=0.5))
     assert membership(loud, whole, "gravity", misfit=False).rivals == ("stiffness",)
 
 

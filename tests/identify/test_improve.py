@@ -130,7 +130,7 @@ def test_a_log_without_anything_missing_is_left_alone(nothing):
 
 
 def test_the_ladder_is_no_longer_than_it_may_be(ladder):
-    assert len(ladder[0].steps) <= POLICY.most_steps + 1
+    assert len(ladder[0].steps) <= POLICY.most_effects + 1
 
 
 def test_adding_the_true_effect_lowers_both_errors_and_refits_all(pair):

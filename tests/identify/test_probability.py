@@ -11,7 +11,7 @@ from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
-from dsd_cli.identify.verdict import judgement, two_numbers
+from dsd_cli.identify.verdict import judgement, probability
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.probability import Membership
@@ -97,7 +97,7 @@ def test_a_member_that_is_rather_there_than_not_comes_before_one_with_more_evide
 
 def test_a_doubtful_answer_is_not_asked_again_on_parts():
     """What four more searches found could not change it: nothing is asked, so that no recording is needed."""
-    doubtful = replace(DIAGNOSIS, probability=POLICY.surest_unstable)
+    doubtful = replace(DIAGNOSIS, probability=POLICY.surest_in_doubt)
     assert with_stability(doubtful, (), PlantModel(INERTIA, 0.0, {}), Settings()) is doubtful
     with pytest.raises(IndexError):
         with_stability(replace(DIAGNOSIS, probability=0.95), (), PlantModel(INERTIA, 0.0, {}), Settings())
@@ -112,9 +112,9 @@ def left_in(rmse: float, untestable: dict[str, str] | None = None, floor: float 
 
 def test_unknown_is_no_surer_than_what_is_left_of_u_bears_out(monkeypatch):
     """A third of a percent is none; even odds at the 1 % that no model says better; 3 % and more are."""
-    monkeypatch.setattr(two_numbers, "surely_left", lambda search, _fit: search.problem.errors.rmse(None))
+    monkeypatch.setattr(probability, "surely_left", lambda search, _fit: search.problem.errors.rmse(None))
     shares = (0.0, 0.003, 0.01, 0.03, 0.3)
-    sure = [two_numbers.left_over(left_in(share, floor=0.0), None) for share in shares]
+    sure = [probability.left_over(left_in(share, floor=0.0), None) for share in shares]
     assert sure == sorted(sure)
     assert sure[0] == 0.0
     assert sure[1] < 0.1
@@ -133,5 +133,5 @@ def test_unknown_is_no_surer_than_what_is_left_of_u_bears_out(monkeypatch):
     ids=["all tested", "much at stops", "one not tested", "one on another path"],
 )
 def test_nothing_is_missing_by_what_was_tested_and_what_is_left(untestable, rmse, wanted, monkeypatch):
-    monkeypatch.setattr(two_numbers, "probabilities", lambda *_: {two_numbers.NOTHING: 1.0})
-    assert two_numbers.nothing_missing(left_in(rmse, untestable), []) == pytest.approx(wanted, abs=0.01)
+    monkeypatch.setattr(probability, "probabilities", lambda *_: {probability.NOTHING: 1.0})
+    assert probability.nothing_missing(left_in(rmse, untestable), []) == pytest.approx(wanted, abs=0.01)

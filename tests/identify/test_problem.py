@@ -185,7 +185,7 @@ def test_what_is_small_against_the_force_is_of_no_use(problem):
 def test_beside_friction_more_must_be_explained(problem):
     """Where the axis turns nobody knows friction to a per cent of u, and a small gain is that error."""
     before = Search(problem).refit
-    fall = 0.5 * (POLICY.least_force + POLICY.least_force_at_turns)
+    fall = 0.5 * (POLICY.least_force + POLICY.least_unknown)
     for name, useful in (("constant_load", True), ("coulomb_friction", False)):
         after = replace(before, terms=(Term(name),))
         values = {before.terms: fall, after.terms: 1e-6}

@@ -13,7 +13,7 @@ from dsd_cli.identify.search import preference
 from dsd_cli.identify.search.long_logs import searched_as_is
 from dsd_cli.identify.search.preference import preferred
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict import limits as command_time
+from dsd_cli.identify.verdict import limits
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.references import Multisine
 from tests.identify.search_rig import BELIEVED, OBSERVER, posed, seen
@@ -116,9 +116,9 @@ def test_the_price_is_of_choice_shapes_and_edges(pair):
     pulses = Term.of("external_force", {"edges": ((1.0, 2.0), (3.0, 4.0))})
     lag, friction = Term.of("actuator_lag", {"time_constant": 0.01}), Term("coulomb_friction")
     assert pair.price((friction,)) == POLICY.effect_price
-    assert pair.price((lag, friction)) == 2.0 * POLICY.effect_price + POLICY.shape_price
+    assert pair.price((lag, friction)) == 2.0 * POLICY.effect_price + POLICY.effect_price
     assert pair.price((pulses,)) == pytest.approx(
-        POLICY.effect_price + 2.0 * POLICY.pulse_price + POLICY.shape_price * pulses.effect.searched
+        POLICY.effect_price + 2.0 * POLICY.pulse_price + POLICY.effect_price * pulses.effect.searched
     )
     knowing = posed(PAIR, ("viscous_friction",), replace(BELIEVED, effects={"coulomb_friction": {"level": 0.1}}))
     assert knowing.price(knowing.base) == 0.0
@@ -233,5 +233,5 @@ def test_the_error_of_a_filter_beside_columns_that_are_nearly_one_is_a_number():
     rows = [random.normal(size=200), *x]
     bank = SimpleNamespace(tap_time=1.0, design=lambda *_, **__: SimpleNamespace(rows=rows))
     search = SimpleNamespace(solver=SimpleNamespace(bank=bank), noise=SimpleNamespace(inflation=1.0))
-    freed = command_time._freed(search, (), 0)
+    freed = limits._freed(search, (), 0)
     assert 0.0 < freed.error < np.inf

@@ -38,7 +38,7 @@ def with_friction(recording, law):
 def test_what_both_halves_and_bands_need_is_as_sure_as_before(recording, found):
     again = with_stability(found, [recording], BELIEVED, SETTINGS)
     assert (found.verdict, again.probability) == ("viscous_friction", found.probability)
-    assert found.probability > POLICY.surest_unstable
+    assert found.probability > POLICY.surest_in_doubt
     assert [(one.verdict, one.same) for one in again.stability] == 4 * [("viscous_friction", True)]
 
 
@@ -49,17 +49,17 @@ def test_a_half_without_it_or_with_another_in_its_place_makes_it_less_sure(recor
     again = with_stability(found, [with_friction(recording, law)], BELIEVED, SETTINGS)
     first, second = again.stability[:2]
     assert (first.same, second.same, second.verdict) == (True, False, named)
-    assert again.probability == POLICY.surest_unstable
+    assert again.probability == POLICY.surest_in_doubt
 
 
 def test_where_nothing_is_missing_a_half_in_which_something_is_makes_it_less_sure(recording, found):
     nothing = replace(found, verdict="none", found=(), whole_model=None, model=BELIEVED)
     again = with_stability(nothing, [with_friction(recording, np.zeros_like)], BELIEVED, SETTINGS)
     assert [(one.verdict, one.same) for one in again.stability[:2]] == [("viscous_friction", False), ("none", True)]
-    assert again.probability == POLICY.surest_unstable
+    assert again.probability == POLICY.surest_in_doubt
 
 
 def test_single_events_are_asked_of_no_part():
     pushes = replace(DIAGNOSIS, verdict="external_force", probability=0.99)
     again = with_stability(pushes, (), BELIEVED, Settings())
-    assert (again.probability, again.stability) == (POLICY.surest_unstable, ())
+    assert (again.probability, again.stability) == (POLICY.surest_in_doubt, ())

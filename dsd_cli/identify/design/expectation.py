@@ -134,7 +134,7 @@ class Expectation:
 
     def _of_use(self, lead: float, u: float) -> float:
         """A lead in squares over the least that is of use, where u has so large ones (`Problem.least_of_use`)."""
-        least = POLICY.least_force_at_turns if self.held else POLICY.least_force
+        least = POLICY.least_unknown if self.held else POLICY.least_force
         return lead / (least**2 * u)
 
     @cached_property

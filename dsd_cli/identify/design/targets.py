@@ -180,7 +180,7 @@ class _Explanations:
         search, rmse, law = self.search, self.search.problem.errors.rmse, get_effect(option.effect)
         if law.role is Role.INPUT or "u" in law.needs:
             return False
-        falls = rmse(option.fit) < (1.0 - POLICY.near_fall) * rmse(search.refit)
+        falls = rmse(option.fit) < (1.0 - POLICY.clear_fall) * rmse(search.refit)
         return falls and option.evidence > search.evidence(search.refit)
 
     def _may_be(self, effect: str) -> bool:

@@ -105,7 +105,7 @@ class Problem:
 
     def least_of_use(self, fit: Fit) -> float:
         """rms of the least force whose explanation is of use beside a fit, unit of u."""
-        return (POLICY.least_force_at_turns if has_friction(fit.terms) else POLICY.least_force) * self.errors.force
+        return (POLICY.least_unknown if has_friction(fit.terms) else POLICY.least_force) * self.errors.force
 
     def score(self, fit: Fit) -> Score:
         """Errors of a fit, unit of u."""

@@ -116,14 +116,19 @@ def shared_inflation(noise: Array, column: Array) -> float:
 
 
 def unpredicted_share(x: Array) -> float:
-    """Share of the variance that no linear function of the last `POLICY.gap_rows` rows predicts (Levinson, Durbin)."""
-    correlation = autocorrelation(x, POLICY.gap_rows + 1)
+    """Share of the variance that no linear function of the last `POLICY.gap_rows` rows predicts."""
+    return linear_prediction(autocorrelation(x, POLICY.gap_rows + 1))[1]
+
+
+def linear_prediction(correlation: Array) -> tuple[Array, float]:
+    """Of rows with that autocorrelation at the lags 0 to p, 1 at 0: the coefficients on the last p rows, the latest
+    first, shape (p,), and the share of the variance that they leave (Yule and Walker's equations, solved by Durbin)."""
     share, past = 1.0, np.zeros(0)
     for k in range(1, len(correlation)):
         partial = (correlation[k] - past @ correlation[k - 1 : 0 : -1]) / share
         past = np.append(past - partial * past[::-1], partial)
         share *= 1.0 - partial**2
-    return float(share)
+    return past, float(share)
 
 
 def autocorrelation(x: Array, most: int) -> Array:

@@ -103,7 +103,7 @@ class _Paths:
         beside it. The set that is found there may leave more than before: pushes come later (`verdict.pushes`).
         """
         pulses = with_pulses(search, fit)
-        if pulses is None or _error((search, pulses)) > (1.0 - POLICY.near_fall) * _error((search, fit)):
+        if pulses is None or _error((search, pulses)) > (1.0 - POLICY.clear_fall) * _error((search, fit)):
             return None
         begin = search, sharpened(search, pulses)
         path = self.settled(*begin)
@@ -111,7 +111,7 @@ class _Paths:
 
     def better(self, after: Found, before: Found) -> bool:
         """Whether the held-out error falls by enough."""
-        return _error(after) < POLICY.drift_gain * _error(before)
+        return _error(after) < (1.0 - POLICY.clear_fall) * _error(before)
 
     def simpler(self, search: Search, found: Found) -> Found | None:
         """Fewer effects that on their own path explain as much as the set that was found, or nearly; None if none do.
@@ -131,10 +131,10 @@ class _Paths:
         asked = [(o.fit, o.fit.terms[-1]) for o in search.options(search.refit)]
         fits = [fit for fit, term in asked if depends_on_path(term) and not has_friction((term,))]
         starts = [(placed(search.problem, fit, self.recordings), fit) for fit in fits]
-        starts = [(start, fit) for start, fit in starts if start.left < POLICY.drift_gain**2 * start.before]
+        starts = [(start, fit) for start, fit in starts if start.left < (1.0 - POLICY.clear_fall) ** 2 * start.before]
         starts.sort(key=lambda start: start[0].left)
         paths = [self._followed(search, fit, start) for start, fit in starts[: POLICY.paths_alone]]
-        limit = limit if count > 1 else POLICY.drift_gain * _error(found)
+        limit = limit if count > 1 else (1.0 - POLICY.clear_fall) * _error(found)
         return min((p for p in paths if _error(p) < limit), key=_error, default=None)
 
     def _followed(self, search: Search, fit: Fit, start: Placed | None = None) -> Found:

@@ -53,7 +53,7 @@ class Evidence:
         added = [t for t in terms if t.id not in {b.id for b in self.base}]
         return sum(
             POLICY.effect_price
-            + POLICY.shape_price * t.effect.searched
+            + POLICY.effect_price * t.effect.searched
             + POLICY.pulse_price * len(t.shape.get("edges", ()))
             for t in added
         )

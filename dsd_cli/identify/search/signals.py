@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dsd_cli.effects import Role
 from dsd_cli.effects.memory import one_pole
 from dsd_cli.identify.fit.bank import INERTIA, SHARE, drive, has_friction, inputs_of, of_single_logs, raw_columns
-from dsd_cli.identify.fit.row_weights import inflation
+from dsd_cli.identify.fit.row_weights import inflation, linear_prediction
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.stretches import Stretch
 from dsd_cli.identify.search.sets import Search
@@ -168,16 +168,15 @@ def without_line(signals: Signals, hz: float) -> Callable[[Array], Array]:
 def innovations(rest: Array, step: float) -> Callable[[Array], Array]:
     """The filter that takes out of rows, shape (n, ...), what the past of `rest`, shape (n,), predicts of it.
 
-    Linear prediction by Yule and Walker's equations. At constant speed an encoder's error is a tone, which a
+    At constant speed an encoder's error is a tone, which a
     controller feeds back into u: this noise is far from white, and a lightly damped load would explain it.
     """
-    from scipy.linalg import solve_toeplitz
-
     order = max(int(_PREDICTED / step), 1)
     power = np.abs(np.fft.rfft(rest, 2 * len(rest))) ** 2
     correlation = np.fft.irfft(power)[: order + 1]
-    correlation[0] *= 1.0 + _RIDGE
-    taps = np.concatenate([[1.0], -solve_toeplitz(correlation[:order], correlation[1:])])
+    correlation[1:] /= max((1.0 + _RIDGE) * float(correlation[0]), 1e-300)
+    correlation[0] = 1.0
+    taps = np.append(1.0, -linear_prediction(correlation)[0])
     # to the last bit `scipy.signal.lfilter`, whose import takes a third of a second
     return lambda rows: np.apply_along_axis(np.convolve, 0, rows, taps, "valid")
 

@@ -170,7 +170,7 @@ class Verdict:
         if not self.options or not only_at_stops(search, search.refit):
             return None
         best = min(self.options, key=lambda o: rmse(o.fit))
-        return best if rmse(best.fit) < (1.0 - POLICY.near_fall) * rmse(search.refit) else None
+        return best if rmse(best.fit) < (1.0 - POLICY.clear_fall) * rmse(search.refit) else None
 
     def diagnosis(self) -> Diagnosis:
         """The whole answer."""
@@ -232,7 +232,7 @@ class Verdict:
             return ""
         refit, best = self.search.refit, self.options[0]
         before, after = self.problem.errors.rmse(refit), self.problem.errors.rmse(best.fit)
-        likely = best.evidence > self.search.evidence(refit) and after < (1.0 - POLICY.near_fall) * before
+        likely = best.evidence > self.search.evidence(refit) and after < (1.0 - POLICY.clear_fall) * before
         return best.effect if likely else ""
 
     def _ranking(self, score: Score, refitted: Score) -> tuple[Candidate, ...]:

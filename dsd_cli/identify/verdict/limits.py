@@ -83,7 +83,7 @@ def command_time(search: Search, whole: Fit, settings: Settings) -> CommandTime:
     if (
         freed.lead < _SHORTEST * search.equations.sample_time
         or gain < POLICY.response_nats
-        or freed.left > (1.0 - POLICY.near_fall) ** 2 * before
+        or freed.left > (1.0 - POLICY.clear_fall) ** 2 * before
         or not _in_all_bands(search, whole, settings, freed.lead)
     ):
         return CommandTime()

@@ -58,7 +58,7 @@ class Membership:
 
 def memberships(search: Search, whole: Fit, effects: Iterable[str], unknown: bool) -> dict[str, Membership]:
     """Of each of these effects; `unknown` : something remains that nothing explains."""
-    misfit = unknown or search.problem.reconstructed("velocity") or search.noise.inflation > POLICY.most_inflation
+    misfit = unknown or search.problem.reconstructed("velocity")
     return {name: membership(search, whole, name, misfit) for name in effects}
 
 
@@ -67,8 +67,8 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
 
     Parameters
     ----------
-    misfit : something unknown remains, or rows are far from independent: then a lead in likelihood may come from
-        what is unknown, and an effect that explains nearly as much is a tie.
+    misfit : something unknown remains: then a lead in likelihood may come from that, and an effect that explains
+        nearly as much is a tie.
     """
     plain = search.problem.errors
     member = next(t for t in whole.terms if t.id == effect_id)
@@ -92,22 +92,18 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
         spread = float(np.std(lead, ddof=1)) * math.sqrt(len(lead))
         return float(lead.sum()) < POLICY.rival_deviations * spread or not search.matters(option.fit, whole)
 
-    def alike_to(option: Option) -> bool:
-        return misfit and share(option) > POLICY.rival_share_in_misfit and may_be(option)
-
-    as_well = [o for o in options if alike_to(o)]
-    found = dict.fromkeys(o.effect for o in (*as_well, *filter(rivals, options)))
+    as_well = [o for o in options if misfit and share(o) > POLICY.rival_share_in_misfit and may_be(o)]
     as_told = _changed(search, whole) + math.log(POLICY.changed_for_name)
-    alike = [o.effect for o in as_well if _changed(search, o.fit) <= as_told and not get_effect(o.effect).of_time]
-    shares = probabilities(search, rest, [own, *options])
-    surest = 1.0 if _told(search, whole, effect_id) else POLICY.even
-    if member.effect.listed and has_friction(whole.terms) and search.problem.reconstructed("velocity"):
-        surest = min(surest, POLICY.even)  # a speed that wanders turns friction round: that looks like a push
-    if not (search.problem.reconstructed("position") and _of_position(effect_id)):
-        return Membership(effect_id, shares, tuple(found), tuple(alike), surest)
-    afloat = [o.effect for o in options if _of_position(o.effect)]
-    surest = min(surest, POLICY.even)
-    return Membership(effect_id, shares, tuple(dict.fromkeys([*found, *afloat])), tuple(alike), surest)
+    named = (o for o in as_well if _changed(search, o.fit) <= as_told and not get_effect(o.effect).of_time)
+    # a speed that wanders turns friction round: that looks like a push
+    as_push = member.effect.listed and has_friction(whole.terms) and search.problem.reconstructed("velocity")
+    afloat = _of_position(effect_id) and search.problem.reconstructed("position")
+    at_place = [o for o in options if afloat and _of_position(o.effect)]
+    found = dict.fromkeys(o.effect for o in (*as_well, *filter(rivals, options), *at_place))
+    surest = POLICY.even if as_push or afloat or not _told(search, whole, effect_id) else 1.0
+    return Membership(
+        effect_id, probabilities(search, rest, [own, *options]), tuple(found), tuple(o.effect for o in named), surest
+    )
 
 
 def _told(search: Search, whole: Fit, effect_id: str) -> bool:
@@ -208,7 +204,7 @@ def _no_stand_in(search: Search, whole: Fit, name: str) -> float:
 
 def left_over(search: Search, whole: Fit) -> float:
     """Probability that what a set leaves is a force that no effect describes."""
-    return POLICY.surest_unknown * _force(search, _left(search, whole))
+    return POLICY.surest_in_doubt * _force(search, _left(search, whole))
 
 
 def nothing_missing(search: Search, options: Sequence[Option]) -> float:

@@ -36,7 +36,7 @@ def pushed(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Discre
     if pulses is None or not search.practical(whole, pulses):
         return whole, beyond
     rmse = search.problem.errors.rmse
-    loud = rmse(pulses) < (1.0 - POLICY.near_fall) * rmse(whole)
+    loud = rmse(pulses) < (1.0 - POLICY.clear_fall) * rmse(whole)
     if not (loud or beyond.unknown):
         return whole, beyond
     settled = _placed_again(search, search.settled(sharpened(search, pulses)))

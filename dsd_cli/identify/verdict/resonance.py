@@ -202,7 +202,7 @@ def _better(found: Resonance, beside: Search, whole: Fit) -> bool:
 
 def _in_band(seen: Seen, search: Search) -> bool:
     """Whether the balance itself can identify this load."""
-    return seen.resonance_hz < POLICY.response_in_band * search.equations.band.hz
+    return seen.resonance_hz < search.equations.band.hz
 
 
 def response_settings(search: Search, effect_id: str, settings: Settings) -> Settings | None:

@@ -35,10 +35,10 @@ def with_stability(
     """
     if found.verdict in (UNKNOWN, INERTIA, DELAY) or found.verdict in model.effects:
         return found
-    if found.probability <= POLICY.surest_unstable:
+    if found.probability <= POLICY.surest_in_doubt:
         return found
     if found.verdict != NONE and get_effect(found.verdict).listed:
-        return replace(found, probability=POLICY.surest_unstable)
+        return replace(found, probability=POLICY.surest_in_doubt)
     if any(c.seen for c in found.ranking if c.effect == found.verdict):
         return found
     recordings = with_levels(recordings, [one.deviations for one in found.levels])
@@ -53,7 +53,7 @@ def with_stability(
     variants = tuple(v for what, some, how in asked if (v := _variant(found, what, some, model, how)) is not None)
     if all(one.same for one in variants):
         return replace(found, stability=variants)
-    return replace(found, stability=variants, probability=min(found.probability, POLICY.surest_unstable))
+    return replace(found, stability=variants, probability=min(found.probability, POLICY.surest_in_doubt))
 
 
 def _variant(
