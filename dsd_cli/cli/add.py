@@ -87,8 +87,8 @@ def add(
 
 def _added(given: Given, effect: str) -> tuple[Addition, Force | None]:
     """The addition in the user's units, and the balance of forces of the model without it."""
-    from dsd_cli.identify.addition import add_effect
     from dsd_cli.identify.compare.balance import force_view
+    from dsd_cli.identify.final_fit import add_effect
     from dsd_cli.identify.results import in_units
 
     added = add_effect(

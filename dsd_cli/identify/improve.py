@@ -6,8 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.identify.addition import add_effect
-from dsd_cli.identify.backward_elimination import Ended, ended
+from dsd_cli.identify.final_fit import Ended, add_effect, ended
 from dsd_cli.identify.missing import Missing
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.levels import with_levels
@@ -28,9 +27,8 @@ from dsd_cli.identify.results import (
     StepKind,
 )
 from dsd_cli.identify.verdict.contradictions import beside_told, kept_values
-from dsd_cli.identify.verdict.diagnose import Progress, Settings, Told, diagnose
+from dsd_cli.identify.verdict.diagnose import Progress, Settings, Told, diagnose, prior_check
 from dsd_cli.identify.verdict.levels import log_levels, said_of
-from dsd_cli.identify.verdict.prior_check import prior_check
 from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 

@@ -80,10 +80,10 @@ def _answer(answer: Any) -> Any:
 
 @pytest.fixture
 def engine(monkeypatch: pytest.MonkeyPatch) -> Engine:
-    """In place of `identify.diagnose`, `identify.addition` and `identify.improve`."""
+    """In place of `identify.diagnose`, `identify.final_fit` and `identify.improve`."""
     stub = Engine()
     monkeypatch.setattr("dsd_cli.identify.verdict.diagnose.diagnose", stub.diagnose)
-    for place, name in (("addition", "add_effect"), ("improve", "improve")):
+    for place, name in (("final_fit", "add_effect"), ("improve", "improve")):
         module = ModuleType(f"dsd_cli.identify.{place}")
         setattr(module, name, getattr(stub, name))
         monkeypatch.setitem(sys.modules, module.__name__, module)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dsd_cli.identify.fit.feedback_noise import feedback_noise_of, rate
+from dsd_cli.identify.recordings.sensor import feedback_noise_of, rate
 
 T, J, ROWS = 0.002, 0.01, 4000
 

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsd_cli.identify.fit.blocks import lay_blocks
-from dsd_cli.identify.fit.gram import grams, solve, squares, total_gram, without_noise
+from dsd_cli.identify.fit.blocks import grams, lay_blocks, solve, squares, total_gram, without_noise
 
 
 def _rows(seed, rows, columns, spread=0.0):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.identify.addition import add_effect
+from dsd_cli.identify.final_fit import add_effect
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.improve import improve
 from dsd_cli.identify.policy import POLICY

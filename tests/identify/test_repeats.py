@@ -10,7 +10,7 @@ from dsd_cli.identify.search.drop_unidentified import identified_only
 from dsd_cli.identify.search.repeats import apart, names_to_try, renamed
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.shapes import refined
-from dsd_cli.identify.verdict.numbering import strongest_first
+from dsd_cli.identify.verdict.diagnose import strongest_first
 from tests.identify.search_rig import BELIEVED, MOVES, posed, seen
 
 RANGES = Ranges(1.0, 3.0, 3.0, 0.5, 2.0, 1e-3, 10.0, passes=8.0)

@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from dsd_cli.effects.memory import Coupling, driven_load, load_acceleration
-from dsd_cli.identify.addition import add_effect
 from dsd_cli.identify.compare.balance import force_view
+from dsd_cli.identify.final_fit import add_effect
 from dsd_cli.identify.fit.bank import raw_columns
 from dsd_cli.identify.fit.driven_load import with_driven_load
 from dsd_cli.identify.fit.problem import pose

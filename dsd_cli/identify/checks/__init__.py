@@ -18,9 +18,8 @@ from dsd_cli.identify.checks.disturbance import check_alone, check_disturbance, 
 from dsd_cli.identify.checks.excitation import check_excitation, excitation
 from dsd_cli.identify.checks.parameters import check_parameters, unknown_parameters
 from dsd_cli.identify.checks.results import CheckResult, Excitation, Finding, Identified, Parameter, Severity
-from dsd_cli.identify.checks.signs import check_signs
 from dsd_cli.identify.checks.stretches import SHORTEST
-from dsd_cli.identify.checks.values import believable, check_sensor, check_values, delay_of, floor_of
+from dsd_cli.identify.checks.values import believable, check_sensor, check_signs, check_values, delay_of, floor_of
 from dsd_cli.identify.checks.view import View, look
 from dsd_cli.plant.maker import Maker
 from dsd_cli.plant.model import ObserverSettings, PlantModel

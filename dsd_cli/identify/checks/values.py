@@ -1,10 +1,11 @@
-"""What the log says of inertia and delay by itself, and what its sensor can show of the acceleration."""
+"""What the log says by itself of inertia and delay, of the signs of its channels, and of its sensor."""
 
 from __future__ import annotations
 
 import math
 
 from dsd_cli.identify.checks.channels import degrees, power_of_two
+from dsd_cli.identify.checks.disturbance import Observed, culprit
 from dsd_cli.identify.checks.results import Finding
 from dsd_cli.identify.checks.scan import Scanned
 from dsd_cli.identify.checks.view import View
@@ -85,3 +86,93 @@ def floor_of(view: View, model: PlantModel | None) -> float | None:
     fit = believable(view)
     inertia = model.inertia if model is not None else None if fit is None else fit.inertia
     return None if view.band is None or inertia is None else inertia * view.band.acceleration_noise
+
+
+#: An inertia below 0 is believed from `CLEAR` standard errors on, where it explains this share of what friction and
+#: weight leave, and `WEIGHT` of all of u, ...
+EXPLAINED = 0.3
+#: ... and where an inertia above 0 leaves so much more at its best delay (a late u of the right sign looks the same
+#: where the motion is periodic).
+WORSE = 1.25
+#: In a log of fewer rows (each is half a period of the highest frequency) friction that turns and a u that is taken for
+#: late explain as much as an inertia below 0 does: it must explain this share of u, and one above 0 leave so much more.
+FEW, WEIGHT_OF_FEW, WORSE_OF_FEW = 200, 0.02, 2.5
+#: Share of what friction and weight leave of u that an inertia explains which is not hidden by them.
+PLAIN = 0.8
+#: Work done by the motion on u is believed from so many standard errors, and this share of the power of u, on.
+WORK_CLEAR, WORK_SHARE = 4.5, 0.03
+
+
+def sign_of_u(view: View) -> float:
+    """How sure it is that u has the other sign than the motion: 0 if it is not seen, else above 0.5.
+
+    Two signs: an inertia below 0; and, where friction hides the inertia, a u that brakes at every delay that can be.
+    """
+    by_inertia = _by_inertia(view)
+    done = view.work
+    if done is None:
+        return by_inertia
+    if done.clearness > WORK_CLEAR and done.share > WORK_SHARE:
+        return 0.0  # u drives the motion, whatever the inertia looks like
+    if done.clearness < -WORK_CLEAR and done.share > WORK_SHARE and not _rightly_driven(view):
+        return max(by_inertia, 0.95)
+    return by_inertia
+
+
+def _rightly_driven(view: View) -> bool:
+    """Whether an inertia above 0 is plain to see: friction that falls with the speed can look like a u that brakes."""
+    right, turned = view.forward, view.backward
+    if right is None or right.clearness < CLEAR or right.explained < PLAIN or right.weight < WEIGHT_OF_FEW:
+        return False
+    return turned is None or turned.rest > WORSE * right.rest
+
+
+def _by_inertia(view: View) -> float:
+    right, turned = view.forward, view.backward
+    if turned is None or not turned.inside:
+        return 0.0
+    few = view.rows is not None and view.rows.acceleration.size < FEW
+    weight, worse = (WEIGHT_OF_FEW, WORSE_OF_FEW) if few else (WEIGHT, WORSE)
+    if turned.clearness < CLEAR or turned.explained < EXPLAINED or turned.weight < weight:
+        return 0.0
+    if right is not None and right.rest < worse * turned.rest:
+        return 0.0
+    return 0.99
+
+
+def check_signs(view: View, opposite: bool, d_hat: Observed | None, observer_sign: int) -> list[Finding]:
+    """At most one finding about u or the motion.
+
+    Parameters
+    ----------
+    opposite : velocity and position have opposite signs.
+    d_hat : how d_hat is made of the motion (as `view.band` takes it) and u, where it is logged.
+    """
+    turned = sign_of_u(view)
+    blamed = "" if d_hat is None else culprit(d_hat, observer_sign)
+    source = view.band.source if view.band is not None else "position"
+    if opposite:
+        other = "velocity" if source == "position" else "position"
+        against_u = turned > 0.0 or blamed == "motion"
+        return [_opposite(source if against_u else other, sure=against_u or _sees(view))]
+    if blamed == "motion":
+        both = [name for name in ("velocity", "position") if name in view.log]
+        what = f"{' and '.join(both)}: the other sign than u and d_hat"
+        return [Finding(what, source, "error", 0.95, multiply=tuple((name, -1.0) for name in both))]
+    if turned > 0.0 or blamed == "u":
+        what = "u has the other sign than the motion it causes"
+        return [Finding(what, "u", "error", max(turned, 0.95), multiply=(("u", -1.0),))]
+    return []
+
+
+def _sees(view: View) -> bool:
+    """Whether a u of the wrong sign would have been seen."""
+    fit, done = view.forward, view.work
+    return (fit is not None and fit.explained > 0.5) or (done is not None and done.clearness > 5.0)
+
+
+def _opposite(channel: str, sure: bool) -> Finding:
+    other = "position" if channel == "velocity" else "velocity"
+    what = "velocity has the other sign than the slope of position"
+    remedy = "" if sure else f"this log cannot say whether it is not {other} that must be turned"
+    return Finding(what, channel, "error", 0.98, remedy, ((channel, -1.0),))

@@ -17,7 +17,7 @@ import numpy as np
 
 from dsd_cli.effects import Role
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, SHARE, Term, Terms
-from dsd_cli.identify.fit.gram import solve
+from dsd_cli.identify.fit.blocks import solve
 from dsd_cli.identify.fit.priors import PriorKnowledge, is_shape
 from dsd_cli.identify.results import DELAY
 from dsd_cli.identify.results import INERTIA as INERTIA_NAME

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank, has_friction, inputs_of
-from dsd_cli.identify.fit.feedback_noise import rate
-from dsd_cli.identify.fit.gram import grams, squares, without_noise
+from dsd_cli.identify.fit.blocks import grams, squares, without_noise
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.sensor import rate
 from dsd_cli.signals.log import Array
 
 #: Relative step of numerical derivatives.

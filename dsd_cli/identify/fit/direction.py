@@ -15,7 +15,7 @@ import numpy as np
 
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import INERTIA, Bank, Terms
-from dsd_cli.identify.fit.gram import total_gram, without_noise
+from dsd_cli.identify.fit.blocks import total_gram, without_noise
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.identify.fit.values import whole_inertia
 from dsd_cli.identify.policy import POLICY

@@ -17,9 +17,8 @@ import numpy as np
 from dsd_cli.identify.fit.bank import FIXED, Bank, has_friction
 from dsd_cli.identify.fit.bank import drive as delayed
 from dsd_cli.identify.fit.basis import APART, Units, basis
-from dsd_cli.identify.fit.blocks import Blocks
+from dsd_cli.identify.fit.blocks import Blocks, Grams, grams, losses, solve, total_gram
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.fit.gram import Grams, grams, losses, solve, total_gram
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.stretches import Stretch
 from dsd_cli.signals.log import Array

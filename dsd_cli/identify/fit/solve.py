@@ -21,9 +21,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, SHARE, Bank, Design, Term, Terms, has_friction, inputs_of
-from dsd_cli.identify.fit.blocks import Blocks
+from dsd_cli.identify.fit.blocks import Blocks, Grams, grams, total_gram, without_noise
 from dsd_cli.identify.fit.constraints import Reduction, Rules, solved
-from dsd_cli.identify.fit.gram import Grams, grams, total_gram, without_noise
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY

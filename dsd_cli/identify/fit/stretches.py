@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dsd_cli.effects import Channels, Effect, Role
-from dsd_cli.identify.fit.feedback_noise import FeedbackNoise, feedback_noise_of
 from dsd_cli.identify.fit.pushes import SensorMotion
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.recordings.regular import MEAN_OF_FOUR
+from dsd_cli.identify.recordings.sensor import FeedbackNoise, feedback_noise_of
 from dsd_cli.plant.filtering import delay_taps
 from dsd_cli.plant.forces import IntervalChannels
 from dsd_cli.plant.prediction import Frame

@@ -53,7 +53,7 @@ class Settings:
     known : of values, by the user.
     band : factor on the end of the band that the sensor suggests.
     taken : effects of the model that this climb took: they may stand in for a value that is given wrongly.
-    against : what the log says against what is known, once that was looked at (`verdict.prior_check`).
+    against : what the log says against what is known, once that was looked at (`verdict.diagnose.prior_check`).
     levels : of single logs, found with nothing given; None to look for them.
     begun : a model with the set that the last rung found: one of those that the search weighs.
     inverse : whether u by the motion is evidence, however large J a is; else that decides (`fit.direction`).

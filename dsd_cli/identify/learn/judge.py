@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.identify.fit.blocks import Blocks
-from dsd_cli.identify.fit.gram import Grams, grams, losses, without_noise
+from dsd_cli.identify.fit.blocks import Blocks, Grams, grams, losses, without_noise
 from dsd_cli.identify.fit.row_weights import inflation
 from dsd_cli.identify.learn.families import Columns
 from dsd_cli.identify.learn.rows import Balance

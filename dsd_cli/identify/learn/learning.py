@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from dsd_cli.identify.backward_elimination import Ended, ended
+from dsd_cli.identify.final_fit import Ended, ended
 from dsd_cli.identify.fit.driven_load import with_driven_load
 from dsd_cli.identify.fit.problem import Problem, pose
 from dsd_cli.identify.fit.testability import Settings

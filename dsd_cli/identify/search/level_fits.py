@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Bank, Term, has_friction
-from dsd_cli.identify.fit.blocks import spread_over_blocks
+from dsd_cli.identify.fit.blocks import Grams, grams, losses, solve, spread_over_blocks, squares, total_gram
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import freeform_fits
-from dsd_cli.identify.fit.gram import Grams, grams, losses, solve, squares, total_gram
 from dsd_cli.identify.fit.row_weights import inflation, many_sure
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY

@@ -9,7 +9,7 @@ import numpy as np
 
 from dsd_cli.effects import Role
 from dsd_cli.identify.fit.bank import INERTIA, Term, Terms, has_friction, inputs_of, not_negative
-from dsd_cli.identify.fit.gram import total_gram
+from dsd_cli.identify.fit.blocks import total_gram
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.signals.log import Array
 

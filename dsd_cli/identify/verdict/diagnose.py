@@ -1,33 +1,40 @@
-"""Which physical effect is missing: the verdict of `dsd diagnose`."""
+"""Which physical effect is missing: what the user gave is held against the log, then the set searched and judged.
+
+So the search is first made with nothing given. Where that explains the log, and the log is then against what was given,
+only the effects of that search are asked with it: what they leave is the given value's.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from dsd_cli.effects import free_name, kind_of
+from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.priors import PriorKnowledge
+from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.excerpts import excerpts
+from dsd_cli.identify.recordings.levels import may_differ, with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.levels import Levelled, levelled
 from dsd_cli.identify.search.pulses import event_effect
-from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.contradictions import Contradiction, against_told
+from dsd_cli.identify.search.repeats import renamed
+from dsd_cli.identify.search.sets import Option, Search
+from dsd_cli.identify.verdict.contradictions import Contradiction, against_told, freed, told_far_off
 from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrepancy_of, without_imitations
 from dsd_cli.identify.verdict.judgement import Verdict
-from dsd_cli.identify.verdict.levels import with_levels_said
+from dsd_cli.identify.verdict.levels import log_levels, with_levels_said
 from dsd_cli.identify.verdict.limits import CommandTime, limits_of
-from dsd_cli.identify.verdict.numbering import strongest_first
 from dsd_cli.identify.verdict.own_values import own_values
-from dsd_cli.identify.verdict.prior_check import prior_check
 from dsd_cli.identify.verdict.probability import memberships
 from dsd_cli.identify.verdict.pushes import pushed
 from dsd_cli.identify.verdict.resonance import with_response
 from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
-
-__all__ = ["Settings", "diagnose"]
 
 Progress = Callable[[str, float], None]
 Told = Callable[[Sequence[Contradiction]], None]
@@ -119,3 +126,89 @@ def _either_way(
     share = errors.rmse(whole) / errors.moving(search.solver.inertia)
     less = errors_there.rmse(there.whole) < POLICY.other_way * share * errors_there.force
     return (there, replace(settings, inverse=True)) if less else (found, settings)
+
+
+def strongest_first(search: Search, whole: Fit) -> tuple[Fit, list[Option]]:
+    """(the set with those of a kind numbered by the error that is left without each, the largest first; of each kind of
+    several the first alone).
+
+    Names of which the user knows something stay.
+    """
+    added = search.added(whole.terms)
+    kinds = dict.fromkeys(kind_of(t.id) for t in added if t.effect.repeats is not None)
+    terms, first = whole.terms, []
+    for kind in kinds:
+        alike = [t for t in added if kind_of(t.id) == kind]
+        if any(search.solver.known.concerns(t.id) for t in alike):
+            continue
+        if len(alike) > 1:
+            alike.sort(key=lambda t: -search.problem.errors.rmse(_without(search, whole, t)))
+            first.append(_alone(search, Term(kind, alike[0].items), whole.tap))
+        terms = renamed(terms, tuple(alike))
+    return (whole if terms == whole.terms else search.fit(terms, whole.tap)), first
+
+
+def _without(search: Search, whole: Fit, term: Term) -> Fit:
+    return search.fit(tuple(t for t in whole.terms if t != term), whole.tap)
+
+
+def _alone(search: Search, line: Term, tap: int) -> Option:
+    """It beside the effects of the model, under the first name that is free there."""
+    term = Term(free_name(line.id, {t.id for t in search.base}), line.items)
+    fit = search.fit((*search.base, term), tap)
+    return Option(term.id, fit, search.evidence(fit))
+
+
+def prior_check(
+    recordings: Sequence[Recording],
+    model: PlantModel,
+    settings: Settings,
+    report: Progress = lambda _what, _share: None,
+) -> tuple[Settings, tuple[Contradiction, ...]]:
+    """(settings with the effects that are worth a search, what the log says against what was given).
+
+    Raises
+    ------
+    DataError, UsageError : as `pose`.
+    """
+    looked = replace(settings, against=settings.against or ())
+    known = settings.known
+    if not known or settings.against is not None:
+        return looked, ()
+    apart = _free(tuple(excerpts(recordings)), model, replace(settings, known=PriorKnowledge()), report)
+    free, whole = apart.search, apart.whole
+    estimates = free.problem.values(whole).estimates
+    by_log = log_levels(apart.levels, estimates, [r.name for r in recordings])
+    against = told_far_off(known, estimates, recordings[0].sample_time, by_log)
+    if not against or above_floor(free, whole) or _to_mend(free, whole, settings):
+        return looked, ()
+    levels = tuple(one for one in apart.levels if one.name not in known.fixed)
+    told = Search(pose(with_levels(apart.plain, levels), model, settings))
+    asked = {kind_of(t.id) for t in free.added(whole.terms)} | _as_good(told, whole)
+    worth = tuple(name for name in told.problem.candidates if name in asked)
+    return replace(looked, effects=worth, against=against, levels=levels), against
+
+
+def _free(parts: tuple[Recording, ...], model: PlantModel, settings: Settings, report: Progress) -> Levelled:
+    """What the logs say with nothing given; a level that differs between them would look like a value given wrongly."""
+    if may_differ(parts):
+        return levelled(parts, model, settings, (), report)
+    search = Search(pose(parts, model, settings))
+    return Levelled(parts, parts, search, search.run(search.refit))
+
+
+def _to_mend(free: Search, whole: Fit, settings: Settings) -> bool:
+    """Whether the log itself is to be mended first: a u that is late or smoothed bends values."""
+    limits = limits_of(free, whole, replace(settings, known=PriorKnowledge()), None)
+    return bool(limits.blocked or limits.time.late or limits.time.smoothed)
+
+
+def _as_good(told: Search, whole: Fit) -> set[str]:
+    """The effect that alone, beside the set that was found with nothing given, does what the freed values do."""
+    known = told.solver.known
+    pinned = tuple(Term.of(t.id, known.pinned(t.id, t.shape)) for t in whole.terms)
+    free = Search(freed(told.problem))
+    best = next(iter(told.options(told.fit(pinned, whole.tap))), None)
+    if best is None or told.evidence(best.fit) < free.evidence(free.fit(whole.terms, whole.tap)):
+        return set()
+    return {kind_of(best.effect)}

@@ -11,8 +11,8 @@ import numpy as np
 
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.blocks import grams, losses, solve
 from dsd_cli.identify.fit.freeform import freeform_fits
-from dsd_cli.identify.fit.gram import grams, losses, solve
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.levels import Deviations, may_differ

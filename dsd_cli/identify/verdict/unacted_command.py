@@ -10,8 +10,8 @@ import numpy as np
 
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import Bank, has_friction
+from dsd_cli.identify.fit.blocks import solve, total_gram
 from dsd_cli.identify.fit.equations import equations_of
-from dsd_cli.identify.fit.gram import solve, total_gram
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
