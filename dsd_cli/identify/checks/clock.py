@@ -1,7 +1,8 @@
 """The stamps, and u between them: jitter, whether irregular stamps are true, whether u is held.
 
-Between the samples the two differ by (w T)^2 and less, so that only a fast drive and a fine sensor show it. Cross
-spectra of u and the acceleration are compared with what each kind makes of them; J and the delay are free in both.
+A held u and a sampled one differ between the samples by (w T)^2 and less, so that only a fast drive and a fine sensor
+show it. Cross spectra of u and the acceleration are compared with what each kind makes of them; J and the delay are
+free in both.
 """
 
 from __future__ import annotations

@@ -5,9 +5,6 @@ r = -J n'' what the noise n of the position leaves of a row, and T the gain of t
 frequency has more of w |T| than D / J, and T is about 1 at most where the loop follows: du/dt times r is at most
 min(D / J, w) r^2 in a row, w the end of the band. Where the motion gives du/dt little else, r goes with du/dt, in all
 blocks alike. D is seen above the motion, where noise is all that the sensor has.
-
-Of simulated axes with D / J of 50 and 100 rad/s and encoders of 4200 to 17,000 counts D / J is found within 4 %; where
-their slow motion identifies the delay worst, it came out 6 to 14 ms off, and this says 4 to 11 ms.
 """
 
 from __future__ import annotations

@@ -22,8 +22,7 @@ from dsd_cli.identify.verdict.advice import asking_again
 ACCELERATION = "acceleration"
 #: The least share of a value (of a sample, for a delay) by which a contradiction is worth saying.
 LEAST_SHARE = 0.005
-#: Before a search a value must be so far off, as a share (a delay: in samples) and in standard deviations. Of 84 values
-#: of an outside rig that were told rightly three, in friction that grows with the load, were 3.6 to 6.8 deviations off.
+#: Before a search a value must be so far off, as a share (a delay: in samples) and in standard deviations.
 FAR_SHARE, FAR_SAMPLES, FAR_DEVIATIONS = 0.02, 0.5, 5.0
 
 

@@ -1,7 +1,8 @@
 """Which physical effect is missing: what the user gave is held against the log, then the set searched and judged.
 
-So the search is first made with nothing given. Where that explains the log, and the log is then against what was given,
-only the effects of that search are asked with it: what they leave is the given value's.
+A value that is given wrongly makes a search add one effect after the other in its place, each of them found, none of
+them there. So the search is first made with nothing given. Where that explains the log, and the log is then against
+what was given, only the effects of that search are asked with it: what they leave is the given value's.
 """
 
 from __future__ import annotations

@@ -126,12 +126,7 @@ def _in_doubt(search: Search, fit: Fit) -> bool:
 
 def borne_out(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Discrepancy]:
     """The set that was found and what is beyond it; no effect, where the model leaves more than the sensor only at
-    stops and in creeping, and the set takes nothing certain off elsewhere: it explains what nobody knows.
-
-    Of an outside rig's true effects beside friction that is known, of which the model leaves no more elsewhere, sets
-    take off 55 to 890 times the variance there (four logs); of a coarse encoder's turns a lag, or a line, took off
-    -17 to 3.5 (four logs).
-    """
+    stops and in creeping, and the set takes nothing certain off elsewhere: it explains what nobody knows."""
     sure = clear_rows(search.equations)
     if sure is None or not search.added(whole.terms) or not only_at_stops(search, search.refit):
         return whole, beyond

@@ -1,8 +1,9 @@
 """What a log itself must have before any verdict on it can be sure: a u that acts when it is logged; a direction.
 
-Both show in one number. Between two whole steps of delay the drive is u - s (u - u one step later); s in [0, 1] is a
-delay. Of a fit that is free to choose it, s < 0 is a u that comes earlier: at delay 0 it was logged too late, and at a
-longer one the axis got u + T du/dt with T = -s steps, which is what a first-order filter of time constant T took off.
+A u that is late and one that is smoothed show in one number. Between two whole steps of delay the drive is
+u - s (u - u one step later); s in [0, 1] is a delay. Of a fit that is free to choose it, s < 0 is a u that comes
+earlier: at delay 0 it was logged too late, and at a longer one the axis got u + T du/dt with T = -s steps, which is
+what a first-order filter of time constant T took off.
 """
 
 from __future__ import annotations
@@ -32,8 +33,7 @@ _LONGEST = 0.05
 #: Share of the squares that a u which is not late may leave: a missing force leans like lag, but leaves more.
 _EXPLAINED = 0.25
 #: Narrower bands in which a filter is asked for again, as a share, and by what share its time constant may differ
-#: there: true ones of 5 ms differ by 0.8 % at most in 25 of 27 logs, what a controller makes of a coarse encoder by
-#: 1.5 to 80 % in ten of ten.
+#: there: what a controller makes of a coarse encoder is another one in each band.
 _BANDS, _SAME = (0.7, 0.85), 0.01
 
 
@@ -150,8 +150,8 @@ def _residual(search: Search, fit: Fit) -> Array:
     return np.asarray(rows[0] - fit.total @ rows[1:])
 
 
-#: Share of u that the motion must tell. Of 335 logs of an outside rig with anything missing, laws that no catalogue has
-#: among them, 334 have 0.55 and more, and the u of another axis has 0.39 at most in 117 of 120 (the others are short).
+#: Share of u that the motion must explain, whatever is missing: between that of an axis which lacks a law that no
+#: catalogue has (0.55 and more) and that of the u of another axis (0.39 at most).
 _LEAST_IN_COMMON = 0.45
 
 

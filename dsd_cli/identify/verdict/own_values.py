@@ -132,12 +132,8 @@ def _elsewhere(search: Search) -> NDArray[np.bool_] | None:
 
 
 def _beyond_noise(search: Search, believed: PlantModel) -> bool:
-    """Whether the model as given leaves more than the sensor's noise where the direction of the motion is sure.
-
-    With the true values noise alone is left, whatever of it a controller has put into u: of 22 logs of axes whose
-    controller differentiates a coarse encoder up to 1.65 times what the sensor is thought to have, with a delay that is
-    20 ms off 5 to 6 times.
-    """
+    """Whether the model as given leaves more than the sensor's noise where the direction of the motion is sure: with
+    the true values noise alone is left, whatever of it a controller has put into u."""
     rows, problem = _elsewhere(search), search.problem
     if rows is None:
         return False

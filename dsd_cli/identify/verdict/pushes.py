@@ -117,7 +117,7 @@ def law_of_pushes(search: Search, fit: Fit) -> str:
 
     Pushes that follow each other without a pause are a force that changes in time. Pushes that come wherever the axis
     is at one place are an end stop or the like: their force is explained by the position better than that of the same
-    pushes at other times would be. Of an outside rig's true pushes (48 logs of 3 and 20 s) none are taken for such.
+    pushes at other times would be.
     """
     event = next((t for t in fit.terms if t.effect.listed), None)
     if event is None:
