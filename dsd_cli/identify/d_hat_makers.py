@@ -3,7 +3,7 @@
 Read by the wrong maker, u + Q^-1 d_hat is Jn a and a part of what u changes in a sample; a delay and smooth functions
 of the motion imitate some of that, but the laws that are there do not. So the model with all that was found is fitted
 to the log as each maker would have it, in the same rows, and the held-out blocks share the belief as they do between
-effects (`verdict.probability`). A value is the mean over the makers, its variance that within one and that between them.
+effects (`verdict.probability`). A value is the mean over the makers, its variance that within and that between them.
 """
 
 from __future__ import annotations
