@@ -10,7 +10,7 @@ from dsd_cli.identify.final_fit import Ended, add_effect, ended
 from dsd_cli.identify.missing import Missing
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.levels import with_levels
-from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.recordings.recording import Mended, Recording
 from dsd_cli.identify.results import (
     DELAY,
     INERTIA,
@@ -68,6 +68,8 @@ def improve(
     while True:
         asked = climb.settings.without(refused)
         last = diagnose(recordings, model, observer, asked, holdout, progress)
+        if last.mended:
+            recordings, holdout = climb.mended(last.mended)
         if not climb.steps:
             climb.up(AS_GIVEN, last.score, last.refitted_values, last.given)
             model = last.given
@@ -109,9 +111,15 @@ class _Climb:
     ) -> None:
         self.recordings, self.settings, self.holdout, self._on_step = recordings, settings, holdout, on_step
         self.observer = observer
+        self.said: tuple[str, ...] = ()
         self.steps: list[Step] = []
         self.added: dict[str, Missing] = {}
         self.levels: tuple[LogLevels, ...] = ()
+
+    def mended(self, mended: Mended) -> tuple[Sequence[Recording], Sequence[Recording]]:
+        """Goes on with these recordings, which it returns; what was wrong with the others is said at the end."""
+        self.recordings, self.holdout, self.said = mended.recordings, mended.holdout, (*self.said, *mended.said)
+        return self.recordings, self.holdout
 
     def up(
         self, effect: str, score: Score, values: Estimates, model: PlantModel, kind: StepKind = "added"
@@ -176,6 +184,7 @@ class _Climb:
     def ladder(self, last: Diagnosis, stopped: str) -> Ladder:
         """The whole ladder: needless effects removed again, every value with its standard error."""
         names = tuple(r.name for r in self.holdout)
+        last = replace(last, warnings=tuple(dict.fromkeys((*self.said, *last.warnings))))
         if last.verdict == NONE:
             model = self.steps[-1].model
             last = with_stability(last, self.recordings, model, self.settings)

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.recordings.levels import Deviations
+from dsd_cli.identify.recordings.recording import Mended
 from dsd_cli.plant.model import DELAY as DELAY
 from dsd_cli.plant.model import INERTIA as INERTIA
 from dsd_cli.plant.model import PlantModel
@@ -133,8 +134,7 @@ class Diagnosis:
 
     Attributes
     ----------
-    verdict : an effect's id, "inertia", "delay", "none" or "unknown".
-    probability : of the verdict.
+    verdict : an effect's id, "inertia", "delay", "none" or "unknown". probability : of the verdict.
     score : of the model as it stands; `refitted` with its own values fitted to the log.
     ranking : best first; untestable ones last.
     estimates : inertia, delay and the values of all effects, fitted together with the whole set that was found.
@@ -146,16 +146,17 @@ class Diagnosis:
     at_stops : most of what is left is from stops and creeping, where it is not judged. blocked : what must be mended
         before anything that is missing can be identified, "" if nothing. stand_ins : effect that was found, or taken
         before -> values for which it may only stand in, because the user gave them otherwise than the log has them.
-    held_out : logs that no fit saw; the held-out errors are theirs.
-    noise : rms of r that no smooth function of anything explains, unit of u.
+    held_out : logs that no fit saw; the held-out errors are theirs. noise : rms of r that no smooth function of
+        anything explains, unit of u.
     found : the whole set of effects that the search found; the verdict is the one of them that is worth most alone.
     whole_model : with all of them; None where nothing was found. whole_values : its values, where they are several,
         whole_heldout_rmse : and its held-out error there.
     correlations : of the estimates. stability : the verdict with half of the data, and with half and twice the band.
     band_hz, floor : end of the band in which forces were balanced, Hz; rms of r that the sensor alone leaves in it.
-    levels : values that differ between the logs: every error but `score` is beside them.
-    inverse : whether u by the motion was evidence, not the motion by u.
+    levels : values that differ between the logs: every error but `score` is beside them. inverse : whether u by the
+        motion was evidence, not the motion by u.
     missing, unexplained : the two questions, each with its number: what is missing, and is that all?
+    mended : the recordings without a part of u that did not act, of which all this is; None as a rule.
     """
 
     logs: tuple[str, ...]
@@ -195,6 +196,7 @@ class Diagnosis:
     missing: tuple[Missing, ...] = ()
     unexplained: Unexplained = field(default_factory=Unexplained)
     inverse: bool = False
+    mended: Mended | None = None
 
     def joint_values(self, effect: str) -> Estimates:
         """Those of one effect by parameter name (of inertia and delay by their own); empty for one not in the set."""

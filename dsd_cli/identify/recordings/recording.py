@@ -76,6 +76,15 @@ class Recording:
         return cycle_of(longest["velocity"], self.sample_time) if "velocity" in longest else math.inf
 
 
+@dataclass(frozen=True)
+class Mended:
+    """Recordings, and held-out ones, without what was wrong with them. said : what that was, one sentence each."""
+
+    recordings: tuple[Recording, ...]
+    holdout: tuple[Recording, ...]
+    said: tuple[str, ...]
+
+
 def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), rest_speed: float = 0.0) -> Recording:
     """The log in stretches, with d_hat and the motion.
 

@@ -19,17 +19,16 @@ from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.levels import may_differ, with_levels
-from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.recordings.recording import Mended, Recording
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.levels import Levelled, levelled
-from dsd_cli.identify.search.pulses import event_effect
 from dsd_cli.identify.search.repeats import renamed
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.contradictions import Contradiction, against_told, freed, told_far_off
 from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrepancy_of, without_imitations
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.levels import log_levels, with_levels_said
-from dsd_cli.identify.verdict.limits import CommandTime, limits_of
+from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.identify.verdict.own_values import own_values
 from dsd_cli.identify.verdict.probability import memberships
 from dsd_cli.identify.verdict.pushes import pushed
@@ -57,11 +56,10 @@ def diagnose(
 
     Parameters
     ----------
-    recordings : of one rig, fitted together.
+    recordings : of one rig, fitted together. stability : ask again with half of the data, half and twice the band.
     model : what the rig is believed to be; its values are fitted along, its effects stay.
     holdout : recordings that no fit sees; the held-out errors are then those of them.
     progress : called with what is being done and the share that is done.
-    stability : ask again with half of the data, and with half and twice the band.
     on_told : called before the search, if the log is against what the user gave. on_found : with search and whole set.
 
     Raises
@@ -81,15 +79,16 @@ def diagnose(
     if shown.search is not search:
         search, whole, beyond = shown.search, shown.whole, discrepancy_of(shown.search, shown.whole)
     if shown.seen is None:
-        whole, beyond = pushed(search, whole, beyond) if event_effect(search) is not None else (whole, beyond)
-        whole, beyond = borne_out(search, *without_imitations(search, whole, beyond))
+        whole, beyond = borne_out(search, *without_imitations(search, *pushed(search, whole, beyond)))
     report("how sure", 0.8)
     whole, first = strongest_first(search, whole)
-    found = [t.id for t in search.added(whole.terms) if shown.seen is None]
     limits = limits_of(search, whole, shown.settings, shown.seen or shown.other)
-    if asked.against:  # with nothing told u was neither late nor smoothed
-        limits = replace(limits, time=CommandTime())
-    members = {} if limits.blocked else memberships(search, whole, found, beyond.unknown)
+    if limits.idle is not None:
+        mended = limits.idle.taken_off(apart.plain, holdout)
+        plain, aside = mended.recordings, mended.holdout
+        again = diagnose(plain, model, observer, asked, aside, progress, stability, on_told, on_found)
+        return _of_mended(again, mended)
+    members = {} if limits.blocked or shown.seen is not None else memberships(search, whole, beyond.unknown)
     options = [*search.options(search.refit), *first]
     verdict = Verdict(search, options, whole, members, own_values(search, shown), beyond, shown, limits)
     if verdict.rising:  # what raises the error stands in for something else: the search begins again without it
@@ -102,6 +101,13 @@ def diagnose(
         diagnosis = with_stability(diagnosis, recordings, model, shown.settings)
     report("done", 1.0)
     return replace(diagnosis, inverse=search.solver.inverse)
+
+
+def _of_mended(diagnosis: Diagnosis, mended: Mended) -> Diagnosis:
+    """With what was wrong with the recordings said, and what else was wrong with the mended ones."""
+    last = diagnosis.mended or mended
+    said = dict.fromkeys((*mended.said, *last.said))
+    return replace(diagnosis, warnings=(*mended.said, *diagnosis.warnings), mended=replace(last, said=tuple(said)))
 
 
 def _either_way(

@@ -158,8 +158,8 @@ _LEAST_IN_COMMON = 0.45
 @dataclass(frozen=True)
 class Limits:
     """common : share of u that the motion explains in parts of the log that were not fitted. idle : a part of u that
-    did not act. time : whether u is late or smoothed. direction : share of the samples in motion whose direction the
-    sensor shows, 0 to 1."""
+    did not act, without which all is asked again. time : whether u is late or smoothed. direction : share of the
+    samples in motion whose direction the sensor shows, 0 to 1."""
 
     common: float
     idle: UnactedCommand | None
@@ -176,8 +176,6 @@ class Limits:
         """What must be mended before anything that is missing can be identified; "" if nothing."""
         if self.common < _LEAST_IN_COMMON:
             return "u and the motion have too little in common: u does not seem to drive this axis"
-        if self.idle is not None:
-            return f"{self.idle.what} did not act on the axis"
         if self.time.late:
             return f"u is later than the motion that it causes, by about {self.time.late * 1e3:.2g} ms"
         return _smoothed(self.time) if self.time.smoothed and not self.time.explained else ""
@@ -192,8 +190,6 @@ class Limits:
                 f" {100.0 * max(self.common, 0.0):.0f} % of u in the others). Is it the column of another axis, or from"
                 " another time? Or is the log so short that a longer one, or faster moves, would show more?"
             )
-        elif self.idle is not None:
-            found.append(f"{self.blocked}: {self.idle.why}. {self.idle.question}")
         elif self.time.late:
             found.append(
                 f"{self.blocked} (dsd check measures it): another clock, or a filtered u? Take that off"
@@ -232,7 +228,9 @@ def limits_of(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
         idle, common = None, 1.0
     else:
         idle, common = idle_part(search, whole, settings, seen), in_common(search, whole)
-    return Limits(common, idle, command_time(search, whole, settings), direction)
+    # where the log is against a value that was given, u was neither late nor smoothed with none given
+    time = CommandTime() if settings.against else command_time(search, whole, settings)
+    return Limits(common, idle, time, direction)
 
 
 def in_common(search: Search, whole: Fit) -> float:

@@ -13,7 +13,7 @@ there are for a set of that size. docs/how/identify.md has the diagram that its 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,10 +56,10 @@ class Membership:
         return sum(self.probabilities.get(name, 0.0) for name in (self.effect, *self.rivals))
 
 
-def memberships(search: Search, whole: Fit, effects: Iterable[str], unknown: bool) -> dict[str, Membership]:
-    """Of each of these effects; `unknown` : something remains that nothing explains."""
+def memberships(search: Search, whole: Fit, unknown: bool) -> dict[str, Membership]:
+    """Of each effect that was found; `unknown` : something remains that nothing explains."""
     misfit = unknown or search.problem.reconstructed("velocity")
-    return {name: membership(search, whole, name, misfit) for name in effects}
+    return {t.id: membership(search, whole, t.id, misfit) for t in search.added(whole.terms)}
 
 
 def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Membership:

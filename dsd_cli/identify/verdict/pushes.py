@@ -12,7 +12,7 @@ from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.search.pulses import sharpened, with_pulses
+from dsd_cli.identify.search.pulses import event_effect, sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, discrepancy_of, surely_left
 from dsd_cli.signals.log import Array
@@ -30,6 +30,8 @@ def pushed(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Discre
 
     One push in a long log hardly shows in a spectrum or in a function of time, so they are looked for in any case.
     """
+    if event_effect(search) is None:
+        return whole, beyond
     if (alone := _pushes_alone(search, whole, beyond)) is not None:
         return alone
     pulses = with_pulses(search, whole)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from dsd_cli.identify.fit.equations import equations_of
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.recordings.recording import Mended, Recording
 from dsd_cli.identify.search.long_logs import posed
 from dsd_cli.identify.search.response import response_of
 from dsd_cli.identify.search.seen import Seen
@@ -48,22 +49,37 @@ _MOST_LINES = 5
 
 @dataclass(frozen=True)
 class UnactedCommand:
-    """A part of u that did not act. what : which; why : what shows it; question : where it may be from."""
+    """A part of u that did not act.
+
+    what : which; why : what shows it; question : where it may be from. without : a recording, with u without that part.
+    """
 
     what: str
     why: str
     question: str
+    without: Callable[[Recording], Recording]
+
+    @property
+    def said(self) -> str:
+        """One sentence."""
+        return f"{self.what} did not act on the axis, and count as not commanded: {self.why}. {self.question}"
+
+    def taken_off(self, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Mended:
+        """All without this part."""
+        return Mended(tuple(map(self.without, recordings)), tuple(map(self.without, holdout)), (self.said,))
 
 
 def idle_part(search: Search, whole: Fit, settings: Settings, seen: Seen | None) -> UnactedCommand | None:
-    """The part of u without which forces alone explain the log better than all that was found, or the load that the
-    response shows (`seen`) is none."""
+    """The part of u without which forces alone explain the log better than all that was found, or as well as an effect
+    on u that passes for it, or the load that the response shows (`seen`) is none."""
     problem, rmse = search.problem, search.problem.errors.rmse
     before, found = rmse(search.refit), rmse(whole)
     if before < POLICY.floor_factor * problem.floor and seen is None:
         return None
     as_found, best, least = problem.scale.model(whole), None, math.inf
+    roles = {t.effect.role for t in search.added(whole.terms)}
     for part in _parts(problem.recordings, search.solver.inertia):
+        most = found * (1.0 + POLICY.nearly_the_same if roles & {*part.imitators} else _AT_MOST)
         forces = {
             name: values for name, values in as_found.effects.items() if get_effect(name).role not in part.imitators
         }
@@ -71,11 +87,11 @@ def idle_part(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
         without = posed(part.taken_off, there, settings, as_found.delay)
         left = without.problem.errors.rmse(without.refit)
         if seen is not None and Role.STRUCTURE in part.imitators and not _shows(without, seen.effect):
-            return UnactedCommand(part.what, f"{part.instead}, the response shows no load", part.question)
-        better = left < _AT_MOST * found and left < least and problem.falls(before, left, search.refit)
+            return part.unacted("the response shows no load")
+        better = left < most and left < least and problem.falls(before, left, search.refit)
         if better and _answered(search, whole, part.taken_off) < _UNANSWERED:
             why = f"forces alone leave {left:.3g}, less than any effects with u as it is logged ({found:.3g})"
-            best, least = UnactedCommand(part.what, f"{part.instead}, {why}", part.question), left
+            best, least = part.unacted(why), left
         del without  # as large as the next
     return best
 
@@ -103,7 +119,7 @@ def _shows(search: Search, effect: str) -> bool:
 
 @dataclass(frozen=True)
 class _Part:
-    """Of u, in some recording. instead : what is in its place in `taken_off`, the recordings without it.
+    """Of u, in some recording. instead : what is in its place in `taken_off`, the recordings `without` it.
     imitators : roles of effects that pass for it."""
 
     what: str
@@ -111,22 +127,29 @@ class _Part:
     question: str
     taken_off: list[Recording]
     imitators: tuple[Role, ...]
+    without: Callable[[Recording], Recording]
+
+    def unacted(self, why: str) -> UnactedCommand:
+        """This, as what did not act."""
+        return UnactedCommand(self.what, f"{self.instead}, {why}", self.question, self.without)
 
 
 def _parts(recordings: Sequence[Recording], inertia: float) -> Iterator[_Part]:
     """A logger puts spikes into most of its logs; those of a few are kicks of the controller at steps."""
     for samples in _MEDIANS:
-        smooth = [_despiked(r, samples) for r in recordings]
+        without = partial(_despiked, samples=samples)
+        smooth = [without(r) for r in recordings]
         if 2 * sum(a is not b for a, b in zip(smooth, recordings, strict=True)) >= len(recordings):
             question = "Is u logged more slowly than the drive runs, or are cells wrong?"
             instead = f"with the median of u over {samples} samples in their place"
-            yield _Part("spikes of u", instead, question, smooth, (Role.INPUT,))
+            yield _Part("spikes of u", instead, question, smooth, (Role.INPUT,), without)
     found = [_without_lines(r, inertia) for r in recordings]
     lines = sorted({round(hz, 1) for _, lines in found for hz in lines})
     if lines:  # an axis that stands still at one frequency is what a load does that swings there
         what = f"u at {', '.join(f'{hz:g}' for hz in lines)} Hz"
         question = "Is it hum in a u that was measured, or a tone that the drive does not apply?"
-        yield _Part(what, "without it", question, [r for r, _ in found], (Role.INPUT, Role.STRUCTURE))
+        imitators = (Role.INPUT, Role.STRUCTURE)
+        yield _Part(what, "without it", question, [r for r, _ in found], imitators, partial(_notched_at, lines=lines))
 
 
 def _despiked(recording: Recording, samples: int) -> Recording:
@@ -147,10 +170,14 @@ def _without_lines(recording: Recording, inertia: float) -> tuple[Recording, lis
     if "velocity" in longest:  # where the axis moves, forces answer u, and hardly any acceleration need
         least = _ABOVE_MOTION * _end_of(longest["velocity"], step)
     lines = [hz for hz in _unanswered(longest["u"], inertia * longest["acceleration"], step) if hz > least]
-    if not lines:
-        return recording, []
-    without = _with_u(recording, [_notched(p["u"], lines, step) for p in recording.pieces])
+    without = _notched_at(recording, lines)
     return without, lines if without is not recording else []
+
+
+def _notched_at(recording: Recording, lines: Sequence[float]) -> Recording:
+    """Without u at these lines, Hz; the same one where hardly anything changes."""
+    step = recording.sample_time
+    return _with_u(recording, [_notched(p["u"], lines, step) for p in recording.pieces]) if lines else recording
 
 
 def _with_u(recording: Recording, u: Sequence[Array]) -> Recording:
