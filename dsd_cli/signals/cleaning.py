@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.errors import DataError
-from dsd_cli.signals.clock import JITTER, Clock, clock_window, settle_clock, stamp_rounding, suspicious
+from dsd_cli.signals.clock import CLOCK_PATIENCE, JITTER, Clock, clock_window, settle_clock, stamp_rounding, suspicious
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.outliers import Limits, Outliers
 from dsd_cli.signals.pieces import Piece, bridge, rows_of, too_close
@@ -124,16 +124,14 @@ class Cleaner:
         if self._clock is not None:
             return self._clean(stamps, columns)
         self._held.append((stamps, columns))
-        stamps = np.concatenate([held for held, _ in self._held])
-        window = clock_window(stamps)
-        return [] if window is None else self._release(stamps, window)
+        window = clock_window(self._timed())
+        return [] if window is None else self._release(window)
 
     def finish(self) -> list[Piece]:
         """The end of the log: what was held, on the clock that its rows give."""
         if not self.held:
             return []
-        stamps = np.concatenate([held for held, _ in self._held])
-        return self._release(stamps, stamps.size)
+        return self._release(self.held)
 
     def restart(self) -> list[Piece]:
         """The next row begins another recording, whatever its stamp says; gives what was held.
@@ -147,8 +145,19 @@ class Cleaner:
         self._restart_asked = self._last is not None
         return pieces
 
-    def _release(self, stamps: Array, window: int) -> list[Piece]:
-        self._clock = settle_clock(stamps[:window])
+    def _timed(self) -> Array:
+        """The stamps that are held, NaN where a channel has no value: such a row may be another channel's in between.
+
+        The first of them, as many as the clock waits for; all of these where fewer than two rows are whole.
+        """
+        stamps = np.concatenate([held for held, _ in self._held])[:CLOCK_PATIENCE]
+        columns = [np.concatenate([values[name] for _, values in self._held]) for name in self._held[0][1]]
+        whole = np.all([np.isfinite(column[:CLOCK_PATIENCE]) for column in columns], axis=0)
+        return np.where(whole, stamps, np.nan) if whole.sum() > 1 else stamps
+
+    def _release(self, window: int) -> list[Piece]:
+        self._clock = settle_clock(self._timed()[:window])
+        stamps = np.concatenate([held for held, _ in self._held])
         columns = {name: np.concatenate([held[name] for _, held in self._held]) for name in self._held[0][1]}
         self._held = []
         return self._clean(stamps, columns)

@@ -76,6 +76,19 @@ def test_the_clock_is_settled_from_sixteen_rows():
     assert piece.stamps is None
 
 
+@pytest.mark.parametrize("every", [3, 7])
+def test_the_clock_is_that_of_the_rows_with_all_values(every):
+    """Rows of another channel stand between them, as merged topics have them."""
+    t, values = ramp(60)
+    between = t[::every] + 0.4 * T
+    at = np.argsort(np.concatenate([t, between]))
+    merged = {name: np.concatenate([x, np.full(between.size, np.nan)])[at] for name, x in values.items()}
+    pieces, cleaner = clean(np.concatenate([t, between])[at], merged)
+    assert (cleaner.sample_time, cleaner.regular) == (T, True)
+    assert cleaner.dropped == {"not finite: u": between.size}
+    np.testing.assert_allclose(np.concatenate([p.t for p in pieces]), t)
+
+
 def test_no_time_column():
     _, values = ramp()
     [piece], cleaner = clean(None, values, sample_time=T)
