@@ -17,9 +17,8 @@ from dsd_cli.cli.init_proposal import (
     drop_open,
     factors_of,
     is_open,
-    is_question,
-    let_velocity_follow,
     name_unit,
+    questions,
     settle_units,
     with_units,
 )
@@ -107,17 +106,16 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
             _propose_numbers(loaded, factors, out)
     for (section, key), value in asked.values.items():
         out.put(section, key, value)
-    let_velocity_follow(out)
-    out.said.sort(key=is_question)
+    said = [*out.said, *questions(out)]
     text = headed(template_text("lab"), source_name(name))
     for (section, key), written in out.values.items():
         text = with_value(text, section, key, written)
     if unread is not None:
         text = f"# <- MISSING: its rows could not be read, all numbers below are the template's\n{text}"
     if not chosen.missing and (step or not unstamped):
-        return Proposed(text, out.said, unread=unread)
+        return Proposed(text, said, unread=unread)
     left = (column_question if chosen.missing else step_question)(name, chosen, asked.given, text)
-    return Proposed(left.text, out.said, left.question, left.command)
+    return Proposed(left.text, said, left.question, left.command)
 
 
 def _rows_apart(chosen: Chosen, asked: Asked, said: float | None, out: Proposal) -> float | None:

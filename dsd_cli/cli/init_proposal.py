@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from dsd_cli.cli.init_roles import Chosen
 from dsd_cli.cli.init_units import Units
@@ -20,12 +20,23 @@ UNITS = ("rad", "deg", "turn", "m", "mm")
 _SCALE_KEYS = {"u": "u_scale", "velocity": "velocity_scale", "position": "position_scale"}
 
 
+class OpenUnit(NamedTuple):
+    """What the log says of the unit of a column, and whether its name is the answer: of counts it is not."""
+
+    known: str
+    by_name: bool
+
+
 @dataclass
 class Proposal:
-    """(section, key) -> TOML value, and one line for each thing that was found or guessed."""
+    """(section, key) -> TOML value, one line for each thing that was found or guessed, and what is left open.
+
+    `asked`: position or velocity -> what is known of its unit, where that is not enough.
+    """
 
     values: dict[tuple[str, str], str] = field(default_factory=dict)
     said: list[str] = field(default_factory=list)
+    asked: dict[str, OpenUnit] = field(default_factory=dict)
 
     def put(self, section: str, key: str, value: object, why: str = "") -> None:
         """Set a key; `why`, where it is worth a line."""
@@ -54,14 +65,12 @@ def name_unit(channel: str, one: Recognised, out: Proposal) -> None:
     if factor != 1.0 and (channel == "u" or ("signals", f"{channel}_unit") not in out.values):
         out.put("signals", _SCALE_KEYS[channel], float(f"{factor:.6g}"), f'"{one.column}" is in {one.unit}')
     if channel != "u" and not one.named:
-        si = "rad/s or m/s" if channel == "velocity" else "rad or m"
         known = "is not said" if not one.unit else f'is "{one.unit}", which is not known'
-        if plain_unit(one.unit) in COUNTS:
+        if counts := plain_unit(one.unit) in COUNTS:
             unit = "counts/s" if channel == "velocity" else "counts"
             known = f'is counts: {channel}_unit = "{unit}" and counts_per_turn (or counts_per_metre) say how much'
         out.put("signals", f"{channel}_unit", UNKNOWN)
-        answer = "" if plain_unit(one.unit) in COUNTS else f"; if it is another: --set signals.{channel}_unit=UNIT"
-        out.said.append(f'{channel}: the unit of "{one.column}" {known}; it is taken as {si}{answer}')
+        out.asked[channel] = OpenUnit(f'the unit of "{one.column}" {known}', not counts)
 
 
 def _one_kind(channel: str, unit: str, out: Proposal) -> bool:
@@ -77,23 +86,33 @@ def settle_units(units: Units, out: Proposal) -> None:
         if is_open(out, channel) and not follows:
             del out.values["signals", f"{channel}_unit"]
         out.put("signals", key, value, units.why if at == 0 else "")
-        out.said = [line for line in out.said if not is_answered(line, channel)]
+        out.asked.pop(channel, None)
 
 
 def answer_unit(out: Proposal, unit: str) -> None:
     """The unit of the position as the user gives it."""
     out.put("signals", "position_unit", unit)
-    out.said = [line for line in out.said if not is_answered(line, "position")]
+    out.asked.pop("position", None)
 
 
-def let_velocity_follow(out: Proposal) -> None:
-    """A velocity whose unit is open has that of the position, per s: it is not asked for, or said to be that."""
-    if is_open(out, "position"):
-        out.said = [line for line in out.said if not is_answered(line, "velocity")]
-    elif is_open(out, "velocity") and (unit := json.loads(out.values.get(("signals", "position_unit"), '""'))):
-        out.said = [
-            line.replace("rad/s or m/s", f"{unit}/s") if is_answered(line, "velocity") else line for line in out.said
-        ]
+def questions(out: Proposal) -> list[str]:
+    """A line for each unit that is left open, and what it is taken as.
+
+    A velocity whose unit is open has that of the position, per s: it is not asked for beside it.
+    """
+    lines = []
+    for channel, one in out.asked.items():
+        if not is_open(out, channel) or (channel == "velocity" and is_open(out, "position")):
+            continue
+        taken = "rad or m"
+        if channel == "velocity":
+            unit = json.loads(out.values.get(("signals", "position_unit"), '""'))
+            taken = f"{unit}/s" if unit else "rad/s or m/s"
+            if not one.by_name and unit == "counts":
+                continue  # counts per s are what it says
+        answer = f"; if it is another: --set signals.{channel}_unit=UNIT" if one.by_name else ""
+        lines.append(f"{channel}: {one.known}; it is taken as {taken}{answer}")
+    return lines
 
 
 def drop_open(out: Proposal) -> None:
@@ -101,21 +120,11 @@ def drop_open(out: Proposal) -> None:
     for channel in ("position", "velocity"):
         if is_open(out, channel):
             del out.values["signals", f"{channel}_unit"]
-            out.said = [line for line in out.said if not is_answered(line, channel)]
-
-
-def is_question(line: str) -> bool:
-    """Whether what was said is left open."""
-    return "; it is taken as" in line
+            out.asked.pop(channel, None)
 
 
 def is_open(out: Proposal, channel: str) -> bool:
     return out.values.get(("signals", f"{channel}_unit")) == json.dumps(UNKNOWN)
-
-
-def is_answered(line: str, channel: str) -> bool:
-    """Whether it asks for the unit of a channel, which another has said by now."""
-    return line.startswith(f"{channel}: ") and ("is not said" in line or "is counts" in line)
 
 
 def factors_of(out: Proposal) -> dict[str, float]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dsd_cli.cli.init_stamps import with_even_stamps
 from dsd_cli.cli.init_union import by_units, clock_of, forces_in, is_clock, union_of
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.first_look import FirstLook, time_unit_of
@@ -19,6 +20,7 @@ from dsd_cli.files.recognise import (
     is_error,
     is_force,
     is_motion,
+    is_supply,
     is_voltage,
     quaternions,
     recognise,
@@ -131,7 +133,8 @@ def by_names(table: Table, given: Mapping[str, str]) -> FirstLook:
     """What names and units say, and the user."""
     units = {one.name: one.unit for one in table.channels}
     names = list(units)
-    names_left = [name for name in names if name not in given.values()]
+    nameless = beside_a_clock(table)
+    names_left = [name for name in names if name not in given.values() and name not in nameless]
     found = recognise(names_left, units)
     if not table.clock and "time" not in {**found, **given}:  # what rises evenly is the time, also as "X"
         evenly = {one.name for one in table.channels if is_clock(one)}
@@ -143,6 +146,14 @@ def by_names(table: Table, given: Mapping[str, str]) -> FirstLook:
     if table.clock and "time" not in given:
         found.pop("time", None)
     return FirstLook(tuple(names), units, found, table.clock)
+
+
+def beside_a_clock(table: Table) -> set[str]:
+    """Columns of matrices that have the time and several signals in them: the name of the matrix is that of none."""
+    of_matrices = {one.name: one.name.rpartition("/") for one in table.channels}
+    matrix = {name: stem for name, (stem, _, at) in of_matrices.items() if stem and at.isdigit()}
+    timed = {matrix[one.name] for one in table.channels if one.name in matrix and is_clock(one)}
+    return {name for name, stem in matrix.items() if stem in timed and [*matrix.values()].count(stem) > 2}
 
 
 def _whole(found: Mapping[str, Recognised]) -> bool:
@@ -165,6 +176,9 @@ def _completed(look: FirstLook, table: Table, given: Mapping[str, str], said: tu
     if "u" in look.found and "u" not in given and (other := _with_direction(look, table)) is not None:
         size, look = look.found["u"].column, replace(look, found={**look.found, "u": other})
         said = (*said, f'"{size}" has no direction though the axis turns: "{other.column}", which it follows, is u')
+    if "time" not in given:
+        look, told = with_even_stamps(look, table)
+        said = (*said, *told)
     roles = roles_of(look, table, given)
     return replace(_chosen(look, table, roles), said=said)
 
@@ -204,13 +218,14 @@ def roles_of(look: FirstLook, table: Table, given: Mapping[str, str]) -> Roles:
     named = {role: one.column for role, one in look.found.items()}
     if "u" not in named and is_command(named.get("reference", "")):
         del named["reference"]  # only what it does says of what
-    errors = {one.name for one in table.channels if is_error(one.name)} - set(given.values())
-    forces = errors | {one.name for one in table.channels if is_force(one.name, one.unit)} - set(given.values())
+    neither = {one.name for one in table.channels if is_error(one.name) or is_supply(one.name)} - set(given.values())
+    forces = neither | {one.name for one in table.channels if is_force(one.name, one.unit)} - set(given.values())
     u = look.found.get("u")
     if u is not None and u.equals and "u" not in given and not any(one in named for one in MOTION):
         del named["u"]  # Voltage_0, Voltage_1: whose name says nothing
         forces -= {u.column, *u.equals}
-    moved = errors | {one.name for one in table.channels if is_motion(one.name, one.unit)} - set(given.values())
+    motions = {one.name for one in table.channels if is_motion(one.name, one.unit)}
+    moved = neither | motions - set(given.values()) - beside_a_clock(table)
     others = () if u is None or "u" in given else u.others
     rivals = frozenset(one for one in others if u is not None and _kind(look, one) == _kind(look, u.column))
     sure = (frozenset(forces), frozenset(moved))

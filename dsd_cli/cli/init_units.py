@@ -77,6 +77,8 @@ def _turned(table: Table, column: str) -> str:
 _PAIRS = (
     ("rad", "deg/s"),
     ("deg", "rad/s"),
+    ("turn", "rad/s"),
+    ("rad", "turn/s"),
     ("rad", "rpm"),
     ("turn", "rpm"),
     ("deg", "rpm"),

@@ -21,6 +21,7 @@ from dsd_cli.files.words import (
     OTHER_UNITS,
     PARTS,
     QUATERNIONS,
+    SUPPLY,
     TIME_UNITS,
     WORDS,
     plain_unit,
@@ -30,6 +31,8 @@ from dsd_cli.signals.units import POSITION, VELOCITY
 _FACTORS = {"position": POSITION, "velocity": VELOCITY}
 _IN_BRACKETS = re.compile(r"[\[(<]\s*([^\])>]*?)\s*[\])>]")
 _NUMBER = re.compile(r"(?:/\d+|\s*[\[(]\d+[\])])+$")
+#: What a simulator of circuits calls a voltage or current that stands for something else: V(torque).
+_PROBE = re.compile(r"[VI]\(([A-Za-z_]\w*)\)")
 _HEX = re.compile(r"0x[0-9a-fA-F]+")
 #: What the time of one channel is called below it.
 _CLOCK = "time"
@@ -173,6 +176,11 @@ def is_error(name: str) -> bool:
     return _has(name, ERRORS)
 
 
+def is_supply(name: str) -> bool:
+    """Whether a name says that it is what feeds the drive, which follows the motion and makes none."""
+    return _has(name.rpartition("/")[2], SUPPLY)
+
+
 def quaternions(names: Collection[str]) -> set[str]:
     """Those that are the four numbers of an orientation, all of which are there: none is the angle of an axis."""
     parts: dict[str, dict[str, str]] = {}
@@ -191,7 +199,7 @@ def unit_in(name: str, channel: str) -> str:
     """
     if channel == "time" and name.endswith(f"/{_CLOCK}"):
         return ""
-    name = _NUMBER.sub("", name)
+    name = _NUMBER.sub("", _plain(name))
     inside = [text for text in _IN_BRACKETS.findall(name) if not text.isdigit()]  # r79[0] is the number of a parameter
     if inside:
         return str(inside[-1])
@@ -209,9 +217,15 @@ def unit_in(name: str, channel: str) -> str:
     return words[-1] if words and words[-1] == "rpm" and channel == "velocity" else ""
 
 
+def _plain(name: str) -> str:
+    """The name, of a probe of a circuit what is probed."""
+    probe = _PROBE.fullmatch(name.strip())
+    return probe[1] if probe and not is_unit(probe[1]) else name
+
+
 def _score(channel: str, column: str) -> float:
     """How well the name fits; 0 where it does not."""
-    group, _, last = _HEX.sub(" ", _IN_BRACKETS.sub(" ", _OVER.sub(" ", column))).rpartition("/")
+    group, _, last = _HEX.sub(" ", _IN_BRACKETS.sub(" ", _OVER.sub(" ", _plain(column)))).rpartition("/")
     words = _words(last)
     joined = "".join(words)
     around = set(_words(group))
@@ -236,5 +250,7 @@ def _word_score(channel: str, words: Sequence[str], joined: str) -> float:
     known = WORDS[channel]
     if joined in known:
         return 3.0 - 0.01 * known.index(joined)
-    hits = [known.index(word) for word in words if word in known and (len(word) > 1 or words[0] == word)]
+    others = {word for other in WORDS.values() if other is not known for word in other}
+    letter = words[:1] if others.isdisjoint(words[1:]) else []  # q_current is none of q
+    hits = [known.index(word) for word in words if word in known and (len(word) > 1 or word in letter)]
     return 2.0 - 0.01 * min(hits) if hits else 0.0

@@ -62,9 +62,10 @@ ELSE = {
     "true",
 }
 #: Of what a controller is to take away.
-ERRORS = {"error", "err", "偏差"}
+ERRORS = {"error", "err", "deviation", "droop", "regelabweichung", "schleppabstand", "schleppfehler", "偏差"}
 #: Words of what feeds a drive, which no motion follows.
-ELSE |= ERRORS | {"battery", "bus", "vbus", "supply", "vcc", "vdc"}
+SUPPLY = {"battery", "bus", "vbus", "supply", "vcc", "vdc"}
+ELSE |= ERRORS | SUPPLY
 
 #: Words of a column that counts the rows.
 COUNTERS = {"n", "k", "i", "nr", "no", "row", "index", "idx", "count", "counter", "sample", "samples", "id", "cycle"}

@@ -121,7 +121,8 @@ def test_units_of_the_log_are_named_in_the_config(u, position, velocity, named, 
     assert (signals.u_unit, signals.position_unit, signals.velocity_unit) == named
     scales = {name: value for name, value in signals.factors().items() if name not in ("d_hat", "reference")}
     assert scales == {name: pytest.approx(value, rel=1e-5) for name, value in factors.items()}
-    assert ("which is not known" in said) == (position == "furlong")
+    assert ("which makes this its factor" in said) == (position == "furlong")
+    assert "it is taken as" not in said  # a unit that nobody knows has its factor by the other one: nothing is open
 
 
 @pytest.mark.parametrize("position", ["pos [cnt]", "pos_cnt", "pos [inc]"])
@@ -131,6 +132,8 @@ def test_counts_are_said_to_be_counts_with_the_keys_that_they_need(position, tmp
     (tmp_path / "a.csv").write_text(csv_text(table))
     said = done("init", "a.csv", cwd=tmp_path).stderr
     assert f'position: the unit of "{position}" is counts: position_unit = "counts" and counts_per_turn' in said
+    answer = ("--set", "signals.position_unit=counts", "--set", "signals.counts_per_turn=4096")
+    assert "it is taken as" not in done("init", "a.csv", "--force", *answer, cwd=tmp_path).stderr
 
 
 @pytest.mark.parametrize(

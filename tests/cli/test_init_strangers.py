@@ -14,8 +14,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from dsd_cli.cli.init_roles import by_names, choose, roles_of
+from dsd_cli.cli.init_units import units_of
 from dsd_cli.files.config import load_config
-from dsd_cli.files.recognise import unit_in
+from dsd_cli.files.recognise import Recognised, recognise, unit_in
+from dsd_cli.files.sample import Sample, Table
 from dsd_cli.identify.roles import Channel, guess_roles, slope_of
 from tests.cli.rig import DSD, done, dsd, refused
 from tests.files import strangers
@@ -153,6 +156,63 @@ def test_a_pointer_of_git_lfs_is_named(tmp_path: Path) -> None:
 )
 def test_the_number_of_a_matrix_column_hides_no_unit(name: str, channel: str, unit: str) -> None:
     assert unit_in(name, channel) == unit
+
+
+@pytest.mark.parametrize(
+    ("names", "roles"),
+    [
+        (["timestamp", "q_current", "rotor"], {"time": "timestamp", "u": "q_current"}),
+        (["t", "x_velocity", "tau"], {"time": "t", "velocity": "x_velocity", "u": "tau"}),
+        (["time", "V(torque)", "V(theta)"], {"time": "time", "u": "V(torque)", "position": "V(theta)"}),
+        (["time", "V(out)", "I(R1)"], {"time": "time"}),
+        (["t", "Position Deviation", "iq"], {"time": "t", "u": "iq"}),
+    ],
+)
+def test_a_letter_is_a_name_only_where_no_word_beside_it_is(names: list[str], roles: dict[str, str]) -> None:
+    assert {role: one.column for role, one in recognise(names).items()} == roles
+    assert recognise(["torque", "q", "q_current"])["position"].others == ()
+
+
+def test_the_voltage_of_a_bus_is_no_u_though_the_motion_explains_it() -> None:
+    t = 1e-3 * np.arange(4000)
+    place = np.sin(2.0 * np.pi * 1.3 * t) + 0.3 * np.sin(2.0 * np.pi * 3.7 * t)
+    force = np.gradient(np.gradient(place, 1e-3), 1e-3) + 5.0 * np.gradient(place, 1e-3)
+    for name, role in (("r_vbus", None), ("r_x1", "r_x1")):
+        table = {"t": t, "position": place, name: 24.0 + 1e-3 * force}
+        rows = Table("", tuple(Channel(column, x[50:-50]) for column, x in table.items()), 3900)
+        found = roles_of(by_names(rows, {}), rows, {}).found.get("u")
+        assert (found and found.column) == role
+
+
+@pytest.mark.parametrize(("of_arrival", "time"), [(True, "header.stamp"), (False, "time")])
+def test_of_two_stamps_of_a_message_the_even_ones_are_the_time(of_arrival: bool, time: str) -> None:
+    late = np.random.default_rng(4).uniform(0.0, 0.9 * strangers.STEP, strangers.ROWS)
+    stamps = {"time": AXIS["t"] + late * of_arrival, "header.stamp": AXIS["t"] + late * (not of_arrival)}
+    columns = stamps | {"effort": AXIS["u"], "position": AXIS["q"]}
+    rows = Table("", tuple(Channel(name, x) for name, x in columns.items()), strangers.ROWS)
+    assert choose("log.csv", Sample((rows,)), {}).found["time"].column == time
+    assert choose("log.csv", Sample((rows,)), {"time": "time"}).found["time"].column == "time"
+
+
+def test_the_name_of_a_matrix_with_a_clock_is_that_of_none_of_its_columns() -> None:
+    names = ["X/1", "X/2", "X/3", "X/4"]
+    data = [AXIS["t"], AXIS["q"], AXIS["v"], AXIS["u"]]
+    rows = Table("", tuple(Channel(name, x) for name, x in zip(names, data, strict=True)), strangers.ROWS)
+    found = choose("log.mat", Sample((rows,)), {}).found
+    roles = ("time", "position", "velocity", "u")
+    assert {role: found[role].column for role in roles} == dict(zip(roles, names, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity"), [("turn", "rad/s"), ("rad", "turn/s"), ("deg", "rpm"), ("rad", "rpm")]
+)
+def test_units_that_nobody_says_are_those_whose_ratio_the_channels_have(position: str, velocity: str) -> None:
+    """Factors written out: what one unit is in rad."""
+    of = {"rad": 1.0, "deg": np.pi / 180, "turn": 2 * np.pi, "rad/s": 1.0, "turn/s": 2 * np.pi, "rpm": np.pi / 30}
+    channels = {"t": AXIS["t"], "a": AXIS["q"] / of[position], "b": AXIS["v"] / of[velocity]}
+    table = Table("", tuple(Channel(name, x) for name, x in channels.items()), strangers.ROWS)
+    found = {role: Recognised(role, name) for role, name in (("time", "t"), ("position", "a"), ("velocity", "b"))}
+    assert units_of(table, found, 1.0, None).keys == {"position_unit": position, "velocity_unit": velocity}
 
 
 def test_german_units_are_known(tmp_path: Path) -> None:

@@ -1,0 +1,41 @@
+"""Which of several stamps of the same rows says when their samples were taken."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from dsd_cli.files.first_look import FirstLook
+from dsd_cli.files.recognise import Recognised
+from dsd_cli.files.sample import Table
+from dsd_cli.signals.log import Array
+
+#: Stamps are better than others where their steps vary by less than this share of what the steps of those do.
+EVENER = 0.5
+
+
+def with_even_stamps(look: FirstLook, table: Table) -> tuple[FirstLook, list[str]]:
+    """The look with the most even of the columns that are called a time, and what to say of it.
+
+    A message is stamped when it was measured, and when it came: what lies between is never even.
+    """
+    time = look.found.get("time")
+    values = {one.name: one.values for one in table.channels if one.values is not None}
+    if time is None or time.column not in values:
+        return look, []
+    uneven = {name: _unevenness(values[name]) for name in (time.column, *time.others) if name in values}
+    best = min(uneven, key=lambda name: uneven[name])
+    if not uneven[best] < EVENER * uneven[time.column]:
+        return look, []
+    others = tuple(name for name in (time.column, *time.others) if name != best)
+    found = Recognised("time", best, look.units.get(best, ""), others)
+    told = f'"{best}" is the time: its steps vary less than those of "{time.column}"'
+    return replace(look, found={**look.found, "time": found}), [told]
+
+
+def _unevenness(stamps: Array) -> float:
+    """Standard deviation of the steps as a share of their mean; infinite where these do not all rise."""
+    steps = np.diff(stamps[np.isfinite(stamps)])
+    return float(np.std(steps) / np.mean(steps)) if steps.size and np.all(steps > 0.0) else math.inf
