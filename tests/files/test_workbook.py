@@ -77,3 +77,22 @@ def test_a_damaged_workbook_is_one_message(tmp_path: Path) -> None:
             new.writestr(name, old.read(name)[: 100 if "sheet1" in name else None])
     with pytest.raises(DataError, match="cannot be unpacked"):
         text_of(tmp_path / "bad.xlsx")
+
+
+@pytest.mark.parametrize("same", [False, True], ids=["names", "titles"])
+def test_sheets_of_a_signal_each_stand_side_by_side(same: bool, tmp_path: Path) -> None:
+    made = openpyxl.Workbook()
+    made["Sheet"].append(["operator", "x"])
+    for title, slope in (("Torque", -0.25), ("Angle", 2.0)):
+        sheet = made.create_sheet(title)
+        sheet.append(["Time", "value" if same else title])
+        for k in range(60):
+            sheet.append([k / 500, slope * k])
+    made.save(tmp_path / "log.xlsx")
+    end = " value" if same else ""
+    (batch,) = open_table(
+        tmp_path / "log.xlsx", {"t": "Time", "u": f"Torque{end}", "position": f"Angle{end}"}
+    ).batches()
+    assert np.array_equal(batch.columns["t"], np.arange(60) / 500)
+    assert np.array_equal(batch.columns["u"], -0.25 * np.arange(60))
+    assert np.array_equal(batch.columns["position"], 2.0 * np.arange(60))
