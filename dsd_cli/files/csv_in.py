@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Collection, Iterator, Mapping
 from io import BytesIO, TextIOWrapper
 from itertools import islice
@@ -16,7 +17,7 @@ from dsd_cli.files import csv_dialect as dialects
 from dsd_cli.files.arrow_arrays import as_float64, numbers
 from dsd_cli.files.content import content_of
 from dsd_cli.files.csv_cells import Written
-from dsd_cli.files.csv_layout import CsvLayout, footer, look
+from dsd_cli.files.csv_layout import CsvLayout, cut_off, footer, look
 from dsd_cli.files.csv_rate import sample_time_of
 from dsd_cli.files.csv_stamps import split_stamps
 from dsd_cli.files.parquet_in import arrow_source, threaded
@@ -51,7 +52,7 @@ class CsvTable:
         if len(head) == HEAD_BYTES:
             lines = lines[:-1]  # the last one is cut
         if not lines:
-            raise DataError(f"{name}: is empty" if not head else f"{name}: line 1 is too long for a header")
+            raise _headless(name, head)
         layout = layout or CsvLayout()
         found = look(name, lines, layout)
         told = (line for line in lines[found.skip :] if not dialects.is_comment(line))
@@ -103,7 +104,7 @@ class CsvTable:
             if at in found and pa.types.is_string(found[at].type):
                 found[at] = _spelt(found[at], how)
         if self._split and {at := self._split.at, at + 1} <= found.keys():
-            together = as_float64(found.pop(at)) + self._split.scale * as_float64(found.pop(at + 1))
+            together = self._split.whole(as_float64(found.pop(at)), as_float64(found.pop(at + 1)))
             found = {len(names) - 1: pa.array(together), **found}
         return {names[at]: column for at, column in found.items()}
 
@@ -127,7 +128,7 @@ class CsvTable:
                     columns = {c: _values(batch.column(f"c{at}"), how.get(at)) for c, at in self._places.items()}
                     if self._split and (parts := columns.pop(_PARTS, None)) is not None:
                         stamped = next(c for c, at in self._places.items() if at == self._split.at)
-                        columns[stamped] = columns[stamped] + self._split.scale * parts
+                        columns[stamped] = self._split.whole(columns[stamped], parts)
                     yield Batch(batch.num_rows, columns)
                     rows += batch.num_rows
         except (pa.ArrowException, OSError, ValueError) as error:  # the last of a stamp in words
@@ -181,6 +182,9 @@ class CsvTable:
         first = self._dialect.first
         numeric = [k for k in range(len(first)) if cells.is_number(first[k])]
         header = self._dialect.header
+        if cut := cut_off(lines, header.delimiter, len(header.names)):
+            self.warnings.append("its last line is cut off in the middle, and left out")
+            return size - len(cut)
         cut = footer(lines, header.delimiter, len(header.names), numeric)
         if not cut.strip():
             return None
@@ -240,6 +244,15 @@ class CsvTable:
         if "." in text and self._dialect.decimal == "," and cells.is_number(text):
             return f'"{found}" has a decimal point, the rows before have commas', "write all numbers alike"
         return None
+
+
+def _headless(name: str, head: bytes) -> DataError:
+    """Why a file has no first line."""
+    if not head:
+        return DataError(f"{name}: is empty")
+    turn = "csv.writer(open('turned.csv', 'w')).writerows(zip(*csv.reader(open(sys.argv[1]))))"
+    told = f'if its signals stand in its rows: python3 -c "import csv, sys; {turn}" {shlex.quote(name)}'
+    return DataError(f"{name}: line 1 is too long for a header", told)
 
 
 def _values(column: Any, how: Written | None) -> Array:

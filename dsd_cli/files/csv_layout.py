@@ -13,22 +13,24 @@ from typing import NamedTuple
 from dsd_cli.errors import DataError
 from dsd_cli.files.csv_body import DELIMITERS, Body, CsvLayout, body_of, is_data
 from dsd_cli.files.csv_cells import MISSING, is_number
+from dsd_cli.files.csv_described import (
+    UNIT_KEYS,
+    Row,
+    as_wide,
+    in_groups,
+    lines_of_each,
+    with_lines,
+    without_descriptions,
+)
 from dsd_cli.files.csv_dialect import COMMENT, Header, decode, fields_of, find_header, is_comment, uncommented
 from dsd_cli.files.recognise import is_count, is_time, is_unit
 
 #: First cells of the rows of a preamble that has one column for each channel.
-NAME_KEYS = ("name", "channel name", "channel", "signal", "signal name", "symbol", "kanal", "signalname")
+NAME_KEYS = (
+    "name", "channel name", "channel", "signal", "signal name", "symbol", "kanal", "signalname", "names", "trace_names",
+)  # fmt: skip
 #: Name of a column without one that counts the rows.
 ROW = "row"
-UNIT_KEYS = ("unit", "units", "einheit", "y_unit_label", "symbolunit")
-
-
-class Row(NamedTuple):
-    """The fields of a line, without the mark of a comment if it is one; `at` counts lines from 0."""
-
-    at: int
-    cells: list[str]
-    comment: bool
 
 
 class Found(NamedTuple):
@@ -150,15 +152,18 @@ def _as_told(lines: Sequence[str], layout: CsvLayout, body: Body) -> Found:
 
 def _keyed(rows: Sequence[Row], body: Body) -> Found | None:
     """A preamble whose rows begin with what they say: `Name; a; Name; b`, `Unit; mm; Unit; V`."""
-    named = next((row for _, row, _ in rows if _key(row) in NAME_KEYS and len(row) == body.fields), None)
-    if named is None:
+    rows = [row._replace(cells=as_wide(row.cells, body)) for row in rows]
+    at = next((k for k, (_, row, _) in enumerate(rows) if _key(row) in NAME_KEYS and len(row) == body.fields), None)
+    if at is None:
         return None
+    named = rows[at].cells
     units = next((row for _, row, _ in rows if _key(row) in UNIT_KEYS and len(row) == body.fields), None)
     label, times, names = _key(named), 0, []
-    for cell in named:
-        is_time = cell.strip().casefold() == label
+    for place, cell in enumerate(named):
+        is_time = cell.strip().casefold() == label and place in body.numeric  # else it stands before the rows
         times += is_time
         names.append(("time" if times == 1 else f"time {times}") if is_time else cell.strip())
+    names = in_groups(names, rows[at - 1].cells if at else [])
     shown = None if units is None else ["" if _key([u]) in UNIT_KEYS else u.strip() for u in units]
     return Found(
         Header(names, body.delimiter), body.start, shown, [f"{body.start} lines before the numbers name the channels"]
@@ -171,14 +176,17 @@ def _key(row: Sequence[str]) -> str:
 
 def _above(rows: Sequence[Row], body: Body) -> Found:
     """Names and units from the rows right above the body that are as wide as it; comments where nothing else is."""
+    rows, units = without_descriptions(rows, body)
+    each = lines_of_each(rows)
+    rows = [row for row in rows if row not in each.values()]
     wide = _wide([row for row in rows if not row.comment or _units_of(row, body)], body)
     if all(row.comment or all(map(is_unit, row.cells)) for row in wide):  # no names but in a comment
         said = [row for row in rows if row in wide or (row.comment and _could_name(row.cells, body))]
         wide = _wide(said, body) or wide
     notes: list[str] = []
-    units = None
     if len(wide) == 2 and not _names_of_units(wide[1].cells):
-        wide = wide if _describes(wide[0], wide[1], body) else wide[1:]
+        alone = wide[1]._replace(cells=in_groups(wide[1].cells, wide[0].cells))
+        wide = wide if _describes(wide[0], wide[1], body) else [alone]
     if not wide:
         notes.append("it has no header: its columns are called by their number, 1, 2, ...")
         return Found(Header(_numbered(body.fields), body.delimiter), body.start, None, notes)
@@ -194,14 +202,15 @@ def _above(rows: Sequence[Row], body: Body) -> Found:
                 name if is_unit(cell) or not cell else f"{name} {cell}"
                 for name, cell in zip(_fitted(names, body), below, strict=True)
             ]
-    told = [row.cells for row in rows if len(row.cells) == body.fields and _key(row.cells) in UNIT_KEYS]
+    told = [cells for row in rows if len(cells := as_wide(row.cells, body)) == body.fields and _key(cells) in UNIT_KEYS]
     if units is None and told:  # its first cell says what it is, in the place of the stamps
         units = ["", *(cell.strip() for cell in told[0][1:])]
     if comment:
         notes.append(_COMMENTED.format(at + 1))
     elif at > 0:
         notes.append(f"line {at + 1} is taken as the header, what is above it is left out")
-    return Found(Header(_fitted(names, body), body.delimiter), body.start, units, notes)
+    names, units = with_lines(each, _fitted(names, body), units)
+    return Found(Header(names, body.delimiter), body.start, units, notes)
 
 
 def _wide(rows: Sequence[Row], body: Body) -> list[Row]:
@@ -256,6 +265,14 @@ def _numbered(fields: int) -> list[str]:
     return [str(k + 1) for k in range(fields)]
 
 
+def cut_off(lines: Sequence[bytes], delimiter: str, width: int) -> bytes:
+    """The last line where it has no end and not all fields: the recording ended in the middle of it."""
+    if not lines or lines[-1].endswith((b"\n", b"\r")):
+        return b""
+    fields = fields_of(decode(lines[-1]), delimiter)
+    return lines[-1] if len(lines) > 1 and len(fields) < width and is_number(fields[0].strip(' "')) else b""
+
+
 def footer(lines: Sequence[bytes], delimiter: str, width: int, numeric: Sequence[int]) -> bytes:
     """What at the end of a file is no row: lines of text behind the numbers, set off by a blank one or by their form.
 
@@ -269,7 +286,7 @@ def footer(lines: Sequence[bytes], delimiter: str, width: int, numeric: Sequence
         if first or len(fields) > 1:
             if any(k < len(fields) and is_number(fields[k]) for k in numeric[:1]):
                 break
-            if not (first[:1].isalpha() or first.startswith(COMMENT)):
+            if not (first[:1].isalpha() or first.startswith((*COMMENT, *"[<*=;"))):
                 break
         cut.append(raw)
         if len(fields) != width or not any(is_number(cell) for cell in fields):  # else it may be a row with a bad cell

@@ -15,7 +15,10 @@ _INTERVAL, _RATE = (
     re.compile(names + _VALUE.format(units), re.IGNORECASE)
     for names, units in (
         (r"(?:sampl\w*[ _]?(?:time|interval|period)|abtastzeit|trace period|delta_?x|\binterval)", "s|ms|us|µs"),
-        (r"(?:sampl\w*[ _]?(?:rate|freq\w*)|abtastrate|abtastfrequenz|\bfs(?=\W.*hz))", "hz|khz"),
+        (
+            r"(?:sampl\w*[ _]?(?:rate|freq\w*)|abtast(?:rate|frequenz)|\bfs(?=\W.*hz)|\bsampling(?=\W+[\d.,]+\s*k?hz))",
+            "hz|khz",
+        ),
     )
 )
 _SCALE = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "hz": 1.0, "khz": 1e3}

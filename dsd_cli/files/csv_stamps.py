@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from dsd_cli.files.csv_dialect import fields_of, is_comment
+from dsd_cli.signals.log import Array
 
 #: What the second column is called -> s.
 _PARTS = {"nanosec": 1e-9, "nanosecs": 1e-9, "nanoseconds": 1e-9, "nsec": 1e-9, "nsecs": 1e-9, "ns": 1e-9}
@@ -25,6 +26,10 @@ class Split(NamedTuple):
     name: str
     at: int
     scale: float
+
+    def whole(self, seconds: Array, parts: Array) -> Array:
+        """Both columns as one, in s."""
+        return seconds + self.scale * parts
 
 
 def split_stamps(names: Sequence[str], lines: Sequence[str], delimiter: str) -> Split | None:

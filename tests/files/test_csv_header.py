@@ -1,5 +1,6 @@
 """Which line above the numbers names the columns: comments, titles and rows of units are told from each other."""
 
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -138,6 +139,8 @@ def test_names_that_are_units_too() -> None:
         ("Sampling time;500", None),
         ("Sampling time;0.002", 2e-3),
         ("# fs = 500 Hz", 2e-3),
+        ("Sampling: 2 kHz", 5e-4),
+        ("Sampling: 2 A", None),
         ("# Sampling rate [kHz]: 2.5", 4e-4),
         ("# Abtastrate;250", 4e-3),
         ("# fs = 5 A", None),
@@ -152,6 +155,17 @@ def test_groups_above_the_names_are_no_names():
     """pandas writes columns of two levels so: `drive` stood for two columns, whose units were `t` and `tau`."""
     rows = [f"{k},{k / 250},{k / 8},{k / 16}" for k in range(12)]
     assert seen(",drive,drive,axis", ",t,tau,q", *rows).header.names == ["", "t", "tau", "q"]
+
+
+@pytest.mark.parametrize(
+    ("above", "names"),
+    [
+        ((",elbow,,wrist", ",tau,q,tau"), ["", "elbow/tau", "q", "wrist/tau"]),
+        (("joint,elbow,elbow,wrist", "signal,tau,q,tau", "time,,,"), ["time", "elbow/tau", "q", "wrist/tau"]),
+    ],
+)
+def test_groups_above_names_that_come_again_are_part_of_them(above: tuple[str, ...], names: list[str]) -> None:
+    assert seen(*above, *ROWS).header.names == names
 
 
 @pytest.mark.parametrize("units", ["", "s,Nm,s,rad\n"])
@@ -169,3 +183,66 @@ def test_of_two_columns_of_one_name_none_is_guessed(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text("t,u,u\n" + "".join(f"{k},0.0,0.0\n" for k in range(9000)) + "9000,1.0,2.0\n")
     with pytest.raises(DataError, match='2 columns are called "u"'):
         open_table(tmp_path / "log.csv", {"t": "t", "u": "u"})
+
+
+BESIDE = [f"{k / 250},{0.5 + k / 8},{k / 250},{-k / 16}" for k in range(12)]
+
+
+def test_rows_that_describe_the_channels_stand_below_their_names() -> None:
+    """As the data inspector of Simulink exports them; a header of names with a group each is none of them."""
+    below = [",Type: double,,Type: double", ",Unit: N*m,,Unit: rad", ",Interp: zoh,,Interp: zoh"]
+    found = seen("time,Torque,time,Angle", *below, *BESIDE)
+    assert (found.header.names, found.units) == (["time", "Torque", "time", "Angle"], ["", "N*m", "", "rad"])
+    assert seen("motor: t,motor: u,motor: q,motor: v", *BESIDE).header.names[1] == "motor: u"
+
+
+def test_a_column_for_what_a_row_is_has_no_numbers_and_is_no_clock() -> None:
+    """As dSPACE writes it: the labels stand before the rows, beside which nothing stands but in the first."""
+    rows = [f"{'' if k else 'values'};{k / 250};{0.5 + k / 8};{-k / 16}" for k in range(12)]
+    path = "path;;rig/iq;rig/theta"
+    found = seen("tool;x", "", "trace_names;time;iq;theta", path, "unit;s;A;deg", "type;double;double;double", *rows)
+    assert found.header.names[1:] == ["time", "iq", "theta"]
+    assert (found.units or [])[1:] == ["s", "A", "deg"]
+
+
+def test_a_preamble_with_a_line_for_each_channel() -> None:
+    said = ["Model,X1", "Trace 1,Feedback Speed,min-1", "Trace 2,Torque Reference,%", "No.,Trace 1,Trace 2"]
+    found = seen(*said, *(f"{k},{k / 8},{-k / 16}" for k in range(12)))
+    assert found.header.names == ["No.", "Trace 1 Feedback Speed", "Trace 2 Torque Reference"]
+    assert found.units == ["", "min-1", "%"]
+
+
+def test_units_behind_whose_row_a_delimiter_stands() -> None:
+    """LabVIEW's header has a column for comments, which its rows have not."""
+    rows = [f"{k / 250}\t{0.5 + k / 8}\t{-k / 16}" for k in range(12)]
+    found = seen("Y_Unit_Label\tN m\tdeg\t", "***End***\t\t\t", "X_Value\tTorque\tAngle\tComment", *rows)
+    assert found.units == ["", "N m", "deg"]
+
+
+@pytest.mark.parametrize(("last", "end", "rows"), [("99,", "", 99), ("99,0.5,1", "", 100), ("99,", "\n", None)])
+def test_a_last_line_without_an_end_was_cut_off(last: str, end: str, rows: int | None, tmp_path: Path) -> None:
+    """One that has an end is a row with a field missing, as any other."""
+    (tmp_path / "log.csv").write_text("t,u,q\n" + "".join(f"{k},{k % 7},{k % 5}\n" for k in range(99)) + last + end)
+    table = open_table(tmp_path / "log.csv", {"t": "t", "u": "u"})
+    if rows is None:
+        with pytest.raises(DataError, match="line 101: 2 fields where the header has 3"):
+            list(table.batches())
+        return
+    assert sum(batch.rows for batch in table.batches()) == rows
+    assert ("its last line is cut off in the middle, and left out" in table.warnings) == (rows == 99)
+
+
+def test_signals_in_rows_are_named_with_the_command_that_turns_them(tmp_path: Path) -> None:
+    path = tmp_path / "wide.csv"
+    path.write_text("\n".join(",".join(f"{k * n:.4f}" for k in range(12000)) for n in range(3)))
+    with pytest.raises(DataError) as said:
+        open_table(path, {"t": "1"})
+    command = said.value.hint.partition(": ")[2]
+    subprocess.run(["sh", "-c", command], cwd=tmp_path, check=True)
+    assert np.allclose(np.loadtxt(tmp_path / "turned.csv", delimiter=",")[:, 2], 2.0 * np.arange(12000))
+
+
+@pytest.mark.parametrize("tail", ["\n[End]\nTrace complete\n", "\n*** end of trace ***\n"])
+def test_text_behind_the_numbers_is_left_out(tail: str, tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("t,u\n" + "".join(f"{k},{k % 7}\n" for k in range(99)) + tail)
+    assert sum(batch.rows for batch in open_table(tmp_path / "log.csv", {"t": "t", "u": "u"}).batches()) == 99

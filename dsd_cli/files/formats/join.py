@@ -156,4 +156,5 @@ _BY_WAY = {AVERAGED: _averaged, INTERPOLATED: _interpolated, HELD: _held}
 def _note(base: Sampled, part: Sampled, u_hold: Hold) -> str:
     ratio = part.rate / base.rate if base.rate > 0.0 else 0.0
     how = [f"{name} {_way(name, u_hold)}" for name in part.values]
-    return f"{part.label} (sampled {ratio:.3g} times as often) joined to the stamps of {base.label}: {', '.join(how)}"
+    often = "as often" if f"{ratio:.3g}" == "1" else f"{ratio:.3g} times as often"
+    return f"{part.label} (sampled {often}) joined to the stamps of {base.label}: {', '.join(how)}"

@@ -141,8 +141,8 @@ def form_by_texts(numbers: Mapping[str, Array], texts: Mapping[str, list[str]]) 
 
 
 def _names(cells: list[Any]) -> bool:
-    """Whether they come again."""
-    return 0 < AGAIN * len(set(cells)) <= len(cells)
+    """Whether they come again, and are not blank by and large: a text that stands in some rows only is a remark."""
+    return 0 < AGAIN * len(set(cells)) <= len(cells) and 2 * cells.count("") < len(cells)
 
 
 def _measured(cells: list[str | None]) -> bool:

@@ -114,7 +114,7 @@ def _record(path: str, value: Mapping[str, Any]) -> tuple[str, Any] | None:
     """Name and values of a struct that is one channel; it is called as it calls itself, in the place of its array."""
     values = next((value[key] for key in _VALUES if isinstance(value.get(key), np.ndarray)), None)
     name = next((value[key] for key in _NAMES if isinstance(value.get(key), str)), None)
-    if values is None or name is None:
+    if values is None or name is None or isinstance(value.get("Time"), np.ndarray):  # with stamps of its own: a group
         return None
     above, _, last = path.rpartition("/")
     if last.isdigit():

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from scipy.io import netcdf_file, savemat
 
 from dsd_cli.errors import DataError
+from dsd_cli.files.sample import sample
 from dsd_cli.files.tables_in import open_table
 from tests.files.formats import makers
 from tests.files.formats.makers import (
@@ -214,3 +216,33 @@ def test_the_hint_for_a_channel_that_is_not_there_goes_by_its_own_name_and_not_b
         with pytest.raises(DataError) as caught:
             open_table(path, {"t": "time", "u": name})
         assert str(caught.value).endswith(hint)
+
+
+def test_a_wide_matrix_has_its_signals_in_its_rows(tmp_path: Path) -> None:
+    wide = np.arange(3)[:, None] + np.arange(2000.0)
+    savemat(tmp_path / "log.mat", {"X": wide, "k": np.ones((1, 5))})
+    channels = {one.name: one.values for table in sample(str(tmp_path / "log.mat")).tables for one in table.channels}
+    for k in range(3):
+        assert np.array_equal(channels[f"X/{k + 1}"], wide[k])
+
+
+def test_a_mat_file_of_version_4_from_a_machine_of_the_other_byte_order(tmp_path: Path) -> None:
+    """By the format's description: five whole numbers, the name, the columns one after the other."""
+    told = {"t": np.arange(50.0) / 8, "tau": -np.arange(50.0)}
+    heads = (struct.pack(">5i", 1000, x.size, 1, 0, len(n) + 1) + n.encode() + b"\0" for n, x in told.items())
+    parts = (head + x.astype(">f8").tobytes() for head, x in zip(heads, told.values(), strict=True))
+    (tmp_path / "old.mat").write_bytes(b"".join(parts))
+    (table,) = sample(str(tmp_path / "old.mat")).tables
+    for one in table.channels:
+        assert np.array_equal(one.values, told[one.name])
+
+
+def test_structs_with_stamps_of_their_own_keep_them_whatever_they_call_themselves(tmp_path: Path) -> None:
+    """As `struct` makes them of timeseries, all of which may be called alike."""
+    t, values = np.arange(50.0)[:, None] / 8, {"torque": np.arange(50.0), "angle": -np.arange(50.0)}
+    log = {name: {"Time": t, "Data": x[:, None], "Name": "x"} for name, x in values.items()}
+    savemat(tmp_path / "log.mat", {"log": log})
+    names = {"t": "log/torque/Time", "u": "log/torque/Data", "position": "log/angle/Data"}
+    columns, _ = read(tmp_path / "log.mat", names)
+    assert np.array_equal(columns["u"], values["torque"])
+    assert np.array_equal(columns["position"], values["angle"])

@@ -34,6 +34,7 @@ def test_states_trials_counters_and_remarks_are_no_names():
     assert form(t=np.tile(T, 2), u=np.tile(U, 2), q=np.tile(Q, 2), trial=["a"] * ROWS + ["b"] * ROWS) is None
     assert form(t=T, u=U, q=Q, toggle=np.arange(ROWS) % 2, packet=np.arange(ROWS) % 8) is None
     assert form(t=T, u=U, q=Q, remark=[f"row {k}" for k in range(ROWS)]) is None
+    assert form(t=T, u=U, remark=["started", *[""] * (ROWS - 1)]) is None
     assert form(t=T, u=U, q=Q) is None
 
 
