@@ -7,8 +7,8 @@ free in both.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -31,6 +31,9 @@ CLEAR = 5.0
 ROUNDED = 1e-3
 #: Rows dropped or put in are a warning from this share of the log on, else a note.
 MANY = 0.01
+#: So often the time from sample to sample is taken anew over the number of samples that it makes of the stamps.
+PASSES = 4
+_OfStamps = Callable[[Array], Array]
 _ORDER = 2  # samples to either side that foretell one
 
 
@@ -55,6 +58,15 @@ def stamps_are_true(log: Log, restarts: Sequence[int]) -> float:
 
     Above 0: the samples were taken at their stamps; below: evenly, and the stamps are noise; about 0: not identifiable.
     """
+    return _smoother(log, restarts, lambda t: t, _even)
+
+
+def _even(t: Array) -> Array:
+    return t[0] + (t[-1] - t[0]) * np.arange(t.size) / (t.size - 1)
+
+
+def _smoother(log: Log, restarts: Sequence[int], one: _OfStamps, other: _OfStamps) -> float:
+    """As `stamps_are_true`, over one clock than over another that are made of the stamps of each piece, shape (n,)."""
     name = next((name for name in ("position", "velocity") if name in log), None)
     if name is None:
         return 0.0
@@ -62,12 +74,20 @@ def stamps_are_true(log: Log, restarts: Sequence[int]) -> float:
     for t, x in zip(_pieces(stamps_of(log), restarts), _pieces(log[name], restarts), strict=True):
         x = continuous(x).position if name == "position" else x
         if x.size > 20 * _ORDER:
-            even = t[0] + (t[-1] - t[0]) * np.arange(t.size) / (t.size - 1)
-            gains.append(np.log(_blocks(_foretold(x, even))) - np.log(_blocks(_foretold(x, t))))
+            gains.append(np.log(_blocks(_foretold(x, other(t)))) - np.log(_blocks(_foretold(x, one(t)))))
     if not gains:
         return 0.0
     gain = np.concatenate(gains)
     return float(np.mean(gain) / max(np.std(gain) / np.sqrt(gain.size), 1e-12)) if np.any(gain) else 0.0
+
+
+def _with_holes(t: Array) -> tuple[Array, float]:
+    """Even stamps with samples missing where steps are long, shape (n,), and the time from sample to sample, s."""
+    apart, steps = float(np.median(np.diff(t))), np.ones(t.size - 1)
+    for _ in range(PASSES):
+        steps = np.maximum(np.rint(np.diff(t) / apart), 1.0)
+        apart = float((t[-1] - t[0]) / steps.sum())
+    return t[0] + apart * np.concatenate([[0.0], np.cumsum(steps)]), apart
 
 
 def _pieces(x: Array, restarts: Sequence[int]) -> list[Array]:
@@ -109,8 +129,21 @@ def check_clock(log: Log, restarts: Sequence[int], true: float) -> list[Finding]
     if share > JITTERY:
         mean = seconds_of(log, restarts) / max(len(log), 1)
         plain = abs(mean / log.sample_time - 1.0) < ROUNDED
-        found.append(_jittery(log.sample_time if plain else mean, usual, share, true))
+        others: tuple[_OfStamps, _OfStamps] = (_even, lambda t: t)
+        if all(_smoother(log, restarts, lambda t: _with_holes(t)[0], other) > CLEAR for other in others):
+            noisy = _jittery(mean, usual, share, -np.inf)
+            found.append(_holed(noisy, max(_pieces(stamps_of(log), restarts), key=len)))
+        else:
+            found.append(_jittery(log.sample_time if plain else mean, usual, share, true))
     return found
+
+
+def _holed(noisy: Finding, t: Array) -> Finding:
+    """Of noisy stamps, where samples are missing beside: an even clock for all rows would be none."""
+    even, apart = _with_holes(t)
+    missing = 1.0 - t.size / (1.0 + (even[-1] - even[0]) / apart)
+    what = f"{noisy.what}, and {100.0 * missing:.2g} % of the samples are missing"
+    return replace(noisy, what=what, remedy=f"round the stamps to multiples of {apart:.5g} s: missing ones are put in")
 
 
 def _jittery(mean: float, usual: float, share: float, true: float) -> Finding:

@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from dsd_cli.identify.checks import check_log
-from dsd_cli.identify.checks.clock import check_rows
+from dsd_cli.identify.checks.clock import check_rows, jitter, seconds_of
 from dsd_cli.signals.log import Log
 from tests.identify.checks.rig import log_of, recordings, said, servo
 
@@ -29,6 +29,17 @@ def test_noisy_stamps_of_an_even_clock_are_told_from_uneven_samples(sensing):
         taken["position"] = np.rint(taken["position"] / step) * step
     (true,) = said(check_log(log_of(servo(sensing), t=t, **taken)), "samples were taken at them")
     assert (true.severity, true.remedy) == ("note", "")
+
+
+@pytest.mark.parametrize("lost", [0.01, 0.05])
+def test_of_samples_that_are_missing_beside_noisy_stamps_no_even_clock_is_made(lost):
+    c = servo("velocity").channels
+    kept = np.random.default_rng(3).random(c["t"].size) >= lost
+    log = Log({name: x[kept] for name, x in c.items()} | {"t": jittered(c["t"])[kept]}, T)
+    (found,) = said(check_log(log), "the stamps are noise")
+    share = 1.0 - kept.sum() / np.ptp(np.flatnonzero(kept))
+    assert float(found.what.split("and ")[-1].split(" %")[0]) == pytest.approx(100.0 * share, rel=0.1)
+    assert found.remedy == "round the stamps to multiples of 0.001 s: missing ones are put in"
 
 
 def test_a_u_that_is_held_over_uneven_intervals_gives_the_inertia():
@@ -56,6 +67,13 @@ def test_where_the_encoder_hides_it_nothing_is_claimed():
         step = recording.truth.encoder_step
         result = check_log(log_of(recording, t=t, position=np.rint(taken / step) * step))
         assert said(result, "the stamps are noise") == []
+
+
+def test_a_log_is_as_long_as_its_stamps_say_and_not_as_its_rows_times_the_usual_step():
+    t = np.cumsum(np.where(np.random.default_rng(8).random(20_544) < 0.022, 2.0, 1.0) * T)
+    log = Log({"t": t, "u": t}, T)
+    assert jitter(log, ())[0] == pytest.approx(T)
+    assert seconds_of(log, ()) == pytest.approx(t[-1] - t[0], rel=1e-4)
 
 
 def test_even_stamps_are_not_mentioned():
