@@ -55,7 +55,7 @@ def add(
     from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.refresh import put_states
     from dsd_cli.files.config.edit import read_origin
-    from dsd_cli.report.addition import AdditionReport, add_json, added_step, bias_warning, print_addition
+    from dsd_cli.report.addition import AdditionReport, add_json, added_step, caveats, print_addition
 
     apart, plot, form, quiet = options.apart, options.plot, options.form, options.quiet
     origin = read_origin(options.config)
@@ -72,7 +72,7 @@ def add(
     text = with_steps(origin.text, added.before, [added_step(added)], log, added.units)
     text, of_states = put_states(text, given, added.model, states)
     put_config(output, text, origin)
-    warn(quiet, (*given.warnings, *added.warnings, *bias_warning(report)))
+    warn(quiet, (*given.warnings, *added.warnings, *caveats(report)))
     if form is Format.JSON:
         print_json(add_json(report))
     elif output != "-" or not quiet:

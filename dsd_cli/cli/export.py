@@ -233,10 +233,12 @@ def _show(report: ExportReport, form: Format, quiet: bool) -> None:
 def _check_holds(target: str, checked: Verified | None) -> None:
     """Raises CheckFailed : the exported model ran, and is too far off."""
     from dsd_cli.errors import CheckFailed
+    from dsd_cli.report.export import percent_off
 
-    if checked is not None and not checked.holds:
+    if checked is not None and checked.rms_percent is not None and not checked.holds:
+        off = percent_off(checked.rms_percent)
         raise CheckFailed(
-            f"{target}: the exported model is {checked.rms_percent:.3g} % off under {checked.how}; nothing is written",
+            f"{target}: the speed of the exported model is {off} off under {checked.how}; nothing is written",
             "1 % is the most; another target carries it, or --no-verify writes it all the same",
         )
 

@@ -16,6 +16,7 @@ from dsd_cli.report.ladder import fit_text, own, print_legend
 from dsd_cli.report.names import balance_json, change_text, error, estimates_json, force_error, number_or_none
 from dsd_cli.report.terminal import escaped
 from dsd_cli.report.values_table import correlations_json, print_values
+from dsd_cli.report.verdict import assumed_text, of_place
 
 
 @dataclass(frozen=True)
@@ -39,13 +40,18 @@ class AdditionReport:
         return math.nan if self.force is None else self.force.floor
 
 
-def bias_warning(report: AdditionReport) -> tuple[str, ...]:
-    """That more is missing than what was added, where more is left than the sensor leaves: it bends these values."""
+def caveats(report: AdditionReport) -> tuple[str, ...]:
+    """That a unit that nothing says decides what the effect is called, and that more is missing than it.
+
+    The latter where more is left than the sensor leaves: it bends these values.
+    """
+    placed = of_place([report.result.effect], report.result.units)
+    found = (assumed_text(placed),) if placed else ()
     left, least = report.result.after.heldout_rmse, POLICY.floor_factor * report.floor
     if not left > least:
-        return ()
+        return found
     over = f"{error(left)} is left, and the sensor alone would leave {error(report.floor)}"
-    return (f"{over}: more is missing, and biases these values beyond their +-; `dsd diagnose` says what",)
+    return (*found, f"{over}: more is missing, and biases these values beyond their +-; `dsd diagnose` says what")
 
 
 def add_json(report: AdditionReport) -> dict[str, Any]:
@@ -66,7 +72,7 @@ def add_json(report: AdditionReport) -> dict[str, Any]:
         "estimates": estimates_json(result.estimates),
         "correlations": correlations_json(result.correlations),
         "refitted": None if result.refitted is None else score_json(result.refitted),
-        "warnings": [*result.warnings, *bias_warning(report)],
+        "warnings": [*result.warnings, *caveats(report)],
         "config": report.config,
     }
 

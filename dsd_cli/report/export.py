@@ -72,17 +72,18 @@ def verified_line(report: ExportReport) -> str:
         return "not run: --no-verify"
     if one.rms_percent is None:
         return one.how
-    return f"run under {one.how}: the speed is {_percent(one.rms_percent)} (rms) off that of `dsd simulate`"
+    return f"run under {one.how}: the speed is {percent_off(one.rms_percent)} (rms) off that of `dsd simulate`"
 
 
 def cost_line(cost: Cost, units: Units) -> str:
     """`without it ...`."""
-    force = f"{cost.force:.3g} {units.force} ({_percent(cost.force_percent)} of u)"
-    free = f"a free simulation over 0.5 s is {_percent(cost.velocity_percent)} off in speed"
+    force = f"{cost.force:.3g} {units.force} ({percent_off(cost.force_percent)} of u)"
+    free = f"a free simulation over 0.5 s is {percent_off(cost.velocity_percent)} off in speed"
     return f"without it {force} of force is missing (rms), and {free}"
 
 
-def _percent(value: float) -> str:
+def percent_off(value: float) -> str:
+    """An error in percent; of a model that runs away it is no number, or none that says anything."""
     return f"{value:.2g} %" if value < 1000.0 else "more than 1000 %"
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 from dsd_cli.effects import get_effect
 from dsd_cli.effects.base import Role
 from dsd_cli.identify.policy import POLICY
@@ -12,6 +14,7 @@ from dsd_cli.report.levels import levels_text
 from dsd_cli.report.names import error, force_error, listed, moves, percent, values_text
 from dsd_cli.report.prior_conflicts import first_of_all
 from dsd_cli.report.two_numbers import believed
+from dsd_cli.signals.units import Units
 
 #: What a force that depends on the place is called depends on the unit of that.
 ASSUMED = (
@@ -55,15 +58,13 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
     values = f"{values}, " if values else ""
     beside, falls = _with_the_set(result, winner)
     tied = winner.indistinguishable_from  # one of these it is
-    placed = [
-        name for name in dict.fromkeys((winner.effect, *result.found)) if result.units.assumed and _of_place(name)
-    ]
+    placed = of_place((winner.effect, *result.found), result.units)
     verb = "is" if winner.effect not in placed and (tied or believed(result.probability)) else "may be"
     if winner.effect in (INERTIA, DELAY) or (given is not None and winner.effect in given.effects):
         line = f"{_as_given(winner, given)} of [model] {verb} wrong: {values}{sure}{beside}; {held} {falls}"
     else:
         line = f"{winner.effect} {verb} missing: {values}{sure}{beside}; {held} {falls}"
-    line += f"; {listed(placed)} {'is' if len(placed) == 1 else 'are'} {ASSUMED}" if placed else ""
+    line += f"; {assumed_text(placed)}" if placed else ""
     return line + (f"; from this log it is indistinguishable from {listed(tied, 'or')}" if tied else "")
 
 
@@ -98,12 +99,15 @@ def _nothing(result: Diagnosis, sure: str, held: str) -> str:
     )
 
 
-def _of_place(effect: str) -> bool:
-    """Whether its force is a function of the position."""
-    if effect in (INERTIA, DELAY):
-        return False
-    found = get_effect(effect)
-    return found.role is Role.APPLIED and "position" in found.needs
+def of_place(effects: Iterable[str], units: Units) -> list[str]:
+    """Those whose force is a function of a position whose unit nothing says."""
+    found = {name: get_effect(name) for name in effects if units.assumed and name not in (INERTIA, DELAY)}
+    return [name for name, one in found.items() if one.role is Role.APPLIED and "position" in one.needs]
+
+
+def assumed_text(placed: Sequence[str]) -> str:
+    """What that means for their names."""
+    return f"{listed(placed)} {'is' if len(placed) == 1 else 'are'} {ASSUMED}"
 
 
 def _as_given(winner: Candidate, given: PlantModel | None) -> str:

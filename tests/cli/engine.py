@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from dsd_cli.cli import main as frame
+from dsd_cli.identify import d_hat_makers
 from dsd_cli.identify.results import Diagnosis
 from tests.cli.rig import make_log, write
 from tests.report.examples import ADDITION, DIAGNOSIS, LADDER
@@ -83,6 +84,7 @@ def _answer(answer: Any) -> Any:
 def engine(monkeypatch: pytest.MonkeyPatch) -> Engine:
     """In place of `identify.diagnose`, `identify.final_fit` and `identify.improve`."""
     stub = Engine()
+    assert d_hat_makers.diagnose is not None  # imported before, so that what made d_hat is asked of the true one
     monkeypatch.setattr("dsd_cli.identify.verdict.diagnose.diagnose", stub.diagnose)
     for place, name in (("final_fit", "add_effect"), ("improve", "improve")):
         module = ModuleType(f"dsd_cli.identify.{place}")

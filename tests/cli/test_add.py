@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,11 @@ from dsd_cli.cli.improve_loop import put_config
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.config import load_config
 from dsd_cli.files.config.edit import undone
+from dsd_cli.report.addition import AdditionReport, caveats
+from dsd_cli.signals.units import Units
 from tests.cli.engine import CONFIG, START, Engine, engine, files, rig, run
 from tests.cli.rig import done
+from tests.report.examples import ADDITION
 
 __all__ = ["engine", "rig"]
 
@@ -136,6 +140,15 @@ def test_the_real_command_names_the_band_and_the_floor_that_compare_names(tmp_pa
     after = json.loads(done("compare", "log.csv", "-c", "new.toml", "--format", "json", cwd=tmp_path).stdout)["force"]
     assert after["rmse"] == pytest.approx(result["rmse_after"], rel=0.01)  # values in the file are rounded
     assert after["rmse"] < 0.1 * force["rmse"]
+
+
+@pytest.mark.parametrize(("unit", "said"), [("unknown", True), ("rad", False)])
+def test_an_effect_of_the_place_is_so_called_by_a_unit_that_nothing_says(unit: str, said: bool) -> None:
+    units = Units("A", "" if unit == "unknown" else unit, assumed=unit == "unknown")
+    added = replace(ADDITION, effect="gravity", units=units)
+    report = AdditionReport(added, ("a.csv",), (), "b.toml")
+    assert any("so called with the position in rad or m, which nothing says" in one for one in caveats(report)) == said
+    assert not caveats(replace(report, result=replace(ADDITION, units=units)))  # friction is friction in any unit
 
 
 def test_several_logs_are_fitted_together(rig: Path, engine: Engine, capsys) -> None:

@@ -1,6 +1,7 @@
 """`dsd export` as a user runs it."""
 
 import json
+import math
 import shutil
 import subprocess
 from pathlib import Path
@@ -8,6 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dsd_cli.cli.export import _check_holds
+from dsd_cli.errors import CheckFailed
+from dsd_cli.export.making import Verified
 from tests.cli.rig import done, dsd, refused
 from tests.cli.terminal import terminal
 
@@ -162,6 +166,14 @@ def test_binary_is_not_for_a_terminal(tmp_path: Path) -> None:
         assert screen.finish() == 2
     assert b"PK" not in screen.raw
     assert b"binary, and stdout is a terminal" in screen.raw
+
+
+@pytest.mark.parametrize(
+    ("percent", "said"), [(math.nan, "more than 1000 %"), (4e9, "more than 1000 %"), (2.5, "2.5 %")]
+)
+def test_a_model_that_runs_away_is_refused_in_words(percent: float, said: str) -> None:
+    with pytest.raises(CheckFailed, match=f"the speed of the exported model is {said} off under a chirp"):
+        _check_holds("sdf", Verified(True, "a chirp", percent))
 
 
 def test_most_of_u_is_not_left_out_quietly(tmp_path: Path) -> None:

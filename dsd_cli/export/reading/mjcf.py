@@ -11,7 +11,7 @@ import numpy as np
 
 from dsd_cli.effects.joint_terms import Bristle, Hung, JointTerms, Shaping, Sine, Stop
 from dsd_cli.effects.memory import Coupling
-from dsd_cli.errors import DataError
+from dsd_cli.errors import DataError, how_to_install
 from dsd_cli.export.reading.found import Found, chosen, model_of
 from dsd_cli.export.reading.mjcf_forces import (
     Actuator,
@@ -40,9 +40,7 @@ def read(path: Path, wanted: str | None) -> Found:
     try:
         import mujoco
     except ImportError:
-        raise DataError(
-            f"{path}: MJCF is read by MuJoCo, which is not installed", "pip install 'dsd-cli[sim]'"
-        ) from None
+        raise DataError(f"{path}: MJCF is read by MuJoCo, which is not installed", how_to_install("sim")) from None
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dsd_cli.errors import DataError
+from dsd_cli.errors import DataError, how_to_install
 from dsd_cli.export.base import Joint, Motion, NotRun, Target, comment, finite, number
 from dsd_cli.export.c_text import header
 from dsd_cli.export.computing import judge, scratch, shared_library
@@ -247,7 +247,7 @@ def _run(content: bytes, joint: Joint, motion: Motion) -> Array:
         import fmpy
         import fmpy.validation
     except ImportError:
-        raise NotRun("fmpy is not installed (pip install 'dsd-cli[export]')") from None
+        raise NotRun(f"fmpy is not installed: {how_to_install('export')}") from None
     with scratch() as name:
         folder = Path(name)
         (folder / "axis.fmu").write_bytes(content)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dsd_cli.errors import how_to_install
 from dsd_cli.export import spelling
 from dsd_cli.export.base import Joint, Motion, NotRun, Target, comment, finite, number
 from dsd_cli.export.computing import judge, ran, scratch
@@ -115,7 +116,7 @@ def _write(joint: Joint) -> bytes:
 def _run(content: bytes, joint: Joint, motion: Motion) -> Array:
     """By rumoca, which takes no u over time: u is a table of the block then, and its start values are numbers."""
     if find_spec("rumoca") is None:
-        raise NotRun("rumoca is not installed (pip install 'dsd-cli[export]')")
+        raise NotRun(f"rumoca is not installed: {how_to_install('export')}")
     text = content.decode()
     table = ", ".join(number(x) for x in (*motion.u, 0.0))
     clock = "    discrete Integer tick(start = 1, fixed = true);\n"
