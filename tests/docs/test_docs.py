@@ -36,7 +36,7 @@ def test_readme_has_the_figures_of_the_real_machines() -> None:
     page = (ROOT / "docs/measured/machines.md").read_text(encoding="utf-8")
     wanted = r"(\d+) of (\d+) that must be named; (\d+) named that must not be; (\d+ of \d+) published values"
     named, known, wrong, values = re.search(wanted, page).groups()
-    row = f"{known} known effects | {named} named, {wrong} wrong ones named; {values} published values"
+    row = f"{known} known effects | {named} named, false names: {wrong}; {values} published values"
     assert row in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
