@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.files.arrow_arrays import as_float64, is_number_type, texts_of
-from dsd_cli.files.csv_cells import MISSING, is_number
+from dsd_cli.files.csv_cells import MISSING, is_number, stamps_in
 from dsd_cli.files.csv_in import CsvTable
 from dsd_cli.files.formats.base import InMemory, check_size
 from dsd_cli.files.parquet_in import ParquetTable
@@ -121,8 +121,9 @@ def form_of(columns: Mapping[str, Any]) -> Long | None:
     numbers = {name: as_float64(column) for name, column in columns.items() if is_number_type(column.type)}
     said = {name: texts_of(column) for name, column in columns.items()}
     texts = {name: [cell or "" for cell in cells] for name, cells in said.items() if cells and not _measured(cells)}
-    if (form := form_by_texts(numbers, texts)) is not None or any(map(_names, texts.values())):
-        return form
+    if any(map(_names, texts.values())):
+        spelt = {name: stamps_in(cells) for name, cells in said.items() if cells and name not in texts}  # 0,5 and dates
+        return form_by_texts({n: x for n, x in {**spelt, **numbers}.items() if x is not None}, texts)
     whole = (name for name, x in numbers.items() if np.all(x == np.round(x)) and _names(x.tolist()))
     for name in whole:
         codes = np.unique(numbers[name], return_inverse=True)[1]
@@ -178,7 +179,8 @@ def _form(names: tuple[str, ...], codes: NDArray[np.int64], numbers: Mapping[str
     if not clocks:
         return None
     time = max(clocks, key=is_time)
-    values = tuple(name for name, step in steps.items() if name != time and np.any(np.abs(step) > 0.0))
+    stamps = {time, *filter(is_time, steps)}
+    values = tuple(name for name, step in steps.items() if name not in stamps and np.any(np.abs(step) > 0.0))
     alternate = np.mean(np.diff(codes) != 0) >= ALTERNATE
     return Long(time, names, values) if len(values) == 1 or (values and alternate) else None
 

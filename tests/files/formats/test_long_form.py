@@ -11,6 +11,7 @@ from dsd_cli.files.tables_in import open_table
 
 T, ROWS = np.arange(200) * 0.01, 200
 U, Q = np.sin(3.0 * T), np.cos(T)
+PAIR = (("u", U), ("q", Q))
 
 
 def form(**columns):
@@ -90,3 +91,16 @@ def test_names_in_the_letters_of_windows(tmp_path):
 def test_numbers_that_are_written_in_two_ways_are_no_names():
     currents = [f"{u:.1f} A" if u > 0.5 else f"{1e3 * u:.0f} mA" for u in np.round(2.0 * U) / 2.0]
     assert form(t=T, current=currents, q=Q) is None
+
+
+@pytest.mark.parametrize("days", ["{:.6f}", "{:.0f}"])
+def test_values_and_stamps_that_are_texts_and_stamps_beside_stamps(tmp_path, days):
+    """As a panel of Siemens archives them: dates, and millionths of days that it calls ms."""
+    cell = '"{}"\t"01.02.2024 10:00:{:06.3f}"\t{:.6f}\t1\t{}'
+    rows = [cell.format(name, t, x[k], days.format(45e9 + t / 0.0864)) for k, t in enumerate(T) for name, x in PAIR]
+    text = "VarName\tTimeString\tVarValue\tValidity\tTime_ms\n" + "\n".join(rows).replace(".", ",")
+    (tmp_path / "log.csv").write_text(text.replace("01,02,2024", "01.02.2024"), encoding="utf-16")
+    (batch,) = open_table(tmp_path / "log.csv", {"t": "TimeString", "u": "u", "position": "q"}).batches()
+    np.testing.assert_allclose(batch.columns["t"] - batch.columns["t"][0], T, atol=1e-6)
+    np.testing.assert_allclose(batch.columns["u"], U, atol=1e-6)
+    np.testing.assert_allclose(batch.columns["position"], Q, atol=1e-6)
