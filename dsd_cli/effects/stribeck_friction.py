@@ -10,7 +10,8 @@ from dsd_cli.effects.joint_terms import JointTerms, speed_dependent
 
 def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
     relative = channels.velocity / shape["velocity"]
-    return (np.exp(-relative * relative),)
+    bell = np.exp(-relative * relative)
+    return (np.where(bell > np.finfo(float).eps, bell, 0.0),)  # less is no force: its size would overflow
 
 
 def _starts(ranges: Ranges) -> list[Shape]:

@@ -64,3 +64,12 @@ def test_limits_of_the_command(name, values, given, expected):
     effect = get_effect(name)
     (column,), _ = effect.run(Channels(missing, np.array(given), missing, missing, T), effect.to_columns(values)[1])
     np.testing.assert_allclose(column, expected)
+
+
+def test_a_bell_that_is_nowhere_in_the_log_is_no_force_at_all():
+    """Its column of 1e-150 asked for a size that overflowed, and the command ended."""
+    speeds = ROWS._replace(velocity=np.linspace(50.0, 200.0, 199))
+    (column,) = get_effect("stribeck_friction").columns(speeds, {"velocity": 7.0})
+    assert not column.any()
+    (column,) = get_effect("stribeck_friction").columns(speeds, {"velocity": 30.0})
+    np.testing.assert_allclose(column, np.exp(-((speeds.velocity / 30.0) ** 2)), atol=1e-15)
