@@ -1,12 +1,14 @@
 """Axes whose u is friction or cogging nearly all through, made here: u on the motion is evidence, not a on u."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION
 from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.fit.row_weights import weighed
 from dsd_cli.identify.fit.values import whole_inertia
 from dsd_cli.identify.improve import improve
 from dsd_cli.identify.recordings.recording import prepare
@@ -183,3 +185,17 @@ def test_a_sine_motion_leaves_no_delay_of_a_part_of_its_period():
     logs = recorded(u, speed + 2e-3 * random.normal(size=t.size), place + 1e-5 * random.normal(size=t.size))
     search = Search(pose(logs, PlantModel(7.9, 0.0, {}), Settings()))
     assert search.problem.scale.model(search.refit).delay < 0.01
+
+
+def test_a_command_that_is_one_ramp_leaves_no_delay_beyond_the_rows():
+    """A ramp that is late is a ramp and a constant: the share of a step grew to 1e15, and the command ended."""
+    random, t = np.random.default_rng(13), np.arange(0.0, 8.0, STEP)
+    u = 0.8 + 0.4 * t
+    velocity = (u - 0.8) / VISCOUS - 0.4 * INERTIA / VISCOUS**2 * (1.0 - np.exp(-t * VISCOUS / INERTIA))
+    position = np.cumsum(velocity) * STEP
+    log = recorded(u, velocity + 2e-3 * random.normal(size=t.size), position + 1e-5 * random.normal(size=t.size))
+    problem = pose(log, PlantModel(INERTIA, 0.0, {}), Settings())
+    fit = problem.solver.fit((), 0)
+    far = weighed(replace(fit, total=np.array([INERTIA, 1e12])), problem.solver, problem.errors.bank).fit
+    assert far.tap * problem.solver.bank.delay_step < problem.equations.startup
+    assert np.isfinite(far.total).all()

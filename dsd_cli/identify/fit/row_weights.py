@@ -145,15 +145,20 @@ def _exact(fit: Fit, solver: Solver) -> tuple[Fit, Solver]:
     """
     bank = solver.bank
     for _ in range(0 if fit.whole_steps else _DELAYS):
-        delay = fit.tap + float(fit.total[SHARE])
+        delay = fit.tap + min(float(fit.total[SHARE]), MOST_SHARE)  # u is no straight line over more
         tap = max(math.floor(delay - _CLEAR), 0)
-        tap = tap if tap in solver.taps(tap) else fit.tap
+        tap = tap if tap in solver.taps(_most_tap(bank)) else fit.tap
         around = min(max(delay - tap, 0.0), MOST_SHARE)
         solver = solver.on(bank.between(around), solver.variance)
         fit = solver.fit(fit.terms, tap)
         if abs(float(fit.total[SHARE]) - around) < _SETTLED and around > 0.0:
             break
     return fit, solver
+
+
+def _most_tap(bank: Bank) -> int:
+    """Whole steps of delay for which every row has its drive, and that of the next step."""
+    return max(bank.equations.startup // bank.delay_step - 2, 0)
 
 
 def _harmless(fit: Fit, bank: Bank, sure: NDArray[np.bool_]) -> float:
