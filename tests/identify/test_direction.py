@@ -187,6 +187,29 @@ def test_a_sine_motion_leaves_no_delay_of_a_part_of_its_period():
     assert search.problem.scale.model(search.refit).delay < 0.01
 
 
+def run_up(levels: tuple[float, ...]) -> list:
+    """Logs of a motor that one level of u speeds up from rest, against viscous and dry friction."""
+    random, t, found = np.random.default_rng(12), np.arange(0.0, 8.0, STEP), []
+    for u in levels:
+        top, tau = (u - 0.03 * math.copysign(1.0, u)) / 1.3e-4, 1.2e-4 / 1.3e-4
+        velocity = top * (1.0 - np.exp(-t / tau))
+        position = top * (t - tau * (1.0 - np.exp(-t / tau)))
+        seen = velocity + 0.05 * random.normal(size=t.size), position + 1e-3 * random.normal(size=t.size)
+        found += recorded(np.full(t.size, u), *seen)
+    return found
+
+
+@pytest.mark.parametrize("levels", [(0.06,), (0.06, -0.04)], ids=["one way", "both ways"])
+def test_one_level_of_u_a_direction_is_not_explained_by_friction_of_that_size(levels):
+    """Dry friction and a load left 1e-7 % of u (99 %), and of one way alone the command ended in an OverflowError."""
+    logs, model = run_up(levels), PlantModel(1.2e-4, 0.0, {})
+    assert not pose(logs, model, Settings()).solver.inverse
+    found = diagnose(logs, model, OBSERVER)
+    dry = {"coulomb_friction", "constant_load"}
+    assert all(one.probability < 0.9 for one in found.missing if one.effect in dry)
+    assert found.verdict not in {*dry, "none"}
+
+
 def test_a_command_that_is_one_ramp_leaves_no_delay_beyond_the_rows():
     """A ramp that is late is a ramp and a constant: the share of a step grew to 1e15, and the command ended."""
     random, t = np.random.default_rng(13), np.arange(0.0, 8.0, STEP)

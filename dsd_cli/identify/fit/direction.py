@@ -4,7 +4,8 @@ Forces that no model follows stand in u. The forward form finds what is missing 
 however noisy the sensor. Where friction, weight or cogging is nearly all of u, J a drowns in them: whatever is added,
 hardly any of the acceleration is explained. The inverse form then leaves a small share of u, and is evidence. In it
 nothing that acts on u can be identified, nor a push: it would explain u by u, or by the time at which u was so, and the
-acceleration, in which it had to show, says nothing.
+acceleration, in which it had to show, says nothing. A u of one level a direction is explained exactly, by dry friction
+and a load of that size, whatever moves the axis: there the acceleration alone says something.
 """
 
 from __future__ import annotations
@@ -40,7 +41,19 @@ def inverse_is_evidence(solver: Solver, beside: Terms, inertia: float, tap: int)
     """
     one = Solver(solver.bank, solver.blocks, solver.inertia, solver.known, inverse=True)
     fitted = whole_inertia(one.fit(beside, tap))
-    return drowns(moved_by(solver.bank, tap), fitted, inertia)
+    return drowns(moved_by(solver.bank, tap), fitted, inertia) and tells_by_motion(solver.bank, tap, inertia)
+
+
+def tells_by_motion(bank: Bank, tap: int, inertia: float) -> bool:
+    """Whether u is more than one level a direction, by a fair part of J a.
+
+    bank : of rows in the unit of u.
+    """
+    signs, u = [s.sign for s in bank.equations.stretches], bank.drive((), tap, held=True)
+    both = (signs, [np.ones_like(sign) for sign in signs])
+    levels = np.stack([bank.equations.acting(x, smooth=False, held=True) for x in both], axis=1)
+    left = u - levels @ np.linalg.lstsq(levels, u, rcond=None)[0]
+    return bool(left @ left > (POLICY.fair_part * inertia) ** 2 * moved_by(bank, tap)[0])
 
 
 def moved_by(bank: Bank, tap: int) -> Array:

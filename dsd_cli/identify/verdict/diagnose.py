@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from dsd_cli.effects import free_name, kind_of
 from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.direction import tells_by_motion
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
@@ -126,7 +127,8 @@ def _either_way(
     found = levelled(recordings, model, settings, holdout, report)
     search, whole = found.search, found.whole
     drifts = search.problem.reconstructed("velocity")
-    if search.solver.inverse or drifts or not above_floor(search, whole):
+    tells = not drifts and tells_by_motion(search.problem.errors.bank, whole.tap, search.solver.inertia)
+    if search.solver.inverse or not tells or not above_floor(search, whole):
         return found, settings
     there = levelled(recordings, model, replace(settings, inverse=True), holdout, report)
     errors, errors_there = search.problem.errors, there.search.problem.errors
