@@ -73,7 +73,8 @@ def improve(
         if not climb.steps:
             climb.up(AS_GIVEN, last.score, last.refitted_values, last.given)
             model = last.given
-        climb.levels, climb.settings = last.levels, replace(climb.settings, begun=None)
+        climb.levels, set_before = last.levels, climb.settings
+        climb.settings = replace(climb.settings, begun=None, begun_with=())
         if last.verdict in (NONE, UNKNOWN):
             return climb.ladder(last, _why(last, refused))
         stop = _stop(climb.steps, last)
@@ -95,7 +96,7 @@ def improve(
             continue
         model = with_it
         if chosen in last.found:
-            climb.settings = replace(climb.settings, begun=last.whole_model)
+            climb.settings = replace(climb.settings, begun=last.whole_model, begun_with=_taken_of(set_before, chosen))
 
 
 class _Climb:
@@ -211,6 +212,12 @@ class _Climb:
         stayed = tuple(one for name, one in self.added.items() if name in end.model.effects)
         found = (end.values, end.correlations, warnings, levels)
         return Ladder(tuple(self.steps), last.verdict, stopped, last, names, *found, (*stayed, *last.missing))
+
+
+def _taken_of(asked: Settings, chosen: str) -> tuple[str, ...]:
+    """What was taken, with this one, of the set that it belongs to: a new set unless the last rung found it."""
+    goes_on = asked.begun is not None and chosen in asked.begun.effects
+    return (*asked.begun_with, chosen) if goes_on else (chosen,)
 
 
 def _stop(steps: Sequence[Step], last: Diagnosis) -> str:

@@ -125,17 +125,27 @@ def test_noise_that_pushes_as_hard_as_u_hides_no_spring():
 
 
 def test_what_a_set_explains_is_counted_from_where_the_climb_began():
-    """For an effect of the set of which the last rung took the first half; else from the model as it is."""
-    effects = {"viscous_friction": {"coefficient": 0.05}, "coulomb_friction": {"level": 0.2}}
-    model = replace(BELIEVED, effects={"viscous_friction": effects["viscous_friction"]})
-    search = posed(effects, ("coulomb_friction",), model)
+    """For an effect of the set of which the last rung took the first half; else from the model as it is. What an
+    earlier set put into the model stays."""
+    effects = {
+        "stiffness": {"coefficient": 0.1},
+        "viscous_friction": {"coefficient": 0.05},
+        "coulomb_friction": {"level": 0.2},
+    }
+    model = replace(BELIEVED, effects={name: effects[name] for name in ("stiffness", "viscous_friction")})
+    climbed = Settings(
+        effects=("coulomb_friction",),
+        taken=("stiffness", "viscous_friction"),
+        begun=replace(BELIEVED, effects=effects),
+        begun_with=("viscous_friction",),
+    )
+    search = Search(pose([seen(effects, duration=5.0)], model, climbed))
     whole = search.fit((*search.base, Term("coulomb_friction")), search.refit.tap)
-    climbed = Settings(taken=("viscous_friction",), begun=replace(BELIEVED, effects=effects))
 
     def begun(name="coulomb_friction", belief=0.9, on=("position",), asked=climbed):
         return before_climb(search, whole, Discrepancy(on, 0.1, True, 0.1), asked, name, belief)
 
-    assert begun().terms == ()
+    assert begun().terms == search.before.terms == (Term("stiffness"),)
     assert begun(asked=Settings()) is search.refit
     assert begun("gravity", on=("velocity",)) is search.refit  # not of that set
     assert begun(on=("position", "velocity")) is search.refit  # stands in for another law of the velocity

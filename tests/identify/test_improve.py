@@ -9,7 +9,7 @@ import pytest
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.final_fit import add_effect
 from dsd_cli.identify.fit.problem import Settings, pose
-from dsd_cli.identify.improve import improve
+from dsd_cli.identify.improve import _taken_of, improve
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.results import NONE
@@ -218,3 +218,11 @@ def test_what_does_not_lower_the_held_out_error_is_not_added(nothing):
     for name, text in said.items():
         assert text.startswith(f"{name} does not lower the held-out error of log.csv")
         assert "\n" not in text
+
+
+def test_what_was_taken_of_a_set_ends_where_another_set_begins():
+    begun = PlantModel(1.0, 0.0, {"coulomb_friction": {"level": 1.0}, "viscous_friction": {"coefficient": 1.0}})
+    asked = Settings(begun=begun, begun_with=("coulomb_friction",))
+    assert _taken_of(asked, "viscous_friction") == ("coulomb_friction", "viscous_friction")
+    assert _taken_of(asked, "gravity") == ("gravity",)
+    assert _taken_of(Settings(), "gravity") == ("gravity",)

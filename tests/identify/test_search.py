@@ -8,6 +8,7 @@ import pytest
 
 from dsd_cli.identify.fit.bank import SHARE, Term
 from dsd_cli.identify.fit.noise_fit import Noise
+from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search import preference
 from dsd_cli.identify.search.long_logs import searched_as_is
@@ -54,6 +55,26 @@ def test_needless_members_are_dropped(pair):
     terms = (*(Term(name) for name in PAIR), Term("stiffness"), Term("constant_load"))
     settled = pair.settled(pair.fit(terms, pair.refit.tap))
     assert {t.id for t in settled.terms} == set(PAIR)
+
+
+def test_of_two_that_only_together_explain_anything_neither_is_dropped(pair, monkeypatch):
+    """Each is doubtful beside the other, and either alone no better than nothing: both went, and nothing was named."""
+    whole = pair.fit(tuple(Term(name) for name in PAIR), pair.refit.tap)
+    monkeypatch.setattr(Search, "matters", lambda _, before, after: len(after.terms) >= len(before.terms) + 2)
+    assert pair.without_needless(whole) is whole
+    begun = pair.fit(whole.terms[:1], whole.tap)  # of a set that one of them was: the other does not matter there
+    assert pair.without_needless(whole, begun).terms == ()
+
+
+def test_what_is_left_of_a_set_is_judged_against_what_the_model_was_before_it():
+    """Half of a set that was taken, the other half matters as little beside it as before."""
+    half = replace(BELIEVED, effects={"coulomb_friction": PAIR["coulomb_friction"]})
+    asked = Settings(effects=NAMES, begun=replace(BELIEVED, effects=PAIR), begun_with=("coulomb_friction",))
+    search = Search(pose([seen(PAIR, duration=5.0)], half, asked))
+    whole = search.fit((*search.base, Term("viscous_friction")), search.refit.tap)
+    search.matters = lambda before, after: len(after.terms) >= len(before.terms) + 2
+    assert search.without_needless(whole) is whole
+    assert search.without_needless(whole, search.refit).terms == search.base
 
 
 def test_effects_of_the_model_stay_even_if_needless():

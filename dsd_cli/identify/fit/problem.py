@@ -35,16 +35,16 @@ class Problem:
 
     Attributes
     ----------
-    base : effects that the model has; they stay. candidates : effects that may be added.
-    untestable : effect -> why it cannot be tested on these recordings.
-    solver : on whitened rows. errors : in the unit of u.
-    most_tap : steps of delay that are tried at most; tap : those that the last fit had.
+    base, before : effects that the model has, which stay; less those of a set that the climb has taken a part of.
+    candidates, untestable : effects that may be added; effect -> why it cannot be tested on these recordings.
+    solver, errors : on whitened rows; in the unit of u. most_tap, tap : steps of delay at most; those of the last fit.
     """
 
     recordings: tuple[Recording, ...]
     holdout: tuple[Recording, ...]
     model: PlantModel
     base: Terms
+    before: Terms
     candidates: tuple[str, ...]
     untestable: dict[str, str]
     solver: Solver
@@ -192,6 +192,7 @@ def pose(
         tuple(holdout),
         model,
         base,
+        tuple(t for t in base if t.id not in settings.begun_with),
         candidates,
         untestable,
         solver,
@@ -217,8 +218,8 @@ def asked_of_all(problem: Problem, recordings: Sequence[Recording], holdout: Seq
     share = sensor_variance(whitened) / max(sensor_variance(few), 1e-300)  # each log's part of the rows is another
     white = Bank(whitened, plain, share * problem.solver.bank.variance)
     left = problem.solver.on(white, blocks=blocks).squares(fit.terms, fit.tap) / blocks.rows
-    ratio = max(left / max(fit.squares / problem.blocks.rows, 1e-300), 1.0)
-    noise = replace(problem.noise, variance=ratio * problem.noise.variance)
+    ratio = left / max(fit.squares / problem.blocks.rows, 1e-300)
+    noise = replace(problem.noise, variance=max(ratio, 1.0) * problem.noise.variance)
     solver = problem.solver.on(white, noise.variance * noise.inflation, blocks=blocks)
     errors = Errors(plain, blocks, _aside(holdout, equations))
     return replace(problem, recordings=tuple(recordings), solver=solver, errors=errors, noise=noise)

@@ -55,7 +55,8 @@ class Settings:
     taken : effects of the model that this climb took: they may stand in for a value that is given wrongly.
     against : what the log says against what is known, once that was looked at (`verdict.diagnose.prior_check`).
     levels : of single logs, found with nothing given; None to look for them.
-    begun : a model with the set that the last rung found: one of those that the search weighs.
+    begun : a model with the set that the last rung found: one of those that the search weighs; `begun_with` : effects
+        of that set that the climb took since it was found.
     inverse : whether u by the motion is evidence, however large J a is; else that decides (`fit.direction`).
     """
 
@@ -66,6 +67,7 @@ class Settings:
     against: tuple[str, ...] | None = None
     levels: tuple[Deviations, ...] | None = None
     begun: PlantModel | None = None
+    begun_with: tuple[str, ...] = ()
     inverse: bool = False
 
     def without(self, refused: Sequence[str]) -> Settings:

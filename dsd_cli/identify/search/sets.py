@@ -66,6 +66,11 @@ class Search(Evidence):
         )
         return self.converged(self.fit(self.base, delay))
 
+    @cached_property
+    def before(self) -> Fit:
+        """Without those of them that the climb took of the set that it is in the middle of."""
+        return self.refit if self.problem.before == self.base else self.fit(self.problem.before, self.refit.tap)
+
     def converged(self, fit: Fit) -> Fit:
         """With the shapes of all effects refined until that gains nothing any more."""
         for _ in range(MOST_REFINEMENTS):
@@ -189,11 +194,11 @@ class Search(Evidence):
     def _forward(self, current: Fit, options: Sequence[Option]) -> list[Fit]:
         """Sets with one effect more, or two, that matter."""
         forward = preferred(self, [o for o in options if self.matters(current, o.fit)])
-        reached = [self.settled(forward.fit)] if forward is not None else []
+        reached = [self.settled(forward.fit, current)] if forward is not None else []
         pair = self._best_pair(current, options)
         single = -math.inf if forward is None else self.evidence(reached[0])
         if pair is not None and self.evidence(pair) > single + POLICY.least_gain:
-            reached.append(self.settled(pair))
+            reached.append(self.settled(pair, current))
         return [fit for fit in reached if self.matters(current, fit)]
 
     def _best_pair(self, current: Fit, options: Sequence[Option]) -> Fit | None:
@@ -206,17 +211,20 @@ class Search(Evidence):
         ranked = sorted(tried, key=lambda p: self.nats(p[0]) + self.price(p[1]))
         return max((self.fit(terms, tap) for _, terms, tap in ranked[:MOST_PAIRS]), key=self.evidence, default=None)
 
-    def settled(self, fit: Fit) -> Fit:
-        """Shapes refined together, needless members dropped, members swapped for better ones."""
+    def settled(self, fit: Fit, reached: Fit | None = None) -> Fit:
+        """Shapes refined together, needless members dropped, members swapped for better ones.
+
+        reached : the set that this one goes on from; by default what the model was when the climb to it began.
+        """
         for _ in range(3):
             before = fit
             found = self.refined(fit)
-            fit = found if (less := self.without_needless(found)) is found else self.refined(less)
+            fit = found if (less := self.without_needless(found, reached)) is found else self.refined(less)
             if len(self.added(fit.terms)) > 1:
                 fit = self.swapped(fit)
             if fit.terms == before.terms:
                 break
-        return fit if (common := in_common_terms(self, fit)) is fit else self.without_needless(common)
+        return fit if (common := in_common_terms(self, fit)) is fit else self.without_needless(common, reached)
 
     def added(self, terms: Terms) -> Terms:
         """Those that the model does not have."""
@@ -233,12 +241,15 @@ class Search(Evidence):
         better = self.fit(terms, tap)
         return better if better.loss < fit.loss else fit
 
-    def without_needless(self, fit: Fit) -> Fit:
-        """Without members that do not matter beside the others."""
+    def without_needless(self, fit: Fit, reached: Fit | None = None) -> Fit:
+        """Without members that do not matter beside the others; where two explain surely more than the set that was
+        reached, and neither of them alone does, both stay."""
+        reached = reached or self.before
         for term in self.added(fit.terms):
             less = self.fit(tuple(t for t in fit.terms if t != term), fit.tap)
-            if not self.matters(less, fit):
-                return self.without_needless(less)
+            needless = not self.matters(less, fit)
+            if needless and (self.matters(reached, less) or not self.matters(reached, fit)):
+                return self.without_needless(less, reached)
         return fit
 
     def swapped(self, fit: Fit) -> Fit:

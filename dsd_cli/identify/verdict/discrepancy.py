@@ -52,7 +52,7 @@ def discrepancy_of(search: Search, fit: Fit) -> Discrepancy:
 
 def before_climb(search: Search, whole: Fit, beyond: Discrepancy, asked: Settings, name: str, belief: float) -> Fit:
     """What the share that a set explains is of: the model with its own values fitted; for an effect of the set that
-    answered the last rung, the model without what the climb took since: half of that set is as sure as it was.
+    answered the last rung, the model without what the climb took of that set: half of it is as sure as it was.
 
     Not where a function of its own channels explains what is left, for then it stands in for another law of them; and
     not where the log leaves less belief in it than there was before, one of some twenty.
@@ -61,7 +61,7 @@ def before_climb(search: Search, whole: Fit, beyond: Discrepancy, asked: Setting
     doubtful = (beyond.unknown and own & {*beyond.on}) or belief <= math.exp(-POLICY.effect_price)
     if asked.begun is None or name not in asked.begun.effects or doubtful:
         return search.refit
-    return search.fit(tuple(t for t in search.base if t.id not in asked.taken), whole.tap)
+    return search.fit(search.problem.before, whole.tap)
 
 
 def _structured(equations: Equations, residual: Array) -> float:

@@ -176,8 +176,9 @@ def surest_of(search: Search, whole: Fit, limits: Limits) -> float:
 
 
 def _size(search: Search, whole: Fit) -> int:
-    """Number of effects that were found; each push is one of its own."""
-    return sum(len(t.shape["edges"]) if t.effect.listed else 1 for t in search.added(whole.terms))
+    """Number of effects of the set, those of it that the climb has taken among them; each push is one of its own."""
+    added = len(search.base) - len(search.problem.before)
+    return added + sum(len(t.shape["edges"]) if t.effect.listed else 1 for t in search.added(whole.terms))
 
 
 def missing_of(search: Search, whole: Fit, members: Mapping[str, Membership], surest: float) -> tuple[Missing, ...]:
