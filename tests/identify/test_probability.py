@@ -13,6 +13,7 @@ from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.verdict import judgement, probability
 from dsd_cli.identify.verdict.diagnose import diagnose
+from dsd_cli.identify.verdict.discrepancy import Discrepancy
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.probability import Membership
 from dsd_cli.identify.verdict.stability import with_stability
@@ -93,6 +94,32 @@ def test_a_member_that_is_rather_there_than_not_comes_before_one_with_more_evide
     shares = {"coulomb_friction": dry, "presliding_friction": 1.0 - dry}
     verdict.members["coulomb_friction"] = Membership("coulomb_friction", shares, rivals)
     assert verdict._first() == first
+
+
+@pytest.mark.parametrize(
+    ("left_on", "named"),
+    [(("velocity",), "cogging"), (("position",), "unknown"), (("position", "time"), "unknown")],
+)
+def test_what_depends_on_other_channels_leaves_a_name_as_it_is(left_on, named, monkeypatch):
+    """Half of the power is left, by the velocity: cogging does not stand in for that. By the position it may."""
+    for name, stand_in in {
+        "__init__": lambda _self: None,
+        "_first": lambda _self: "cogging",
+        "_lowers": lambda _self, _name: True,
+        "_weightless": lambda _self, _whole: False,
+        "_unknown": lambda _self: ("unknown", 0.9),
+        "_share_of_possible": lambda _self, _before, _after: 0.5,
+    }.items():
+        monkeypatch.setattr(Verdict, name, stand_in)
+    monkeypatch.setattr(judgement, "probability_of", lambda _search, _whole, _member, belief, _surest: belief)
+    monkeypatch.setattr(judgement, "before_climb", lambda *_: None)
+    verdict = Verdict()
+    verdict.search = verdict.whole = verdict.surest = None
+    verdict.problem = SimpleNamespace(errors=SimpleNamespace(rmse=lambda _: 1.0))
+    verdict.shown, verdict._named_for = SimpleNamespace(settings=None), {}
+    verdict.members = {"cogging": Membership("cogging", {"cogging": 1.0}, ())}
+    verdict.beyond = Discrepancy(left_on, 0.5, True, 0.1)
+    assert verdict._of_members() == (named, 0.5 if named == "cogging" else 0.9)
 
 
 def test_a_doubtful_answer_is_not_asked_again_on_parts():

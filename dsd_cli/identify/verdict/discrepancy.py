@@ -36,6 +36,10 @@ class Discrepancy:
         """Whether it is u times something."""
         return GAIN in self.on
 
+    def of_channels(self, name: str) -> bool:
+        """Whether it depends on channels of an effect, which then may stand in for another law of them."""
+        return self.unknown and not {*self.on}.isdisjoint(get_effect(name).needs or ("time",))
+
 
 def discrepancy_of(search: Search, fit: Fit) -> Discrepancy:
     """Free-form functions beside a fit, and the spectrum of what it leaves.
@@ -57,8 +61,7 @@ def before_climb(search: Search, whole: Fit, beyond: Discrepancy, asked: Setting
     Not where a function of its own channels explains what is left, for then it stands in for another law of them; and
     not where the log leaves less belief in it than there was before, one of some twenty.
     """
-    own = {*get_effect(name).needs} or {"time"}
-    doubtful = (beyond.unknown and own & {*beyond.on}) or belief <= math.exp(-POLICY.effect_price)
+    doubtful = beyond.of_channels(name) or belief <= math.exp(-POLICY.effect_price)
     if asked.begun is None or name not in asked.begun.effects or doubtful:
         return search.refit
     return search.fit(search.problem.before, whole.tap)

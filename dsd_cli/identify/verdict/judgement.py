@@ -107,8 +107,8 @@ class Verdict:
         known = self._share_of_possible(rmse(begun), rmse(self.whole))
         named = min(group or [best], key=lambda name: get_effect(name).rarity)
         self._named_for[named] = best
-        noise = not (self.beyond.unknown or needs_acceleration(named))  # is left, and no law of the motion follows it
-        if max(known, member.place if noise else 0.0) < POLICY.share_of_possible:
+        doubtful = self.beyond.of_channels(best) or needs_acceleration(named)
+        if doubtful and known < POLICY.share_of_possible:
             return self._unknown()
         belief = max(member.probabilities.get(named, 0.0), member.place / (1 + len(member.rivals)))
         return named, min(known, probability_of(self.search, self.whole, member, belief, self.surest))
