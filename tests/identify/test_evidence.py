@@ -143,6 +143,18 @@ def test_probabilities_of_options_and_nothing_sum_to_one_in_any_order(search):
     assert backwards == pytest.approx(shares)
 
 
+def test_belief_counts_what_coloured_noise_explains_by_chance(search, monkeypatch):
+    """As if every gain were so many times less, whichever is the best."""
+    found, _ = search
+    options, rest = found.options(found.refit), found.refit
+    gains = np.stack([np.zeros(len(rest.losses)), *(found.gains(rest, o.fit) for o in options)])
+    prices = np.array([0.0, *(found.price(o.fit.terms) for o in options)])
+    monkeypatch.setattr(Search, "by_chance", lambda *_: 5.0)
+    shares = probabilities(found, rest, options[::-1])
+    expected = shared_belief(gains / 5.0, prices)
+    assert list(shares.values()) == pytest.approx([expected[0], *expected[:0:-1]])
+
+
 def test_nothing_alone_is_certain(search):
     search, _ = search
     assert probabilities(search, search.refit, []) == {NOTHING: pytest.approx(1.0)}

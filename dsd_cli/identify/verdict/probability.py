@@ -136,8 +136,13 @@ def _of_position(effect_id: str) -> bool:
 
 
 def probabilities(search: Search, rest: Fit, options: list[Option]) -> dict[str, float]:
-    """Probability of each option, and of none of them (`NOTHING`)."""
+    """Probability of each option, and of none of them (`NOTHING`): by what the best of them gains over each beyond what
+    the same columns explain by chance of noise as coloured as what it leaves."""
+    fits = (rest, *(o.fit for o in options))
     gains = np.stack([np.zeros(len(rest.losses)), *(search.gains(rest, o.fit) for o in options)])
+    best = max(range(len(fits)), key=lambda i: search.evidence(fits[i]))
+    chances = np.array([search.by_chance(fit, fits[best]) for fit in fits])
+    gains = gains[best] - (gains[best] - gains) / chances[:, None]
     prices = np.array([0.0, *(search.price(o.fit.terms) - search.price(rest.terms) for o in options)])
     shares = shared_belief(gains, prices)
     return dict(zip((NOTHING, *(o.effect for o in options)), shares.tolist(), strict=True))
