@@ -2,7 +2,8 @@
 
 The recordings are found by DSD_RECORDINGS, else in ../shared/recordings. Each is asked `dsd improve --auto` from a bare
 mass; rows go to bench/results/machines.json, and with `--page` the table into
-docs/measured/machines.md, the worst first.
+docs/measured/machines.md, the worst first. With `--variants` parts and forms of them are asked instead (rows in
+machines_variants.json): `open` ones, or those that are `held` back, which are for the end.
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ from typing import Any
 from bench.engines import ROOT, Asked, Engine
 from bench.machines_cases import RECORDED, Recorded
 from bench.machines_regression import regressed
+from bench.machines_variants import held_back, table_of_forms, variants
 from bench.marked import put
 
-RESULTS = Path(__file__).parent / "results" / "machines.json"
+RESULTS = Path(__file__).parent / "results"
 PAGE = ROOT / "docs" / "measured" / "machines.md"
 Row = dict[str, Any]
 
@@ -32,15 +34,26 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--engine", action="append", metavar="NAME=PATH", help="a checkout; this one if none is given")
     parser.add_argument("--only", nargs="*", default=[], help="recordings whose name contains one of these")
-    parser.add_argument("--output", type=Path, default=RESULTS)
+    parser.add_argument("--variants", choices=("open", "held"), help="parts and forms of the recordings")
+    parser.add_argument("--output", type=Path, help="default: machines.json or machines_variants.json in bench/results")
     parser.add_argument("--table", action="store_true", help="print what is there and ask nothing")
     parser.add_argument("--page", action="store_true", help="write the table of the first engine into its page")
     options = parser.parse_args(arguments)
-    rows = json.loads(options.output.read_text()) if options.output.exists() else []
-    cases = [c for c in RECORDED if not options.only or any(name in c.name for name in options.only)]
+    output = options.output or RESULTS / f"machines{'_variants' * bool(options.variants)}.json"
+    rows = json.loads(output.read_text()) if output.exists() else []
     if not (options.table or options.page):
-        for engine in [Engine.of(text) for text in options.engine or [f"here={ROOT}"]]:
-            rows = _asked(engine, cases, rows, options.output)
+        with tempfile.TemporaryDirectory(prefix="dsd-variants-") as place:
+            every = variants(_folder(), Path(place)) if options.variants else RECORDED
+            kept = (c for c in every if not options.variants or held_back(c.name) == (options.variants == "held"))
+            cases = [c for c in kept if not options.only or any(name in c.name for name in options.only)]
+            for engine in [Engine.of(text) for text in options.engine or [f"here={ROOT}"]]:
+                rows = _asked(engine, cases, rows, output)
+    if options.variants:
+        lines = table_of_forms(rows)
+        print("\n".join(lines))
+        if options.page:
+            put(PAGE, "variants", lines)
+        return
     names = list(dict.fromkeys(r["engine"] for r in rows))
     lines = [line for name in names for line in ("", f"{name}:", "", *table([r for r in rows if r["engine"] == name]))]
     print("\n".join(lines))
@@ -70,18 +83,17 @@ def ask(case: Recorded, engine: Asked) -> Row:
     ------
     SystemExit : a recording is not there.
     """
-    folder = (ROOT / os.environ.get("DSD_RECORDINGS", "../shared/recordings")).resolve()
-    logs = [folder / log for log in case.logs]
+    logs = [_folder() / log for log in case.logs]
     if missing := [str(log) for log in logs if not log.exists()]:
         sys.exit(f"recording {missing[0]} is not there (set DSD_RECORDINGS)")
     with tempfile.TemporaryDirectory(prefix="dsd-machines-") as place:
         (Path(place) / "dsd.toml").write_text(case.config())
         words = ("-c", "dsd.toml", "--auto", "-o", "better.toml", "--format", "json")
         done = engine.run("improve", *logs, *words, cwd=Path(place))
-    own = {"own": regressed(case, logs) if case.regress else {}}
+    own = {"own": regressed(case, logs)} if case.regress else {}
     if done["code"] != 0:
         said = {"verdict": "error", "probability": 0.0, "steps": [], "values": {}, "error": done["err"].strip()[-300:]}
-        return said | own | judged(case, said) | {"seconds": round(done["seconds"], 1)}
+        return said | own | judged(case, said | own) | {"seconds": round(done["seconds"], 1)}
     result = json.loads(done["out"])
     back = {s["effect"] for s in result["ladder"] if s["kind"] == "taken_back"}
     said = {
@@ -96,7 +108,12 @@ def ask(case: Recorded, engine: Asked) -> Row:
         "missing": result.get("missing"),
         "unexplained": result.get("unexplained"),
     }
-    return said | own | judged(case, said) | {"seconds": round(done["seconds"], 1)}
+    return said | own | judged(case, said | own) | {"seconds": round(done["seconds"], 1)}
+
+
+def _folder() -> Path:
+    """Of the recordings."""
+    return (ROOT / os.environ.get("DSD_RECORDINGS", "../shared/recordings")).resolve()
 
 
 def judged(case: Recorded, said: Row) -> Row:
@@ -127,8 +144,14 @@ def judged(case: Recorded, said: Row) -> Row:
         "within": case.within,
         "off": off,
         "as_regressed": near,
-        "hidden": [m for m in unmet if any(abs(v) < 2 * e for n, (v, e) in own.items() if n.partition(".")[0] in m)],
+        "hidden": [m for m in unmet if _hidden(m, own)],
     }
+
+
+def _hidden(must: str, own: dict[str, Any]) -> bool:
+    """Whether a plain regression has a value of what must be named, and none that is surely above its error."""
+    values = [(v, e) for n, (v, e) in own.items() if n.partition(".")[0] in must.split("|")]
+    return bool(values) and all(abs(v) < 2.0 * e for v, e in values)
 
 
 def table(rows: Sequence[Row]) -> list[str]:

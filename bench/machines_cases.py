@@ -28,8 +28,9 @@ class Recorded:
     must : effects that the ladder must have, alternatives by "|", in any order; the first `first` of them before all
     others. must_not : effects that it must not have. open_values : values that must not be called identified.
     published : {name of a value: published value}, and `within` of it, a share. unknown : whether "unknown" at the end
-    (or a step of inertia) is all that is asked for. regress, regress_hz : terms of a plain regression, which says what
-    of these values is in the log at all (`machines_regression`), and the end of its low-pass.
+    (or a step of inertia) is all that is asked for. regress, regress_hz, regress_signals : terms of a plain regression,
+    which says what of these values is in the log at all (`machines_regression`), the end of its low-pass, and its
+    columns where they are others.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Recorded:
     within: float = 0.1
     regress: tuple[str, ...] = ()
     regress_hz: float = 4.0
+    regress_signals: dict[str, str] = field(default_factory=dict)
     unknown: bool = False
     tau: float = 0.02
 
@@ -90,6 +92,8 @@ def _silverbox(run: str) -> Recorded:
         5e-6,
         must=("viscous_friction", "stiffness", "cubic_stiffness"),
         must_not=("gravity", *STAND_INS),
+        regress=(_J, _B, "stiffness.coefficient", "cubic_stiffness.coefficient"),
+        regress_hz=200.0,
         tau=0.005,
     )
 
@@ -119,6 +123,7 @@ _SLOW = {
     "first": 1,
     "open_values": ("inertia",),
     "published": {"cogging.periods": 7.0},
+    "regress": (_FC, _F0, "cogging.sine", "cogging.cosine"),
 }
 _FRICTION = ("viscous_friction", "coulomb_friction")
 _KUKA_NOT = ("gravity", *STAND_INS)

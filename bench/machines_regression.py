@@ -22,17 +22,24 @@ def regressed(case: Recorded, logs: Sequence[Path]) -> dict[str, tuple[float, fl
     """{name of a value: (value, standard error)} of the terms of a case, unit of u; "delay" is the best of the scan."""
     columns = [_columns(case, log) for log in logs]
     fits = [(_fit([_rows(case, c, delay) for c in columns]), delay) for delay in _DELAYS]
-    (values, errors, _), delay = min(fits, key=lambda one: one[0][2])
+    (values, errors, squares), delay = min(fits, key=lambda one: one[0][2])
+    if squares <= 1e-12 * sum(float(c["u"] @ c["u"]) for c in columns):  # one level a direction: nothing is told
+        errors = np.full(len(values), np.inf)
     found = {n: (float(v), float(e)) for n, v, e in zip(case.regress, values, errors, strict=True)}
     return found | {"delay": (float(delay), float(_DELAYS[1]))}
 
 
-def _columns(case: Recorded, log: Path) -> dict[str, Array]:
-    """t, u, position, velocity on a regular clock."""
+def read(signals: dict[str, str], log: Path) -> dict[str, Array]:
+    """The columns of a recording, {signal: shape (n,)}."""
     from pyarrow import csv, parquet
 
     table = parquet.read_table(log) if log.suffix == ".parquet" else csv.read_csv(log)
-    raw = {k: table[name].to_numpy().astype(float) for k, name in case.signals.items() if name}
+    return {k: table[name].to_numpy().astype(float) for k, name in signals.items() if name}
+
+
+def _columns(case: Recorded, log: Path) -> dict[str, Array]:
+    """t, u, position, velocity on a regular clock."""
+    raw = read(case.regress_signals or case.signals, log)
     step = float(np.median(np.diff(raw["time"])))
     clock = np.arange(raw["time"][0], raw["time"][-1], step)
     found = {k: np.interp(clock, raw["time"], x) for k, x in raw.items()}
@@ -57,6 +64,10 @@ def _rows(case: Recorded, of: dict[str, Array], delay: float) -> Array:
         "coulomb_friction.level": sign,
         "constant_load.force": np.ones_like(speed),
         "gravity.amplitude": np.sin(of["position"]),
+        "stiffness.coefficient": of["position"],
+        "cubic_stiffness.coefficient": of["position"] ** 3,
+        "cogging.sine": np.sin(7.0 * of["position"]),
+        "cogging.cosine": np.cos(7.0 * of["position"]),
     }
     u = np.interp(of["time"] - delay, of["time"], of["u"])
     rows = np.stack([sosfiltfilt(low, x) for x in (*(made[name] for name in case.regress), u)], axis=1)
@@ -71,6 +82,6 @@ def _fit(parts: Sequence[Array]) -> tuple[Array, Array, float]:
     block = np.arange(len(rows)) * _BLOCKS // len(rows)
     grams = np.stack([rows[block == b].T @ rows[block == b] for b in range(_BLOCKS)])
     left_out = grams.sum(axis=0) - grams
-    each = np.linalg.solve(left_out[:, :-1, :-1], left_out[:, :-1, -1:])[..., 0]
+    each = (np.linalg.pinv(left_out[:, :-1, :-1]) @ left_out[:, :-1, -1:])[..., 0]  # one direction: two are one column
     spread = np.sqrt((_BLOCKS - 1) * np.var(each, axis=0))
     return theta, spread, float(np.sum((rows[:, -1] - rows[:, :-1] @ theta) ** 2))
