@@ -12,10 +12,10 @@ import numpy as np
 
 from dsd_cli.identify.checks import clock
 from dsd_cli.identify.checks.channels import check_channels, check_jumps, settled, times_too_large
-from dsd_cli.identify.checks.clock import check_hold
 from dsd_cli.identify.checks.d_hat_maker import check_maker
 from dsd_cli.identify.checks.disturbance import check_alone, check_disturbance, observed
 from dsd_cli.identify.checks.excitation import check_excitation, excitation
+from dsd_cli.identify.checks.hold import check_hold
 from dsd_cli.identify.checks.parameters import check_parameters, unknown_parameters
 from dsd_cli.identify.checks.results import CheckResult, Excitation, Finding, Identified, Parameter, Severity
 from dsd_cli.identify.checks.stretches import SHORTEST
@@ -179,8 +179,8 @@ def _hold(view: View) -> list[Finding]:
 
 
 def to_mend_first(result: CheckResult) -> tuple[Finding, ...]:
-    """What must be said before anything that this log answers: the surest error, without one a u that is late."""
-    return result.errors[:1] or tuple(one for one in result.findings if one.late)
+    """What must be said before anything that this log answers: the surest error, without one when u acts."""
+    return result.errors[:1] or tuple(one for one in result.findings if one.first)
 
 
 def biased_by_noise(result: CheckResult, known: Collection[str] = ()) -> list[Finding]:

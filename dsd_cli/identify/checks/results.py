@@ -27,6 +27,7 @@ class Finding:
     multiply : (channel, factor) that would mend it; `worded` makes the remedy of it.
     late : s by which u is late, and the same.
     ratio : of velocity and slope of position, where that is what is wrong; else 0.
+    first : it must be said before anything that the log answers, though it is no error.
     """
 
     what: str
@@ -37,6 +38,7 @@ class Finding:
     multiply: tuple[tuple[str, float], ...] = ()
     late: float = 0.0
     ratio: float = 0.0
+    first: bool = False
 
     def worded(self, applied: Mapping[str, float], u_shift: float = 0.0) -> Finding:
         """With a remedy that says what the keys of [signals] must be, where these are in them already."""

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsd_cli.identify.checks import check_log
+from dsd_cli.identify.checks import check_log, to_mend_first
 from dsd_cli.signals.log import Log
 from tests.identify.checks.rig import recordings, said
+from tests.oracle import resonator
 
 T, J, ROWS, FINE = 0.001, 0.2, 8000, 20
 
@@ -45,3 +46,12 @@ def test_where_it_cannot_be_told_nothing_is_said():
         log = Log(recording.channels, recording.truth.sample_time)
         assert said(check_log(log), "u looks like") == []
         assert said(check_log(replace(log, u_hold="sampled")), "u looks like") == []
+
+
+def test_a_u_that_no_held_one_is_early_enough_for_was_sampled():
+    """A spring takes most of u, and at a tenth of the sample rate the two kinds differ by half a sample alone."""
+    sampled, held = (Log(resonator.swung(4, kind), resonator.T) for kind in (False, True))
+    (one,) = to_mend_first(check_log(sampled))
+    assert one.remedy == 'signals.u_hold = "sampled"'
+    for log in (replace(sampled, u_hold="sampled"), held):
+        assert said(check_log(log), "u looks like") == []
