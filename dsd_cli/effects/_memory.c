@@ -1,11 +1,12 @@
 /* Recursions over a whole log for effects with memory: each row depends on the row before.
  *
  *   one_pole   y_k = keep_k y_{k-1} + add_k
+ *   slip       a spring that slips: z_k = clip(z_{k-1} + moved_k, -radius, radius)
  *   bouc_wen   hysteresis with one state
  *   load       the load of two masses that are coupled by spring and damper, with or without a gap
  *   driven     the same two masses under a force on the motor: what the load is given
  *
- * memory.py and one_state.py hold the readable twins: the same operations in the same order (built without fused
+ * memory.py, general.py and one_state.py hold the readable twins: the same operations in the same order (built without fused
  * multiply-add), but for masses under one law, whose steps are taken at once: they differ by rounding.
  * CPython limited API and buffers of doubles only: no NumPy headers.
  */
@@ -56,6 +57,26 @@ static PyObject *one_pole(PyObject *module, PyObject *args) {
     }
     close_columns(&c);
     return PyFloat_FromDouble(y);
+}
+
+static PyObject *slip(PyObject *module, PyObject *args) {
+    PyObject *objects[2];
+    Columns c;
+    double radius, z;
+    Py_ssize_t k;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "OddO", &objects[0], &radius, &z, &objects[1])) return NULL;
+    if (open_columns(&c, objects, 2)) return NULL;
+    {
+        const double *moved = c.view[0].buf;
+        double *out = c.view[1].buf;
+        for (k = 0; k < c.rows; k++) {
+            z += moved[k];
+            out[k] = z = z > radius ? radius : z < -radius ? -radius : z;
+        }
+    }
+    close_columns(&c);
+    return PyFloat_FromDouble(z);
 }
 
 /* one row of one_state.build_up: the state after a way, in distances; *mean on that way */
@@ -340,6 +361,7 @@ static PyObject *driven_rows(PyObject *module, PyObject *args) {
 
 static PyMethodDef methods[] = {
     {"one_pole", one_pole, METH_VARARGS, "one_pole(keep, add, before, out) -> the last value"},
+    {"slip", slip, METH_VARARGS, "slip(moved, radius, before, out) -> the last state"},
     {"bouc_wen", bouc_wen, METH_VARARGS, "bouc_wen(moved, exponent, unloading, before, out) -> the last state"},
     {"load", load_rows, METH_VARARGS, "load(position, velocity, interval, coupling, state, out) -> state"},
     {"driven", driven_rows, METH_VARARGS, "driven(push, coupling, own, interval, steps, out)"},

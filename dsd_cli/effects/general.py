@@ -15,6 +15,7 @@ import numpy as np
 from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, Values
 from dsd_cli.effects.joint_terms import JointTerms, Ramps, Stop, speed_dependent
 from dsd_cli.effects.lagging import LAGGED
+from dsd_cli.effects.memory import COMPILED
 from dsd_cli.effects.one_state import BOUC_WEN, LUGRE
 from dsd_cli.effects.tables import Table, numbers_of, table_of, values_of
 from dsd_cli.errors import UsageError
@@ -215,9 +216,12 @@ class Stops:
         return Stops(self.radii, tuple(stiffnesses))
 
 
-def stretches(moved: Array, radius: float, before: float) -> Array:
+def stretches(moved: Array, radius: float, before: float, compiled: Any = COMPILED) -> Array:
     """z_k = clip(z_(k-1) + moved_k, -radius, radius), shape (n,): how far a spring that slips is stretched."""
     out = np.empty(len(moved))
+    if compiled is not None:
+        compiled.slip(np.ascontiguousarray(moved), radius, before, out)
+        return out
     z = before
     for k, step in enumerate(moved.tolist()):
         z += step

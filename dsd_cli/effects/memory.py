@@ -18,9 +18,10 @@ from dsd_cli.signals.log import Array
 
 def _find_compiled() -> Any:
     try:
-        return importlib.import_module("dsd_cli.effects._memory")
+        found = importlib.import_module("dsd_cli.effects._memory")
     except ImportError:
         return None
+    return found if hasattr(found, "slip") else None  # else it was built before that was in it
 
 
 #: The compiled module, or None where the build had no compiler.

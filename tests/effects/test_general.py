@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import RegularGridInterpolator
 
 from dsd_cli.effects import Channels, Role, find_effect, get_effect
+from dsd_cli.effects.general import stretches
 from dsd_cli.effects.memory import COMPILED
 from dsd_cli.effects.one_state import built_up
 from dsd_cli.errors import UsageError
@@ -138,6 +139,7 @@ def test_bouc_wen_is_its_differential_equation(exponent, unloading):
 
 def test_compiled_rows_are_those_of_the_loop():
     moved = np.random.default_rng(1).standard_normal(500) * 10.0 ** np.random.default_rng(2).uniform(-3.0, 1.0, 500)
+    assert np.array_equal(*(stretches(moved, 0.4, -0.1, compiled) for compiled in (COMPILED, None)))
     for exponent, unloading in ((1.0, 2.0), (2.3, 1.4), (6.0, 1.0)):
         shape = {"exponent": exponent, "unloading": unloading}
         (a, end), (b, other) = (built_up(moved, 0.3, shape, compiled) for compiled in (COMPILED, None))
