@@ -23,6 +23,7 @@ from bench.marked import put
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.testability import Settings
+from dsd_cli.identify.learn.forgetting import UNKNOWN, forgetting
 from dsd_cli.identify.learn.learning import learn
 from dsd_cli.identify.learn.results import LEARNT, Learnt
 from dsd_cli.identify.recordings.recording import Recording, prepare
@@ -103,10 +104,15 @@ def recording_of(log: StrangeLog, without_law: bool = False) -> tuple[Recording,
     return prepare(Log(channels, 1e-3, log.law), observer), believed
 
 
-def true_error(log: StrangeLog) -> float:
-    """Held-out error of the model's own values beside the true law."""
+def judged(recording: Recording, forgotten: bool) -> Recording:
+    """The recording in the rows in which a law was judged: `forgotten`, where what it remembers from before is."""
+    return forgetting([recording])[0] if forgotten else recording
+
+
+def true_error(log: StrangeLog, forgotten: bool = False) -> float:
+    """Held-out error of the model's own values beside the true law; `forgotten`: see `judged`."""
     recording, model = recording_of(log, without_law=True)
-    problem = pose([recording], model, Settings(effects=()))
+    problem = pose([judged(recording, forgotten)], model, Settings(effects=()))
     return problem.score(Search(problem).refit).heldout_rmse
 
 
@@ -125,6 +131,7 @@ def asked(law: str, sensor: str, seed: int, laws: dict[str, Any]) -> Row:
     hidden = {**LAWS, **laws}[law]
     on, form = hidden.on, hidden.form
     names = set() if found.formula is None else set(found.formula.effects)
+    forgotten = any(UNKNOWN in note for note in found.notes)
     return Row(
         law,
         sensor,
@@ -135,13 +142,13 @@ def asked(law: str, sensor: str, seed: int, laws: dict[str, Any]) -> Row:
         names == FORMS[form] if form in FORMS else None,
         found.refitted.heldout_rmse,
         found.after.heldout_rmse,
-        true_error(log),
+        true_error(log, forgotten),
         float(np.sqrt(np.mean(problem.errors.rows_of_model(found.model)[known] ** 2))),
         true_error(other),
         covered(found, log, hidden),
         cpu,
         "" if found.formula is None else found.formula.text,
-        law_error(log, hidden, recording, model),
+        law_error(log, hidden, judged(recording, forgotten), model),
         law_error(other, hidden, second, model, settled),
     )
 

@@ -37,6 +37,10 @@ def _of(name: str, used: str, *logs: str) -> Recorded:
     return replace(whole, name=f"{folder}, {used}", logs=tuple(f"{folder}/{log}" for log in logs))
 
 
+_MULTISINE = _recorded("silverbox test_multisine")
+_SAMPLED = replace(
+    _MULTISINE, name=f"{_MULTISINE.name}, u as sampled", signals=_MULTISINE.signals | {"u_hold": "sampled"}
+)
 _STARTS = ("pos_0.06_1", "neg_0.04_1", "neg_0.045_1")
 _RUNS = ("sin_sin", "sin_time_square", "up_and_down")
 #: What is learnt from, and the logs that nothing saw; none: the second half of the same.
@@ -59,7 +63,8 @@ CASES: tuple[tuple[Recorded, tuple[str, ...]], ...] = (
         ("hsm150/idf_pos_0.065_1.parquet", "hsm150/idf_neg_0.045_2.parquet"),
     ),
     (_recorded("rack_pinion, as logged"), ()),
-    (_recorded("silverbox test_multisine"), ("silverbox/test_arrow.parquet",)),
+    (_MULTISINE, ("silverbox/test_arrow.parquet",)),
+    (_SAMPLED, ("silverbox/test_arrow.parquet",)),
 )
 
 

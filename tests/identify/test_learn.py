@@ -280,16 +280,17 @@ def test_the_delay_is_found_beside_the_law(law, seed):
     [
         ("eddy_brake", 2.0, lambda s, x: -2.5 * s["size"] * (x / s["vc"]) / (1.0 + (x / s["vc"]) ** 2)),
         ("end_stop", 1.4, lambda s, x: -12.0 * s["size"] * np.maximum(x - s["q0"], 0.0)),
+        ("gain_by_sign", 9.0, lambda s, x: s["share"] * np.abs(x)),
     ],
 )
 def test_a_formula_goes_on_where_a_larger_motion_goes(law, times, true):
     """Its table would be held from the end of what the log visited on, where an eddy brake gets weaker and a stop
-    harder."""
+    harder; u grows with the square of the speed, and a gain of it goes on for ever."""
     log, recording, model = asked(law, seed=4)
     found = learn([recording], model)
     (table,) = (table_of(values, name) for name, values in found.model.effects.items() if name.startswith("curve"))
-    place = law == "end_stop"
-    x = np.array([-times, 0.3, times]) * np.max(np.abs(log.motion[0 if place else 1]))
-    still = np.zeros(3)
-    learnt = table(Channels(still, still, *((still, x) if place else (x, still)), still))
+    (name,) = table.channels
+    seen = {"position": log.motion[0], "velocity": log.motion[1], "u": log.channels["u"]}[name]
+    x, still = np.array([-times, 0.3, times]) * np.max(np.abs(seen)), np.zeros(3)
+    learnt = table(Channels(still, still, still, still, still)._replace(**{name: x}))
     np.testing.assert_allclose(learnt, true(log.values, x), rtol=0.03, atol=0.01 * log.values["size"])

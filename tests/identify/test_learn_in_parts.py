@@ -6,6 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from dsd_cli.identify.fit.blocks import lay_blocks
+from dsd_cli.identify.learn.choose import as_good
+from dsd_cli.identify.learn.judge import LawFit
 from dsd_cli.identify.learn.learning import learn
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -41,3 +44,16 @@ def test_a_sum_of_two_laws_is_learnt_as_two_curves_that_are_the_two_laws(motion)
     told = np.array(curve.values)[seen]
     apart = (told - told.mean()) - (true - true.mean())  # a constant is of either curve
     assert np.sqrt(np.mean(apart**2)) < 0.03 * np.std(true)
+
+
+def test_one_block_at_an_end_of_a_channel_does_not_say_which_law_is_as_good():
+    """Without that block every fit extrapolates, and a stiff formula less than a curve that follows all the others."""
+    blocks = lay_blocks([2000], 1, "log")
+
+    def left(each, at_the_end):
+        losses = np.array([each] * 19 + [at_the_end])
+        return LawFit((), losses, np.zeros(1), np.zeros((1, 1)), 0.0, (), blocks)
+
+    curve = left(1.0, 1000.0)
+    assert not as_good(left(8.0, 300.0), curve)
+    assert as_good(left(1.02, 300.0), curve)

@@ -91,6 +91,11 @@ class PriorKnowledge:
         """Bounds of a value; infinite where there are none."""
         return self.bounds.get(name, (-math.inf, math.inf))
 
+    def ends(self, name: str) -> tuple[float, float]:
+        """Between which a value may be: both that where it is held, else its bounds."""
+        fixed = self.fixed.get(name)
+        return self.limits(name) if fixed is None else (fixed, fixed)
+
     def pinned(self, effect_id: str, shape: Shape) -> dict[str, Any]:
         """A shape with what is known of it in place: fixed values, and within bounds."""
         found = dict(shape)

@@ -190,8 +190,7 @@ class Solver:
 
     def taps(self, most: int) -> range:
         """Whole steps of delay that are allowed, up to `most`."""
-        fixed = self.known.fixed.get(DELAY)
-        low, high = (fixed, fixed) if fixed is not None else self.known.limits(DELAY)
+        low, high = self.known.ends(DELAY)
         if math.isinf(low) and math.isinf(high):
             return range(most + 1)
         step = self.bank.tap_time

@@ -11,15 +11,8 @@ import numpy as np
 
 from dsd_cli.effects.general import HYSTERESIS
 from dsd_cli.identify.fit.blocks import spread_over_blocks
-from dsd_cli.identify.learn.families import (
-    FAMILIES,
-    INERTIA_OVER_TIME,
-    LEAST_ROWS,
-    MEMORY,
-    Columns,
-    Family,
-    columns_of,
-)
+from dsd_cli.identify.learn.families import FAMILIES, INERTIA_OVER_TIME, LEAST_ROWS, MEMORY, Columns, Family, columns_of
+from dsd_cli.identify.learn.forgetting import is_hysteresis, where_known
 from dsd_cli.identify.learn.formula import AS_GOOD
 from dsd_cli.identify.learn.judge import Judge, LawFit, standard_error
 from dsd_cli.identify.learn.one_lag import is_shown, with_one_lag
@@ -27,6 +20,7 @@ from dsd_cli.identify.learn.rows import Balance
 from dsd_cli.identify.learn.state_laws import STATE_LAWS, springs_of, state_laws
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.plant.forces import Mask
+from dsd_cli.signals.log import Array
 
 #: Laws that stand beside each other at most; rounds in which the noise and the delay are measured beside the best, and
 #: the change of the delay, steps, that ends them.
@@ -118,22 +112,27 @@ class _Look:
         return min(self.fits, key=lambda f: f.loss, default=self.base)
 
 
-def _look(balance: Balance, before: Sequence[LawFit] = ()) -> _Look:
-    """`before` : the fits on another balance."""
+def _look(balance: Balance) -> _Look:
     judge = Judge(balance)
     made = (columns_of(f, balance) for f in FAMILIES if balance.answered or not f.of_u)
     columns = [c for c in made if c is not None]
-    look = _Look(judge, judge.fit(()), columns, [judge.fit((c,)) for c in columns])
-    if look.fits and look.richest.laws[0].family.on == (MEMORY,):
-        look = replace(look, fits=[*state_laws(judge, springs_of(look.fits), before), *look.fits])
-    return look
+    return _Look(judge, judge.fit(()), columns, [judge.fit((c,)) for c in columns])
+
+
+def _with_states(look: _Look, before: Sequence[LawFit]) -> _Look:
+    """Where what explains the log best has a memory, with hysteresis of one state; `before` : the fits on another
+    balance."""
+    if not look.fits or look.richest.laws[0].family.on != (MEMORY,):
+        return look
+    return replace(look, fits=[*state_laws(look.judge, springs_of(look.fits), before), *look.fits])
 
 
 def _beside_the_best(balance: Balance, report: Callable[[float], None]) -> _Look:
     """The families with the noise and the delay measured beside the best of them.
 
     A law that is missing makes u look early or late: the delay that the problem was posed with may be far away, so that
-    of the given model is a start as well.
+    of the given model is a start as well. Where the best one is none that a fit of the model may have, as one below 0,
+    it is held at the nearest: what a law explains beside another would be left in the model.
     """
     given = balance.problem.model.delay / balance.problem.solver.bank.tap_time
     starts = [balance] if abs(given - balance.delay) < 1.0 else [balance, balance.at(given)]
@@ -143,10 +142,15 @@ def _beside_the_best(balance: Balance, report: Callable[[float], None]) -> _Look
         before = look.judge.balance.delay
         delay = look.judge.delay(look.richest)
         beside = look.judge.residual(look.richest, held_out=False)
-        look = _look(look.judge.balance.at(delay).beside(beside), look.fits)
+        known = where_known(look.judge.balance) if is_hysteresis(look.richest) else look.judge.balance
+        look = _with_states(_look(known.at(delay).beside(beside)), look.fits)
         if abs(delay - before) < _SETTLED:
             break
-    return look
+    delay = look.judge.delay(look.richest)
+    nearest = look.judge.balance.at(delay)
+    if nearest.delay == delay:
+        return look
+    return _with_states(_look(replace(nearest, later=())), look.fits)
 
 
 def also_an_inertia(judge: Judge, gain: LawFit) -> tuple[LawFit, ...]:
@@ -189,7 +193,7 @@ def refined(judge: Judge, fit: LawFit) -> tuple[LawFit, LawFit | None]:
         following = judge.fit([_finer(judge, law) for law in fit.laws])
         if len(following.total) <= len(fit.total):
             return fit, coarser
-        if fit.loss - following.loss <= standard_error(fit, following):
+        if fit.loss - following.loss <= standard_error(fit.losses, following.losses):
             return fit, following
         fit, coarser = following, fit
 
@@ -239,10 +243,17 @@ def simplest(fits: Sequence[LawFit]) -> tuple[LawFit, tuple[LawFit, ...]]:
 
 
 def as_good(other: LawFit, best: LawFit) -> bool:
-    """Whether a fit is within one standard error of a better one; where one block alone has most of the loss, that says
-    nothing, so the loss must be near as well."""
-    near = max(standard_error(other, best), AS_GOOD * best.loss)
-    return other.loss - best.loss <= near and (other is best or other.loss < _TIED * best.loss)
+    """Whether a fit is within one standard error of a better one, and in all blocks but the worst as well: where that
+    alone goes to an end of a channel, it is most of the loss of any fit without it, and says nothing of the others."""
+    worst = int(np.argmax(np.maximum(other.losses, best.losses)))
+    rest = np.arange(len(best.losses)) != worst
+    return all(_near(other.losses[part], best.losses[part]) for part in (rest, slice(None)))
+
+
+def _near(other: Array, best: Array) -> bool:
+    """Of losses by block; where one has most of them the standard error says nothing, so they must be near as well."""
+    apart, whole = float(np.sum(other - best)), float(np.sum(best))
+    return apart <= max(standard_error(other, best), AS_GOOD * whole) and apart < (_TIED - 1.0) * max(whole, 1e-300)
 
 
 def _noise_alone(judge: Judge, base: LawFit, first: LawFit) -> str:
@@ -262,7 +273,7 @@ def why_not(judge: Judge, before: LawFit, after: LawFit) -> str:
     Of use in the fit to all rows as well: where one block alone goes to an end of a channel, or the model's own values
     are loose without one, any law makes up for that on held-out blocks, and lacks nothing in the log.
     """
-    gains = (after.without - after.losses) / judge.nats(after)
+    gains = (judge.without(after) - after.losses) / judge.nats(after)
     if float(gains.sum()) < POLICY.unknown_nats or not spread_over_blocks(gains):
         return "no function of the channels explains what is left, on blocks that it was not fitted to"
     problem = judge.balance.problem

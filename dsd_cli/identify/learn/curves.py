@@ -73,12 +73,12 @@ def _times(values: Any, scale: float) -> Any:
 def curves_of(fit: LawFit, judge: Judge, names: Sequence[str], finer: LawFit | None = None) -> tuple[Curve, ...]:
     """Every law with the band of its posterior, widened by how far the finer fit is from it; nothing where the log
     never was."""
-    variance, theta, found = judge.nats(fit) / 2.0, coefficients(fit), []
+    variance, theta, covariance, found = judge.nats(fit) / 2.0, coefficients(fit), judge.covariance(fit), []
     for i, ((law, at), name) in enumerate(zip(parts(fit), names, strict=True)):
         if law.family in STATE_LAWS:
             found.append(fitted(law, theta[at], judge, variance).curve(name, _BAND))
             continue
-        spread = np.einsum("ij,jk,ik->i", law.matrix, fit.covariance[at, at], law.matrix)
+        spread = np.einsum("ij,jk,ik->i", law.matrix, covariance[at, at], law.matrix)
         half = _BAND * np.sqrt(np.maximum(variance * spread, 0.0) + _smoothed(fit, finer, i))
         found.append(_curve(law, name, law.matrix @ theta[at], half, judge))
     return tuple(found)

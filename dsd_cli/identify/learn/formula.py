@@ -13,7 +13,7 @@ from dsd_cli.effects import Shape
 from dsd_cli.identify.fit.row_weights import inflation
 from dsd_cli.identify.learn.dictionary import CHANNELS, Kind, effect_of, kinds
 from dsd_cli.identify.learn.families import samples_of
-from dsd_cli.identify.learn.rows import Balance
+from dsd_cli.identify.learn.rows import Balance, stacked
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
 
@@ -58,7 +58,7 @@ class Formulas:
         b = balance
         self.sides = {
             forward: (b.white(b.inertia * b.acceleration if forward else b.u),
-                      np.stack([b.white(x) for x in (b.u if forward else b.acceleration, b.later, *b.own)]))
+                      stacked(b, b.fitted(forward)))
             for forward in (False, True)
         }  # fmt: skip
 
@@ -193,6 +193,7 @@ class Formulas:
             values = [float(v) if n == "place" else math.exp(v) for n, v in zip(names, x, strict=True)]
             return Term(terms[i].kind, tuple(zip(names, values, strict=True)))
 
+        @np.errstate(divide="ignore", invalid="ignore")  # a pole on a sample
         def squares(x: Array) -> float:
             rows = self.balance.columns(effect_of(terms[i].kind), at(x).values)
             if not all(np.isfinite(r).all() for r in rows) or (names == ("n",) and math.exp(x[0]) * span < _LEAST):

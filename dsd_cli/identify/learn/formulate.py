@@ -15,9 +15,9 @@ from dsd_cli.identify.learn.dictionary import BASES, CHANNELS, MODULATIONS, effe
 from dsd_cli.identify.learn.families import Columns, Family
 from dsd_cli.identify.learn.formula import Formulas, Term
 from dsd_cli.identify.learn.judge import Judge, LawFit
-from dsd_cli.identify.learn.law_file import law_source
+from dsd_cli.identify.learn.law_file import law_source, words_of
 from dsd_cli.identify.learn.results import Formula
-from dsd_cli.identify.learn.rows import Balance
+from dsd_cli.identify.learn.rows import Balance, covariance_of, stacked
 from dsd_cli.identify.learn.sampled import strengths_of, tables_of
 from dsd_cli.identify.learn.state_laws import STATE_LAWS, fitted
 from dsd_cli.identify.results import Estimate
@@ -76,7 +76,7 @@ def formula_of(chosen: Choice) -> Found | None:
     effects = tuple(next(iter(k)) if k else n for k, n in zip(known, names, strict=True))
     formula = Formula(
         text=" ".join(_signed(t, v, k == 0) for k, (t, v) in enumerate(zip(terms, values, strict=True))),
-        words=" and ".join(_words(t, v) for t, v in zip(terms, values, strict=True)),
+        words=" and ".join(words_of(t, v) for t, v in zip(terms, values, strict=True)),
         parameters={f"{n}.{p}": e for n, each in zip(effects, estimates, strict=True) for p, e in each.items()},
         effects=effects,
         known=all_known,
@@ -134,12 +134,9 @@ def _columns(term: Term, judge: Judge) -> Columns:
 def _estimates(terms: Sequence[Term], fit: LawFit, judge: Judge) -> list[dict[str, Estimate]]:
     """Coefficients and shapes with standard errors out of all rows, shapes by their slopes; sine and cosine become
     amplitude and phase."""
-    balance, forward = judge.balance, fit.forward
-    count = sum(len(law.rows) for law in fit.laws)
-    theta = fit.total[len(fit.total) - count :]
-    gain = float(fit.total[0]) if forward and 0 not in fit.held else 1.0
-    force = -theta / gain if forward else theta
-    columns = [balance.white(x) for law in fit.laws for x in law.rows]
+    balance = judge.balance
+    force = coefficients(fit)
+    columns = [x for law in fit.laws for x in law.rows]
     slopes, at = [], 0
     for term, law in zip(terms, fit.laws, strict=True):
         own = force[at : at + len(law.rows)]
@@ -147,13 +144,10 @@ def _estimates(terms: Sequence[Term], fit: LawFit, judge: Judge) -> list[dict[st
         for name, value in term.shape:
             step = _STEP * (abs(value) if name != "place" else max(abs(value), 1e-3))
             ends = [own @ np.stack(_rows(term, name, value + side * step, balance)) for side in (1.0, -1.0)]
-            slopes.append(balance.white((ends[0] - ends[1]) / (2.0 * step)))
-    base = [balance.white(x) for x in (balance.u if forward else balance.acceleration, balance.later, *balance.own)]
-    x = np.stack([*base, *columns, *slopes])
-    size = np.maximum(np.linalg.norm(x, axis=1), 1e-300)
-    covariance = np.linalg.pinv((x @ x.T) / np.outer(size, size), rcond=1e-12) / np.outer(size, size)
-    variance = judge.nats(fit) / 2.0
-    errors = np.sqrt(np.maximum(variance * np.diag(covariance), 0.0))[len(base) :]
+            slopes.append((ends[0] - ends[1]) / (2.0 * step))
+    base = balance.fitted(fit.forward)
+    covariance = judge.nats(fit) / 2.0 * covariance_of(stacked(balance, [*base, *columns, *slopes]))
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))[len(base) :]
     return _named(terms, fit, force, errors)
 
 
@@ -197,18 +191,11 @@ def _signed(term: Term, values: Mapping[str, float], first: bool) -> str:
     return ("-" if sign < 0.0 else "") + text if first else ("- " if sign < 0.0 else "+ ") + text
 
 
-def _words(term: Term, values: Mapping[str, float]) -> str:
-    base, modulation = BASES[term.kind.base], MODULATIONS[term.kind.modulation]
-    said = {name: f"{value:.3g}" for name, value in values.items()}
-    channel = {"v": "|v|", "q": "q", "u": "u", "t": "time"}.get(term.kind.over, "")
-    return f"{base.words} {modulation.words.format(x=channel, **said)}".strip()
-
-
 def _of_catalogue(term: Term, values: Mapping[str, float]) -> dict[str, Values] | None:
     """{effect: values} of the effect of the catalogue that a term is, None if it is none."""
     own, at = effect_of(term.kind), _probe(term)
     mine = np.stack(own.columns(at, term.values)[0] if own.memory else own.columns(at, term.values))
-    force = _strengths(values) @ mine
+    force = strengths_of([values])[0] @ mine
     for name, effect in catalogue().items():
         if effect.role is not own.role or effect.memory or effect.listed or set(effect.needs) - set(term.kind.needs):
             continue
@@ -222,12 +209,6 @@ def _of_catalogue(term: Term, values: Mapping[str, float]) -> dict[str, Values] 
             if all(p.lower <= found[p.name] <= p.upper for p in effect.parameters):
                 return {name: found}
     return None
-
-
-def _strengths(values: Mapping[str, float]) -> Array:
-    if "coefficient" in values:
-        return np.array([values["coefficient"]])
-    return values["amplitude"] * np.array([math.cos(values["phase"]), math.sin(values["phase"])])
 
 
 def _probe(term: Term) -> Channels:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.identify.fit.blocks import Blocks, Grams, grams, losses, without_noise
+from dsd_cli.identify.fit.blocks import Blocks, grams, losses, total_gram, without_noise
 from dsd_cli.identify.fit.row_weights import inflation
 from dsd_cli.identify.learn.families import Columns
 from dsd_cli.identify.learn.rows import Balance
@@ -27,20 +27,18 @@ class LawFit:
 
     Attributes
     ----------
-    laws : what it has. losses : held-out whitened squares per block, shape (B,); `without` : the same without the last
-        law, in the same folds.
+    laws : what it has. losses : held-out whitened squares per block, shape (B,).
     total, folds : coefficients of all columns after the target, shapes (p,) and (K, p).
-    covariance : of the coefficients of the laws, per variance of a row, shape (c, c).
+    strength : of the penalty.
     held : what is fitted along and held, for the laws have it: 0 is J (the gain of u), then the model's own effects.
     blocks : with its folds.
     """
 
     laws: tuple[Columns, ...]
     losses: Array
-    without: Array
     total: Array
     folds: Array
-    covariance: Array
+    strength: float
     held: tuple[int, ...]
     blocks: Blocks
 
@@ -85,35 +83,32 @@ class Judge:
         """Cross-validated, at the strength of the penalty with the least held-out loss."""
         laws = tuple(laws)
         problem = self.posed(laws)
-        blocks = self._dealt(laws, problem)
-        found = grams(problem.rows, blocks)
-        rows = np.array([len(problem.rows[0]), *blocks.fitted_rows])
-        stack = without_noise(np.concatenate([found.total[None], found.fitted]), problem.noise, rows)
-        best: tuple[float, Array, Array, Array] | None = None
-        for strength in STRENGTHS if laws else (0.0,):
-            theta, inverse = _solved(stack, problem, strength)
-            left = losses(theta[1:], found, blocks)
-            if best is None or left.sum() < best[0]:
-                best = float(left.sum()), left, theta, inverse
-        assert best is not None
-        _, left, theta, inverse = best
-        without = left if not laws else self._without(found, problem, blocks, laws)
-        return LawFit(laws, left, without, theta[0], theta[1:], inverse, problem.held, blocks)
+        return _fitted(laws, problem, self._dealt(laws, problem))
 
-    def _without(self, found: Grams, problem: Problem, blocks: Blocks, laws: tuple[Columns, ...]) -> Array:
-        """Held-out losses without the last law, where that is one of the motion: in the same folds."""
-        if any(law.family.of_u for law in laws):
-            return self.fit(laws[:-1]).losses if len(laws) > 1 else self.fit(()).losses
-        keep = list(range(len(problem.rows) - len(laws[-1].rows)))
-        less = Grams(*(g[..., keep, :][..., :, keep] for g in found))
-        rows = np.array([len(problem.rows[0]), *blocks.fitted_rows])
-        at = [i - 1 for i in keep[1:]]
-        stack = np.concatenate([less.total[None], less.fitted])
-        quiet = without_noise(stack, problem.noise[np.ix_(at, at)], rows)
-        short = replace_penalty(problem, len(keep))
-        strengths = STRENGTHS if len(laws) > 1 else (0.0,)
-        tried = [losses(_solved(quiet, short, strength)[0][1:], less, blocks) for strength in strengths]
-        return min(tried, key=lambda left: float(left.sum()))
+    def without(self, fit: LawFit) -> Array:
+        """Held-out losses without the last law of a fit, where that is one of the motion: in the same folds, and with
+        what is held beside it; shape (B,)."""
+        less = fit.laws[:-1]
+        if fit.forward:
+            return self.fit(less).losses
+        problem = self.posed(fit.laws)
+        count = len(problem.rows) - len(fit.laws[-1].rows)
+        size = count - 1 - problem.fixed
+        shorter = replace(
+            problem,
+            rows=problem.rows[:count],
+            penalty=problem.penalty[:size, :size],
+            noise=problem.noise[: count - 1, : count - 1],
+        )
+        return _fitted(less, shorter, fit.blocks).losses
+
+    def covariance(self, fit: LawFit) -> Array:
+        """Of the coefficients of the laws, per variance of a row, shape (c, c)."""
+        problem = self.posed(fit.laws)
+        total = without_noise(total_gram(problem.rows)[None], problem.noise, len(problem.rows[0]))
+        normal, scale = _normal(total[:, 1:, 1:], problem, fit.strength)
+        own = scale[problem.fixed :]  # an effect of the model that never acted has none
+        return np.asarray(np.linalg.inv(normal[0])[problem.fixed :, problem.fixed :] / (own[:, None] * own))
 
     def posed(self, laws: tuple[Columns, ...]) -> Problem:
         """Target and columns in the form that suits the laws."""
@@ -138,10 +133,10 @@ class Judge:
         return Problem([rest, *rows], fixed, penalty, noise, held)
 
     def _beside(self, forward: bool, held: tuple[int, ...]) -> list[Array]:
-        """Columns of what is fitted along: J or the gain of u, the delay, the model's own effects."""
+        """Columns of what is fitted along, but for those that are held."""
         b = self.balance
         first = [b.u if forward else b.acceleration] * (0 not in held)
-        return [*first, b.later, *(x for i, x in enumerate(b.own) if i + 1 not in held)]
+        return [*first, *b.later, *(x for i, x in enumerate(b.own) if i + 1 not in held)]
 
     def _target(self, forward: bool, held: tuple[int, ...]) -> Array:
         """What is fitted, less what is held, rows in the unit of u."""
@@ -158,8 +153,8 @@ class Judge:
         if not laws:
             return ()
         x = np.stack([self.white(c) for law in laws for c in law.rows])
-        basis, strengths, _ = np.linalg.svd(x @ x.T)
-        kept = strengths > 1e-9 * strengths[0]
+        strengths, basis = np.linalg.eigh(x @ x.T)
+        kept = strengths > 1e-9 * strengths[-1]
         rows = (basis[:, kept].T @ x) / np.sqrt(strengths[kept])[:, None]
         found = []
         for i, own in enumerate([self.balance.u if forward else self.balance.acceleration, *self.balance.own]):
@@ -174,8 +169,8 @@ class Judge:
         blocks = self.balance.blocks
         if not laws:
             return blocks
-        total = grams(problem.rows, blocks)
-        theta, _ = _solved(without_noise(total.total[None], problem.noise, len(problem.rows[0])), problem, 1e-4)
+        total = total_gram(problem.rows)[None]
+        theta = _solved(without_noise(total, problem.noise, len(problem.rows[0])), problem, 1e-4)
         law = theta[0, -len(laws[-1].rows) :] @ np.stack(problem.rows[-len(laws[-1].rows) :])
         power = np.bincount(blocks.block_of_rows(), law**2, blocks.count)
         order = np.argsort(-power)
@@ -198,6 +193,8 @@ class Judge:
 
     def delay(self, fit: LawFit) -> float:
         """Steps by which u is late beside a fit."""
+        if not self.balance.later:
+            return self.balance.delay
         first = int(0 not in fit.held)
         share = float(fit.total[first])
         if fit.forward:  # g (u - share x change)
@@ -211,15 +208,27 @@ class Judge:
         return 2.0 * float(white @ white) / max(counted, 1.0) * inflation(white)
 
 
-def replace_penalty(problem: Problem, rows: int) -> Problem:
-    """The problem with its first rows alone."""
-    size = rows - 1 - problem.fixed
-    return replace(problem, rows=problem.rows[:rows], penalty=problem.penalty[:size, :size])
+def _fitted(laws: tuple[Columns, ...], problem: Problem, blocks: Blocks) -> LawFit:
+    """At the strength of the penalty with the least held-out loss."""
+    found = grams(problem.rows, blocks)
+    rows = np.array([len(problem.rows[0]), *blocks.fitted_rows])
+    stack = without_noise(np.concatenate([found.total[None], found.fitted]), problem.noise, rows)
+    fits = []
+    for strength in STRENGTHS if laws else (0.0,):
+        theta = _solved(stack, problem, strength)
+        left = losses(theta[1:], found, blocks)
+        fits.append(LawFit(laws, left, theta[0], theta[1:], strength, problem.held, blocks))
+    return min(fits, key=lambda fit: fit.loss)
 
 
-def _solved(stack: Array, problem: Problem, strength: float) -> tuple[Array, Array]:
-    """(coefficients of all columns, shape (M, p), inverse of the first normal matrix for those of the laws)."""
-    a, y = stack[:, 1:, 1:], stack[:, 1:, 0]
+def _solved(stack: Array, problem: Problem, strength: float) -> Array:
+    """Coefficients of all columns, shape (M, p)."""
+    normal, scale = _normal(stack[:, 1:, 1:], problem, strength)
+    return np.linalg.solve(normal, (stack[:, 1:, 0] / scale)[..., None])[..., 0] / scale
+
+
+def _normal(a: Array, problem: Problem, strength: float) -> tuple[Array, Array]:
+    """(matrices of scaled columns with the penalty, shape (M, p, p); the scales, (p,))."""
     size = np.sqrt(np.maximum(a[0].diagonal(), 1e-300))
     fixed = problem.fixed
     ridge = np.diag(np.concatenate([np.full(fixed, _RIDGE), np.zeros(a.shape[1] - fixed)]) * size**2)
@@ -230,13 +239,10 @@ def _solved(stack: Array, problem: Problem, strength: float) -> tuple[Array, Arr
             ridge[fixed:, fixed:] += strength * information / bends * problem.penalty
         ridge[fixed:, fixed:] += 1e-7 * information * np.eye(len(problem.penalty))
     scale = np.where(np.arange(len(size)) < fixed, size, math.sqrt(max(float(np.mean(size**2)), 1e-300)))
-    normal = (a + ridge) / (scale[:, None] * scale)
-    theta = np.linalg.solve(normal, (y / scale)[..., None])[..., 0] / scale
-    own = scale[fixed:]  # an effect of the model that never acted has none
-    return theta, np.linalg.inv(normal[0])[fixed:, fixed:] / (own[:, None] * own)
+    return (a + ridge) / (scale[:, None] * scale), scale
 
 
-def standard_error(a: LawFit, b: LawFit) -> float:
-    """Of the difference of two held-out losses, over the blocks."""
-    apart = a.losses - b.losses
+def standard_error(a: Array, b: Array) -> float:
+    """Of the difference of two held-out losses, given by block."""
+    apart = a - b
     return float(np.std(apart, ddof=1) * math.sqrt(len(apart))) if len(apart) > 1 else math.inf

@@ -41,11 +41,9 @@ def _columns(kind: Kind, name: str) -> list[str]:
 
 
 def _effect(term: Term, name: str, found: Mapping[str, float]) -> list[str]:
-    kind, base, modulation = term.kind, BASES[term.kind.base], MODULATIONS[term.kind.modulation]
-    said = {key: f"{value:.3g}" for key, value in found.items()}
-    words = f"{base.words} {modulation.words.format(x=CHANNEL[kind.over], **said)}".strip()
+    kind, words = term.kind, words_of(term, found)
     sine = "amplitude" in found
-    role = "FRICTION" if base.role is Role.FRICTION else "APPLIED"
+    role = "FRICTION" if BASES[kind.base].role is Role.FRICTION else "APPLIED"
     lines = [
         f"{name.upper()} = Effect(",
         f'    id="{name}",',
@@ -72,8 +70,15 @@ def _effect(term: Term, name: str, found: Mapping[str, float]) -> list[str]:
     return [*lines, *(["    memory=True,"] if kind.base == "inertia" else []), ")", ""]
 
 
+def words_of(term: Term, values: Mapping[str, float]) -> str:
+    """A term with these values for people."""
+    base, modulation = BASES[term.kind.base], MODULATIONS[term.kind.modulation]
+    said = {name: f"{value:.3g}" for name, value in values.items()}
+    return f"{base.words} {modulation.words.format(x=_SAID[term.kind.over], **said)}".strip()
+
+
 #: Letter of a channel -> how it is said.
-CHANNEL = {"v": "|v|", "q": "q", "u": "u", "t": "time", "": ""}
+_SAID = {"v": "|v|", "q": "q", "u": "u", "t": "time", "": ""}
 
 
 def _starts(term: Term) -> list[dict[str, float]]:

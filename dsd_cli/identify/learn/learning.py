@@ -12,6 +12,7 @@ from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.fit.values import flat
 from dsd_cli.identify.learn.choose import Choice, choose, left_of, surely_left
 from dsd_cli.identify.learn.curves import curves_of, effects_of, gain, views_of, with_scale_in
+from dsd_cli.identify.learn.forgetting import UNKNOWN, forgetting, is_hysteresis
 from dsd_cli.identify.learn.formulate import formula_of
 from dsd_cli.identify.learn.judge import Judge, LawFit
 from dsd_cli.identify.learn.results import LEARNT, NOT_OF_MOTION, NOTHING, Learnt, Tie
@@ -55,6 +56,8 @@ def learn(
     progress("which channels", 0.1)
     chosen = choose(balance_of(problem), lambda share: progress("which channels", 0.1 + 0.5 * share))
     progress("fitting the law", 0.7)
+    if is_hysteresis(chosen.fit) and chosen.judge.balance.problem is not problem:
+        recordings, holdout = forgetting(recordings), forgetting(holdout)
     scores = Scores(recordings, holdout, model, settings)
     if chosen.refused or not chosen.fit.laws[0].family.of_motion:
         return _nothing(chosen, scores, recordings, holdout)
@@ -185,10 +188,13 @@ def _tie(chosen: Choice, other: LawFit) -> Tie:
 
 
 def _notes(problem: Problem, heldout: float) -> tuple[str, ...]:
-    if heldout <= problem.least_missing:
-        return ()
-    share = 100.0 * heldout / max(problem.errors.force, 1e-300)
-    return (f"{share:.1f} % of u stays unexplained beside the law, more than the sensor leaves",)
+    notes = []
+    if heldout > problem.least_missing:
+        share = 100.0 * heldout / max(problem.errors.force, 1e-300)
+        notes.append(f"{share:.1f} % of u stays unexplained beside the law, more than the sensor leaves")
+    if (known := problem.errors.equations.counting) < 1.0:
+        notes.append(f"{100.0 * (1.0 - known):.0f} % of the log is not judged: {UNKNOWN}")
+    return tuple(notes)
 
 
 def _nothing(chosen: Choice, scores: Scores, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Learnt:

@@ -33,7 +33,7 @@ def with_one_lag(judge: Judge, fit: LawFit) -> LawFit:
         if law.family.effect is not LAGGED or len(law.rows) < 2:
             continue
         one = _one_lag(judge, fit, i)
-        fit = one if one.loss - fit.loss <= standard_error(fit, one) else fit
+        fit = one if one.loss - fit.loss <= standard_error(fit.losses, one.losses) else fit
     return fit
 
 

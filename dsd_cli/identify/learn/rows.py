@@ -23,6 +23,7 @@ from dsd_cli.identify.fit.noise_fit import sensor_variance, whitening_of
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.row_weights import uncertain
 from dsd_cli.identify.fit.values import coefficients_of
+from dsd_cli.identify.results import DELAY
 from dsd_cli.signals.log import Array
 
 #: Share of a row in which the axis may rest or turn, up to which it counts in full, or little; and how little.
@@ -42,7 +43,7 @@ class Balance:
     Attributes
     ----------
     delay : steps, also between, at which u acts. u, acceleration, later : drive, measured a, change of the drive over
-        one more step.
+        one more step; none where the delay is held.
     own : columns of the model's own effects; given : their coefficients in the model; names : effect of each.
     weight : of each row. whitening : as of `Equations`. noise : variance that the sensor leaves in a whitened row of a.
     """
@@ -51,7 +52,7 @@ class Balance:
     delay: float
     u: Array
     acceleration: Array
-    later: Array
+    later: tuple[Array, ...]
     own: tuple[Array, ...]
     given: Array
     names: tuple[str, ...]
@@ -69,10 +70,9 @@ class Balance:
         """Held-out blocks."""
         return self.problem.blocks
 
-    @property
-    def all_own(self) -> tuple[Array, ...]:
-        """The acceleration, and the columns of the model's own effects."""
-        return (self.acceleration, *self.own)
+    def fitted(self, forward: bool = False) -> tuple[Array, ...]:
+        """Columns of what is fitted along: J or the gain of u, the delay unless it is held, the model's own effects."""
+        return (self.u if forward else self.acceleration, *self.later, *self.own)
 
     @property
     def answered(self) -> bool:
@@ -84,9 +84,9 @@ class Balance:
         return moved > _ANSWERED**2 * driven
 
     def taken(self, held: Sequence[int]) -> Array:
-        """What these of `all_own` take of u with the values of the model, shape (N,)."""
-        values = (self.inertia, *self.given)
-        return sum((values[i] * self.all_own[i] for i in held), np.zeros(len(self.u)))
+        """What the motion and the model's own effects of these numbers (0 : J a) take of u, shape (N,)."""
+        values, columns = (self.inertia, *self.given), (self.acceleration, *self.own)
+        return sum((values[i] * columns[i] for i in held), np.zeros(len(self.u)))
 
     def of_rows(self, channel: str) -> Array:
         """A channel at the centres of the rows, shape (N,); NaN where it is not logged."""
@@ -101,7 +101,7 @@ class Balance:
     def inertia(self) -> float:
         """J where a law has it as well, so that no log distinguishes the two: as given, or as u is on the motion."""
         given = self.problem.model.inertia
-        x = np.stack([self.white(x) for x in (*self.all_own, self.later)])
+        x = stacked(self, self.fitted())
         found = float(np.linalg.lstsq(x.T, self.white(self.u), rcond=1e-12)[0][0])
         return given if abs(found - given) < _NEAR * given or found <= 0.0 else found
 
@@ -138,8 +138,11 @@ class Balance:
         return replace(self.equations, whitening=self.whitening, row_weight=self.weight)
 
     def at(self, delay: float) -> Balance:
-        """The same with u so many steps late, as far as the rows allow."""
-        moved = balance_of(self.problem, min(max(delay, 0.0), self.problem.most_tap))
+        """The same with u so many steps late, or as near as a fit of the model may have it."""
+        problem = self.problem
+        ends = np.array(problem.solver.known.ends(DELAY)) / problem.solver.bank.tap_time
+        low, high = np.clip(ends, 0.0, problem.most_tap).tolist()
+        moved = balance_of(problem, min(max(delay, low), high))
         return replace(moved, whitening=self.whitening, noise=self.noise)
 
     def without(self, effects: Collection[str]) -> Balance:
@@ -176,13 +179,13 @@ def balance_of(problem: Problem, delay: float | None = None) -> Balance:
         delay,
         bank.drive(inputs, delay, keep=False, held=True),
         bank.acceleration,
-        (early - late) / (ends[1] - ends[0]),
+        ((early - late) / (ends[1] - ends[0]),),
         tuple(x for by_coefficient in columns for x in by_coefficient),
         given[2:],
         tuple(t.id for t, by in zip(acting, columns, strict=True) for _ in by),
         _weights(problem.errors.equations),
         problem.equations.whitening,
-        sensor_variance(problem.equations),
+        sensor_variance(problem.errors.equations.with_whitening(*problem.equations.whitening)),
     )
 
 
@@ -196,3 +199,9 @@ def _weights(equations: Equations) -> Array:
 def stacked(balance: Balance, rows: Sequence[Array]) -> Array:
     """Whitened rows, shape (p, N)."""
     return np.stack([balance.white(x) for x in rows])
+
+
+def covariance_of(x: Array) -> Array:
+    """Of the coefficients of whitened rows of shape (p, N), per variance of a row, shape (p, p)."""
+    size = np.maximum(np.linalg.norm(x, axis=1), 1e-300)
+    return np.asarray(np.linalg.pinv((x @ x.T) / np.outer(size, size), rcond=1e-12) / np.outer(size, size))

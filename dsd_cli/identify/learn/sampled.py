@@ -24,10 +24,11 @@ _KNOTS, _FURTHER = 201, {"velocity": 1.0, "u": 1.0, "position": 0.5}
 _TO_POLE = 0.5
 #: Letter of a channel -> that of a table.
 _OVER = {"v": "velocity", "q": "position", "u": "u", "t": "time"}
-#: Base -> effect and factor of its table, and the channel that it stands over by itself.
+#: Base -> effect and factor of its table, and the channel that it stands over by itself; beyond its ends a gain of u
+#: that differs by its sign is held as a gain.
 _TABLES: dict[str, tuple[Effect, str, str]] = {
     "dry": (FRICTION_CURVE, "one", "velocity"),
-    "load": (FRICTION_CURVE, "one", "u"),
+    "load": (FRICTION_CURVE, "u", "u"),
     "viscous": (CURVE, "velocity", "velocity"),
     "force": (CURVE, "one", "position"),
     "drag": (CURVE, "one", "velocity"),
@@ -37,7 +38,7 @@ _TABLES: dict[str, tuple[Effect, str, str]] = {
     "square": (CURVE, "one", "position"),
     "cubic": (CURVE, "one", "position"),
     "gain": (CURVE, "u", "u"),
-    "size": (CURVE, "one", "u"),
+    "size": (CURVE, "u", "u"),
     "inertia": (INERTIA_CURVE, "one", "position"),
 }
 

@@ -14,7 +14,7 @@ from dsd_cli.effects.presliding_friction import EFFECT as DAHL
 from dsd_cli.identify.learn.families import FAMILIES, MEMORY, RADII, Columns, Family
 from dsd_cli.identify.learn.judge import Judge, LawFit
 from dsd_cli.identify.learn.results import Curve
-from dsd_cli.identify.learn.rows import stacked
+from dsd_cli.identify.learn.rows import covariance_of, stacked
 from dsd_cli.identify.results import Estimate
 from dsd_cli.signals.log import Array
 
@@ -86,7 +86,7 @@ def _refined(judge: Judge, family: Family, columns: int, start: Shape) -> Column
     from scipy.optimize import least_squares
 
     b = judge.balance
-    base, _ = np.linalg.qr(stacked(b, (b.acceleration, b.later, *b.own)).T)
+    base, _ = np.linalg.qr(stacked(b, b.fitted()).T)
     target = b.white(b.u)
     target = target - base @ (target @ base)
     names = tuple(start)
@@ -177,9 +177,8 @@ def fitted(law: Columns, theta: Array, judge: Judge, variance: float) -> Fitted:
         coefficients, shape = effect.to_columns(values)
         return sum((c * x for c, x in zip(coefficients, b.columns(effect, shape), strict=True)), np.zeros(len(b.u)))
 
-    x = np.vstack([stacked(b, (b.acceleration, b.later, *b.own)), stacked(b, list(_slopes(force, values)))])
-    size = np.maximum(np.linalg.norm(x, axis=1), 1e-300)
-    covariance = variance * np.linalg.pinv((x @ x.T) / np.outer(size, size), rcond=1e-12) / np.outer(size, size)
+    x = stacked(b, [*b.fitted(), *_slopes(force, values)])
+    covariance = variance * covariance_of(x)
     own = slice(-len(_given(values)), None)
     return Fitted(effect, values, covariance[own, own])
 

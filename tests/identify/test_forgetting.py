@@ -1,0 +1,52 @@
+"""Springs that slip: from where on it is known how far they are bent, whatever they were when the log began."""
+
+import numpy as np
+import pytest
+
+from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.fit.testability import Settings
+from dsd_cli.identify.learn.families import RADII
+from dsd_cli.identify.learn.forgetting import forgetting, where_known
+from dsd_cli.identify.learn.rows import balance_of
+from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Log
+
+T = 1e-3
+
+
+def recorded(seed, rows):
+    """Sines that grow, so that the widest swing comes late; u is that of a mass."""
+    rng, t = np.random.default_rng(seed), T * np.arange(rows)
+    w, phase = rng.uniform(2.0, 9.0, 3), rng.uniform(0.0, 6.0, 3)
+    place = (0.2 + t / t[-1]) * np.sin(np.outer(t, w) + phase).sum(axis=1)
+    u = 0.1 * np.gradient(np.gradient(place, T), T)
+    return prepare(Log({"t": t, "u": u, "position": place}, T, "log"), ObserverSettings(0.1, 0.01))
+
+
+def slipped(place, radius, z):
+    """How far a spring is bent, one step after the other."""
+    found = [z]
+    for step in np.diff(place).tolist():
+        found.append(min(max(found[-1] + step, -radius), radius))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_springs_are_known_from_where_those_bent_either_way_have_met(seed):
+    (recording,) = forgetting([recorded(seed, 8000)])
+    (piece,) = recording.pieces
+    place, known = piece["position"], piece["clear"] == 1.0
+    widest = RADII[1] * np.ptp(place)
+    for radius in np.geomspace(0.01, 1.0, 5) * widest:
+        one, other = (slipped(place, radius, side * radius) for side in (1.0, -1.0))
+        np.testing.assert_allclose(one[known], other[known], atol=1e-9)
+    one, other = (slipped(place, widest, side * widest) for side in (1.0, -1.0))
+    assert 0.0 < np.mean(known) < 0.9
+    assert np.all(np.abs(one - other)[~known] > 0.0)
+
+
+def test_where_hardly_anything_would_be_left_all_rows_are_judged():
+    long, short = (balance_of(pose([recorded(1, rows)], PlantModel(0.1), Settings(effects=()))) for rows in (8000, 400))
+    assert where_known(long).equations.kept.sum() < long.equations.kept.sum()
+    assert where_known(short) is short
