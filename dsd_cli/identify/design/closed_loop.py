@@ -25,12 +25,13 @@ SETTLE, _ACCELERATION_OVER = 1.5, 0.02
 
 @dataclass(frozen=True)
 class Loop:
-    """The loop that the motion is run in; step : s, of its samples. described : by the user."""
+    """The loop that the motion is run in; step : s, of its samples. settled : whether what holds the axis at the start
+    stands in its integral before the motion begins."""
 
     controller: ControllerSettings
     observer: ObserverSettings
     step: float
-    described: bool = False
+    settled: bool = False
 
 
 class UnstableLoopError(DataError):
@@ -51,18 +52,19 @@ class Run:
         return limits.exceeded(*(x[part] for x in (self.path.position, self.path.velocity, smooth, self.u)))
 
 
-def usual_loop(model: PlantModel, observer: ObserverSettings, step: float) -> Loop:
-    """PID with feedforward for this plant, as slow as its delay asks."""
+def usual_loops(model: PlantModel, observer: ObserverSettings, step: float) -> tuple[Loop, Loop]:
+    """PID and PD with feedforward for this plant, as slow as its delay asks: without an integral the axis stands off
+    by what the feedforward lacks, over the gain of the position."""
     pace = float(np.clip(_PHASE / (model.delay + step + 0.004), _SLOWEST, _FASTEST))
     kd = model.inertia * pace
     kp = _POSITION * kd * pace
     law = ControllerSettings("pd", Gains(kp, kd), "error", integral=_INTEGRAL * kp * pace)
-    return Loop(law, replace(observer, sign=1), step)
+    observer = replace(observer, sign=1)
+    return Loop(law, observer, step, settled=True), Loop(replace(law, integral=0.0), observer, step)
 
 
 def run_loop(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits: Limits) -> Run:
-    """The plant under that loop, held at the start until it rests. The integral of a loop that nobody described has
-    settled there.
+    """The plant under that loop, held at the start until it rests.
 
     planned : the path that is wanted, the rest before it (`SETTLE`) included, and the feedforward of u, shape (n,).
 
@@ -71,7 +73,7 @@ def run_loop(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits:
     UnstableLoopError : the loop is not stable with this plant.
     """
     before, (path, added) = round(SETTLE / loop.step), planned
-    if not loop.described:
+    if loop.settled:
         rest = Path.of(path.position[:before], loop.step)
         added = added + (command_for(plant, rest)[0] - added[0])
     settings = SimulationSettings(
@@ -83,7 +85,7 @@ def run_loop(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits:
         reference=Planned(path.position, path.velocity),
         start=limits.start,
         feedforward=added,
-        before=0.0 if loop.described else float(added[0]),
+        before=float(added[0]),
     )
     gains, log = loop.controller.gains, None
     with suppress(DataError):

@@ -81,16 +81,20 @@ class Expectation:
 
     def most_u(self, path: Path, most: float) -> float:
         """Largest |u| that a plant needs for a motion, up to `most`."""
-        return max(float(np.abs(u).max()) for u in self.commands(path, most).values())
+        return max(float(np.abs(u).max()) for _, u in self._commanded({0: path}, most).values())
 
-    def of_path(self, path: Path, most: float) -> Products:
-        """Inner products of a motion that each plant makes exactly, with no more than so large a u."""
-        return self.of_runs({key: (path, u) for key, u in self.commands(path, most).items()})
+    def of_paths(self, paths: Mapping[int, Path], most: float) -> Products:
+        """Inner products of a motion that each plant makes exactly, with no more than so large a u.
 
-    def commands(self, path: Path, most: float) -> dict[tuple[int, int], Array]:
-        """(explanation, draw) -> what this plant needs for a motion, no more than `most`."""
-        keys = dict.fromkeys((c.truth, c.draw) for c in self.cases)
-        return {(e, d): command_for(self.targets.explanations[e].draws[d], path, most) for e, d in keys}
+        paths : explanation -> its path; that of the first (0) where there is none.
+        """
+        return self.of_runs(self._commanded(paths, most))
+
+    def _commanded(self, paths: Mapping[int, Path], most: float) -> dict[tuple[int, int], tuple[Path, Array]]:
+        """(explanation, draw) -> path, and what this plant needs for it, no more than `most`."""
+        every = dict.fromkeys((c.truth, c.draw) for c in self.cases)
+        path = {key: paths.get(key[0], paths[0]) for key in every}
+        return {(e, d): (x, command_for(self.targets.explanations[e].draws[d], x, most)) for (e, d), x in path.items()}
 
     def of_runs(self, runs: Mapping[tuple[int, int], tuple[Path, Array]]) -> Products:
         """Inner products of motions: (explanation, draw) -> the path that this plant took, and its command."""

@@ -8,22 +8,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.effects import Parameter, Role, get_effect
+from dsd_cli.effects import Parameter, Role, catalogue, get_effect
+from dsd_cli.identify.design.inverse import Path, command_for
 from dsd_cli.identify.design.rows import Model, shapes_of
 from dsd_cli.identify.fit.bank import FIXED, SHARE
 from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
 from dsd_cli.identify.fit.covariance import root_of
-from dsd_cli.identify.fit.row_weights import at_least_squares, weighed
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import flat
 from dsd_cli.identify.grades import Grade
 from dsd_cli.identify.results import DELAY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import PlantModel
-from dsd_cli.signals.log import Array
+from dsd_cli.signals.log import Array, Log
 
-#: Draws of the values of an explanation, their seed, and how far they go: standard errors, and shares of the value.
-DRAWS, _SEED, _FARTHEST, _WIDEST = 8, 20261123, 2.0, 0.5
+#: Draws of the values of an explanation: one more goes beyond all of them less often than once in a hundred. Their
+#: seed; standard errors to what may be; share by which a value changes at most.
+DRAWS, _SEED, _FARTHEST, _WIDEST = 100, 20261123, 2.0, 0.5
 
 
 @dataclass(frozen=True)
@@ -77,13 +78,12 @@ def _draws(search: Search, fit: Fit, doubtful: bool, own: Collection[str]) -> tu
     only add up in the logs the sum is known, and each plant has it. So a force that the model does not have, and of
     which nothing says that it is there beside the others, is in no plant (u would be planned for it), but for its own.
     """
-    found, known = at_least_squares(weighed(fit, search.solver, search.problem.errors.bank))
-    told, scale, fit = search.problem.values(fit).estimates, search.problem.scale, found.fit
+    values, scale = search.problem.values(fit), search.problem.scale
+    told, fit, covariance = values.estimates, values.fit, values.covariance
     random = np.random.default_rng(_SEED)
     left_open: tuple[Grade, ...] = ("weak", "not") if doubtful else ("not",)
     stays = {n for n, e in told.items() if e.grade in left_open or (doubtful and n == DELAY)}
     given = {n: v for n, v in flat(search.problem.model).items() if n in stays}
-    covariance = known.covariance(found.variance * found.inflation)
     left = _Left(covariance, np.zeros(len(covariance)))
     at, here = _flat_of(search, fit), flat(scale.model(fit))
     for name, value in given.items():
@@ -95,12 +95,40 @@ def _draws(search: Search, fit: Fit, doubtful: bool, own: Collection[str]) -> tu
         row = _slope(lambda x, name=name: at(x)[name], fit.total, len(covariance))  # type: ignore[misc]
         if left.may_be(row, -here[name]):
             left = left.where(row, -here[name])
-    middle, spread = _changed(fit, left.mean), root_of(left.covariance)
+    mean, linear = left.mean.copy(), len(fit.total)
+    mean[linear:] = np.clip(mean[linear:], -_WIDEST, _WIDEST)
+    middle, spread = _changed(fit, mean), root_of(left.covariance)
     plants = [scale.model(middle).with_values(given)]
     for _ in range(DRAWS - 1):
-        z = np.clip(random.standard_normal(len(spread)), -_FARTHEST, _FARTHEST)
-        plants.append(scale.model(_changed(middle, left.within(spread @ z, middle))).with_values(given))
+        change = left.within(spread @ random.standard_normal(len(spread)), middle)
+        plants.append(scale.model(_changed(middle, change)).with_values(given))
     return tuple(plants)
+
+
+def held(search: Search, one: Explanation) -> Explanation:
+    """An explanation that lacks something nobody can name, with the constant force that this is in the mean of the
+    logs: so the axis was held where they were."""
+    lacks = -float(np.mean([_lacking(one.fitted, p) for r in search.problem.recordings for p in r.pieces]))
+    return replace(one, draws=tuple(_pushed(plant, lacks) for plant in one.draws))
+
+
+def _lacking(plant: PlantModel, piece: Log) -> float:
+    """Mean of u beyond what a plant needs for the motion of a log."""
+    if "velocity" not in piece:
+        return 0.0
+    step, velocity = piece.sample_time, piece["velocity"]
+    position = piece["position"] if "position" in piece else np.cumsum(velocity) * step
+    path = Path(step, position, velocity, np.diff(velocity, prepend=velocity[:1]) / step)
+    return float(np.mean(piece["u"] - command_for(plant, path)))
+
+
+def _pushed(plant: PlantModel, force: float) -> PlantModel:
+    """With so much more of the force that is always there."""
+    always = (e for e in catalogue().values() if e.role is Role.APPLIED and not (e.needs or e.listed or e.repeats))
+    effect = next(e for e in always if e.periods is None)
+    (size,) = (p.name for p in effect.parameters)
+    known = plant.effects.get(effect.id, {size: 0.0})
+    return replace(plant, effects={**plant.effects, effect.id: {size: known[size] + force}})
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,16 @@ class Path:
         velocity = np.gradient(position, step)
         return cls(step, position, velocity, np.diff(velocity, prepend=velocity[:1]) / step)
 
+    def resampled(self, step: float) -> Path:
+        """The same every so many s, its speed a cubic between two samples: where it rests it stays at rest."""
+        from scipy.interpolate import CubicHermiteSpline
+
+        spline = CubicHermiteSpline(self.times, self.velocity, np.gradient(self.velocity, self.step))
+        at = step * np.arange(int(self.times[-1] / step + 1e-9) + 1)
+        velocity = spline(at)
+        position = self.position[0] + spline.antiderivative()(at)
+        return Path(step, position, velocity, np.diff(velocity, prepend=velocity[:1]) / step)
+
     @property
     def times(self) -> Array:
         """s, from 0."""
@@ -45,18 +55,33 @@ def command_for(model: PlantModel, path: Path, most: float = np.inf) -> Array:
     From the forces of the plant's own law, mean over each interval; the command comes a delay earlier. What an input
     effect swallows is added until nothing is missing, or u is at its limit. At rest friction carries nothing.
     """
+    mean, place, sign = _means(path)
+    needed = model.motor_inertia * path.acceleration
+    for _ in range(_ROUNDS if any("u" in get_effect(name).needs for name in model.effects) else 1):
+        force, budget = _forces(model, path, needed, mean, place)
+        needed = model.motor_inertia * path.acceleration - force + budget * sign
+    return _commanded(model, np.asarray(needed), path.step, most)
+
+
+def friction_of(model: PlantModel, path: Path) -> Array:
+    """What all frictions together carry at most in each interval of a motion, unit of u, shape (n,)."""
+    mean, place, _ = _means(path)
+    return _forces(model, path, model.motor_inertia * path.acceleration, mean, place)[1]
+
+
+def _means(path: Path) -> tuple[Array, Array, Array]:
+    """Speed, place and direction of each interval, shape (n,)."""
     before = np.concatenate([path.velocity[:1], path.velocity[:-1]])
-    mean = 0.5 * (path.velocity + before)
     place = 0.5 * (path.position + np.concatenate([path.position[:1], path.position[:-1]]))
     size = np.abs(path.velocity) + np.abs(before)
     sign = np.where(size > 1e-9 * max(float(size.max()), 1e-300), (path.velocity + before) / (size + 1e-300), 0.0)
-    interval, times = np.full(len(mean), path.step), path.times
-    needed = model.motor_inertia * path.acceleration
-    for _ in range(_ROUNDS if any("u" in get_effect(name).needs for name in model.effects) else 1):
-        channels = Channels(times - 0.5 * path.step, needed, mean, place, interval)
-        force, budget = interval_forces(model.effects, channels, model.inertia)
-        needed = model.motor_inertia * path.acceleration - force + budget * sign
-    return _commanded(model, np.asarray(needed), path.step, most)
+    return 0.5 * (path.velocity + before), place, sign
+
+
+def _forces(model: PlantModel, path: Path, needed: Array, mean: Array, place: Array) -> tuple[Array, Array]:
+    """As `interval_forces`, where so large a u acts."""
+    channels = Channels(path.times - 0.5 * path.step, needed, mean, place, np.full(len(mean), path.step))
+    return interval_forces(model.effects, channels, model.inertia)
 
 
 def _commanded(model: PlantModel, needed: Array, step: float, most: float) -> Array:

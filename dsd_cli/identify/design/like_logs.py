@@ -6,14 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.identify.design.inverse import Path, as_recording
-from dsd_cli.identify.design.rows import equations_like, own_form, sure_of
-from dsd_cli.identify.design.seen import as_heard, as_seen, times_white
+from dsd_cli.identify.design.inverse import Path, as_recording, command_for, friction_of
+from dsd_cli.identify.design.rows import equations_like, forces_left, logs_beside, own_form, sure_of
+from dsd_cli.identify.design.seen import as_heard, as_seen, heard_in, times_white
 from dsd_cli.identify.fit.band import Band
 from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.noise import ForceNoise
+from dsd_cli.identify.fit.row_weights import uncertain
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
 
@@ -22,8 +25,9 @@ class LikeLogs:
     """How motions become rows.
 
     template : a log of the axis. delay : s, the longest of all plants. held : whether there may be friction.
-    form : band and whitening, at first of that log which shows most. surely : whether the rows in which friction's
-    direction is sure decide alone; None asks each motion by itself.
+    form : band and whitening, at first of that log which shows most; own : of the motion itself, by the noise that its
+    sensor has there. surely : whether the rows in which friction's direction is sure decide alone; None asks each
+    motion by itself.
     """
 
     template: Recording
@@ -31,6 +35,7 @@ class LikeLogs:
     delay: float
     held: bool
     form: tuple[Band, Array]
+    own: bool = False
     surely: bool | None = None
 
     @classmethod
@@ -44,22 +49,37 @@ class LikeLogs:
         """Rows of a motion; the axis rests before and after it."""
         seen = as_seen(self.template, path, u, self.rest_speed)
         recording = as_recording(self.template, path, u, self.rest_speed, seen)
-        found = equations_like(self.form, recording, self.delay, self.held, self.surely)
-        if seen is None or not found.stretches:
-            return found
-        weights = np.ones(sum(found.lengths)) if found.row_weight is None else found.row_weight
-        return replace(found, row_weight=weights / np.sqrt(max(times_white(seen, path, *self.form), 1.0)))
+        band, taps = self.form
+        louder = 1.0 if seen is None or self.own else max(times_white(seen, path, band, taps), 1.0)
+        return equations_like((band, taps / np.sqrt(louder)), recording, self.delay, self.held, self.surely)
 
-    def beside(self, search: Search, path: Path, u: Array, times: int) -> tuple[LikeLogs, Equations]:
-        """(the same in the form that the log of this motion, made so often, will have; rows of the logs beside it):
-        where the direction of friction is sure in many rows of both, those alone count in both."""
-        seen, known = as_seen(self.template, path, u, self.rest_speed), search.equations
-        found = replace(self, form=own_form(search, seen or as_heard(self.template, path, u)))
+    def beside(
+        self, search: Search, plant: PlantModel, path: Path, times: int, doubt: float
+    ) -> tuple[LikeLogs, Equations]:
+        """(the same in the form that the log of this motion of a plant, made so often, will have; rows of the logs
+        beside it): where the direction of friction is sure in many rows of both, those alone count in both.
+
+        doubt : probability that what the logs leave beyond the noise of the sensor is a force.
+        """
+        u, inertia = command_for(plant, path), plant.inertia
+        seen, forces = as_seen(self.template, path, u, self.rest_speed), doubt * forces_left(search, inertia)
+        shown = seen or as_heard(self.template, path, u)
+        known = logs_beside(search, shown)
+
+        def heard(band: Band) -> ForceNoise:
+            return ForceNoise(0.0, 1.0) if seen is None else heard_in(seen, path, band)
+
+        found = replace(self, form=own_form(search, shown, heard, (inertia, forces)), own=True)
         if not self.held:
             return found, known
-        both = [(known, 1), (found.equations(path, u), times)]
+        planned = found.equations(path, u)
+        both = [(known, 1), (planned, times)]
         sure, rows = (sum(n * float(of(e).sum()) for e, n in both) for of in (sure_of, lambda e: e.kept))
         found = replace(found, surely=sure > POLICY.sure_part * rows)
-        if found.surely and known.row_weight is None:
+        if not found.surely:
+            share = float(np.mean(uncertain(planned)[planned.kept] ** 2)) if planned.kept.any() else 0.0
+            off = share * float(np.mean(friction_of(plant, path) ** 2)) / float(found.form[0].taps @ found.form[0].taps)
+            found = replace(found, form=own_form(search, shown, heard, (inertia, forces + off)))
+        elif known.row_weight is None:
             known = replace(known, row_weight=sure_of(known).astype(np.float64))
         return found, known

@@ -114,26 +114,27 @@ def _reached(recordings: Sequence[Recording]) -> dict[str, float]:
     return found
 
 
-def narrowed(limits: Limits, share: float) -> Limits:
-    """The same with this share of each size, and of the way from the start to either end."""
-    low, high = (limits.start + share * (end - limits.start) for end in (limits.low, limits.high))
+def slowed(limits: Limits, share: float) -> Limits:
+    """The same with this share of all but the position."""
     velocity, acceleration, jerk, u = (share * size for size in limits.sizes.values())
-    return Limits(low, high, velocity, acceleration, jerk, u, limits.start, limits.given)
+    return replace(limits, velocity=velocity, acceleration=acceleration, jerk=jerk, u=u)
 
 
-def with_u(limits: Limits, u: float) -> Limits:
-    """The same with another limit of u."""
-    return replace(limits, u=u)
+def used(limits: Limits, q: Array, v: Array, u: Array) -> Limits:
+    """As wide as a motion makes use of them; arrays of shape (n,)."""
+    velocity, most = (float(np.abs(x).max()) for x in (v, u))
+    return replace(limits, low=float(q.min()), high=float(q.max()), velocity=velocity, u=most)
 
 
 def noise_of_u(known: Equations, seconds: float) -> float:
     """What noise adds to u in so many s, unit of u: the controller's answer to that of the sensor, above the band, as
-    large as the largest of so many samples is expected to be (normal: sqrt(2 ln n) deviations). By its median in the
-    logs, so that jumps of u, as under relays, are none."""
+    large as the largest of so many samples is expected to be (normal: sqrt(2 ln n) deviations), but no larger than it
+    was in the logs: the answer to counts has an end. By its median in the logs, so that jumps of u, as under relays,
+    are none."""
     most = math.sqrt(2.0 * math.log(max(seconds / known.sample_time, 2.0)))
     size = 0.0
     for stretch, band in zip(known.stretches, known.bands_of_stretches, strict=True):
         u = stretch.log["u"]
         rest = u[band.half : len(u) - band.half] - np.convolve(u, band.taps, "valid")
-        size = max(size, most * robust_deviation(rest))
+        size = max(size, min(most * robust_deviation(rest), float(np.abs(rest).max())))
     return size

@@ -86,6 +86,12 @@ class Measure(Expectation):
         of_use = {p: self._of_use(squares, self._u_of_logs) for p, squares in behind.items()}
         return frozenset(self._name(*p) for p, nats in self.now.items() if nats < -ENOUGH and of_use[p] > 1.0)
 
+    @property
+    def likely(self) -> tuple[int, ...]:
+        """Places of the explanations that may be the axis: all in doubt, else those that no other is far ahead of."""
+        left = [self.search.nats(e.fit.loss) for e in self.targets.explanations]
+        return tuple(i for i, nats in enumerate(left) if self.targets.doubtful or nats - min(left) < ENOUGH)
+
     def without(self, names: Sequence[str]) -> Measure:
         """The same without these targets."""
         return Measure(self.search, self.targets, self.draws, self.open - set(names), self._limits) if names else self
@@ -113,11 +119,12 @@ class Measure(Expectation):
         size = self.reach.model.size
         return products.grams[-1, :size, :size]
 
-    def in_form_of(self, path: Path, u: Array, times: int) -> Measure:
+    def in_form_of(self, path: Path, times: int) -> Measure:
         """The same, motions in the form that the log of this one, made so often, will have, and with the rows of the
         logs that count beside it."""
         kept, found = self.open, copy(self)  # what counts is a matter of the logs as they were
-        found.like, found.rows_of_logs = self.like.beside(self.search, path, u, times)
+        plant, doubt = self.targets.explanations[0].fitted, self.targets.doubt
+        found.like, found.rows_of_logs = self.like.beside(self.search, plant, path, times, doubt)
         if found.rows_of_logs is not self.rows_of_logs:
             found.of_logs, found._before = found._of_logs(), self.of_logs
             found.__dict__.pop("_left_now", None)

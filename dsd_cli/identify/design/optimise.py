@@ -74,7 +74,7 @@ def sized(measure: Measure, room: Room, part: Part) -> Sized | None:
         path = Path.of(_rested(position, measure, room), room.step)
         largest = measure.most_u(path, 3.0 * room.limits.u)
         if largest <= most:
-            return Sized(part, measure.of_path(path, room.limits.u))
+            return Sized(part, measure.of_paths({0: path}, room.limits.u))
         part = replace(part, scale=part.scale * max(_SHRINK, 0.95 * most / largest))
     return None
 

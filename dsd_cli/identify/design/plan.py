@@ -11,17 +11,17 @@ import numpy as np
 from dsd_cli.errors import DataError
 from dsd_cli.identify.design.able import able_to_move
 from dsd_cli.identify.design.cases import Expected
-from dsd_cli.identify.design.closed_loop import Loop, Run, usual_loop
+from dsd_cli.identify.design.closed_loop import Loop, Run, usual_loops
 from dsd_cli.identify.design.impossible import not_by_motion, told_by_none
 from dsd_cli.identify.design.inverse import Path, command_for
-from dsd_cli.identify.design.limits import Limits, limits_of, narrowed, noise_of_u, unvisited, with_u
+from dsd_cli.identify.design.limits import Limits, limits_of, noise_of_u, slowed, unvisited, used
 from dsd_cli.identify.design.measure import ENOUGH, Measure
 from dsd_cli.identify.design.motions import ROOM, Part, Room, generator_values
 from dsd_cli.identify.design.optimise import TIMES, Sized, joined, library_of, optimised
 from dsd_cli.identify.design.results import Impossible, Motion, Plan, PlannedPair, PlannedValue, Stage
-from dsd_cli.identify.design.rows import planning_step
+from dsd_cli.identify.design.rows import LONGEST_STEP, planning_step
 from dsd_cli.identify.design.targets import Targets, apart, targets_of
-from dsd_cli.identify.design.verified import DRAWS_IN_LOOP, GENTLE, verified
+from dsd_cli.identify.design.verified import GENTLE, plants_of, verified
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.sets import Search
@@ -29,8 +29,8 @@ from dsd_cli.plant.controllers import ControllerSettings
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.signals.log import Array
 
-#: Plants of each explanation while the motion is looked for.
-_DRAWS_IN_SEARCH = 2
+#: Plants of each explanation while the motion is looked for, and for what is said of it.
+_DRAWS_IN_SEARCH, _DRAWS_SAID = 2, 4
 
 Report = Callable[[str, float], None]
 
@@ -108,8 +108,6 @@ class _Asked:
         """
         search, wanted, room, limits = self.search, self.wanted, self.room, self.room.limits
         names, targets = tuple(e.name for e in targets.explanations), able_to_move(targets, room, search.problem.model)
-        if targets.doubtful:  # the plant is none of those that will be simulated
-            room = replace(room, limits=narrowed(limits, ROOM))
         report("looking at motions", 0.1)
         impossible = list(not_by_motion(search, targets, self.diagnosis))
         measure = Measure(search, targets, _DRAWS_IN_SEARCH, limits=limits)
@@ -126,8 +124,8 @@ class _Asked:
         measure = measure.sized_by([one.products for one in library])
         parts, cost = _enough(measure, room, wanted, library, report)
         report("under the loop", 0.8)
-        loop = _loop(targets, self.observer, wanted, room, search.problem.model.delay)
-        return _verified(measure, empty, parts, (room, loop, wanted), (impossible, cost))
+        loops = _loops(measure, self.observer, wanted, room)
+        return _verified(measure, empty, parts, (room, loops, wanted), (impossible, cost))
 
 
 def _enough(
@@ -146,18 +144,21 @@ def _enough(
     return found[enough], tuple(cost)
 
 
-def _loop(targets: Targets, observer: ObserverSettings, wanted: Wanted, room: Room, delay: float) -> Loop:
+def _loops(measure: Measure, observer: ObserverSettings, wanted: Wanted, room: Room) -> tuple[Loop, ...]:
+    """The loop that is described, or usual ones."""
     if wanted.controller is None:
-        slowest = max(delay, *(e.fitted.delay for e in targets.explanations))
-        return usual_loop(replace(targets.explanations[0].fitted, delay=slowest), observer, room.step)
-    return Loop(wanted.controller, replace(observer, sign=1), room.step, described=True)
+        first, *others = (measure.targets.explanations[i].fitted for i in {0, *measure.likely})
+        slowest = max(measure.search.problem.model.delay, first.delay, *(plant.delay for plant in others))
+        step = room.step * max(int(LONGEST_STEP / room.step), 1)  # these are slow: no motion needs finer ones
+        return usual_loops(replace(first, delay=slowest), observer, step)
+    return (Loop(wanted.controller, replace(observer, sign=1), room.step),)
 
 
 def _verified(
     measure: Measure,
     answer: _Answer,
     parts: tuple[Part, ...],
-    how: tuple[Room, Loop, Wanted],
+    how: tuple[Room, tuple[Loop, ...], Wanted],
     said: tuple[list[Impossible], tuple[tuple[float, float], ...]],
 ) -> Plan:
     """The motion so small that every plant keeps the limits under the loop, scored by what they did there: from rest to
@@ -167,21 +168,23 @@ def _verified(
     ------
     DataError : however small, a plant breaks a limit.
     """
-    room, loop, wanted = how
-    allowed = room.limits if loop.described else narrowed(room.limits, ROOM)  # other gains follow differently
+    room, loops, wanted = how
     seconds = sum(part.seconds for part in TIMES * parts)
-    allowed = with_u(allowed, max(allowed.u - noise_of_u(measure.known, seconds), GENTLE * allowed.u))
-    kept = verified(measure.targets, parts, room, loop, allowed, measure.search.problem.model.delay)
+    allowed = room.limits if wanted.controller else slowed(room.limits, ROOM)  # other gains answer differently
+    allowed = replace(allowed, u=max(allowed.u - noise_of_u(measure.known, seconds), GENTLE * allowed.u))
+    targets, delay = measure.targets, measure.search.problem.model.delay
+    plants = plants_of(targets, measure.likely, joined(parts, room), room, loops, delay)
+    kept = verified(targets, plants, parts, room, loops, allowed)
     whole = TIMES * kept.parts
     motion = _motion(measure, joined(whole, room), room, wanted)
-    path = kept.runs[0, 0].path  # that of the plants that were not run to the end, too
-    first = Measure(measure.search, measure.targets, DRAWS_IN_LOOP, measure.open, answer.limits)
-    first = first.in_form_of(path, kept.runs[0, 0].u, TIMES)
-    exact = {key: (path, u) for key, u in first.commands(path, room.limits.u).items()}
-    once = first.of_runs(exact | {key: (run.path, run.u) for key, run in kept.runs.items()})
+    seen = used(answer.limits, motion.position, motion.velocity, motion.u)  # the search takes shapes of rivals by it
+    first = Measure(measure.search, targets, _DRAWS_SAID, measure.open, seen)
+    paths = {i: run.path.resampled(room.step) for (i, draw, loop), run in kept.runs.items() if draw == loop == 0}
+    first = first.in_form_of(paths[0], TIMES)
+    once = first.of_paths(paths, room.limits.u)
     expected = first.expected(TIMES * once)
     found = answer.plan(motion, first, expected, said[0])
-    counted = {e.name for e in measure.targets.explanations} - set(kept.lost)
+    counted = {e.name for e in targets.explanations} - set(kept.lost)
     return replace(
         found,
         stages=_stages(whole, room, _steps_of_delay(measure, room) * room.step),
@@ -195,20 +198,16 @@ def _verified(
 def _motion(measure: Measure, position: Array, room: Room, wanted: Wanted) -> Motion:
     """The reference at the samples of the user's controller: at rest until u can act, so that it begins with the u that
     holds the axis there."""
-    from scipy.interpolate import make_interp_spline
-
     step = measure.like.template.sample_time if math.isnan(wanted.rate) else wanted.rate
     position = np.pad(position, (_steps_of_delay(measure, room), 0), mode="edge")
-    t = room.step * np.arange(len(position))
-    spline = make_interp_spline(t, position, k=5)
-    at = step * np.arange(int(t[-1] / step + 1e-9) + 1)
-    q, v, a = (spline(at, k) for k in range(3))
-    u = command_for(measure.targets.explanations[0].fitted, Path(step, q, v, np.diff(v, prepend=v[:1]) / step))
-    return Motion(step, q, v, a, np.clip(u, -room.limits.u, room.limits.u))
+    path = Path.of(position, room.step).resampled(step)
+    u = command_for(measure.targets.explanations[0].fitted, path)
+    acceleration = np.gradient(path.velocity, step)
+    return Motion(step, path.position, path.velocity, acceleration, np.clip(u, -room.limits.u, room.limits.u))
 
 
 def _steps_of_delay(measure: Measure, room: Room) -> int:
-    return math.ceil(measure.longest_delay / room.step) + 1
+    return math.ceil(measure.longest_delay / room.step) + 2  # of a speed by differences one step more is at rest
 
 
 def _stages(parts: Sequence[Part], room: Room, at: float) -> tuple[Stage, ...]:

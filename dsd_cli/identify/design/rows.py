@@ -8,6 +8,7 @@ does so.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +19,7 @@ from dsd_cli.effects import Role
 from dsd_cli.identify.fit.band import Band, band_of, own_bands
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, Term, Terms, columns_of, commands, has_friction, inputs_of
 from dsd_cli.identify.fit.equations import Equations, equations_of
-from dsd_cli.identify.fit.noise import fitted_noise, whitening
+from dsd_cli.identify.fit.noise import ForceNoise, fitted_noise, passed_variance, whitening
 from dsd_cli.identify.fit.row_weights import many_sure, uncertain
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
@@ -29,7 +30,11 @@ from dsd_cli.signals.log import Array, with_channels
 #: Relative step of the slopes over shapes.
 _STEP = 0.02
 #: s between the samples of a planned motion, at most, while it is looked for.
-_LONGEST_STEP = 0.005
+LONGEST_STEP = 0.005
+
+
+#: Levels of the noise of the acceleration in a band.
+Heard = Callable[[Band], ForceNoise]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +79,7 @@ def shapes_of(terms: Terms) -> list[tuple[int, str, float]]:
 def planning_step(band: Band) -> float:
     """s between samples while a motion is looked for: a whole part of a row, fine enough for the band."""
     fits = [k for k in range(1, band.step + 1) if band.step % k == 0]
-    most = min(_LONGEST_STEP, POLICY.highest_share / band.hz)
+    most = min(LONGEST_STEP, POLICY.highest_share / band.hz)
     return max((k for k in fits if k * band.sample_time <= most), default=1) * band.sample_time
 
 
@@ -157,15 +162,50 @@ class MotionRows:
         return self._shared[INERTIA][0]
 
 
-def own_form(search: Search, seen: Recording) -> tuple[Band, Array]:
+def own_form(search: Search, seen: Recording, heard: Heard, plant: tuple[float, float]) -> tuple[Band, Array]:
     """(band, whitening) of the rows of a motion: as far up as it stands above the noise of its sensor (`fit.band`),
-    whitened by the forces and the noise that the logs have left (`fit.noise`)."""
+    whitened by what is not known there, to the variance that a row of the logs has.
+
+    heard : rows of a band -> levels of the noise of the acceleration, as that sensor shows this motion.
+    plant : its inertia, and the density of forces that are not known, unit of u squared.
+    """
     few = search.excerpt or search  # whose rows the noise is of
-    known, rows, sensors = few.equations, few.noise.rows, [r.sensor.noise for r in few.problem.recordings]
+    band, noise, (inertia, forces) = own_bands([*few.problem.recordings, seen])[-1], search.noise, plant
+    flat, sensor = heard(band)
+    levels = ForceNoise(forces + inertia**2 * flat, inertia**2 * sensor)
+    return band, np.sqrt(noise.variance * noise.inflation) * whitening(levels, band, seen.sensor.noise)
+
+
+def logs_beside(search: Search, seen: Recording) -> Equations:
+    """Rows of the logs in the bands that they have beside such a motion: no wider than those of what moves fast."""
+    few, known = search.excerpt or search, search.equations
+    bands = own_bands([*known.recordings, seen])[:-1]
+    if [b.hz for b in bands] == [b.hz for b in known.bands]:
+        return known
+    assert few.noise.rows is not None
+    sensors = [r.sensor.noise for r in few.equations.recordings]
+    parts = zip(few.equations.by_recording(few.noise.rows), few.equations.bands, sensors, strict=True)
+    levels, size = fitted_noise(list(parts)), np.sqrt(search.noise.variance)
+    taps = [size * whitening(levels, b, r.sensor.noise) for b, r in zip(bands, known.recordings, strict=True)]
+    return equations_of(known.recordings, known.startup, bands).with_whitening(*taps)
+
+
+def forces_left(search: Search, inertia: float) -> float:
+    """Density of what the sensor's noise does not explain of the noise of the logs, where the axis surely moves: in a
+    crawl, or at rest, counts are no white noise, and friction any."""
+    search = search.excerpt or search  # whose rows the noise is of
+    known, rows = search.equations, search.noise.rows
     assert rows is not None
-    levels = fitted_noise(list(zip(known.by_recording(rows), known.bands, sensors, strict=True)))
-    band = own_bands([*few.problem.recordings, seen])[-1]
-    return band, whitening(levels, band, seen.sensor.noise)
+    sure = known.by_recording((uncertain(known) <= POLICY.unsure_share).astype(np.float64))
+    beyond, count = 0.0, 0.0
+    for noise, moves, band, recording in zip(
+        known.by_recording(rows), sure, known.bands, search.problem.recordings, strict=True
+    ):
+        weight, left = np.concatenate(moves), np.concatenate(noise)
+        heard = inertia**2 * passed_variance(np.ones(1), band, recording.sensor.noise)
+        beyond += float(weight @ (left**2 - heard)) / float(band.taps @ band.taps)
+        count += float(weight.sum())
+    return max(beyond, 0.0) / max(count, 1.0)
 
 
 def equations_like(

@@ -9,7 +9,7 @@ import numpy as np
 from dsd_cli.errors import DataError
 from dsd_cli.identify.design.inverse import Path
 from dsd_cli.identify.fit.band import Band
-from dsd_cli.identify.fit.noise import passed_variance
+from dsd_cli.identify.fit.noise import ForceNoise, fitted_noise, passed_variance
 from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.recordings.smoothing import encoder_step
 from dsd_cli.plant.model import ObserverSettings
@@ -17,6 +17,8 @@ from dsd_cli.signals.log import Array, Log
 
 #: Seed of the sensor's noise.
 _SEED = 20261123
+#: Rows from which on their spectrum is looked at.
+_FEWEST_ROWS = 16
 
 
 def as_seen(template: Recording, path: Path, u: Array, rest_speed: float) -> Recording | None:
@@ -61,6 +63,21 @@ def times_white(seen: Recording, path: Path, band: Band, whitening: Array) -> fl
     Where a motion crosses the counts of an encoder more slowly than the band ends, these are no white noise but forces
     in the band.
     """
+    rows = _noise_rows(seen, path, band)
+    if len(rows) < len(whitening):
+        return 1.0
+    white = np.convolve(rows, whitening, "same")
+    return float(np.mean(white**2)) / max(passed_variance(whitening, band, seen.sensor.noise), 1e-300)
+
+
+def heard_in(seen: Recording, path: Path, band: Band) -> ForceNoise:
+    """Levels of the noise of the acceleration in a motion: white, and of the shape that its sensor has."""
+    rows = _noise_rows(seen, path, band)
+    return fitted_noise([([rows], band, seen.sensor.noise)]) if len(rows) >= _FEWEST_ROWS else ForceNoise(0.0, 1.0)
+
+
+def _noise_rows(seen: Recording, path: Path, band: Band) -> Array:
+    """What the sensor adds to the rows of the acceleration, shape (N,)."""
     (piece,) = seen.pieces
     step, t = piece.sample_time, piece["t"]
     if seen.sensor.two_intervals:
@@ -68,11 +85,7 @@ def times_white(seen: Recording, path: Path, band: Band, whitening: Array) -> fl
     else:
         velocity = _at(path, path.velocity, t)
         exact = np.diff(velocity, prepend=velocity[:1]) / step
-    rows = band.rows(piece["acceleration"] - exact, 0)
-    if len(rows) < len(whitening):
-        return 1.0
-    white = np.convolve(rows, whitening, "same")
-    return float(np.mean(white**2)) / max(passed_variance(whitening, band, seen.sensor.noise), 1e-300)
+    return np.asarray(band.rows(piece["acceleration"] - exact, 0))
 
 
 def _at(path: Path, x: Array, t: Array) -> Array:

@@ -9,7 +9,7 @@ from itertools import combinations
 
 from dsd_cli.effects import Role, find_effect, get_effect
 from dsd_cli.errors import UsageError
-from dsd_cli.identify.design.explanations import Explanation, Value, explanation_of, values_of
+from dsd_cli.identify.design.explanations import Explanation, Value, explanation_of, held, values_of
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import flat
 from dsd_cli.identify.policy import POLICY
@@ -63,11 +63,11 @@ def targets_of(
     names = list(dict.fromkeys(name for pair in pairs for name in pair))[:_MOST]
     if doubtful and not unknown and diagnosis is not None:  # asked for by name: the plant may yet be another
         names += [name for pair in made.left_open(diagnosis, unknown=True) for name in pair]
-    first = NONE if unknown else made.name_of(whole)
-    names = list(dict.fromkeys([first, *names]))
+    names = list(dict.fromkeys([NONE if unknown else made.name_of(whole), *names]))
     explanations = tuple(explanation_of(search, name, made.fits[name], doubtful, _own(name, pairs)) for name in names)
     if unknown:  # none of them stands: the limits are kept under each, and the motion is for the whole catalogue
-        return Targets(explanations, (), (), unknown=True, doubtful=True)
+        first = held(search, explanations[0])
+        return Targets((first, *explanations[1:]), (), (), unknown=True, doubtful=True)
     places = tuple((names.index(a), names.index(b)) for a, b in pairs if a in names and b in names)
     values = [n for n in wanted if n in flat(explanations[0].fitted)] if wanted else None
     doubt = math.nan if diagnosis is None else diagnosis.unexplained.probability

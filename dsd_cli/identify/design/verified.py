@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,11 +23,14 @@ from dsd_cli.signals.log import Array
 _SHRINK, _SHRINK_MOST, _SHRINKS, GENTLE = 0.9, 0.5, 12, 0.05
 #: Share of a limit that a smaller part aims at.
 _KEPT = 0.97
+#: s between samples by which draws are compared.
+_COARSE = 0.02
 
-#: Plants of an explanation that are run: 0 the fitted one, 1 the draw that needs most u, and of the first explanation
-#: the fitted one with the model's delay, of which a slow log says little; and which one of which.
-DRAWS_IN_LOOP = 2
-Key = tuple[int, int]
+#: Place of an explanation, of one of its draws, and of a loop. The first loop runs the fitted plant (0) and the draw
+#: that needs most u; the last one that and the draw for which the feedforward lacks most.
+Key = tuple[int, int, int]
+#: Of the first explanation the fitted plant with the delay of the model, of which a slow log says little.
+_OTHER_DELAY = (0, -1, 0)
 
 
 @dataclass(frozen=True)
@@ -42,28 +45,31 @@ class Verified:
 
 
 def verified(
-    targets: Targets, parts: tuple[Part, ...], room: Room, loop: Loop, allowed: Limits, delay: float
+    targets: Targets,
+    plants: Mapping[Key, PlantModel],
+    parts: tuple[Part, ...],
+    room: Room,
+    loops: Sequence[Loop],
+    allowed: Limits,
 ) -> Verified:
-    """Parts shrink until no plant breaks a limit in them. Where the explanations are doubtful, one that does so on any
-    motion is not the axis that made the logs, and is not counted. Nor is a draw whose loop is not stable; that is said.
-    delay : of the model, s.
+    """Parts shrink until no plant (`plants_of`) breaks a limit in them in any of the loops.
+
+    Where the explanations are doubtful, one that does so on any motion is not the axis that made the logs, and is not
+    counted. Nor is a draw whose loop is not stable; that is said.
 
     Raises
     ------
     DataError : however small the motion, a plant breaks a limit; the loop is not stable with a plant that counts.
     """
-    plants = _plants(targets, joined(parts, room), room)
-    plants[0, DRAWS_IN_LOOP] = replace(plants[0, 0], delay=delay)
-    order = [key for i, key in enumerate(plants) if plants[key] not in list(plants.values())[:i]]
+    order = [k for i, k in enumerate(plants) if not any(k[2] == o[2] and plants[k] == plants[o] for o in [*plants][:i])]
     wide, lost, unstable = parts, list[str](), list[str]()
     last = dict[Key, dict[int, tuple[float, float]]]()
     for _ in range(_SHRINKS * len(targets.explanations)):
-        wanted = np.pad(joined(parts, room), (round(SETTLE / room.step), 0), mode="edge")
-        path, runs = Path.of(wanted, room.step), dict[Key, Run]()
-        planned, why = (path, command_for(targets.explanations[0].fitted, path)), ""
+        wanted, runs, why = _wanted(joined(parts, room), room, loops[0]), dict[Key, Run](), ""
+        planned = wanted, command_for(targets.explanations[0].fitted, wanted)
         try:
             for key in order:
-                runs[key] = run_loop(plants[key], loop, planned, allowed)
+                runs[key] = run_loop(plants[key], loops[key[2]], planned, allowed)
                 if runs[key].exceeded(allowed):
                     break
             else:
@@ -94,6 +100,12 @@ def verified(
     )
 
 
+def _wanted(position: Array, room: Room, loop: Loop) -> Path:
+    """At the samples of the loop, with the rest before it."""
+    rested = np.pad(position, (round(SETTLE / room.step), 0), mode="edge")
+    return Path.of(rested[:: round(loop.step / room.step)], loop.step)
+
+
 def _called(name: str) -> str:
     """An explanation in a sentence."""
     return "the model alone" if name == NONE else name
@@ -109,7 +121,7 @@ def _smaller(
     """
     smaller, start = [], 0
     for i, part in enumerate(parts):
-        length = part.samples(room.step)
+        length = round(part.samples(room.step) * room.step / run.path.step)
         broken = run.exceeded(allowed, slice(start, start + length + int(FADE * length)))
         start += length
         if broken:
@@ -122,10 +134,18 @@ def _smaller(
     return tuple(smaller)
 
 
-def _plants(targets: Targets, position: Array, room: Room) -> dict[Key, PlantModel]:
-    """Of each explanation the fitted plant, and the one of its draws that needs most u for the motion."""
-    path, found = Path.of(position, room.step), {}
-    for i, one in enumerate(targets.explanations):
-        needs = [float(np.abs(command_for(m, path, 3.0 * room.limits.u)).max()) for m in one.draws]
-        found[i, 0], found[i, 1] = one.fitted, one.draws[int(np.argmax(needs))]
-    return found
+def plants_of(
+    targets: Targets, likely: Collection[int], position: Array, room: Room, loops: Sequence[Loop], delay: float
+) -> dict[Key, PlantModel]:
+    """Those that are run of each likely explanation, for a motion; delay : of the model, s."""
+    stride = max(int(_COARSE / room.step), 1)
+    path, found = Path.of(position[::stride], stride * room.step), dict[Key, PlantModel]()
+    first = targets.explanations[0].fitted
+    added = command_for(first, path)
+    for i in {0, *likely}:
+        draws = targets.explanations[i].draws
+        needs = np.array([command_for(m, path, 3.0 * room.limits.u) for m in draws])
+        for loop, lacking in ((0, needs), (len(loops) - 1, needs - added)):
+            for draw in (0, int(np.argmax(np.abs(lacking).max(axis=1)))):
+                found[i, draw, loop] = draws[draw]
+    return found | {_OTHER_DELAY: replace(first, delay=delay)}

@@ -63,8 +63,8 @@ def _model(scale: Scale, terms: Terms, widths: tuple[int, ...], tap: int, theta:
 
 
 def _inertia(terms: Terms, parts: Sequence[Array], theta: Array) -> float:
-    loads = sum(float(c[0]) for t, c in zip(terms, parts, strict=True) if t.effect.role is Role.STRUCTURE)
-    return float(theta[0]) + loads
+    loads = (float(c[0]) for t, c in zip(terms, parts, strict=True) if t.effect.role is Role.STRUCTURE)
+    return sum(loads, float(theta[0]))
 
 
 def whole_inertia(fit: Fit) -> float:
@@ -112,16 +112,17 @@ def flat(model: PlantModel) -> dict[str, float]:
 class Fitted:
     """Values of a fit.
 
-    Attributes
-    ----------
     tied : those of which only the ratio to the inertia is identified.
     correlations : (value, value, correlation) of nearly inseparable pairs, the strongest first.
+    fit, covariance : coefficients, and how they and the logarithms of shapes scatter, shape (m, m).
     """
 
     model: PlantModel
     estimates: dict[str, Estimate]
     tied: tuple[str, ...]
-    correlations: Correlations = ()
+    correlations: Correlations
+    fit: Fit
+    covariance: Array
 
 
 def fitted_values(
@@ -158,9 +159,8 @@ def fitted_values(
             )
             share = found.share(rows[n], known.priors[n][1], held, priors, fit.variance)
             pulls[n] = _pull(values[n], known.priors[n], alone, share)
-    spread = jacobian @ covariance @ jacobian.T
+    spread, step = jacobian @ covariance @ jacobian.T, solver.bank.equations.sample_time
     errors = np.sqrt(np.maximum(np.diag(spread), 0.0))
-    step = solver.bank.equations.sample_time
     estimates = {
         name: replace(
             _estimate(name, value, float(error), units[name][0], name in stuck, known, step),
@@ -173,7 +173,7 @@ def fitted_values(
     doubtful = errors > POLICY.tied_error * np.abs(list(values.values()))
     told = zip(values, np.abs(together[0]), doubtful, strict=True)
     tied = tuple(name for name, r, d in told if r > POLICY.tied_correlation and d and name not in (INERTIA, DELAY))
-    return Fitted(scale.model(fit), estimates, tied, _correlated(together, estimates))
+    return Fitted(scale.model(fit), estimates, tied, _correlated(together, estimates), fit, covariance)
 
 
 def _correlations(spread: Array, errors: Array, held: list[bool]) -> Array:

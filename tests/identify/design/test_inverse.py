@@ -43,3 +43,15 @@ def test_the_plant_follows(name: str) -> None:
 def test_a_command_stays_within_what_is_allowed() -> None:
     path = Path.of(np.sin(np.linspace(0.0, 20.0, 2000)), STEP)
     assert np.abs(command_for(PLANTS["dead zone"], path, 0.3)).max() <= 0.3
+
+
+def test_between_its_samples_a_path_rests_where_it_rests() -> None:
+    """A spline through all samples would swing there, and Coulomb friction push to and fro."""
+    t = np.arange(401) * 0.005
+    path = Path.of(np.where(t < 1.0, 0.2, 0.2 + 0.3 * np.clip(t - 1.0, 0.0, None) ** 3), 0.005)
+    fine = path.resampled(STEP)
+    rests = fine.times < 0.99
+    assert np.all(command_for(PLANTS["friction"], fine)[: int(np.sum(rests)) - 10] == 0.0)
+    exact = 0.2 + 0.3 * np.clip(fine.times - 1.0, 0.0, None) ** 3
+    assert np.abs(fine.position - exact).max() < 1e-5
+    assert fine.acceleration[1500] == pytest.approx(1.8 * 0.5, rel=0.02)

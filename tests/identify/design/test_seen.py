@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.design.inverse import Path
-from dsd_cli.identify.design.seen import as_heard, as_seen, times_white
+from dsd_cli.identify.design.seen import as_heard, as_seen, heard_in, times_white
 from dsd_cli.identify.fit.band import band_of
 from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.recordings.spectrum import SensorNoise
@@ -49,6 +49,19 @@ def test_counts_that_pass_more_slowly_than_the_band_ends_are_no_white_noise(temp
     crawl, fast = (seen(template, x) for x in (0.02 * t, 0.6 * np.sin(2.0 * t)))
     assert times_white(*crawl, band, WHITE) > 10.0
     assert times_white(*fast, band, WHITE) < 2.0
+
+
+def test_of_fast_counts_the_noise_is_that_of_rounding(template: Recording) -> None:
+    """A count has the variance 1/12 of its square; in a crawl through them more of it is in the band."""
+    t = 0.004 * np.arange(2500)
+    band = band_of(20.0, T)
+    crawl, fast = (seen(template, x) for x in (0.02 * t, 1.5 * np.sin(3.0 * t)))
+    taken, slow = (
+        heard_in(*one, band).density(band, one[0].sensor.noise, np.array([0.8])) * T**4 for one in (fast, crawl)
+    )
+    rounding = COUNT**2 / 12.0 * (2.0 - 2.0 * np.cos(0.8 / band.step)) ** 2 / band.step
+    assert taken == pytest.approx(rounding, rel=0.5)
+    assert slow > 5.0 * rounding
 
 
 def test_in_a_crawl_the_speed_is_known_less_well(template: Recording) -> None:
