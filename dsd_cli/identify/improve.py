@@ -68,8 +68,7 @@ def improve(
     while True:
         asked = climb.settings.without(refused)
         last = diagnose(recordings, model, observer, asked, holdout, progress)
-        if last.mended:
-            recordings, holdout = climb.mended(last.mended)
+        recordings, holdout = climb.as_asked(last.mended)
         if not climb.steps:
             climb.up(AS_GIVEN, last.score, last.refitted_values, last.given)
             model = last.given
@@ -117,9 +116,11 @@ class _Climb:
         self.added: dict[str, Missing] = {}
         self.levels: tuple[LogLevels, ...] = ()
 
-    def mended(self, mended: Mended) -> tuple[Sequence[Recording], Sequence[Recording]]:
-        """Goes on with these recordings, which it returns; what was wrong with the others is said at the end."""
-        self.recordings, self.holdout, self.said = mended.recordings, mended.holdout, (*self.said, *mended.said)
+    def as_asked(self, mended: Mended | None) -> tuple[Sequence[Recording], Sequence[Recording]]:
+        """(recordings, held-out ones) of the last answer, with which the climb goes on; what was wrong with the others
+        is said at the end."""
+        if mended is not None:
+            self.recordings, self.holdout, self.said = mended.recordings, mended.holdout, (*self.said, *mended.said)
         return self.recordings, self.holdout
 
     def up(
