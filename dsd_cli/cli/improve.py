@@ -234,7 +234,8 @@ def validated(given: Given, ladder: Ladder) -> tuple[Validation, ...]:
     from dsd_cli.identify.validation import validate
 
     model, units = ladder.steps[-1].model, given.settings.signals.units
-    return validate(given.holdout, model, given.observer, controller_of(given.settings), units, ladder.last.band_hz)
+    holdout = ladder.last.mended.holdout if ladder.last.mended else given.holdout
+    return validate(holdout, model, given.observer, controller_of(given.settings), units, ladder.last.band_hz)
 
 
 def _show_history(settings: Config, wanted: Request) -> None:

@@ -142,6 +142,8 @@ def with_learnt(ladder: Ladder, given: Given, progress: object) -> tuple[Ladder,
     top = ladder.steps[-1]
     if ladder.verdict != UNKNOWN:
         return ladder, None
+    if (mended := ladder.last.mended) is not None:
+        given = replace(given, recordings=mended.recordings, holdout=mended.holdout)
     taken = tuple(name for name in top.model.effects if name not in ladder.steps[0].model.effects)
     found = learnt_from(replace(given, model=top.model), progress, taken)
     if not found.rungs or not found.rungs[0].score.heldout_rmse < top.score.heldout_rmse:

@@ -256,7 +256,8 @@ def _diagnosed(given: Given, first: Sequence[Diagnosis]) -> DiagnosisReport:
     """What `diagnose` says: the first diagnosis of the ladder, asked again on parts of the data."""
     found = first[0]
     if not found.stability:
-        found = with_stability(found, given.recordings, given.model, given.engine_settings)
+        recordings = found.mended.recordings if found.mended else given.recordings
+        found = with_stability(found, recordings, given.model, given.engine_settings)
     found = in_units(found, given.settings.signals.units)
     found = replace(found, warnings=(*given.warnings, *found.warnings))
     return DiagnosisReport(found, given.model, tuple(r.name for r in given.holdout), given.dropped)

@@ -66,9 +66,8 @@ def improve(
     climb = _Climb(recordings, observer, looked, holdout, on_step)
     refused: list[str] = []
     while True:
-        asked = climb.settings.without(refused)
-        last = diagnose(recordings, model, observer, asked, holdout, progress)
-        recordings, holdout = climb.as_asked(last.mended)
+        last = diagnose(recordings, model, observer, climb.settings.without(refused), holdout, progress)
+        recordings, holdout = climb.as_asked(last)
         if not climb.steps:
             climb.up(AS_GIVEN, last.score, last.refitted_values, last.given)
             model = last.given
@@ -92,6 +91,7 @@ def improve(
         with_it = climb.up_with(last, taken)
         if with_it is None:
             refused.append(chosen)
+            climb.settings = set_before
             continue
         model = with_it
         if chosen in last.found:
@@ -111,16 +111,18 @@ class _Climb:
     ) -> None:
         self.recordings, self.settings, self.holdout, self._on_step = recordings, settings, holdout, on_step
         self.observer = observer
-        self.said: tuple[str, ...] = ()
+        self.mended: Mended | None = None
         self.steps: list[Step] = []
         self.added: dict[str, Missing] = {}
         self.levels: tuple[LogLevels, ...] = ()
 
-    def as_asked(self, mended: Mended | None) -> tuple[Sequence[Recording], Sequence[Recording]]:
+    def as_asked(self, last: Diagnosis) -> tuple[Sequence[Recording], Sequence[Recording]]:
         """(recordings, held-out ones) of the last answer, with which the climb goes on; what was wrong with the others
         is said at the end."""
-        if mended is not None:
-            self.recordings, self.holdout, self.said = mended.recordings, mended.holdout, (*self.said, *mended.said)
+        if (mended := last.mended) is not None:
+            self.mended = replace(mended, said=(*(self.mended.said if self.mended else ()), *mended.said))
+            self.recordings, self.holdout = mended.recordings, mended.holdout
+            self.steps[-1:] = [replace(top, score=last.score) for top in self.steps[-1:]]
         return self.recordings, self.holdout
 
     def up(
@@ -186,7 +188,9 @@ class _Climb:
     def ladder(self, last: Diagnosis, stopped: str) -> Ladder:
         """The whole ladder: needless effects removed again, every value with its standard error."""
         names = tuple(r.name for r in self.holdout)
-        last = replace(last, warnings=tuple(dict.fromkeys((*self.said, *last.warnings))))
+        if self.mended is not None:
+            said = tuple(dict.fromkeys((*self.mended.said, *last.warnings)))
+            last = replace(last, mended=self.mended, warnings=said)
         if last.verdict == NONE:
             model = self.steps[-1].model
             last = with_stability(last, self.recordings, model, self.settings)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from dsd_cli.effects.lagging import LAGGED
+from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.learn.families import LEAST_ROWS, MEMORY, RADII
 from dsd_cli.identify.learn.judge import LawFit
 from dsd_cli.identify.learn.rows import Balance, balance_of
@@ -18,22 +19,27 @@ from dsd_cli.signals.log import Log, with_channels
 UNKNOWN = "how far springs were bent at its begin nobody knows until the axis has swung over twice their radius"
 
 
-def forgetting(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
-    """The recordings with "clear" 0 where nobody knows how springs are bent, of the largest radius that is tried.
+def forgetting(recordings: Sequence[Recording], problem: Problem) -> tuple[Recording, ...]:
+    """The recordings with "clear" 0 where nobody knows how springs are bent, of the largest radius that is tried on the
+    travel of a problem; as they are where too few rows are left for a curve.
 
     Begun bent as far as it goes one way and the other, a spring comes to the same as soon as the axis has swung over
     twice its radius.
     """
-    return tuple(replace(r, pieces=tuple(map(_cleared, r.pieces))) for r in recordings)
+    places = [p["position"] for r in problem.recordings for p in r.pieces if "position" in p]
+    swing = 2.0 * RADII[1] * (max(map(np.max, places)) - min(map(np.min, places))) if places else 0.0
+    known = tuple(replace(r, pieces=tuple(_cleared(p, swing) for p in r.pieces)) for r in recordings)
+    clear = sum(float(p["clear"].sum()) for r in known for p in r.pieces if "clear" in p)
+    return known if clear >= LEAST_ROWS * problem.equations.band.step else tuple(recordings)
 
 
-def _cleared(piece: Log) -> Log:
+def _cleared(piece: Log, swing: float) -> Log:
     if "position" not in piece:
         return piece
     place = piece["position"]
     swung = np.maximum.accumulate(place) - np.minimum.accumulate(place)
     clear = piece["clear"] if "clear" in piece else np.ones(len(piece))
-    return with_channels(piece, clear=clear * (swung >= 2.0 * RADII[1] * swung[-1]))
+    return with_channels(piece, clear=clear * (swung >= swing))
 
 
 def is_hysteresis(fit: LawFit) -> bool:
@@ -46,7 +52,7 @@ def where_known(balance: Balance) -> Balance:
     problem = balance.problem
     if problem.errors.equations.counting < 1.0:  # it is already
         return balance
-    recordings = forgetting(problem.recordings)
+    recordings = forgetting(problem.recordings, problem)
     errors = problem.errors_for(problem.model, recordings)
     if problem.blocks.rows * float(np.mean(errors.equations.kept)) < LEAST_ROWS:
         return balance

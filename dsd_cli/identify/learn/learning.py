@@ -57,13 +57,13 @@ def learn(
     chosen = choose(balance_of(problem), lambda share: progress("which channels", 0.1 + 0.5 * share))
     progress("fitting the law", 0.7)
     if is_hysteresis(chosen.fit) and chosen.judge.balance.problem is not problem:
-        recordings, holdout = forgetting(recordings), forgetting(holdout)
+        recordings, holdout = forgetting(recordings, problem), forgetting(holdout, problem)
     scores = Scores(recordings, holdout, model, settings)
     if chosen.refused or not chosen.fit.laws[0].family.of_motion:
         return _nothing(chosen, scores, recordings, holdout)
     found = _learnt(chosen, scores, stand_ins)
     was = min(scores.given.rmse, scores.refitted.rmse)
-    if found.after.rmse > (1.0 - POLICY.unknown_fall) * was:
+    if not found.after.rmse <= (1.0 - POLICY.unknown_fall) * was:
         # few blocks, in which the model's own values hardly hold without each other, make any law look good
         why = f"with a law in it the model leaves {found.after.rmse:.4g} of the log where it leaves {was:.4g} without"
         found = _nothing(replace(chosen, refused=why), scores, recordings, holdout)
@@ -147,7 +147,7 @@ def _learnt(chosen: Choice, scores: Scores, stand_ins: Sequence[str]) -> Learnt:
         band_hz=problem.equations.band.hz,
         floor=problem.floor,
         ties=tuple(_tie(chosen, one) for one in chosen.tied),
-        notes=_notes(problem, last.score.heldout_rmse),
+        notes=_notes(problem, last.score.heldout_rmse, is_hysteresis(chosen.fit)),
         views=views_of(chosen.fit, judge),
         held_out=tuple(r.name for r in scores.holdout),
         rungs=tuple(rungs),
@@ -187,12 +187,13 @@ def _tie(chosen: Choice, other: LawFit) -> Tie:
     return Tie(of_laws(other), families[-1].on, chosen.rmse(other), separating(own[-1], families[-1]))
 
 
-def _notes(problem: Problem, heldout: float) -> tuple[str, ...]:
+def _notes(problem: Problem, heldout: float, springs: bool) -> tuple[str, ...]:
+    """springs : whether the law has some that slip."""
     notes = []
     if heldout > problem.least_missing:
         share = 100.0 * heldout / max(problem.errors.force, 1e-300)
         notes.append(f"{share:.1f} % of u stays unexplained beside the law, more than the sensor leaves")
-    if (known := problem.errors.equations.counting) < 1.0:
+    if springs and (known := problem.errors.equations.counting) < 1.0:
         notes.append(f"{100.0 * (1.0 - known):.0f} % of the log is not judged: {UNKNOWN}")
     return tuple(notes)
 

@@ -87,7 +87,7 @@ def diagnose(
     if limits.idle is not None:
         mended = limits.idle.taken_off(apart.plain, holdout)
         plain, aside = mended.recordings, mended.holdout
-        again = diagnose(plain, model, observer, asked, aside, progress, stability, on_told, on_found)
+        again = diagnose(plain, model, observer, settings, aside, progress, stability, on_told, on_found)
         return _of_mended(again, mended)
     members = {} if limits.blocked or shown.seen is not None else memberships(search, whole, beyond.unknown)
     options = [*search.options(search.refit), *first]
@@ -207,9 +207,9 @@ def _free(parts: tuple[Recording, ...], model: PlantModel, settings: Settings, r
 
 
 def _to_mend(free: Search, whole: Fit, settings: Settings) -> bool:
-    """Whether the log itself is to be mended first: a u that is late or smoothed bends values."""
+    """Whether the log itself is to be mended first: a u that is late, smoothed or in part did not act bends values."""
     limits = limits_of(free, whole, replace(settings, known=PriorKnowledge()), None)
-    return bool(limits.blocked or limits.time.late or limits.time.smoothed)
+    return bool(limits.blocked or limits.idle is not None or limits.time.late or limits.time.smoothed)
 
 
 def _as_good(told: Search, whole: Fit) -> set[str]:

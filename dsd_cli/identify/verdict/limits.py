@@ -226,8 +226,10 @@ def limits_of(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
     direction = float(np.mean(np.abs(sign[moving]))) if moving.any() else 1.0
     if seen is not None and not math.isnan(seen.off):  # motor and load keep the momentum that all of u gives them
         idle, common = None, 1.0
+    elif (idle := idle_part(search, whole, settings, seen)) is not None:
+        return Limits(1.0, idle, CommandTime(), direction)
     else:
-        idle, common = idle_part(search, whole, settings, seen), in_common(search, whole)
+        common = in_common(search, whole)
     # where the log is against a value that was given, u was neither late nor smoothed with none given
     time = CommandTime() if settings.against else command_time(search, whole, settings)
     return Limits(common, idle, time, direction)

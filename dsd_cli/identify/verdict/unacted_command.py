@@ -90,7 +90,7 @@ def idle_part(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
             return part.unacted("the response shows no load")
         better = left < most and left < least and problem.falls(before, left, search.refit)
         if better and _answered(search, whole, part.taken_off) < _UNANSWERED:
-            why = f"forces alone leave {left:.3g}, less than any effects with u as it is logged ({found:.3g})"
+            why = f"forces alone leave {left:.3g}, any effects with u as it is logged {found:.3g}"
             best, least = part.unacted(why), left
         del without  # as large as the next
     return best
@@ -149,7 +149,7 @@ def _parts(recordings: Sequence[Recording], inertia: float) -> Iterator[_Part]:
         what = f"u at {', '.join(f'{hz:g}' for hz in lines)} Hz"
         question = "Is it hum in a u that was measured, or a tone that the drive does not apply?"
         imitators = (Role.INPUT, Role.STRUCTURE)
-        yield _Part(what, "without it", question, [r for r, _ in found], imitators, partial(_notched_at, lines=lines))
+        yield _Part(what, "without it", question, [r for r, _ in found], imitators, partial(_hushed, inertia=inertia))
 
 
 def _despiked(recording: Recording, samples: int) -> Recording:
@@ -172,6 +172,10 @@ def _without_lines(recording: Recording, inertia: float) -> tuple[Recording, lis
     lines = [hz for hz in _unanswered(longest["u"], inertia * longest["acceleration"], step) if hz > least]
     without = _notched_at(recording, lines)
     return without, lines if without is not recording else []
+
+
+def _hushed(recording: Recording, inertia: float) -> Recording:
+    return _without_lines(recording, inertia)[0]
 
 
 def _notched_at(recording: Recording, lines: Sequence[float]) -> Recording:
