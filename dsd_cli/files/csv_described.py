@@ -76,5 +76,8 @@ def with_lines(
         return names, units
     said = {name: [cell.strip() for cell in row.cells[1:]] for name, row in told.items()}
     beside = units or [""] * len(names)
-    units = [next(filter(is_unit, said.get(name, [])[1:]), unit) for name, unit in zip(names, beside, strict=True)]
-    return [" ".join([name, *said.get(name, [])[:1]]) for name in names], units
+    units = [
+        next(filter(is_unit, reversed(said.get(name, []))), unit) for name, unit in zip(names, beside, strict=True)
+    ]
+    more = {name: cells[0] for name, cells in said.items() if cells[0][0].isalpha() and not is_unit(cells[0])}
+    return [f"{name} {more[name]}" if name in more else name for name in names], units

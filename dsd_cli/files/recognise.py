@@ -208,8 +208,9 @@ def unit_in(name: str, channel: str) -> str:
     moves = COUNTS | NAMED.get(channel, {}).keys()
     known: Collection[str] = TIME_UNITS if channel == "time" else OF_U if channel == "u" else moves
     last = name.rpartition("/")[2]
-    if channel == "u" and last.rpartition("_")[0] and (unit := last.rpartition("_")[2].lower()) in OF_U:
-        return unit  # mNm is one word
+    *before, unit = re.split(r"[_\s]", last)
+    if channel == "u" and any(before) and unit.lower() in OF_U:
+        return unit.lower()  # mNm is one word
     words = [word for word in _words(last) if word != "per"]
     for many in (2, 1):
         if len(words) > many and "/".join(words[-many:]) in known:
@@ -250,7 +251,7 @@ def _word_score(channel: str, words: Sequence[str], joined: str) -> float:
     known = WORDS[channel]
     if joined in known:
         return 3.0 - 0.01 * known.index(joined)
-    others = {word for other in WORDS.values() if other is not known for word in other}
+    others = {word for other in WORDS.values() if other is not known for word in other if len(word) > 1}  # v_x is v
     letter = words[:1] if others.isdisjoint(words[1:]) else []  # q_current is none of q
     hits = [known.index(word) for word in words if word in known and (len(word) > 1 or word in letter)]
     return 2.0 - 0.01 * min(hits) if hits else 0.0

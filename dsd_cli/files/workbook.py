@@ -63,7 +63,9 @@ def _rows(sheets: Sequence[Any]) -> Iterator[Iterable[Any]]:
         yield from most.iter_rows(values_only=True)
         return
     all_rows = zip_longest(*(one.iter_rows(values_only=True) for one in beside), fillvalue=(None,) * width)
-    heads = [list(row) for row in next(all_rows)]
+    heads = [list(row) for row in next(all_rows, ())]
+    if not heads:
+        return
     if len({head[-1] for head in heads}) < len(heads):  # all are called `value`: the sheet has the name
         heads = [[*head[:-1], f"{one.title} {head[-1]}"] for one, head in zip(beside, heads, strict=True)]
     yield chain.from_iterable(heads)

@@ -50,6 +50,14 @@ def test_units_in_names() -> None:
     assert found["position"].factor == pytest.approx(math.pi / 180)
     assert recognise(["t", "i", "position [counts]"])["position"].factor is None
     spoken = {column: recognise([column])["u"].spoken for column in ("Torque_Nm", "force_N", "current [mA]", "u")}
+    assert recognise(["Torque mNm"])["u"].factor == 1e-3
+    axis = recognise(["t_x", "u_x", "v_x", "x"])
+    assert {name: one.column for name, one in axis.items()} == {
+        "time": "t_x",
+        "u": "u_x",
+        "velocity": "v_x",
+        "position": "x",
+    }
     assert (recognise(["torque_cmd_mNm"])["u"].factor, recognise(["current_mA"])["u"].factor) == (1e-3, 1e-3)
     assert spoken == {"Torque_Nm": "N m", "force_N": "N", "current [mA]": "0.001 A", "u": ""}
 

@@ -212,6 +212,13 @@ def test_a_preamble_with_a_line_for_each_channel() -> None:
     assert found.units == ["", "min-1", "%"]
 
 
+def test_lines_of_a_unit_or_a_number_each_leave_the_names_as_they_are() -> None:
+    rows = [f"{k / 250},{0.5 + k / 8},{-k / 16}" for k in range(12)]
+    found = seen("Torque,mNm", "Position,deg", "Time,Torque,Position", *rows)
+    assert (found.header.names, found.units) == (["Time", "Torque", "Position"], ["", "mNm", "deg"])
+    assert seen("Torque,0.001", "Position,1", "Time,Torque,Position", *rows).header.names[1] == "Torque"
+
+
 def test_units_behind_whose_row_a_delimiter_stands() -> None:
     """LabVIEW's header has a column for comments, which its rows have not."""
     rows = [f"{k / 250}\t{0.5 + k / 8}\t{-k / 16}" for k in range(12)]

@@ -96,3 +96,11 @@ def test_sheets_of_a_signal_each_stand_side_by_side(same: bool, tmp_path: Path) 
     assert np.array_equal(batch.columns["t"], np.arange(60) / 500)
     assert np.array_equal(batch.columns["u"], -0.25 * np.arange(60))
     assert np.array_equal(batch.columns["position"], 2.0 * np.arange(60))
+
+
+def test_empty_sheets_are_empty(tmp_path: Path) -> None:
+    made = openpyxl.Workbook()
+    made.create_sheet("Other")
+    made.save(tmp_path / "log.xlsx")
+    with pytest.raises(DataError, match="is empty"):
+        open_table(tmp_path / "log.xlsx", COLUMNS)

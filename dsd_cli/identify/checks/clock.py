@@ -24,8 +24,6 @@ CLEAR = 5.0
 ROUNDED = 1e-3
 #: Rows dropped or put in are a warning from this share of the log on, else a note.
 MANY = 0.01
-#: So often the time from sample to sample is taken anew over the number of samples that it makes of the stamps.
-PASSES = 4
 _OfStamps = Callable[[Array], Array]
 _ORDER = 2  # samples to either side that foretell one
 
@@ -75,12 +73,18 @@ def _smoother(log: Log, restarts: Sequence[int], one: _OfStamps, other: _OfStamp
 
 
 def _with_holes(t: Array) -> tuple[Array, float]:
-    """Even stamps with samples missing where steps are long, shape (n,), and the time from sample to sample, s."""
-    apart, steps = float(np.median(np.diff(t))), np.ones(t.size - 1)
-    for _ in range(PASSES):
-        steps = np.maximum(np.rint(np.diff(t) / apart), 1.0)
-        apart = float((t[-1] - t[0]) / steps.sum())
-    return t[0] + apart * np.concatenate([[0.0], np.cumsum(steps)]), apart
+    """Even stamps with samples missing where steps are long, shape (n,), and the time from sample to sample, s.
+
+    A line through the stamps over their numbers, found on ever longer parts: what is wrong with the time from sample to
+    sample is never more than a part of a sample over the next.
+    """
+    apart, first, part = float(np.median(np.diff(t))), float(t[0]), 16
+    while True:
+        number = np.rint((t[:part] - first) / apart)
+        apart, first = map(float, np.polyfit(number, t[:part], 1))
+        if part >= t.size:
+            return first + apart * np.rint((t - first) / apart), apart
+        part *= 2
 
 
 def _pieces(x: Array, restarts: Sequence[int]) -> list[Array]:
@@ -135,8 +139,9 @@ def _holed(noisy: Finding, t: Array) -> Finding:
     """Of noisy stamps, where samples are missing beside: an even clock for all rows would be none."""
     even, apart = _with_holes(t)
     missing = 1.0 - t.size / (1.0 + (even[-1] - even[0]) / apart)
+    round_them = f"round the stamps less {even[0]:.9g} s to multiples of {apart:.9g} s: missing ones are put in"
     what = f"{noisy.what}, and {100.0 * missing:.2g} % of the samples are missing"
-    return replace(noisy, what=what, remedy=f"round the stamps to multiples of {apart:.5g} s: missing ones are put in")
+    return replace(noisy, what=what, remedy=round_them)
 
 
 def _jittery(mean: float, usual: float, share: float, true: float) -> Finding:
