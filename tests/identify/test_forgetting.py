@@ -1,5 +1,7 @@
 """Springs that slip: from where on it is known how far they are bent, whatever they were when the log began."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from dsd_cli.identify.learn.forgetting import forgetting, where_known
 from dsd_cli.identify.learn.rows import balance_of
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.plant.model import ObserverSettings, PlantModel
-from dsd_cli.signals.log import Log
+from dsd_cli.signals.log import Log, with_channels
 
 T = 1e-3
 
@@ -34,7 +36,8 @@ def slipped(place, radius, z):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_springs_are_known_from_where_those_bent_either_way_have_met(seed):
-    (recording,) = forgetting([recorded(seed, 8000)])
+    whole = recorded(seed, 24_000)
+    (recording,) = forgetting([whole], pose([whole], PlantModel(0.1), Settings(effects=())))
     (piece,) = recording.pieces
     place, known = piece["position"], piece["clear"] == 1.0
     widest = RADII[1] * np.ptp(place)
@@ -50,3 +53,11 @@ def test_where_hardly_anything_would_be_left_all_rows_are_judged():
     long, short = (balance_of(pose([recorded(1, rows)], PlantModel(0.1), Settings(effects=()))) for rows in (8000, 400))
     assert where_known(long).equations.kept.sum() < long.equations.kept.sum()
     assert where_known(short) is short
+
+
+def test_a_log_of_small_moves_forgets_by_the_travel_of_all():
+    wide, narrow = recorded(1, 8000), recorded(2, 8000)
+    small = [with_channels(p, position=0.05 * p["position"]) for p in narrow.pieces]
+    both = [wide, replace(narrow, pieces=tuple(small))]
+    known = forgetting(both, pose(both, PlantModel(0.1), Settings(effects=())))
+    assert [float(np.mean(r.pieces[0]["clear"])) > 0.0 for r in known] == [True, False]
