@@ -88,13 +88,11 @@ def test_an_inertia_in_another_unit_is_said():
 
 
 def test_a_creep_at_the_end_of_a_log_is_no_push(tmp_path):
-    """Up to 2.95 s the log ends soon after a creep of 0.05 s, in which the logged speed does not tell the direction."""
+    """Up to 2.95 s the log ends soon after a creep of 0.05 s, in which the logged speed does not tell the direction:
+    the slope of the position, which is quieter, does."""
     made = done("diagnose", LOG, "-c", KNOWN, "--to", "2.95", "--format", "json", cwd=SAMPLES)
     found = json.loads(made.stdout)
-    assert found["verdict"] == "none"
-    assert found["probability"] <= 0.8
-    assert "stops and creeping" in made.stderr
-    assert found["stability"] == []  # what is in doubt is not asked again on parts
+    assert (found["verdict"], found["found"]) == ("none", [])
 
 
 def test_a_horizon_longer_than_the_log_says_that_nothing_was_begun_anew():

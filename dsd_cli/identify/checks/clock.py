@@ -80,10 +80,11 @@ def _with_holes(t: Array) -> tuple[Array, float]:
     """
     apart, first, part = float(np.median(np.diff(t))), float(t[0]), 16
     while True:
-        number = np.rint((t[:part] - first) / apart)
+        rows = np.arange(min(part, t.size))
+        number = np.maximum.accumulate(np.rint((t[:part] - first) / apart) - rows) + rows  # each has one of its own
         apart, first = map(float, np.polyfit(number, t[:part], 1))
         if part >= t.size:
-            return first + apart * np.rint((t - first) / apart), apart
+            return np.asarray(first + apart * number, dtype=np.float64), apart
         part *= 2
 
 
