@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from dsd_cli.identify.fit.testability import Settings
+from dsd_cli.identify.improve import improve
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.drift_search import searched
 from dsd_cli.identify.verdict.diagnose import diagnose
@@ -83,6 +84,17 @@ def test_spikes_of_u_that_did_not_act_are_taken_off_and_hide_nothing(what, spoil
     assert found.found == what
     assert found.blocked == ""
     assert any("the median of u over" in w for w in found.warnings)
+
+
+def test_all_rungs_are_of_the_u_without_the_spikes():
+    (log,) = make([RigCase(what=("quadratic_drag",), seed=4402, sensing="speed40k", duration=5.0)])
+    recording, model, observer = asked(log, with_wrong_cells(log.channels))
+    ladder = improve([recording], model, observer, choose=lambda last: last.verdict)
+    assert [step.effect for step in ladder.steps if step.kind == "added"] == ["quadratic_drag"]
+    assert ladder.verdict == "none"
+    assert sum("spikes" in w for w in ladder.warnings) == 1
+    top = ladder.steps[-1].score
+    assert top.rmse < 2.0 * top.heldout_rmse  # the values at the end are fitted without them, too
 
 
 def test_kicks_of_a_controller_act_whatever_a_median_leaves():
