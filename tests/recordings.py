@@ -8,18 +8,22 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-#: The linear axis with a bare mass.
-EMPS = """
+#: The linear axis: its columns, and a bare mass.
+EMPS_SIGNALS = """
 [signals]
 time = "t_s"
 u = "force_N"
 position = "position_m"
-[observer]
+"""
+EMPS = (
+    EMPS_SIGNALS
+    + """[observer]
 nominal_inertia = 95
 time_constant = 0.02
 [model]
 inertia = 95
 """
+)
 
 
 def recording(name: str) -> Path:

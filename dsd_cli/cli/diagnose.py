@@ -54,8 +54,7 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
         from dsd_cli.report.plots_diagnosis import draw
         from dsd_cli.report.views_diagnosis import residual_views
 
-        shown = found.mended.recordings if found.mended else recordings
-        put_picture(plot, lambda: draw(report, residual_views(found, given.model, shown)), quiet)
+        put_picture(plot, lambda: draw(report, residual_views(found, given.model, recordings)), quiet)
 
 
 def _found(

@@ -125,10 +125,18 @@ def load_open(
 def diagnosed(given: Given, asked: OpenLog | None, ask: Ask) -> tuple[Diagnosis, Sequence[Recording]]:
     """(the answer, whoever made d_hat; the recordings that it is of)."""
     if asked is None:
-        return ask(given.recordings, given.holdout), given.recordings
+        answer = ask(given.recordings, given.holdout)
+        return answer, as_mended(given, answer).recordings
     from dsd_cli.identify.d_hat_makers import diagnosed as over_makers
 
-    return over_makers(asked, ask)
+    answer, made = over_makers(asked, ask)
+    return answer, as_mended(replace(given, recordings=tuple(made)), answer).recordings
+
+
+def as_mended(given: Given, answer: Diagnosis) -> Given:
+    """The logs that an answer is of: without what did not act in them."""
+    mended = answer.mended
+    return given if mended is None else replace(given, recordings=mended.recordings, holdout=mended.holdout)
 
 
 def say(quiet: bool, line: str) -> None:

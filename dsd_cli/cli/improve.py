@@ -231,10 +231,11 @@ def _run(given: Given, auto: bool, quiet: bool, progress: Progress) -> Ladder:
 
 def validated(given: Given, ladder: Ladder) -> tuple[Validation, ...]:
     from dsd_cli.cli.compare import controller_of
+    from dsd_cli.cli.identification import as_mended
     from dsd_cli.identify.validation import validate
 
     model, units = ladder.steps[-1].model, given.settings.signals.units
-    holdout = ladder.last.mended.holdout if ladder.last.mended else given.holdout
+    holdout = as_mended(given, ladder.last).holdout
     return validate(holdout, model, given.observer, controller_of(given.settings), units, ladder.last.band_hz)
 
 

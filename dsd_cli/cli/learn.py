@@ -136,14 +136,14 @@ def with_learnt(ladder: Ladder, given: Given, progress: object) -> tuple[Ladder,
     """
     from dataclasses import replace
 
+    from dsd_cli.cli.identification import as_mended
     from dsd_cli.identify.results import DELAY, INERTIA, UNKNOWN, in_units
     from dsd_cli.identify.verdict.diagnose import diagnose
 
     top = ladder.steps[-1]
     if ladder.verdict != UNKNOWN:
         return ladder, None
-    if (mended := ladder.last.mended) is not None:
-        given = replace(given, recordings=mended.recordings, holdout=mended.holdout)
+    given = as_mended(given, ladder.last)
     taken = tuple(name for name in top.model.effects if name not in ladder.steps[0].model.effects)
     found = learnt_from(replace(given, model=top.model), progress, taken)
     if not found.rungs or not found.rungs[0].score.heldout_rmse < top.score.heldout_rmse:

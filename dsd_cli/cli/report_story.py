@@ -20,7 +20,7 @@ import numpy as np
 from dsd_cli.cli.check import checked_log
 from dsd_cli.cli.detect_checks import Judgement
 from dsd_cli.cli.detect_job import Destination, Job
-from dsd_cli.cli.identification import Given, load_given, warn
+from dsd_cli.cli.identification import Given, as_mended, load_given, warn
 from dsd_cli.cli.improve import validated
 from dsd_cli.cli.improve_loop import follow, with_steps
 from dsd_cli.cli.labels_out import ESTIMATES
@@ -256,8 +256,7 @@ def _diagnosed(given: Given, first: Sequence[Diagnosis]) -> DiagnosisReport:
     """What `diagnose` says: the first diagnosis of the ladder, asked again on parts of the data."""
     found = first[0]
     if not found.stability:
-        recordings = found.mended.recordings if found.mended else given.recordings
-        found = with_stability(found, recordings, given.model, given.engine_settings)
+        found = with_stability(found, as_mended(given, found).recordings, given.model, given.engine_settings)
     found = in_units(found, given.settings.signals.units)
     found = replace(found, warnings=(*given.warnings, *found.warnings))
     return DiagnosisReport(found, given.model, tuple(r.name for r in given.holdout), given.dropped)

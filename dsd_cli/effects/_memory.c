@@ -6,8 +6,8 @@
  *   load       the load of two masses that are coupled by spring and damper, with or without a gap
  *   driven     the same two masses under a force on the motor: what the load is given
  *
- * memory.py, general.py and one_state.py hold the readable twins: the same operations in the same order (built without fused
- * multiply-add), but for masses under one law, whose steps are taken at once: they differ by rounding.
+ * memory.py, general.py and one_state.py hold the readable twins: the same operations in the same order (built without
+ * fused multiply-add), but for masses under one law, whose steps are taken at once: they differ by rounding.
  * CPython limited API and buffers of doubles only: no NumPy headers.
  */
 #define PY_SSIZE_T_CLEAN

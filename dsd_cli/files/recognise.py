@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 from dsd_cli.files.words import (
     ASKED,
@@ -251,7 +252,12 @@ def _word_score(channel: str, words: Sequence[str], joined: str) -> float:
     known = WORDS[channel]
     if joined in known:
         return 3.0 - 0.01 * known.index(joined)
-    others = {word for other in WORDS.values() if other is not known for word in other if len(word) > 1}  # v_x is v
-    letter = words[:1] if others.isdisjoint(words[1:]) else []  # q_current is none of q
+    letter = words[:1] if _words_of_others(channel).isdisjoint(words[1:]) else []  # q_current is none of q
     hits = [known.index(word) for word in words if word in known and (len(word) > 1 or word in letter)]
     return 2.0 - 0.01 * min(hits) if hits else 0.0
+
+
+@cache
+def _words_of_others(channel: str) -> frozenset[str]:
+    """What names of the other channels have; no letters, for v_x is the v of an axis."""
+    return frozenset(word for other, known in WORDS.items() if other != channel for word in known if len(word) > 1)

@@ -8,14 +8,11 @@ from pathlib import Path
 import pytest
 
 from tests import warm
-from tests.recordings import recording
+from tests.recordings import EMPS_SIGNALS, recording
 
-EMPS = """
-[signals]
-time = "t_s"
-u = "force_N"
-position = "position_m"
-[observer]
+EMPS = (
+    EMPS_SIGNALS
+    + """[observer]
 nominal_inertia = 95.1
 time_constant = 0.02
 [states]
@@ -27,6 +24,7 @@ rho = 10.0
 initial = { delay = 0.01, inertia = 60 }
 hold = 3.0
 """
+)
 #: Published by Janot, Gautier and Brunot (2019): viscous 203.5 N s/m, Coulomb 20.39 N, offset -3.16 N (on the other
 #: side of the equation: a force of +3.16 N on the mass).
 EMPS_EFFECTS = """

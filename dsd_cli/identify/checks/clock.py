@@ -49,26 +49,34 @@ def stamps_are_true(log: Log, restarts: Sequence[int]) -> float:
 
     Above 0: the samples were taken at their stamps; below: evenly, and the stamps are noise; about 0: not identifiable.
     """
-    return _smoother(log, restarts, lambda t: t, _even)
+    return _smoother(*(_roughness(log, restarts, clock) for clock in (_as_logged, _even)))
+
+
+def _as_logged(t: Array) -> Array:
+    return t
 
 
 def _even(t: Array) -> Array:
     return t[0] + (t[-1] - t[0]) * np.arange(t.size) / (t.size - 1)
 
 
-def _smoother(log: Log, restarts: Sequence[int], one: _OfStamps, other: _OfStamps) -> float:
-    """As `stamps_are_true`, over one clock than over another that are made of the stamps of each piece, shape (n,)."""
+def _roughness(log: Log, restarts: Sequence[int], clock: _OfStamps) -> Array:
+    """Log of how rough the position (or velocity) is in each block, shape (b,), over a clock made of the stamps of each
+    piece, shape (n,)."""
     name = next((name for name in ("position", "velocity") if name in log), None)
     if name is None:
-        return 0.0
-    gains = []
+        return np.zeros(0)
+    found = [np.zeros(0)]
     for t, x in zip(_pieces(stamps_of(log), restarts), _pieces(log[name], restarts), strict=True):
         x = continuous(x).position if name == "position" else x
         if x.size > 20 * _ORDER:
-            gains.append(np.log(_blocks(_foretold(x, other(t)))) - np.log(_blocks(_foretold(x, one(t)))))
-    if not gains:
-        return 0.0
-    gain = np.concatenate(gains)
+            found.append(np.log(_blocks(_foretold(x, clock(t)))))
+    return np.concatenate(found)
+
+
+def _smoother(one: Array, other: Array) -> float:
+    """As `stamps_are_true`, of one clock than of another, by their `_roughness`; 0 where there are none."""
+    gain = other - one
     return float(np.mean(gain) / max(np.std(gain) / np.sqrt(gain.size), 1e-12)) if np.any(gain) else 0.0
 
 
@@ -127,8 +135,10 @@ def check_clock(log: Log, restarts: Sequence[int], true: float) -> list[Finding]
     if share > JITTERY:
         mean = seconds_of(log, restarts) / max(len(log), 1)
         plain = abs(mean / log.sample_time - 1.0) < ROUNDED
-        others: tuple[_OfStamps, _OfStamps] = (_even, lambda t: t)
-        if all(_smoother(log, restarts, lambda t: _with_holes(t)[0], other) > CLEAR for other in others):
+        holed, *others = (
+            _roughness(log, restarts, clock) for clock in (lambda t: _with_holes(t)[0], _even, _as_logged)
+        )
+        if all(_smoother(holed, other) > CLEAR for other in others):
             noisy = _jittery(mean, usual, share, -np.inf)
             found.append(_holed(noisy, max(_pieces(stamps_of(log), restarts), key=len)))
         else:

@@ -118,8 +118,7 @@ def _lacking(plant: PlantModel, piece: Log) -> float:
         return 0.0
     step, velocity = piece.sample_time, piece["velocity"]
     position = piece["position"] if "position" in piece else np.cumsum(velocity) * step
-    path = Path(step, position, velocity, np.diff(velocity, prepend=velocity[:1]) / step)
-    return float(np.mean(piece["u"] - command_for(plant, path)))
+    return float(np.mean(piece["u"] - command_for(plant, Path.moving(position, velocity, step))))
 
 
 def _pushed(plant: PlantModel, force: float) -> PlantModel:

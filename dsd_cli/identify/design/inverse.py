@@ -30,7 +30,11 @@ class Path:
     @classmethod
     def of(cls, position: Array, step: float) -> Path:
         """From the position alone."""
-        velocity = np.gradient(position, step)
+        return cls.moving(position, np.gradient(position, step), step)
+
+    @classmethod
+    def moving(cls, position: Array, velocity: Array, step: float) -> Path:
+        """From the position and the velocity of each sample."""
         return cls(step, position, velocity, np.diff(velocity, prepend=velocity[:1]) / step)
 
     def resampled(self, step: float) -> Path:
@@ -40,8 +44,7 @@ class Path:
         spline = CubicHermiteSpline(self.times, self.velocity, np.gradient(self.velocity, self.step))
         at = step * np.arange(int(self.times[-1] / step + 1e-9) + 1)
         velocity = spline(at)
-        position = self.position[0] + spline.antiderivative()(at)
-        return Path(step, position, velocity, np.diff(velocity, prepend=velocity[:1]) / step)
+        return Path.moving(self.position[0] + spline.antiderivative()(at), velocity, step)
 
     @property
     def times(self) -> Array:

@@ -19,7 +19,8 @@ from dsd_cli.effects import Role
 from dsd_cli.identify.fit.band import Band, band_of, own_bands
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, Term, Terms, columns_of, commands, has_friction, inputs_of
 from dsd_cli.identify.fit.equations import Equations, equations_of
-from dsd_cli.identify.fit.noise import ForceNoise, fitted_noise, passed_variance, whitening
+from dsd_cli.identify.fit.noise import ForceNoise, passed_variance, whitening
+from dsd_cli.identify.fit.noise_fit import levels_of
 from dsd_cli.identify.fit.row_weights import many_sure, uncertain
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
@@ -183,9 +184,7 @@ def logs_beside(search: Search, seen: Recording) -> Equations:
     if [b.hz for b in bands] == [b.hz for b in known.bands]:
         return known
     assert few.noise.rows is not None
-    sensors = [r.sensor.noise for r in few.equations.recordings]
-    parts = zip(few.equations.by_recording(few.noise.rows), few.equations.bands, sensors, strict=True)
-    levels, size = fitted_noise(list(parts)), np.sqrt(search.noise.variance)
+    levels, size = levels_of(few.equations, few.noise.rows), np.sqrt(search.noise.variance)
     taps = [size * whitening(levels, b, r.sensor.noise) for b, r in zip(bands, known.recordings, strict=True)]
     return equations_of(known.recordings, known.startup, bands).with_whitening(*taps)
 

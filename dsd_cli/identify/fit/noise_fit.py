@@ -9,7 +9,7 @@ import numpy as np
 from dsd_cli.identify.fit.bank import Bank, has_friction
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
-from dsd_cli.identify.fit.noise import fitted_noise, passed_variance, whitening
+from dsd_cli.identify.fit.noise import ForceNoise, fitted_noise, passed_variance, whitening
 from dsd_cli.identify.fit.row_weights import inflation, weighed
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.policy import POLICY
@@ -56,9 +56,15 @@ def measured(plain: Bank, before: Solver, fit: Fit) -> tuple[Solver, Noise]:
 
 def whitening_of(equations: Equations, residual: Array) -> list[Array]:
     """Of each recording the taps that make white what a fit leaves there, shape (N,), unit of u."""
+    levels = levels_of(equations, residual)
+    pairs = zip(equations.bands, equations.recordings, strict=True)
+    return [whitening(levels, band, recording.sensor.noise) for band, recording in pairs]
+
+
+def levels_of(equations: Equations, residual: Array) -> ForceNoise:
+    """Of what a fit leaves of rows, shape (N,), unit of u."""
     sensors = [recording.sensor.noise for recording in equations.recordings]
-    levels = fitted_noise(list(zip(equations.by_recording(residual), equations.bands, sensors, strict=True)))
-    return [whitening(levels, band, sensor) for band, sensor in zip(equations.bands, sensors, strict=True)]
+    return fitted_noise(list(zip(equations.by_recording(residual), equations.bands, sensors, strict=True)))
 
 
 def sensor_variance(equations: Equations, sure: bool = True) -> float:

@@ -229,7 +229,7 @@ def _size(terms: Sequence[Term]) -> int:
 
 
 def _price(term: Term) -> float:
-    return POLICY.effect_price + POLICY.effect_price * len(term.shape)
+    return POLICY.effect_price * (1 + len(term.shape))
 
 
 def _rest(target: Array, columns: Sequence[Array]) -> Array:

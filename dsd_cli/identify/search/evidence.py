@@ -52,9 +52,7 @@ class Evidence:
         """Nats for having chosen these effects and searched their shapes."""
         added = [t for t in terms if t.id not in {b.id for b in self.base}]
         return sum(
-            POLICY.effect_price
-            + POLICY.effect_price * t.effect.searched
-            + POLICY.pulse_price * len(t.shape.get("edges", ()))
+            POLICY.effect_price * (1 + t.effect.searched) + POLICY.pulse_price * len(t.shape.get("edges", ()))
             for t in added
         )
 

@@ -168,8 +168,8 @@ def without_line(signals: Signals, hz: float) -> Callable[[Array], Array]:
 def innovations(rest: Array, step: float) -> Callable[[Array], Array]:
     """The filter that takes out of rows, shape (n, ...), what the past of `rest`, shape (n,), predicts of it.
 
-    At constant speed an encoder's error is a tone, which a
-    controller feeds back into u: this noise is far from white, and a lightly damped load would explain it.
+    At constant speed an encoder's error is a tone, which a controller feeds back into u: this noise is far from white,
+    and a lightly damped load would explain it.
     """
     order = max(int(_PREDICTED / step), 1)
     power = np.abs(np.fft.rfft(rest, 2 * len(rest))) ** 2

@@ -119,19 +119,16 @@ def _shows(search: Search, effect: str) -> bool:
 
 @dataclass(frozen=True)
 class _Part:
-    """Of u, in some recording. instead : what is in its place in `taken_off`, the recordings `without` it.
+    """A part of u that may not have acted; its `why` begins with what is in its place. taken_off : recordings without.
     imitators : roles of effects that pass for it."""
 
-    what: str
-    instead: str
-    question: str
+    command: UnactedCommand
     taken_off: list[Recording]
     imitators: tuple[Role, ...]
-    without: Callable[[Recording], Recording]
 
     def unacted(self, why: str) -> UnactedCommand:
         """This, as what did not act."""
-        return UnactedCommand(self.what, f"{self.instead}, {why}", self.question, self.without)
+        return replace(self.command, why=f"{self.command.why}, {why}")
 
 
 def _parts(recordings: Sequence[Recording], inertia: float) -> Iterator[_Part]:
@@ -142,14 +139,14 @@ def _parts(recordings: Sequence[Recording], inertia: float) -> Iterator[_Part]:
         if 2 * sum(a is not b for a, b in zip(smooth, recordings, strict=True)) >= len(recordings):
             question = "Is u logged more slowly than the drive runs, or are cells wrong?"
             instead = f"with the median of u over {samples} samples in their place"
-            yield _Part("spikes of u", instead, question, smooth, (Role.INPUT,), without)
+            yield _Part(UnactedCommand("spikes of u", instead, question, without), smooth, (Role.INPUT,))
     found = [_without_lines(r, inertia) for r in recordings]
     lines = sorted({round(hz, 1) for _, lines in found for hz in lines})
     if lines:  # an axis that stands still at one frequency is what a load does that swings there
         what = f"u at {', '.join(f'{hz:g}' for hz in lines)} Hz"
         question = "Is it hum in a u that was measured, or a tone that the drive does not apply?"
-        imitators = (Role.INPUT, Role.STRUCTURE)
-        yield _Part(what, "without it", question, [r for r, _ in found], imitators, partial(_hushed, inertia=inertia))
+        command = UnactedCommand(what, "without it", question, lambda r: _without_lines(r, inertia)[0])
+        yield _Part(command, [r for r, _ in found], (Role.INPUT, Role.STRUCTURE))
 
 
 def _despiked(recording: Recording, samples: int) -> Recording:
@@ -170,18 +167,10 @@ def _without_lines(recording: Recording, inertia: float) -> tuple[Recording, lis
     if "velocity" in longest:  # where the axis moves, forces answer u, and hardly any acceleration need
         least = _ABOVE_MOTION * _end_of(longest["velocity"], step)
     lines = [hz for hz in _unanswered(longest["u"], inertia * longest["acceleration"], step) if hz > least]
-    without = _notched_at(recording, lines)
+    if not lines:
+        return recording, []
+    without = _with_u(recording, [_notched(p["u"], lines, step) for p in recording.pieces])
     return without, lines if without is not recording else []
-
-
-def _hushed(recording: Recording, inertia: float) -> Recording:
-    return _without_lines(recording, inertia)[0]
-
-
-def _notched_at(recording: Recording, lines: Sequence[float]) -> Recording:
-    """Without u at these lines, Hz; the same one where hardly anything changes."""
-    step = recording.sample_time
-    return _with_u(recording, [_notched(p["u"], lines, step) for p in recording.pieces]) if lines else recording
 
 
 def _with_u(recording: Recording, u: Sequence[Array]) -> Recording:
