@@ -14,6 +14,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.drift_search import searched
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.limits import limits_of
+from dsd_cli.identify.verdict.unacted_command import _despiked, _without_lines
 from tests.cli.rig import AXIS, done
 from tests.identify.outside_rig import asked
 from tests.oracle.rig import RigCase, make
@@ -95,6 +96,21 @@ def test_all_rungs_are_of_the_u_without_the_spikes():
     assert sum("spikes" in w for w in ladder.warnings) == 1
     top = ladder.steps[-1].score
     assert top.rmse < 2.0 * top.heldout_rmse  # the values at the end are fitted without them, too
+
+
+def test_a_part_of_u_is_taken_off_once_and_a_constant_u_has_none():
+    """Rounding of a constant u was a line, again and again: `improve` never ended."""
+    (log,) = make([RigCase(what=(), seed=7100, sensing="enc4096", duration=5.0)])
+    recording, model, _ = asked(log, with_hum(with_wrong_cells(log.channels)))
+    without = _despiked(recording, 3)
+    assert without is not recording
+    assert _despiked(without, 21) is without
+    hushed, lines = _without_lines(without, model.inertia)
+    assert [round(hz) for hz in lines] == [50]
+    assert _without_lines(hushed, model.inertia) == (hushed, [])
+    constant, *_ = asked(log, {**log.channels, "u": np.full_like(log.channels["u"], 0.3)})
+    assert _despiked(constant, 3) is constant
+    assert _without_lines(constant, model.inertia) == (constant, [])
 
 
 def test_kicks_of_a_controller_act_whatever_a_median_leaves():

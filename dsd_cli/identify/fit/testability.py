@@ -42,8 +42,8 @@ def ranges(equations: Equations) -> Ranges:
     )
 
 
-#: Motion below this share of the largest position or speed is rounding.
-_ROUNDING = 1e-7
+#: What is below this share of the largest position, speed or u is rounding.
+ROUNDING = 1e-7
 
 
 @dataclass(frozen=True)
@@ -123,6 +123,6 @@ def _moves(equations: Equations) -> bool:
     for piece in (s.log for s in equations.stretches):
         if "velocity" in piece and float(np.abs(piece["velocity"]).max()) > 0.0:
             place = piece["position"] if "position" in piece else np.cumsum(piece["velocity"])
-            if float(np.ptp(place)) > _ROUNDING * max(float(np.abs(place).max()), 1e-300):
+            if float(np.ptp(place)) > ROUNDING * max(float(np.abs(place).max()), 1e-300):
                 return True
     return False

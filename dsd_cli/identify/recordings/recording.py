@@ -45,6 +45,7 @@ class Recording:
     rest_speed : speed up to which the plant may be at rest, as far as the measurement can show.
     pushed : (effect, share of the inertia) of the load that "push" of the pieces drives (`fit.driven_load`); None where
         the motion drives every load. levels : (effect, column, coefficient) of forces that act in this log alone.
+    taken_off : kinds of parts of u that did not act, and are no more in it.
     """
 
     name: str
@@ -58,6 +59,7 @@ class Recording:
     sensor: Sensor
     pushed: tuple[str, float] | None = None
     levels: tuple[tuple[str, int, float], ...] = ()
+    taken_off: tuple[str, ...] = ()
 
     @property
     def samples(self) -> int:

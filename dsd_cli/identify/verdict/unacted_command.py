@@ -14,7 +14,7 @@ from dsd_cli.identify.fit.bank import Bank, has_friction
 from dsd_cli.identify.fit.blocks import solve, total_gram
 from dsd_cli.identify.fit.equations import equations_of
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.testability import Settings
+from dsd_cli.identify.fit.testability import ROUNDING, Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Mended, Recording
 from dsd_cli.identify.search.long_logs import posed
@@ -157,7 +157,7 @@ def _despiked(recording: Recording, samples: int) -> Recording:
     off = np.concatenate([p["u"] - m for p, m in zip(recording.pieces, smooth, strict=True)])
     if float(np.max(np.abs(off))) < _CREST * float(np.std(off)):
         return recording
-    return _with_u(recording, smooth)
+    return _with_u(recording, smooth, "spikes")
 
 
 def _without_lines(recording: Recording, inertia: float) -> tuple[Recording, list[float]]:
@@ -169,16 +169,18 @@ def _without_lines(recording: Recording, inertia: float) -> tuple[Recording, lis
     lines = [hz for hz in _unanswered(longest["u"], inertia * longest["acceleration"], step) if hz > least]
     if not lines:
         return recording, []
-    without = _with_u(recording, [_notched(p["u"], lines, step) for p in recording.pieces])
+    without = _with_u(recording, [_notched(p["u"], lines, step) for p in recording.pieces], "lines")
     return without, lines if without is not recording else []
 
 
-def _with_u(recording: Recording, u: Sequence[Array]) -> Recording:
-    """With another u; the same one where hardly anything changes."""
+def _with_u(recording: Recording, u: Sequence[Array], kind: str) -> Recording:
+    """With u less a part of this kind; the same one where hardly anything changes, or such a part is off already."""
     before, after = np.concatenate([p["u"] for p in recording.pieces]), np.concatenate(u)
-    if float(np.std(before - after)) < _LEAST_PART * float(np.std(before)):
+    least = max(_LEAST_PART * float(np.std(before)), ROUNDING * float(np.max(np.abs(before))))
+    if kind in recording.taken_off or float(np.std(before - after)) < least:
         return recording
-    return replace(recording, pieces=tuple(with_channels(p, u=x) for p, x in zip(recording.pieces, u, strict=True)))
+    pieces = tuple(with_channels(p, u=x) for p, x in zip(recording.pieces, u, strict=True))
+    return replace(recording, pieces=pieces, taken_off=(*recording.taken_off, kind))
 
 
 def _unanswered(u: Array, force: Array, step: float) -> list[float]:
