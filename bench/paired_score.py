@@ -47,7 +47,8 @@ def sure_and_wrong(row: Row) -> bool:
 def stated(row: Row) -> tuple[float, bool] | None:
     """(probability, whether the verdict holds) of a verdict that states one.
 
-    "none" at the end of a ladder holds if the ladder has all that is hidden; "unknown" if the catalogue lacks it.
+    "none" at the end of a ladder holds if the ladder has all that is hidden; "unknown" if the catalogue lacks it. Of a
+    tie the first alone: the probability is its own, not that of all of them.
     """
     if row["verdict"] == "error":
         return None
@@ -55,7 +56,7 @@ def stated(row: Row) -> tuple[float, bool] | None:
         hidden = set(row["hidden"])
         holds = row["verdict"] == "none" and hidden <= set(row["named"]) | set(OWN)
         return row["probability"], holds or row["verdict"] in hidden - set(row["named"])
-    return row["probability"], right(row)
+    return row["probability"], right({**row, "tied": False})
 
 
 def brier(answers: Sequence[tuple[float, bool]]) -> float:

@@ -60,6 +60,13 @@ def test_calibration_counts_each_verdict_in_its_bin():
     assert score.brier([(1.0, True), (0.5, False)]) == pytest.approx(0.125)
 
 
+def test_the_probability_of_a_tie_is_that_of_its_first():
+    half = row(probability=0.5, ties=["gravity"], tied=True, verdict="stiffness")
+    assert score.right(half)
+    assert score.stated(half) == (0.5, False)
+    assert score.stated(row(probability=0.5, ties=["stiffness"], tied=True)) == (0.5, True)
+
+
 def test_phases_go_round_and_turn_with_their_amplitude():
     values = [
         {"name": "gravity.amplitude", "true": 2.0, "value": -2.1, "std_error": 0.1},
