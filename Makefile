@@ -22,7 +22,7 @@ demo: setup
 # compiled first: a test of a command starts a process, which would compile what it imports where none may keep it
 test: setup
 	$(BIN)/python -m compileall -q dsd_cli bench
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: setup
 	$(BIN)/ruff check .

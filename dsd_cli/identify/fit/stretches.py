@@ -111,6 +111,13 @@ class Stretch:
         """How u answers the noise of the sensor."""
         return feedback_noise_of(self.log["u"], self.measured, self.log.sample_time)
 
+    @cached_property
+    def remembered(self) -> tuple[Array, Array]:
+        """What an effect with memory goes by: change of the speed over each interval, by its length, and direction."""
+        speed = self.log["velocity"]
+        change = np.diff(speed, prepend=speed[0]) / self.log.sample_time
+        return change, direction(speed, self.log["speed_noise"])
+
     @property
     def acceleration(self) -> Array:
         """As measured, where it counts."""
@@ -122,9 +129,7 @@ class Stretch:
             velocity, position = self.sensed.noisy if self.noisy else self.sensed.motion
             return self.frame.channels(drive, self.mean._replace(velocity=velocity, position=position))
         if effect.memory:
-            speed = self.log["velocity"]
-            change = np.diff(speed, prepend=speed[0]) / self.log.sample_time
-            side = direction(speed, self.log["speed_noise"])
+            change, side = self.remembered
             return self.frame.channels(drive, self.mean)._replace(acceleration=change, direction=side)
         return self.frame.channels(drive, self.middle)._replace(interval=np.broadcast_to(0.0, len(drive)))
 
