@@ -12,6 +12,7 @@ from dsd_cli.effects.general import INERTIA_CURVE
 from dsd_cli.effects.tables import Table, table_of
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.testability import Settings
+from dsd_cli.identify.learn import judge as judging
 from dsd_cli.identify.learn.choose import contains
 from dsd_cli.identify.learn.dictionary import Kind, effect_of, kinds
 from dsd_cli.identify.learn.families import FAMILIES, natural_spline
@@ -294,3 +295,13 @@ def test_a_formula_goes_on_where_a_larger_motion_goes(law, times, true):
     x, still = np.array([-times, 0.3, times]) * np.max(np.abs(seen)), np.zeros(3)
     learnt = table(Channels(still, still, still, still, still)._replace(**{name: x}))
     np.testing.assert_allclose(learnt, true(log.values, x), rtol=0.03, atol=0.01 * log.values["size"])
+
+
+def test_a_law_that_acts_in_no_row_has_the_coefficient_zero():
+    """An end stop that no whitened row reaches: its column is 0, and the equations of all of them were singular."""
+    rng = np.random.default_rng(8)
+    target, own = rng.standard_normal((2, 60))
+    rows = [target, own, np.zeros(60)]
+    problem = judging.Problem(rows, 1, np.zeros((1, 1)), np.zeros((3, 3)), ())
+    (found,) = judging._solved((np.stack(rows) @ np.stack(rows).T)[None], problem, 1e-4)
+    assert found == pytest.approx([target @ own / (own @ own), 0.0], rel=1e-6)

@@ -230,15 +230,16 @@ def _solved(stack: Array, problem: Problem, strength: float) -> Array:
 def _normal(a: Array, problem: Problem, strength: float) -> tuple[Array, Array]:
     """(matrices of scaled columns with the penalty, shape (M, p, p); the scales, (p,))."""
     size = np.sqrt(np.maximum(a[0].diagonal(), 1e-300))
-    fixed = problem.fixed
+    fixed, usual = problem.fixed, max(float(np.mean(size**2)), 1e-300)
     ridge = np.diag(np.concatenate([np.full(fixed, _RIDGE), np.zeros(a.shape[1] - fixed)]) * size**2)
     if len(problem.penalty):
-        information = float(np.mean(a[0].diagonal()[fixed:]))
+        # of a law that acts in no row: its coefficient is 0
+        information = max(float(np.mean(a[0].diagonal()[fixed:])), _RIDGE * usual)
         bends = float(np.trace(problem.penalty)) / len(problem.penalty)
         if bends > 0.0:  # a formula has none
             ridge[fixed:, fixed:] += strength * information / bends * problem.penalty
         ridge[fixed:, fixed:] += 1e-7 * information * np.eye(len(problem.penalty))
-    scale = np.where(np.arange(len(size)) < fixed, size, math.sqrt(max(float(np.mean(size**2)), 1e-300)))
+    scale = np.where(np.arange(len(size)) < fixed, size, math.sqrt(usual))
     return (a + ridge) / (scale[:, None] * scale), scale
 
 
