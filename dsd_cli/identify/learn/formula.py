@@ -251,7 +251,7 @@ def _explained(columns: Array, rest: Array) -> float:
     if len(columns) == 1:
         return float(moments[0] ** 2 / max(float(columns[0] @ columns[0]), 1e-300))
     gram = columns @ columns.T
-    return float(moments @ np.linalg.solve(gram + 1e-12 * np.trace(gram) * np.eye(len(gram)), moments))
+    return float(moments @ np.linalg.solve(gram + 1e-12 * max(np.trace(gram), 1e-280) * np.eye(len(gram)), moments))
 
 
 def nelder_mead(of: Callable[[Array], float], start: Array, widths: Array, steps: int) -> Array:
