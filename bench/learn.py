@@ -104,15 +104,17 @@ def recording_of(log: StrangeLog, without_law: bool = False) -> tuple[Recording,
     return prepare(Log(channels, 1e-3, log.law), observer), believed
 
 
-def judged(recording: Recording, forgotten: bool) -> Recording:
+def judged(recording: Recording, model: PlantModel, forgotten: bool) -> Recording:
     """The recording in the rows in which a law was judged: `forgotten`, where what it remembers from before is."""
-    return forgetting([recording])[0] if forgotten else recording
+    if not forgotten:
+        return recording
+    return forgetting([recording], pose([recording], model, Settings(effects=())))[0]
 
 
 def true_error(log: StrangeLog, forgotten: bool = False) -> float:
     """Held-out error of the model's own values beside the true law; `forgotten`: see `judged`."""
     recording, model = recording_of(log, without_law=True)
-    problem = pose([judged(recording, forgotten)], model, Settings(effects=()))
+    problem = pose([judged(recording, model, forgotten)], model, Settings(effects=()))
     return problem.score(Search(problem).refit).heldout_rmse
 
 
@@ -148,7 +150,7 @@ def asked(law: str, sensor: str, seed: int, laws: dict[str, Any]) -> Row:
         covered(found, log, hidden),
         cpu,
         "" if found.formula is None else found.formula.text,
-        law_error(log, hidden, judged(recording, forgotten), model),
+        law_error(log, hidden, judged(recording, model, forgotten), model),
         law_error(other, hidden, second, model, settled),
     )
 

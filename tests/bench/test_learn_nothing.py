@@ -2,10 +2,13 @@
 
 import pytest
 
+from bench.learn import judged
 from bench.learn_nothing import COMPLETE, known_of, of_tier
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.learn.choose import choose
+from dsd_cli.identify.learn.learning import learn
+from dsd_cli.identify.learn.results import LEARNT
 from dsd_cli.identify.learn.rows import balance_of
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -23,6 +26,9 @@ def test_what_the_sensor_or_sticking_leaves_is_no_law(law, seed, sensor, motion)
     model = PlantModel(log.inertia, log.delay, {**log.believed, **known_of(log)})
     recording = prepare(Log(log.channels, 1e-3, law), ObserverSettings(log.inertia, 0.01))
     assert choose(balance_of(pose([recording], model, Settings()))).refused == "what is left may be the sensor's noise"
+    assert judged(recording, model, forgotten=False) is recording
+    known = judged(recording, model, forgotten=True).pieces[0]["clear"]
+    assert 0.0 == known[0] < known[-1] == 1.0
 
 
 def test_what_is_left_of_a_crawl_where_its_direction_is_not_sure_is_no_law() -> None:
@@ -33,3 +39,16 @@ def test_what_is_left_of_a_crawl_where_its_direction_is_not_sure_is_no_law() -> 
     _, recording, model = drawn
     assert set(model.effects) == {"cogging", "coulomb_friction"}
     assert "stops and turns" in choose(balance_of(pose([recording], model, Settings()))).refused
+
+
+@pytest.mark.parametrize(
+    ("tier", "seed", "was"),
+    [
+        ("nothing missing, new axes", 85109, "a table over velocity and position, at a delay 22 ms off that suited it"),
+        ("crawl through cogging", 85129, "LuGre friction, of a tenth of the rows, which left 18 times as much of all"),
+    ],
+)
+def test_a_law_leaves_less_of_the_whole_log_than_the_model_at_its_own_delay(tier: str, seed: int, was: str) -> None:
+    drawn = of_tier(tier, seed)
+    assert drawn is not None
+    assert learn([drawn[1]], drawn[2]).verdict != LEARNT, was

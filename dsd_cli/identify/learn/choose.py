@@ -11,6 +11,7 @@ import numpy as np
 
 from dsd_cli.effects.general import HYSTERESIS
 from dsd_cli.identify.fit.blocks import spread_over_blocks
+from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.learn.families import FAMILIES, INERTIA_OVER_TIME, LEAST_ROWS, MEMORY, Columns, Family, columns_of
 from dsd_cli.identify.learn.forgetting import is_hysteresis, where_known
 from dsd_cli.identify.learn.formula import AS_GOOD
@@ -27,7 +28,8 @@ from dsd_cli.signals.log import Array
 MOST_LAWS, _ROUNDS, _SETTLED = 3, 4, 0.05
 #: Laws whose loss is so many times the best one's are no ties, whatever the standard error.
 _TIED = 1.5
-#: Why nothing is learnt where the direction of the motion decides.
+#: Why nothing is learnt where no more is left than the sensor leaves; where the direction of the motion decides.
+OF_SENSOR = "what is left may be the sensor's noise"
 AT_STOPS = "what is left lies at stops and turns, where the direction of the motion is not sure"
 #: Times as many knots as a family begins with, at most.
 FINEST = 8
@@ -85,7 +87,8 @@ def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -
     if first.laws[0].family in STATE_LAWS:  # as good as springs that are as many as the log supports?
         first = simplest([first, refined(judge, springs_of(fits))[0]])[0]
     tied += also_an_inertia(judge, first)
-    refused = _noise_alone(judge, base, first) or why_not(judge, base, first)
+    noise = surely_left(judge, base) <= sensed(balance.problem, first.forward)
+    refused = OF_SENSOR if noise else why_not(judge, base, first)
     if refused:
         return Choice(judge, base, base, (), look.richest, first, refused, undecided=refused == AT_STOPS)
     # a law is as fine as it gets before another is asked for: that would explain what a coarse curve leaves
@@ -256,15 +259,11 @@ def _near(other: Array, best: Array) -> bool:
     return apart <= max(standard_error(other, best), AS_GOOD * whole) and apart < (_TIED - 1.0) * max(whole, 1e-300)
 
 
-def _noise_alone(judge: Judge, base: LawFit, first: LawFit) -> str:
-    """That the model alone leaves no more than the sensor may, "" if it does: the error of a coarse sensor follows the
-    motion, so that functions of the motion explain a part of it.
-
-    A law of u needs what a diagnosis calls something: where an axis sticks, friction is what u is.
-    """
-    problem = judge.balance.problem
-    least = problem.least_missing if first.forward else POLICY.floor_factor * problem.floor
-    return "" if surely_left(judge, base) > least else "what is left may be the sensor's noise"
+def sensed(problem: Problem, of_u: bool) -> float:
+    """What the sensor may leave, unit of u: the error of a coarse one follows the motion, so that functions of the
+    motion explain a part of it. A law of u needs what a diagnosis calls something: where an axis sticks, friction is
+    what u is."""
+    return problem.least_missing if of_u else POLICY.floor_factor * problem.floor
 
 
 def why_not(judge: Judge, before: LawFit, after: LawFit) -> str:
@@ -281,7 +280,7 @@ def why_not(judge: Judge, before: LawFit, after: LawFit) -> str:
     if not all(_takes(judge, before, after, least, held_out=held_out) for held_out in (True, False)):
         return "what a function of the channels explains is too small to matter"
     sure = judge.balance.weight == 1.0
-    noise = 0.0 if before.laws else POLICY.floor_factor * problem.floor  # beside a law that is sure a small one may be
+    noise = 0.0 if before.laws else sensed(problem, of_u=False)  # beside a law that is sure a small one may be
     spread = not sure.any() or _takes(judge, before, after, noise, sure)
     return "" if spread and is_shown(judge, after) else AT_STOPS
 

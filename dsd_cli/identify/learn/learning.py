@@ -10,7 +10,7 @@ from dsd_cli.identify.fit.driven_load import with_driven_load
 from dsd_cli.identify.fit.problem import Problem, pose
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.fit.values import flat
-from dsd_cli.identify.learn.choose import Choice, choose, left_of, surely_left
+from dsd_cli.identify.learn.choose import OF_SENSOR, Choice, choose, left_of, sensed, surely_left
 from dsd_cli.identify.learn.curves import curves_of, effects_of, gain, views_of, with_scale_in
 from dsd_cli.identify.learn.forgetting import UNKNOWN, forgetting, is_hysteresis
 from dsd_cli.identify.learn.formulate import formula_of
@@ -56,17 +56,14 @@ def learn(
     progress("which channels", 0.1)
     chosen = choose(balance_of(problem), lambda share: progress("which channels", 0.1 + 0.5 * share))
     progress("fitting the law", 0.7)
-    if is_hysteresis(chosen.fit) and chosen.judge.balance.problem is not problem:
-        recordings, holdout = forgetting(recordings, problem), forgetting(holdout, problem)
-    scores = Scores(recordings, holdout, model, settings)
+    whole = scores = Scores(recordings, holdout, model, settings)
     if chosen.refused or not chosen.fit.laws[0].family.of_motion:
-        return _nothing(chosen, scores, recordings, holdout)
+        return _nothing(chosen, whole)
+    if is_hysteresis(chosen.fit) and chosen.judge.balance.problem is not problem:
+        scores = Scores(forgetting(recordings, problem), forgetting(holdout, problem), model, settings)
     found = _learnt(chosen, scores, stand_ins)
-    was = min(scores.given.rmse, scores.refitted.rmse)
-    if not found.after.rmse <= (1.0 - POLICY.unknown_fall) * was:
-        # few blocks, in which the model's own values hardly hold without each other, make any law look good
-        why = f"with a law in it the model leaves {found.after.rmse:.4g} of the log where it leaves {was:.4g} without"
-        found = _nothing(replace(chosen, refused=why), scores, recordings, holdout)
+    if refused := whole.why_not(found.model, chosen.fit.forward):
+        found = _nothing(replace(chosen, refused=refused), whole)
     progress("done", 1.0)
     return found
 
@@ -82,6 +79,22 @@ class Scores:
         self.given = self.problem.errors.of_model(self.problem.model)
         self.search = Search(self.problem)
         self.refitted = self.problem.score(self.search.refit)
+
+    @property
+    def without(self) -> float:
+        """Rms that the model leaves without a law, at the delay that suits it best."""
+        return min(self.given.rmse, self.refitted.rmse)
+
+    def why_not(self, law: PlantModel, of_u: bool) -> str:
+        """Why a model with a law in it is not taken, "" if it is: where few blocks, in which the model's own values
+        hardly hold without each other, or rows in which hysteresis has forgotten, or a delay that suits it alone made
+        it look good."""
+        if self.without <= sensed(self.problem, of_u):
+            return OF_SENSOR
+        leaves = self.problem.errors_for(law, self.recordings).of_model(law).rmse
+        if leaves <= (1.0 - POLICY.unknown_fall) * self.without:
+            return ""
+        return f"with a law in it the model leaves {leaves:.4g} of the log where it leaves {self.without:.4g} without"
 
     def of(self, model: PlantModel) -> Problem:
         """A model and nothing to add to it."""
@@ -198,12 +211,12 @@ def _notes(problem: Problem, heldout: float, springs: bool) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _nothing(chosen: Choice, scores: Scores, recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Learnt:
+def _nothing(chosen: Choice, scores: Scores) -> Learnt:
     """No law, and why."""
-    problem = scores.problem
+    problem, holdout = scores.problem, scores.holdout
     known = problem.values(scores.search.refit)
     refitted = _held_out(scores.refitted, chosen, chosen.base, holdout)
-    left = surely_left(chosen.judge, chosen.base)
+    left = min(surely_left(chosen.judge, chosen.base), scores.without)
     verdict, why, least = NOTHING, chosen.refused, problem.least_missing
     share = f"{100.0 * left / max(problem.errors.force, 1e-300):.3g} % of u"
     if not chosen.refused:
@@ -211,11 +224,11 @@ def _nothing(chosen: Choice, scores: Scores, recordings: Sequence[Recording], ho
     elif left > least and not chosen.undecided:
         verdict, why = NOT_OF_MOTION, f"{share} is left on blocks that no fit saw: {why}"
     elif not chosen.undecided:  # whether so little is something is for the search to say
-        noise = left <= POLICY.floor_factor * problem.floor
+        noise = left <= sensed(problem, of_u=False)
         little = "may be the sensor's noise" if noise else "is more than the sensor's noise, but too little to matter"
         why = f"what is left below {problem.equations.band.hz:.1f} Hz, {share}, {little}"
     return Learnt(
-        logs=tuple(r.name for r in recordings),
+        logs=tuple(r.name for r in scores.recordings),
         verdict=verdict,
         family="",
         channels=(),
