@@ -170,6 +170,7 @@ class Policy:
     least_moving: float = 0.02  # share of rows in which the axis slides
     rest_deviations: float = 3.0  # of the speed's noise, within which the axis may be at rest
     creep_share: float = 1e-3  # of the rms speed, up to which a sticking axis may creep
+    presliding_share: float = 0.01  # of it, up to which friction may not have reached its level, if that lasts a row
     clear_acceleration: float = 0.12  # of the rms of u: noise of J a above which the smoothed speed's slope is taken
     clear_signs: float = 8.0  # standard errors from which on a sign counts
     correlated_samples: float = 50.0  # of d_hat that count as one, for that

@@ -19,6 +19,7 @@ from dsd_cli.identify.fit.bank import SHARE, Bank, Terms, has_friction
 from dsd_cli.identify.fit.covariance import Information, converged, information
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.solve import Fit, Solver
+from dsd_cli.identify.fit.stretches import slow_spells
 from dsd_cli.identify.fit.values import MOST_SHARE
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
@@ -203,20 +204,24 @@ def surely_less(was: Array, now: Array) -> bool:
     return fall > POLICY.value_deviations**2
 
 
-def uncertain(equations: Equations) -> Array:
+def uncertain(equations: Equations, creeping: bool = True) -> Array:
     """Share of each whitened row's weight on samples in which the axis may rest or turn, shape (N,).
 
-    The halo of the smoothing that made the speed is in doubt, too, where it is no wider than a row.
+    The halo of the smoothing that made the speed is in doubt, too, where it is no wider than a row. So is friction, if
+    `creeping` is, where the axis creeps for a row or longer, of whatever sensor: before it breaks away, friction is
+    what holds it, anything between its levels to either side. A turn only passes through such speeds.
     """
     shares = []
     for s, owner in zip(equations.stretches, equations.owners, strict=True):
         band, white = equations.bands[owner], np.abs(equations.whitening[owner])
-        taps = np.abs(band.taps)
+        taps, a_row = np.abs(band.taps), 2 * band.step + 1
         band = replace(band, taps=taps / taps.sum())
         doubt = (s.free == 0.0) | (np.abs(s.sign) < _SURE)
         halo = np.isfinite(s.log["turning"])
-        if _shortest_run(halo) <= 2 * band.step + 1:
+        if _shortest_run(halo) <= a_row:
             doubt |= halo
+        if creeping:
+            doubt |= slow_spells(s.log["velocity"], POLICY.presliding_share, a_row)
         reach = len(white) // 2
         rows = np.pad(band.rows(doubt.astype(np.float64), equations.startup), reach, mode="edge")
         shares.append(np.convolve(rows, white / white.sum(), mode="valid"))

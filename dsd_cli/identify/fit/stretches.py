@@ -37,12 +37,18 @@ def resting(velocity: Array, rest_speed: ArrayLike) -> NDArray[np.bool_]:
     most = POLICY.resting_most * usual_speed
     limit = np.broadcast_to(np.minimum(rest_speed, most), velocity.shape)
     usual = float(np.mean(np.abs(np.diff(velocity)))) if len(velocity) > 1 else 0.0
-    found = np.zeros(len(velocity), dtype=bool)
-    for start, end in _runs(np.abs(velocity) <= POLICY.creep_share * usual_speed):
-        found[start:end] = True
+    found = slow_spells(velocity, POLICY.creep_share)
     for width in POLICY.resting_bands:
         for start, end in _runs(np.abs(velocity) <= width * limit):
             found[start:end] |= _stays(velocity[start:end], float(np.median(limit[start:end])), usual)
+    return found
+
+
+def slow_spells(velocity: Array, share: float, least: int = 0) -> NDArray[np.bool_]:
+    """Intervals of runs of at least so many that are no faster than a share of the rms speed, shape (n,)."""
+    found = np.zeros(len(velocity), dtype=bool)
+    for start, end in _runs(np.abs(velocity) <= share * float(np.sqrt(np.mean(velocity**2)))):
+        found[start:end] = end - start >= least
     return found
 
 

@@ -191,7 +191,7 @@ def balance_of(problem: Problem, delay: float | None = None) -> Balance:
 
 def _weights(equations: Equations) -> Array:
     """1 where the direction of the motion is sure, little where it hardly is, 0 at rest."""
-    doubt = uncertain(equations)
+    doubt = uncertain(equations, creeping=False)
     weight = np.where(doubt <= _SURE, 1.0, np.where(doubt <= _HARDLY, _LITTLE, 0.0)) * equations.kept
     return np.asarray(weight if np.mean(weight == 1.0) > _ENOUGH else equations.kept.astype(np.float64))
 

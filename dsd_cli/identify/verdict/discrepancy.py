@@ -90,8 +90,9 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
     fall = fits.fit_with(best.on, whitened=False).gain / max(int(equations.kept.sum()), 1)
     reached = math.sqrt(max(plain**2 - fall, 0.0))
     certain = best.gain / search.noise.nats > POLICY.unknown_nats and reached < (1.0 - POLICY.unknown_fall) * plain
-    large = math.sqrt(max(plain**2 - reached**2, 0.0)) > POLICY.least_unknown * errors.force
-    structured = share > POLICY.structured_share and math.sqrt(share) * plain > POLICY.least_unknown * errors.force
+    least, left = POLICY.least_unknown * errors.force, surely_left(search, fit)
+    large = min(math.sqrt(max(plain**2 - reached**2, 0.0)), left) > least
+    structured = share > POLICY.structured_share and math.sqrt(share) * left > least
     on = best.on if reached < plain else ()
     unknown = ((certain and large) or structured) and not _in_doubt(search, fit)
     return Discrepancy(on, min(reached, plain), unknown, noise)
