@@ -59,7 +59,7 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
     beside, falls = _with_the_set(result, winner)
     tied = winner.indistinguishable_from  # one of these it is
     placed = of_place((winner.effect, *result.found), result.units)
-    verb = "is" if winner.effect not in placed and (tied or believed(result.probability)) else "may be"
+    verb = "is" if winner.effect not in placed and believed(result.probability) else "may be"
     if winner.effect in (INERTIA, DELAY) or (given is not None and winner.effect in given.effects):
         line = f"{_as_given(winner, given)} of [model] {verb} wrong: {values}{sure}{beside}; {held} {falls}"
     else:

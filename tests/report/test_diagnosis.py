@@ -96,7 +96,7 @@ def test_words_do_not_contradict_their_probability() -> None:
     assert "yes" not in text
     assert "yes, 97 %" in shown(DiagnosisReport(SEVERAL, GIVEN))
     tied = replace(result, ranking=(replace(doubted, indistinguishable_from=("load_friction",)), *RANKING[1:]))
-    assert "coulomb_friction is missing" in verdict_line(tied)  # or the other: the sentence says so
+    assert verdict_line(tied).startswith("coulomb_friction may be missing")
 
 
 def test_beside_something_unknown_no_candidate_has_a_standard_error() -> None:

@@ -21,6 +21,8 @@ from dsd_cli.signals.log import Array
 
 #: Rows of a segment of the periodogram; rounds of the multiplicative update, each of which lowers the cost.
 _SEGMENT, _ROUNDS = 128, 200
+#: Parts of a spectrum that are alike if it is flat.
+_PARTS = 4
 #: Half length of the whitening filter, rows, and frequencies at which its response is specified.
 HALF, _POINTS = 12, 256
 
@@ -95,13 +97,30 @@ def structured_share(residual: Sequence[Array], band: Band) -> float:
 
     That share is no measuring noise: what sensors add to a force rises with frequency or is flat.
     """
-    found = density(residual, _SEGMENT)
-    rows = sum(len(x) for x in residual)
-    inside = found.angle <= end_of(band)
-    if rows < POLICY.least_segments * _SEGMENT / 2 or not found.power[inside].sum() > 0.0:
+    power = _in_band(residual, band)
+    if not power.sum() > 0.0:
         return 0.0
-    power = found.power[inside] / band.gain(found.angle[inside]) ** 2
-    count = max(int(inside.sum()) // 4, 1)
+    count = max(len(power) // 4, 1)
     bands = np.array([part.mean() for part in np.array_split(power, count)])
     floor = np.minimum.accumulate(bands[::-1])[::-1]
     return float(np.maximum(bands - POLICY.stands_out * floor, 0.0).sum() / bands.sum())
+
+
+def white_up_to_the_end(residual: Sequence[Array], band: Band, u: Sequence[Array]) -> bool:
+    """Whether these rows (not whitened) are white in the band, and u above it is at least as strong, up to half the
+    sample rate: no law of a motion is, and no force need be answered there."""
+    power = _in_band(residual, band)
+    found = density(u)
+    above = found.power[found.angle > 2.0 * end_of(band) / band.step]
+    if not power.sum() > 0.0 or len(above) < _PARTS:
+        return False
+    inside, beyond = ([part.mean() for part in np.array_split(x, _PARTS)] for x in (band.step * power, above))
+    return bool(max(inside) < POLICY.stands_out * min(*inside, *beyond))
+
+
+def _in_band(residual: Sequence[Array], band: Band) -> Array:
+    """Density of rows at the angles within the band, as before the low-pass; zeros where they are too few."""
+    found = density(residual, _SEGMENT)
+    inside = found.angle <= end_of(band)
+    enough = sum(len(x) for x in residual) >= POLICY.least_segments * _SEGMENT / 2
+    return np.asarray(enough * found.power[inside] / band.gain(found.angle[inside]) ** 2)

@@ -26,7 +26,13 @@ from dsd_cli.identify.search.levels import Levelled, levelled
 from dsd_cli.identify.search.repeats import renamed
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.contradictions import Contradiction, against_told, freed, told_far_off
-from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrepancy_of, without_imitations
+from dsd_cli.identify.verdict.discrepancy import (
+    above_floor,
+    borne_out,
+    discrepancy_of,
+    noise_of_u,
+    without_imitations,
+)
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.levels import log_levels, with_levels_said
 from dsd_cli.identify.verdict.limits import limits_of
@@ -134,6 +140,7 @@ def _either_way(
     errors, errors_there = search.problem.errors, there.search.problem.errors
     share = errors.rmse(whole) / errors.moving(search.solver.inertia)
     less = errors_there.rmse(there.whole) < POLICY.other_way * share * errors_there.force
+    less = less or noise_of_u(there.search, there.whole)
     return (there, replace(settings, inverse=True)) if less else (found, settings)
 
 

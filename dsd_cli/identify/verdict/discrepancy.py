@@ -13,7 +13,7 @@ from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Terms
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import GAIN, Freeform, FreeformFits, freeform_fits, loss_of
-from dsd_cli.identify.fit.noise import structured_share
+from dsd_cli.identify.fit.noise import structured_share, white_up_to_the_end
 from dsd_cli.identify.fit.row_weights import clear_rows, surely_less
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
@@ -107,8 +107,22 @@ def above_floor(search: Search, fit: Fit) -> bool:
 
 
 def surely_left(search: Search, fit: Fit) -> float:
-    """rms, unit of u, of all rows or of those where the direction is sure, if that is less: turns leave more."""
-    return min(search.problem.errors.rmse(fit), left_elsewhere(search, fit))
+    """rms, unit of u, of all rows or of those where the direction is sure, if that is less: turns leave more. What is
+    noise of u counts as the sensor's."""
+    left = min(search.problem.errors.rmse(fit), left_elsewhere(search, fit))
+    return min(left, search.problem.floor) if noise_of_u(search, fit) else left
+
+
+def noise_of_u(search: Search, fit: Fit) -> bool:
+    """Whether u by the motion leaves what is white in the band, and as strong in u above it: a duty, or a current that
+    is logged without a filter. In the motion by u it would bend every value and pass for a lag, or a gain that varies.
+    """
+    errors, equations = search.problem.errors, search.equations
+    if not fit.inverse:
+        return False
+    left, logs = equations.by_recording(errors.residual(fit, held_out=False)), enumerate(equations.bands)
+    u = [[s.log["u"] for s in equations.stretches if s.owner == i] for i in range(len(left))]
+    return all(white_up_to_the_end(left[i], band, u[i]) for i, band in logs)
 
 
 def only_at_stops(search: Search, fit: Fit) -> bool:
@@ -146,6 +160,18 @@ def said_of_stops(search: Search, fit: Fit) -> tuple[str, ...]:
     return (
         f"most of the error that the fit leaves, {left:.3g}, is from stops and creeping, where the direction is not"
         f" sure and nothing is identifiable; elsewhere it is {elsewhere:.3g}",
+    )
+
+
+def said_of_noise(search: Search, fit: Fit) -> tuple[str, ...]:
+    """A warning that what is left is noise of u, if it is."""
+    if not noise_of_u(search, fit):
+        return ()
+    left, force = search.problem.errors.rmse(fit), search.problem.errors.force
+    return (
+        f"the error that the fit leaves, {left:.3g}, {100.0 * left / force:.2g} % of u, is white, and u has as much noise"
+        " above the band: it counts as noise of u, which no force answers. Is it a duty, or a current that is logged"
+        " without a filter?",
     )
 
 

@@ -19,6 +19,7 @@ from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
 from dsd_cli.identify.search.seen import Seen, is_a_load
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.shapes import refined
+from dsd_cli.identify.verdict.discrepancy import noise_of_u
 from dsd_cli.identify.verdict.resonance import Resonance, note_on
 from dsd_cli.plant.model import PlantModel
 
@@ -84,7 +85,8 @@ def _fitted_values(search: Search) -> ParameterCheck:
     free = [name for name in (INERTIA, DELAY) if not values[name].held]
     alone = (_alone(search, believed, name, given, values[name]) for name in free)
     candidates = tuple(sorted(alone, key=lambda c: c.rmse_after))
-    sure = max(_deviations(believed, values), key=lambda pair: pair[1], default=("", 0.0))
+    between = search.solver.bank.tap_time if noise_of_u(search, refit) else 0.0
+    sure = max(_deviations(believed, values, between), key=lambda pair: pair[1], default=("", 0.0))
     if not problem.falls(given.heldout_rmse, refitted.heldout_rmse, refit) or sure[1] < POLICY.value_deviations:
         return ParameterCheck(score, refitted, candidates, "", 0.0, said)
     if any("load_share" in v and not is_a_load(v["load_share"]) for v in fitted.model.effects.values()):
@@ -170,11 +172,12 @@ def _explains_the_delay(search: Search, effect: str) -> bool:
     return (least - search.refit.squares) / search.noise.nats < POLICY.least_gain
 
 
-def _deviations(believed: PlantModel, values: dict[str, Estimate]) -> list[tuple[str, float]]:
-    """How many standard errors each value of the model is off."""
+def _deviations(believed: PlantModel, values: dict[str, Estimate], between: float) -> list[tuple[str, float]]:
+    """How many standard errors each value of the model is off. between : s by which the delay is surer than known: half
+    way from one step to the next u is the mean of two, and has less noise of its own."""
     given = flat(believed)
     return [
-        (name, abs(e.value - given[name]) / e.std_error)
+        (name, abs(e.value - given[name]) / math.hypot(e.std_error, between * (name == DELAY)))
         for name, e in values.items()
         if name in given and e.std_error > 0.0
     ]
