@@ -124,12 +124,7 @@ class Passport:
 
 
 def read_values(recording: Recording, model: PlantModel, settings: Settings, log: str, date: str) -> Reading:
-    """All values of the model that are not held, fitted to this log alone.
-
-    Raises
-    ------
-    DataError, UsageError : as `pose`.
-    """
+    """All values of the model that are not held, fitted to this log alone. Raises as `pose`."""
     problem = pose([recording], model, Settings(known=settings.known, effects=()))
     fit = Search(problem).refit
     score = problem.score(fit)

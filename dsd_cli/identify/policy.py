@@ -94,7 +94,6 @@ class Policy:
     # -- reconstructed motion --
     drift_rounds: int = 3  # in which its drift is found beside a set of effects, and the set anew
     ripple_share: float = 0.15  # of what is left, that a ripple over the position holds; of noise none holds 0.03
-    paths_alone: int = 2  # that are followed, of effects that are asked alone, each on the path that suits it
     path_rounds: int = 6  # in which the path of one set settles: each halves a step that would go too far
     most_drift: float = 0.7  # of the range of the position, by which it may drift and still be used
     most_travel: float = 1.5  # times the least travel of any speed offset: an axis that works comes back

@@ -110,8 +110,6 @@ def band_of(hz: float, sample_time: float) -> Band:
 def chosen_band(accelerations: Sequence[Array], noise: SensorNoise, sample_time: float) -> Band:
     """The widest band over whose end the acceleration stands above the sensor's noise.
 
-    Parameters
-    ----------
     accelerations : as measured, of every stretch; `noise` : the sensor's.
     """
     found = density(accelerations)

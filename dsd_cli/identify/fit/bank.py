@@ -84,8 +84,6 @@ INERTIA, SHARE = 0, 1
 class Bank:
     """Columns of some equations, each made once.
 
-    Parameters
-    ----------
     plain : a bank of the same rows in the unit of u, whose rows this one whitens; None: the rows are as `equations`
         has them without whitening.
     variance : of the sensor's noise in a row of the acceleration. It would pull the inertia down (errors in variables).

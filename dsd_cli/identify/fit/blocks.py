@@ -164,8 +164,6 @@ def total_gram(rows: Sequence[Array]) -> Array:
 def without_noise(gram: Array, noise: Array, rows: ArrayLike) -> Array:
     """Gram matrices, shape (..., p+1, p+1), less what noise in the columns adds to them.
 
-    Parameters
-    ----------
     noise : covariance of the noise in a row of the columns, shape (p, p). rows : how many rows each matrix sums over,
         shape (...). No more is taken than half of what a column has.
     """

@@ -220,8 +220,6 @@ _ROUNDING = 1e-7
 def solved(stack: Array, target: int, signs: Sequence[int], rules: Reduction | None = None) -> tuple[Array, Array]:
     """(coefficients of all rows but the target, shape (M, p), weights of all rows in the residual, shape (M, p+1)).
 
-    Parameters
-    ----------
     stack : Gram matrices, (M, p+1, p+1). The first decides which sign constraints are active (coefficient 0).
     signs : 1 not negative, -1 not positive, 0 free; of all rows but the target.
     rules : weights are `rules.expand` times those of the rows that are left. Where the target is not left (a held

@@ -64,8 +64,6 @@ class Information:
     ) -> Array:
         """Shape (m, m), within what is free; with few blocks the usual one, (H+P)^-1 (floor H + spread) (H+P)^-1.
 
-        Parameters
-        ----------
         floor : variance of a whitened row, inflated for correlation: the usual covariance, where blocks are too few.
         complete : the fit leaves noise alone; else the larger of both counts, for a jackknife knows no lean that all
             blocks share.

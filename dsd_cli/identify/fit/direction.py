@@ -34,8 +34,6 @@ def inverse_is_evidence(solver: Solver, beside: Terms, inertia: float, tap: int)
     J is that of the log beside functions of the motion, as far as it is to be believed (`POLICY.believed_inertia`): a
     controller that follows the motion leaves any inertia open, down to none at all.
 
-    Parameters
-    ----------
     solver : on rows in the unit of u. beside : all effects that are functions of the motion without a shape, whether
         asked for or not. inertia, tap : those of the model.
     """
@@ -89,8 +87,6 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
     period ago is as good as u now, with the other sign: each `POLICY.least_delay_range` between a delay and the
     believed one costs a nat.
 
-    Parameters
-    ----------
     near : the best delay of nearly the same rows; all are tried only where the best one is not around it.
     believed : s.
     """

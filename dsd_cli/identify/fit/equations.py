@@ -169,8 +169,6 @@ def equations_of(
 ) -> Equations:
     """Rows of these recordings, not whitened.
 
-    Parameters
-    ----------
     startup : see `Equations`. bands : of all, or of each; None chooses those that the sensors allow, their ends times
         `widened`.
     """

@@ -10,6 +10,7 @@ import numpy as np
 from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank, Design, Term, Terms, has_friction
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.noise import white_to_the_end
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import Scale, coefficients_of, terms_of, whole_inertia
 from dsd_cli.identify.policy import POLICY
@@ -21,8 +22,6 @@ from dsd_cli.signals.log import Array
 class Errors:
     """Residuals of fits and models; rows in which friction may hold do not count.
 
-    Parameters
-    ----------
     bank : rows in the unit of u. blocks : those on which the fits were held out. holdout : equations of recordings
         that no fit saw, in the same band.
     """
@@ -65,6 +64,15 @@ class Errors:
         if not held_out:
             return np.asarray(fit.forward @ rows * self._keep)
         return np.asarray(np.einsum("ni,in->n", fit.forward_folds[self._fold], rows) * self._keep)
+
+    def noise_of_u(self, fit: Fit) -> bool:
+        """Whether u by the motion leaves what is white in the band, and as strong in u above it: a duty, or a current
+        without a filter. In the motion by u it would bend all values, and pass for a lag, or a gain of u that varies.
+        """
+        equations, left = self.equations, self.residual(fit, held_out=False)
+        u = [[s.log["u"] for s in equations.stretches if s.owner == i] for i in range(len(equations.bands))]
+        logs = zip(equations.by_recording(left), equations.bands, u, strict=True)
+        return fit.inverse and all(white_to_the_end(*log) for log in logs)
 
     def rmse(self, fit: Fit) -> float:
         """Held-out root mean square of the forward form, unit of u; to compare fits with."""

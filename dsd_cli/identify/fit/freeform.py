@@ -180,8 +180,6 @@ class FreeformFits:
 def freeform_fits(bank: Bank, equations: Equations, blocks: Blocks, fit: Fit, inertia: float) -> FreeformFits:
     """Free-form functions beside a fit.
 
-    Parameters
-    ----------
     bank : in the unit of u. equations : the same rows with the whitening in which they are judged. inertia : that of
         the forward form.
     """

@@ -106,13 +106,12 @@ def structured_share(residual: Sequence[Array], band: Band) -> float:
     return float(np.maximum(bands - POLICY.stands_out * floor, 0.0).sum() / bands.sum())
 
 
-def white_up_to_the_end(residual: Sequence[Array], band: Band, u: Sequence[Array]) -> bool:
-    """Whether these rows (not whitened) are white in the band, and u above it is at least as strong, up to half the
-    sample rate: no law of a motion is, and no force need be answered there."""
-    power = _in_band(residual, band)
-    found = density(u)
+def white_to_the_end(residual: Sequence[Array], band: Band, u: Sequence[Array]) -> bool:
+    """Whether these rows (not whitened) are white in the band, as no law of the motion is, and u above it, up to half
+    the sample rate, is as strong."""
+    power, found = _in_band(residual, band), density(u)
     above = found.power[found.angle > 2.0 * end_of(band) / band.step]
-    if not power.sum() > 0.0 or len(above) < _PARTS:
+    if not power.sum() > 0.0 or min(len(power), len(above)) < _PARTS:
         return False
     inside, beyond = ([part.mean() for part in np.array_split(x, _PARTS)] for x in (band.step * power, above))
     return bool(max(inside) < POLICY.stands_out * min(*inside, *beyond))

@@ -36,8 +36,6 @@ def measured(plain: Bank, before: Solver, fit: Fit) -> tuple[Solver, Noise]:
     Where the fit has friction, rows in which the direction is not sure are weighed down: what they leave is no evidence
     for anything else, and it leans on the other values.
 
-    Parameters
-    ----------
     plain : bank of the rows in the unit of u. before : the solver that made the fit.
     """
     equations = plain.equations

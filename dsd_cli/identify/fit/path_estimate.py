@@ -45,8 +45,6 @@ FEWEST_ROWS, MOST_ROWS = 200, 20_000
 def without_drift(problem: Problem, fit: Fit, recordings: Sequence[Recording]) -> tuple[Recording, ...]:
     """The recordings of a problem with the drift of their motion, as this fit estimates it, removed.
 
-    Parameters
-    ----------
     recordings : the same with their motion as it was reconstructed, from which the true one wanders.
     """
     return _each(problem, [(path, *path.step()) for path in _paths(problem, fit, recordings)])

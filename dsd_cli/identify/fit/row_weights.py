@@ -65,8 +65,6 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
 
     What those leave beyond noise leans to one side: together they count as one row of that size.
 
-    Parameters
-    ----------
     plain : the bank of the same rows in the unit of u.
     """
     fit, solver = _exact(fit, solver)

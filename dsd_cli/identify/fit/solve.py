@@ -94,8 +94,6 @@ class Reductions(NamedTuple):
 class Solver:
     """Fits selections of effects out of a bank of columns.
 
-    Parameters
-    ----------
     inertia : J0 of the forward form.
     known : what is held, bounded, or known to a spread. variance : of a row, per nat, against which a spread counts;
         0 leaves spreads out. inverse : whether the inverse form is evidence.

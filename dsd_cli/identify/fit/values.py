@@ -220,8 +220,6 @@ def _estimate(
 def _pull(value: float, prior: tuple[float, float], alone: float, share: float) -> float:
     """Standard deviations by which the log alone is off a prior.
 
-    Parameters
-    ----------
     alone : standard error of the value without that prior. share : of the prior in the value.
     """
     if share > 1.0 - POLICY.prior_share:

@@ -23,6 +23,8 @@ from dsd_cli.plant.model import PlantModel
 
 Report = Callable[[str, float], None]
 Found = tuple[Search, Fit]
+#: Paths that are followed, of effects that are asked alone, each on the path that suits it.
+_PATHS_ALONE = 2
 #: Why an effect cannot be told that another path explains as well.
 LOOKS_THE_SAME = "a reconstructed speed or position that is off by a constant looks the same: log the position"
 
@@ -36,9 +38,7 @@ def searched(
 ) -> Found:
     """(search that is ready to judge on all rows, the set of effects that nothing betters any more).
 
-    Raises
-    ------
-    DataError, UsageError : as `pose`.
+    Raises DataError, UsageError as `pose`.
     """
     found = searched_as_is(recordings, model, settings, holdout, report)
     if not any(r.walk > 0.0 for r in recordings):
@@ -133,7 +133,7 @@ class _Paths:
         starts = [(placed(search.problem, fit, self.recordings), fit) for fit in fits]
         starts = [(start, fit) for start, fit in starts if start.left < (1.0 - POLICY.clear_fall) ** 2 * start.before]
         starts.sort(key=lambda start: start[0].left)
-        paths = [self._followed(search, fit, start) for start, fit in starts[: POLICY.paths_alone]]
+        paths = [self._followed(search, fit, start) for start, fit in starts[:_PATHS_ALONE]]
         limit = limit if count > 1 else (1.0 - POLICY.clear_fall) * _error(found)
         return min((p for p in paths if _error(p) < limit), key=_error, default=None)
 

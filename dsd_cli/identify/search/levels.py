@@ -55,12 +55,7 @@ def levelled(
     holdout: Sequence[Recording],
     report: Report = lambda _what, _share: None,
 ) -> Levelled:
-    """The search over these recordings, with levels per log where they differ.
-
-    Raises
-    ------
-    DataError, UsageError : as `pose`.
-    """
+    """The search over these recordings, with levels per log where they differ. Raises as `pose`."""
     plain = tuple(recordings)
     alone = partial(searched, model=model, settings=settings, holdout=holdout, report=report)
     if not may_differ(plain):

@@ -104,11 +104,7 @@ def searched_as_is(
     report: Report,
 ) -> tuple[Search, Fit]:
     """(search that is ready to judge on all rows, the set of effects that nothing betters any more), on the motion as
-    the recordings have it.
-
-    Raises
-    ------
-    DataError, UsageError : as `pose`.
+    the recordings have it. Raises as `pose`.
     """
     parts = excerpts(recordings)
     search, whole = _found(parts, model, settings, holdout, report)

@@ -124,8 +124,6 @@ class Play:
         The error is that of the curvature, or the scatter of the plays that leave nearly as little, if it is larger: in
         which of the valleys a fit ends is chance, of which the curvature knows nothing.
 
-        Parameters
-        ----------
         variance : of a row. near : as `best`.
         """
         slopes = [(self.left(at + _STEP * e) - self.left(at - _STEP * e)) / (2.0 * _STEP) for e in np.eye(len(at))]

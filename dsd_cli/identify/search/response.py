@@ -61,8 +61,6 @@ def response_of(search: Search, whole: Fit, asked: Sequence[str], doubtful: bool
 
     Effects of the set that are late, or loads themselves, may stand in for it and are left out.
 
-    Parameters
-    ----------
     asked : effects that may be the answer. doubtful : the set leaves something unexplained, so that play is looked for
         even where no load swings.
     """

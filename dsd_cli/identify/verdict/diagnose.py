@@ -26,13 +26,7 @@ from dsd_cli.identify.search.levels import Levelled, levelled
 from dsd_cli.identify.search.repeats import renamed
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.contradictions import Contradiction, against_told, freed, told_far_off
-from dsd_cli.identify.verdict.discrepancy import (
-    above_floor,
-    borne_out,
-    discrepancy_of,
-    noise_of_u,
-    without_imitations,
-)
+from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrepancy_of, without_imitations
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.levels import log_levels, with_levels_said
 from dsd_cli.identify.verdict.limits import limits_of
@@ -128,7 +122,7 @@ def _either_way(
     Each is less by its own measure: of a u that hardly matters to the motion little is left, whatever explains it.
 
     An axis that sticks and slips accelerates hard for moments, so that J a is a fair part of u, and yet what u does
-    not explain is most of that: friction and cogging, which the motion explains all of.
+    not explain is most of that: friction and cogging, which the motion explains all of. So is noise that u alone has.
     """
     found = levelled(recordings, model, settings, holdout, report)
     search, whole = found.search, found.whole
@@ -140,7 +134,7 @@ def _either_way(
     errors, errors_there = search.problem.errors, there.search.problem.errors
     share = errors.rmse(whole) / errors.moving(search.solver.inertia)
     less = errors_there.rmse(there.whole) < POLICY.other_way * share * errors_there.force
-    less = less or noise_of_u(there.search, there.whole)
+    less = less or errors_there.noise_of_u(there.whole)
     return (there, replace(settings, inverse=True)) if less else (found, settings)
 
 
@@ -183,9 +177,7 @@ def prior_check(
 ) -> tuple[Settings, tuple[Contradiction, ...]]:
     """(settings with the effects that are worth a search, what the log says against what was given).
 
-    Raises
-    ------
-    DataError, UsageError : as `pose`.
+    Raises DataError, UsageError as `pose`.
     """
     looked = replace(settings, against=settings.against or ())
     known = settings.known

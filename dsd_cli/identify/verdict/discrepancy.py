@@ -13,7 +13,7 @@ from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Terms
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import GAIN, Freeform, FreeformFits, freeform_fits, loss_of
-from dsd_cli.identify.fit.noise import structured_share, white_up_to_the_end
+from dsd_cli.identify.fit.noise import structured_share
 from dsd_cli.identify.fit.row_weights import clear_rows, surely_less
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
@@ -110,19 +110,7 @@ def surely_left(search: Search, fit: Fit) -> float:
     """rms, unit of u, of all rows or of those where the direction is sure, if that is less: turns leave more. What is
     noise of u counts as the sensor's."""
     left = min(search.problem.errors.rmse(fit), left_elsewhere(search, fit))
-    return min(left, search.problem.floor) if noise_of_u(search, fit) else left
-
-
-def noise_of_u(search: Search, fit: Fit) -> bool:
-    """Whether u by the motion leaves what is white in the band, and as strong in u above it: a duty, or a current that
-    is logged without a filter. In the motion by u it would bend every value and pass for a lag, or a gain that varies.
-    """
-    errors, equations = search.problem.errors, search.equations
-    if not fit.inverse:
-        return False
-    left, logs = equations.by_recording(errors.residual(fit, held_out=False)), enumerate(equations.bands)
-    u = [[s.log["u"] for s in equations.stretches if s.owner == i] for i in range(len(left))]
-    return all(white_up_to_the_end(left[i], band, u[i]) for i, band in logs)
+    return min(left, search.problem.floor) if search.problem.errors.noise_of_u(fit) else left
 
 
 def only_at_stops(search: Search, fit: Fit) -> bool:
@@ -152,26 +140,19 @@ def borne_out(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Dis
     return (whole, beyond) if surely_less(was, now) else (search.refit, discrepancy_of(search, search.refit))
 
 
-def said_of_stops(search: Search, fit: Fit) -> tuple[str, ...]:
-    """A warning that what is left is not judged, if it is left there."""
+def said_of_left(search: Search, fit: Fit) -> tuple[str, ...]:
+    """A warning that what is left is not judged, if it is left at stops, or that it is noise of u."""
+    left, elsewhere, errors = search.problem.errors.rmse(fit), left_elsewhere(search, fit), search.problem.errors
+    if errors.noise_of_u(fit):
+        return (
+            f"the error that the fit leaves, {left:.3g}, {100.0 * left / errors.force:.2g} % of u, is white, and u has"
+            " as much above the band: it counts as noise of u. Is that a duty, or a current without a filter?",
+        )
     if not only_at_stops(search, fit):
         return ()
-    left, elsewhere = search.problem.errors.rmse(fit), left_elsewhere(search, fit)
     return (
         f"most of the error that the fit leaves, {left:.3g}, is from stops and creeping, where the direction is not"
         f" sure and nothing is identifiable; elsewhere it is {elsewhere:.3g}",
-    )
-
-
-def said_of_noise(search: Search, fit: Fit) -> tuple[str, ...]:
-    """A warning that what is left is noise of u, if it is."""
-    if not noise_of_u(search, fit):
-        return ()
-    left, force = search.problem.errors.rmse(fit), search.problem.errors.force
-    return (
-        f"the error that the fit leaves, {left:.3g}, {100.0 * left / force:.2g} % of u, is white, and u has as much noise"
-        " above the band: it counts as noise of u, which no force answers. Is it a duty, or a current that is logged"
-        " without a filter?",
     )
 
 

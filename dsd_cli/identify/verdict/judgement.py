@@ -15,14 +15,7 @@ from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling,
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.contradictions import contradictions
-from dsd_cli.identify.verdict.discrepancy import (
-    Discrepancy,
-    above_floor,
-    before_climb,
-    only_at_stops,
-    said_of_noise,
-    said_of_stops,
-)
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, before_climb, only_at_stops, said_of_left
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.own_values import ParameterCheck
 from dsd_cli.identify.verdict.probability import (
@@ -182,8 +175,7 @@ class Verdict:
     def diagnosis(self) -> Diagnosis:
         """The whole answer."""
         problem, verdict, score, refitted = self.problem, self.named, self.own.score, self.own.refitted
-        stops, said = said_of_stops(self.search, self.whole), said_of_noise(self.search, self.whole)
-        said = (*said, *self.shown.warnings, *self.own.said)
+        left, said = said_of_left(self.search, self.whole), (*self.shown.warnings, *self.own.said)
         ranking = self._ranking(score, refitted)
         named = next((c for c in ranking if c.effect == verdict), None)
         fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
@@ -219,8 +211,8 @@ class Verdict:
             band_hz=self.search.equations.band.hz,
             floor=problem.floor,
             provenance=source,
-            warnings=self.limits.said + contradictions(self.search, fit, known.estimates) + stops + said,
-            at_stops=bool(stops),
+            warnings=self.limits.said + contradictions(self.search, fit, known.estimates) + left + said,
+            at_stops=only_at_stops(self.search, self.whole),
             blocked=self.limits.blocked,
             depends_on=self.beyond.on if unknown else (),
             held_out=tuple(r.name for r in problem.holdout),

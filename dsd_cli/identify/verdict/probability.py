@@ -25,7 +25,7 @@ from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.search.sets import Option, Search
-from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, noise_of_u, surely_left
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, surely_left
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.pushes import pushes_leave_more
 from dsd_cli.signals.log import Array
@@ -65,8 +65,6 @@ def memberships(search: Search, whole: Fit, unknown: bool) -> dict[str, Membersh
 def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Membership:
     """Take one effect out of the found set and try every other effect instead of it.
 
-    Parameters
-    ----------
     misfit : something unknown remains: then a lead in likelihood may come from that, and an effect that explains
         nearly as much is a tie.
     """
@@ -224,7 +222,8 @@ def nothing_missing(search: Search, options: Sequence[Option]) -> float:
     prior, untestable = math.exp(-POLICY.effect_price), search.problem.untestable.values()
     untested = sum(1.0 if why == LOOKS_THE_SAME else prior for why in untestable)
     rmse, noise = search.problem.errors.rmse(search.refit), POLICY.floor_factor * search.problem.floor
-    left = 0.0 if noise_of_u(search, search.refit) else _force(search, math.sqrt(max(rmse**2 - noise**2, 0.0)))
+    of_u = search.problem.errors.noise_of_u(search.refit)
+    left = 0.0 if of_u else _force(search, math.sqrt(max(rmse**2 - noise**2, 0.0)))
     likely = 0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING]
     return likely * (1.0 - POLICY.even * left) / (1.0 + untested)
 
