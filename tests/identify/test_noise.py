@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.fit.band import band_of
-from dsd_cli.identify.fit.noise import HALF, ForceNoise, end_of, fitted_noise, response, structured_share, whitening
+from dsd_cli.identify.fit.noise import (
+    HALF,
+    ForceNoise,
+    end_of,
+    fitted_noise,
+    response,
+    structured_share,
+    white_to_the_end,
+    whitening,
+)
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.spectrum import SensorNoise
 
@@ -193,3 +202,19 @@ def test_a_jump_between_two_stretches_is_no_structure():
     rows = _rows("position", 1.0, 1e-9, 5)
     half = len(rows) // 2
     assert structured_share([rows[:half], rows[half:] + 50.0], BAND) < 0.1
+
+
+# -- noise that u has alone -------------------------------------------------------------------------------------------
+
+
+def test_what_is_white_in_the_band_is_of_u_where_u_has_it_above_the_band_too():
+    rng = np.random.default_rng(31)
+    noise, motion = rng.normal(size=SAMPLES), 30.0 * np.sin(2.0 * np.pi * 0.5 * T * np.arange(SAMPLES))
+    slow = np.convolve(noise, np.full(100, 0.1), "same")  # to 10 Hz or so, as forces are
+    white, coloured = BAND.rows(noise, 0), BAND.rows(slow, 0)
+    assert white_to_the_end([white], BAND, [motion + noise])
+    assert white_to_the_end([white[:4000], white[4000:]], BAND, [motion + noise])
+    assert not white_to_the_end([white], BAND, [motion + 0.3 * noise])  # it is not u that has it
+    assert not white_to_the_end([coloured], BAND, [motion + noise])
+    assert not white_to_the_end([np.diff(white)], BAND, [motion + noise])  # a sensor's rises
+    assert not white_to_the_end([white[:200]], BAND, [motion + noise])  # too few rows for a spectrum

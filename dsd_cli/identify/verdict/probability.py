@@ -179,9 +179,10 @@ def surest_of(search: Search, whole: Fit, limits: Limits) -> float:
 
 
 def _size(search: Search, whole: Fit) -> int:
-    """Number of effects of the set, those of it that the climb has taken among them; each push is one of its own."""
-    added = len(search.base) - len(search.problem.before)
-    return added + sum(len(t.shape["edges"]) if t.effect.listed else 1 for t in search.added(whole.terms))
+    """How much of the set was chosen: effects, those of it that the climb has taken among them, and each shape that was
+    searched with them; each push is one of its own."""
+    chosen = [t for t in search.base if t not in search.problem.before] + list(search.added(whole.terms))
+    return sum(len(t.shape["edges"]) if t.effect.listed else 1 + t.effect.searched for t in chosen)
 
 
 def missing_of(search: Search, whole: Fit, members: Mapping[str, Membership], surest: float) -> tuple[Missing, ...]:
