@@ -15,7 +15,9 @@ from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
-from dsd_cli.signals.log import Log
+from dsd_cli.signals.log import Log, with_channels
+from tests.identify.search_rig import BELIEVED, seen
+from tests.identify.search_rig import OBSERVER as RIG
 from tests.oracle.tiers_axes import tiers
 
 STEP = 0.005
@@ -222,3 +224,22 @@ def test_a_command_that_is_one_ramp_leaves_no_delay_beyond_the_rows():
     far = weighed(replace(fit, total=np.array([INERTIA, 1e12])), problem.solver, problem.errors.bank).fit
     assert far.tap * problem.solver.bank.delay_step < problem.equations.startup
     assert np.isfinite(far.total).all()
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1], ids=["nothing missing", "friction missing"])
+def test_noise_that_the_logged_u_alone_has_is_no_force(friction):
+    """A duty, or a current without a filter, at 30 % of u: it was "unknown", a gain of u that varies, a lag."""
+    effects = {"coulomb_friction": {"level": friction}} if friction else {}
+    recording, random = seen(effects, noise=2e-5, duration=8.0), np.random.default_rng(77)
+    (piece,) = recording.pieces
+    u = piece["u"] + 0.3 * float(np.sqrt(np.mean(piece["u"] ** 2))) * random.normal(size=len(piece))
+    noisy = replace(recording, pieces=(with_channels(piece, u=u),))
+    asked = Settings(("coulomb_friction", "viscous_friction", "actuator_lag", "gravity"))
+    found = diagnose([noisy], BELIEVED, RIG, asked)
+    assert found.found == tuple(effects)
+    assert found.verdict == ("coulomb_friction" if friction else "none")
+    assert found.probability > 0.85
+    assert found.unexplained.share_of_u == 0.0
+    assert any("it counts as noise of u" in said for said in found.warnings)
+    if friction:
+        assert found.estimates["coulomb_friction.level"].value == pytest.approx(friction, rel=0.07)

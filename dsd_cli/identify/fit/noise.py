@@ -114,7 +114,8 @@ def white_to_the_end(residual: Sequence[Array], band: Band, u: Sequence[Array]) 
     if not power.sum() > 0.0 or min(len(power), len(above)) < _PARTS:
         return False
     inside, beyond = ([part.mean() for part in np.array_split(x, _PARTS)] for x in (band.step * power, above))
-    return bool(max(inside) < POLICY.stands_out * min(*inside, *beyond))
+    level = float(np.mean(inside))
+    return bool(max(inside) < POLICY.stands_out * level < POLICY.stands_out**2 * min(*inside, *beyond))
 
 
 def _in_band(residual: Sequence[Array], band: Band) -> Array:

@@ -64,8 +64,6 @@ class ChannelNoise(NamedTuple):
 def channel_noise(x: Array, logged: Array | None = None, white: Array | None = None) -> ChannelNoise:
     """The noise of a channel.
 
-    Parameters
-    ----------
     x : shape (n,). logged, white : where x was interpolated, the channel as it was, shape (m,), and white noise of
         variance 1 that was interpolated alike, shape (n,): neither steps nor highest frequencies are left in x.
     """
@@ -78,8 +76,6 @@ def channel_noise(x: Array, logged: Array | None = None, white: Array | None = N
 def smooth(x: Array, t: Array, known: ChannelNoise | None = None) -> Smoothed:
     """Local cubics over the widest window that takes out no more than noise.
 
-    Parameters
-    ----------
     x, t : shape (n,); t in s may be irregular. known : None reads the noise from x.
     """
     noise, quantised = known or channel_noise(x)

@@ -28,8 +28,8 @@ from dsd_cli.identify.search.starts import Lines, starts
 #: Effects that are refined in a scan: those whose best start comes within this share of the best gain; loads on the
 #: motor and lags earlier, for their best shape (with the delay beside it) is narrow.
 WORTH_REFINING, WORTH_FOR_NARROW = 0.5, 0.04
-#: Steps that a delay walks from where it was.
-MOST_WALKED = 12
+#: Steps that a delay walks from where it was, and the share of one from which on the next is nearer.
+MOST_WALKED, HALF_A_STEP = 12, 0.5
 #: Rounds in which the shapes of the model's own effects are searched, and the gain below which they are found.
 MOST_REFINEMENTS, STALLED = 6, 1e-3
 #: Rounds in which several shapes of one effect are searched while it is only a candidate.
@@ -84,7 +84,8 @@ class Search(Evidence):
         """At the best delay near `near` steps: the share of a further step says which way to go.
 
         Where the values want a later command and the forward form refuses one, a force is missing that leans like lag:
-        the delay stays at whole steps, or it would take a part of J.
+        the delay stays at whole steps, or it would take a part of J. Noise that u alone has draws the share to a half,
+        where it is least: there the next steps are tried, where u is what is explained.
         """
         least, most = self.taps[0], self.taps[-1]
         tap, tried = min(max(near, least), most), set()
@@ -95,10 +96,12 @@ class Search(Evidence):
             if share > MOST_SHARE and fit.forward[1 + SHARE] == 0.0 and least < most:
                 return self.solver.fit(terms, tap, whole_steps=True)
             step = math.floor(share) if share > 1.0 else -1 if share == 0.0 else 0
+            if inside := step == 0 and fit.inverse:
+                step = 1 if share > HALF_A_STEP else -1
             following = min(max(tap + step, least), most)
             if step == 0 or following in tried or len(tried) > MOST_WALKED:
                 return fit
-            if step < 0 and self.solver.squares(terms, following) >= fit.squares:
+            if (step < 0 or inside) and self.solver.squares(terms, following) >= fit.squares:
                 return fit
             tap = following
 
