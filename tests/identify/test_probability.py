@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
@@ -132,7 +133,7 @@ def test_a_doubtful_answer_is_not_asked_again_on_parts():
 
 def left_in(rmse: float, untestable: dict[str, str] | None = None, floor: float = 0.001):
     """A search of which such an rms is left, of u, and none of whose effects takes anything off."""
-    errors = SimpleNamespace(force=1.0, rmse=lambda _fit: rmse)
+    errors = SimpleNamespace(force=1.0, rmse=lambda _fit: rmse, noise_of_u=lambda _fit: False)
     problem = SimpleNamespace(errors=errors, floor=floor, untestable=untestable or {})
     return SimpleNamespace(problem=problem, refit=None, practical=lambda _before, _after: False)
 
@@ -162,3 +163,19 @@ def test_unknown_is_no_surer_than_what_is_left_of_u_bears_out(monkeypatch):
 def test_nothing_is_missing_by_what_was_tested_and_what_is_left(untestable, rmse, wanted, monkeypatch):
     monkeypatch.setattr(probability, "probabilities", lambda *_: {probability.NOTHING: 1.0})
     assert probability.nothing_missing(left_in(rmse, untestable), []) == pytest.approx(wanted, abs=0.01)
+
+
+def test_a_shape_that_was_searched_is_a_choice_like_another_effect(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 55 rows, two effects with a shape each: 82 % sure as two choices, and wrong."""
+    monkeypatch.setattr(probability, "pushes_leave_more", lambda _search, _whole: False)
+
+    def most(*names: str, rows: int = 55) -> float:
+        terms = tuple(Term(name) for name in names)
+        problem = SimpleNamespace(blocks=SimpleNamespace(rows=rows), before=())
+        search = SimpleNamespace(problem=problem, base=(), added=lambda terms: terms)
+        return probability.surest_of(search, SimpleNamespace(terms=terms), SimpleNamespace(surest=1.0))
+
+    assert most("coulomb_friction", "viscous_friction") == pytest.approx(55.0 / (55.0 + 3.0 * 2**2))
+    assert most("presliding_friction", "stribeck_friction") == pytest.approx(55.0 / (55.0 + 3.0 * 4**2))
+    assert most("presliding_friction", "coulomb_friction") == pytest.approx(55.0 / (55.0 + 3.0 * 3**2))
+    assert most("coulomb_friction", rows=10_000) == POLICY.surest

@@ -74,8 +74,6 @@ class Channels:
     def columns(self, channels: Sequence[str], hats: int | None = None) -> Columns:
         """Columns of a free-form function of one channel, or of two together (tensor product), over all stretches.
 
-        Parameters
-        ----------
         channels : some of `names`, or "direction" for sgn v alone.
         hats : per channel; by default `HATS` for one and `HATS_IN_PAIR` for each of two.
         """

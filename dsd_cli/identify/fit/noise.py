@@ -21,8 +21,8 @@ from dsd_cli.signals.log import Array
 
 #: Rows of a segment of the periodogram; rounds of the multiplicative update, each of which lowers the cost.
 _SEGMENT, _ROUNDS = 128, 200
-#: Parts of a spectrum that are alike if it is flat.
-_PARTS = 4
+#: Parts of a spectrum that are alike if it is flat; the largest of noise, in units of its rms (spikes are none).
+_PARTS, _CREST = 4, 8.0
 #: Half length of the whitening filter, rows, and frequencies at which its response is specified.
 HALF, _POINTS = 12, 256
 
@@ -111,7 +111,9 @@ def white_to_the_end(residual: Sequence[Array], band: Band, u: Sequence[Array]) 
     the sample rate, is as strong."""
     power, found = _in_band(residual, band), density(u)
     above = found.power[found.angle > 2.0 * end_of(band) / band.step]
-    if not power.sum() > 0.0 or min(len(power), len(above)) < _PARTS:
+    bends = np.abs(np.concatenate([np.diff(x, 2) for x in u]))
+    spikes = float(bends.max()) > _CREST * float(np.sqrt(np.mean(bends**2)))
+    if spikes or not power.sum() > 0.0 or min(len(power), len(above)) < _PARTS:
         return False
     inside, beyond = ([part.mean() for part in np.array_split(x, _PARTS)] for x in (band.step * power, above))
     level = float(np.mean(inside))
