@@ -17,6 +17,13 @@ DELIMITERS = (",", ";", "\t", "|", " ")
 BODY, AGREED = 200, 0.6
 #: Of fewer lines all are looked at, of more the later half.
 FEW = 40
+#: First cells of rows about the channels: their units, and what their numbers are to be multiplied by and moved by.
+UNIT_KEYS = ("unit", "units", "einheit", "einheiten", "y_unit_label", "symbolunit", "vunit")
+FACTOR_KEYS = (
+    "scale", "scaling", "scale factor", "scalefactor", "factor", "factors", "gain", "multiplier", "faktor",
+    "skalierung", "skalierungsfaktor", "unit scalefactor",
+)  # fmt: skip
+OFFSET_KEYS = ("offset", "offsets", "unit offset")
 #: By so much blanks are less likely to separate columns than anything that is meant to.
 BLANKS = 0.3
 
@@ -111,7 +118,17 @@ def _start(lines: Sequence[str], delimiter: str, width: int, numeric: Sequence[i
 
 def is_data(fields: Sequence[str], width: int, numeric: Sequence[int]) -> bool:
     """Whether these are numbers where the rows have them, by and large."""
-    if len(fields) != width or not is_number(fields[numeric[0]]):  # `Samples; 1000; 1000` is none
+    if len(fields) != width or not is_number(fields[numeric[0]]) or is_keyed(fields):  # nor `Samples; 1000; 1000`
         return False
     numbers = sum(is_number(fields[k]) and fields[k].strip() not in MISSING for k in numeric)
     return numbers >= max(1, (len(numeric) + 1) // 2)
+
+
+def key_of(fields: Sequence[str]) -> str:
+    """What the first of these says, as the lists of keys have it."""
+    return fields[0].strip().strip(':="').casefold() if fields else ""
+
+
+def is_keyed(fields: Sequence[str]) -> bool:
+    """Whether they say something of the channels, and nothing that was measured: `Scale, 1, 0.001`."""
+    return key_of(fields) in {*UNIT_KEYS, *FACTOR_KEYS, *OFFSET_KEYS}

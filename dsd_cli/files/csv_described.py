@@ -6,13 +6,22 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from dsd_cli.files.csv_body import Body
+from dsd_cli.files.csv_body import UNIT_KEYS, Body, is_keyed, key_of
 from dsd_cli.files.recognise import is_unit
 
-UNIT_KEYS = ("unit", "units", "einheit", "y_unit_label", "symbolunit")
 #: What else the cells of a row say of their channels, each of its own: `Type: double`.
 OTHER_KEYS = ("type", "datatype", "interp", "blockpath", "portindex")
 _KEYED = re.compile(r"\s*([^\W\d]\w*)\s*:\s*(.*?)\s*")
+#: What says it of one channel as of all: `dt = 0.001`.
+_SET = re.compile(r"\s*([^\W\d][\w.]*)\s*=\s*\S.*")
+#: How numbers are held.
+_TYPE = re.compile(
+    r"\s*(?:[uif][1248]|u?int(?:8|16|32|64)?|u?[sdl]?int|l?real(?:32|64)?|float(?:32|64)?|double|single|bool(?:ean)?|bit"
+    r"|long|short|word|dword|byte|number)\s*",
+    re.IGNORECASE,
+)
+#: A unit and its quantity: `° (Angle)`.
+_OF_QUANTITY = re.compile(r"(\S+)\s+\([^()]*\)")
 
 
 class Row(NamedTuple):
@@ -24,24 +33,48 @@ class Row(NamedTuple):
 
 
 def as_wide(cells: list[str], body: Body) -> list[str]:
-    """Without empty cells behind the fields that the numbers have: a delimiter at the end of lines."""
+    """As many as the fields that the numbers have: a delimiter at the end of lines, or of the rows alone, is none."""
+    if 2 < len(cells) == body.fields - 1 and body.fields - 1 not in body.numeric:
+        return [*cells, ""]
     return cells if any(map(str.strip, cells[body.fields :])) else cells[: body.fields]
 
 
-def without_descriptions(rows: Sequence[Row], body: Body) -> tuple[list[Row], list[str] | None]:
-    """The rows without those all of whose cells say what they say, and the units that these say.
+def of_unit(cell: str) -> str:
+    """The unit that a cell names."""
+    text = cell.strip().strip("[]").strip()
+    quantity = _OF_QUANTITY.fullmatch(text)
+    text = quantity[1] if quantity and is_unit(quantity[1]) else text.strip("()")
+    return "" if text.casefold() == "none" else text
 
-    `Unit: N*m,,Unit: rad` below the names, as the data inspector of Simulink exports them.
+
+def without_descriptions(rows: Sequence[Row], body: Body) -> tuple[list[Row], list[str] | None]:
+    """The rows without those that say something of each channel but its name, and the units that one of them says.
+
+    `Unit: N*m,,Unit: rad` below the names, as the data inspector of Simulink exports them; `Scale, 1, 0.001`; `f8, f8`;
+    `dt = 0.1; dt = 0.1`.
     """
-    kept, units = [], None
+    kept: list[Row] = []
+    units = None
     for row in rows:
-        found = [_KEYED.fullmatch(cell) for cell in row.cells if cell.strip()]
+        cells = as_wide(row.cells, body)
+        found = [_KEYED.fullmatch(cell) for cell in cells if cell.strip()]
         keys = {"" if one is None else one[1].casefold() for one in found}
-        if len(keys) != 1 or not keys <= {*UNIT_KEYS, *OTHER_KEYS}:
-            kept.append(row)
+        if is_keyed(cells):
+            if key_of(cells) in UNIT_KEYS and len(cells) == body.fields:  # its name stands in the place of the stamps
+                units = ["", *map(of_unit, cells[1:])]
+        elif len(keys) != 1 or not keys <= {*UNIT_KEYS, *OTHER_KEYS}:
+            if not _of_all(cells) or not any(len(one.cells) == body.fields for one in kept):
+                kept.append(row)
         elif keys <= set(UNIT_KEYS) and len(row.cells) == body.fields:
-            units = [cell.partition(":")[2].strip() for cell in row.cells]
+            units = [of_unit(cell.partition(":")[2]) for cell in row.cells]
     return kept, units
+
+
+def _of_all(cells: Sequence[str]) -> bool:
+    """Whether it is a type in each cell, or the same key."""
+    there = [cell for cell in cells if cell.strip()]
+    keys = {"" if (one := _SET.fullmatch(cell)) is None else one[1].casefold() for cell in there}
+    return len(there) > 1 and (all(map(_TYPE.fullmatch, there)) or (len(keys) == 1 and "" not in keys))
 
 
 def in_groups(names: Sequence[str], above: Sequence[str]) -> list[str]:

@@ -14,10 +14,12 @@ import numpy as np
 from dsd_cli.errors import DataError
 from dsd_cli.files import csv_cells as cells
 from dsd_cli.files import csv_dialect as dialects
-from dsd_cli.files.arrow_arrays import as_float64, numbers
+from dsd_cli.files.arrow_arrays import as_float64, is_number_type, numbers
 from dsd_cli.files.content import content_of
 from dsd_cli.files.csv_cells import Written
-from dsd_cli.files.csv_layout import CsvLayout, cut_off, footer, look
+from dsd_cli.files.csv_end import cut_off, footer
+from dsd_cli.files.csv_factors import taken
+from dsd_cli.files.csv_layout import CsvLayout, look
 from dsd_cli.files.csv_rate import sample_time_of
 from dsd_cli.files.csv_stamps import split_stamps
 from dsd_cli.files.parquet_in import arrow_source, threaded
@@ -73,7 +75,8 @@ class CsvTable:
             raise DataError(f"{name}: has a header but no rows")
         self._encoding = dialects.encoding_of(b"\n".join(head.splitlines()[: len(lines)]))
         self.metadata = read_sidecar(name)
-        self.warnings: list[str] = list(found.notes)
+        self._factors, said = taken(found.factors, names, rows) if found.factors else ({}, [])
+        self.warnings: list[str] = [*found.notes, *said]
         if self._dialect.units is not None and found.units is None:
             self.warnings.append(f"line {self._dialect.skip} is taken as units, not data")
         self.unreadable = 0
@@ -103,6 +106,9 @@ class CsvTable:
         for at, how in self._dialect.written.items():
             if at in found and pa.types.is_string(found[at].type):
                 found[at] = _spelt(found[at], how)
+        for at, factor in self._factors.items():
+            if at in found and is_number_type(found[at].type):
+                found[at] = numbers(factor * as_float64(found[at]))
         if self._split and {at := self._split.at, at + 1} <= found.keys():
             together = self._split.whole(as_float64(found.pop(at)), as_float64(found.pop(at + 1)))
             found = {len(names) - 1: pa.array(together), **found}
@@ -122,10 +128,12 @@ class CsvTable:
         import pyarrow as pa
 
         rows, how = 0, self._dialect.written
+        factored = [(c, at) for c, at in self._places.items() if at in self._factors]
         try:
             for batch in self._reader():
                 if batch.num_rows:
                     columns = {c: _values(batch.column(f"c{at}"), how.get(at)) for c, at in self._places.items()}
+                    columns |= {c: columns[c] * self._factors[at] for c, at in factored}
                     if self._split and (parts := columns.pop(_PARTS, None)) is not None:
                         stamped = next(c for c, at in self._places.items() if at == self._split.at)
                         columns[stamped] = self._split.whole(columns[stamped], parts)
@@ -190,7 +198,10 @@ class CsvTable:
             return None
         count = sum(bool(line.strip()) for line in cut.splitlines())
         self.warnings.append(f"{count} line(s) of text at its end are left out")
-        return size - len(cut)
+        rows = lines[: len(lines) - len(cut.splitlines())]
+        if half := cut_off(rows, header.delimiter, len(header.names), followed=True):
+            self.warnings.append("the line before them is cut off in the middle, and left out")
+        return size - len(cut) - len(half)
 
     def _source(self, delimiter: str, skip: int) -> tuple[Any, int, str]:
         """What Arrow reads, how many of its lines come before the data, and what separates fields."""

@@ -11,23 +11,26 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from dsd_cli.errors import DataError
-from dsd_cli.files.csv_body import DELIMITERS, Body, CsvLayout, body_of, is_data
+from dsd_cli.files.csv_body import DELIMITERS, FEW, UNIT_KEYS, Body, CsvLayout, body_of, is_data, is_keyed, key_of
 from dsd_cli.files.csv_cells import MISSING, is_number
 from dsd_cli.files.csv_described import (
-    UNIT_KEYS,
     Row,
     as_wide,
     in_groups,
     lines_of_each,
+    of_unit,
     with_lines,
     without_descriptions,
 )
-from dsd_cli.files.csv_dialect import COMMENT, Header, decode, fields_of, find_header, is_comment, uncommented
+from dsd_cli.files.csv_dialect import Header, fields_of, find_header, is_comment, uncommented
+from dsd_cli.files.csv_factors import Factors, factors_in, unlabelled
 from dsd_cli.files.recognise import is_count, is_time, is_unit
 
 #: First cells of the rows of a preamble that has one column for each channel.
 NAME_KEYS = (
     "name", "channel name", "channel", "signal", "signal name", "symbol", "kanal", "signalname", "names", "trace_names",
+    "tracename", "trace name", "data name", "dataname", "channel names", "signal names", "kanalname", "label", "labels",
+    "bezeichnung",
 )  # fmt: skip
 #: Name of a column without one that counts the rows.
 ROW = "row"
@@ -41,6 +44,7 @@ class Found(NamedTuple):
     units: list[str] | None
     notes: list[str]
     sample_time: float | None = None
+    factors: Factors | None = None
 
 
 def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
@@ -60,7 +64,8 @@ def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
     except DataError:
         return find_layout(source, lines, layout)
     rows = [row for row in _rows(lines, header.delimiter, skip, len(lines)) if not row.comment or _units_of(row, body)]
-    plain = body.delimiter == header.delimiter and body.fields == len(header.names)
+    plain = body.delimiter == header.delimiter and body.fields == len(header.names) and not is_keyed(header.names)
+    plain = plain and not any(is_keyed(row.cells) for row in rows if row.at < body.start)
     if not plain or _names_of_units(header.names) or _goes_on(header.names, rows[:1], body):
         return find_layout(source, lines, layout)
     if not any(is_data(row.cells, body.fields, body.numeric) for row in rows[:2]):
@@ -72,8 +77,9 @@ def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
         times = Counter(filter(None, header.names))
         if any(cell.strip() and times[name] != 1 for name, cell in zip(header.names, first, strict=True)):
             return find_layout(source, lines, layout)  # a unit of no channel: the line above is a title, or a group
-        shown = [text.strip().strip("[]()") for text in first]
-        return Found(header, at + 1, shown, [*notes, f"line {at + 1} is taken as units, not data"])
+        notes.append(f"line {at + 1} is taken as units, not data")
+        factors = unlabelled(True, rows[1:])
+        return Found(header, rows[1 + (factors is not None)].at, [*map(of_unit, first)], notes, None, factors)
     return Found(header, at, None, notes)
 
 
@@ -129,19 +135,40 @@ def find_layout(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
         )
     body = body._replace(start=body.start + above)
     rows = _rows(lines, body.delimiter, skipped, body.start)
+    if rows and _torn(rows[-1].cells, body, lines):
+        what = f"line {rows[-1].at + 1} names {len(rows[-1].cells)} columns, and the rows have {body.fields} fields"
+        why = "decimal commas between commas, it seems"
+        raise DataError(f"{source}: {what}: {why}", "export it with semicolons between columns, or with decimal points")
+    factors = factors_in(rows, body)
     if layout.header is not None or layout.units_row is not None:
-        return _as_told(lines, layout, body)
-    keyed = _keyed(rows, body)
-    if keyed is not None:
-        return keyed
-    return _above(rows, body)
+        return _as_told(lines, layout, body)._replace(factors=factors)
+    found = _keyed(rows, body) or _above(rows, body)
+    if factors is None and found.units:
+        below = _rows(lines, body.delimiter, body.start, len(lines))
+        factors = unlabelled(rows[-1].cells[:1] == found.units[:1] or _units_of(rows[-1], body), below)
+        found = found if factors is None else found._replace(skip=below[1].at)
+    return found._replace(factors=factors)
+
+
+def _torn(names: Sequence[str], body: Body, lines: Sequence[str]) -> bool:
+    """Whether what separates columns tears numbers with a decimal comma into whole ones: two for each, or each but one.
+
+    That one is a count, or a stamp in whole units; texts are not torn.
+    """
+    words = body.fields - len(body.numeric)
+    whole = 2 * (len(names) - words) - len(body.numeric)
+    if body.delimiter != "," or not _is_text(names) or whole not in (0, 1):
+        return False
+    rows = [fields_of(line, ",") for line in lines[body.start :][:FEW]]
+    parts = [row[k].strip() for row in rows if len(row) == body.fields for k in body.numeric[1 + whole :: 2]]
+    return len(body.numeric) > 1 and all(part.isascii() and part.isdigit() for part in parts)
 
 
 def _as_told(lines: Sequence[str], layout: CsvLayout, body: Body) -> Found:
     units = None
     if layout.units_row:
         shown = fields_of(uncommented(lines[layout.units_row - 1]), body.delimiter)
-        units = [text.strip().strip("[]()") for text in shown]
+        units = [*map(of_unit, shown)]
     names = _numbered(body.fields)
     if layout.header:
         names = _fitted([text.strip() for text in fields_of(lines[layout.header - 1], body.delimiter)], body)
@@ -153,25 +180,21 @@ def _as_told(lines: Sequence[str], layout: CsvLayout, body: Body) -> Found:
 def _keyed(rows: Sequence[Row], body: Body) -> Found | None:
     """A preamble whose rows begin with what they say: `Name; a; Name; b`, `Unit; mm; Unit; V`."""
     rows = [row._replace(cells=as_wide(row.cells, body)) for row in rows]
-    at = next((k for k, (_, row, _) in enumerate(rows) if _key(row) in NAME_KEYS and len(row) == body.fields), None)
+    at = next((k for k, (_, row, _) in enumerate(rows) if key_of(row) in NAME_KEYS and len(row) == body.fields), None)
     if at is None:
         return None
     named = rows[at].cells
-    units = next((row for _, row, _ in rows if _key(row) in UNIT_KEYS and len(row) == body.fields), None)
-    label, times, names = _key(named), 0, []
+    units = next((row for _, row, _ in rows if key_of(row) in UNIT_KEYS and len(row) == body.fields), None)
+    label, times, names = key_of(named), 0, []
     for place, cell in enumerate(named):
-        is_time = cell.strip().casefold() == label and place in body.numeric  # else it stands before the rows
+        is_time = key_of([cell]) == label and place in body.numeric  # else it stands before the rows
         times += is_time
         names.append(("time" if times == 1 else f"time {times}") if is_time else cell.strip())
     names = in_groups(names, rows[at - 1].cells if at else [])
-    shown = None if units is None else ["" if _key([u]) in UNIT_KEYS else u.strip() for u in units]
+    shown = None if units is None else ["" if key_of([u]) in UNIT_KEYS else of_unit(u) for u in units]
     return Found(
         Header(names, body.delimiter), body.start, shown, [f"{body.start} lines before the numbers name the channels"]
     )
-
-
-def _key(row: Sequence[str]) -> str:
-    return row[0].strip().casefold() if row else ""
 
 
 def _above(rows: Sequence[Row], body: Body) -> Found:
@@ -187,6 +210,8 @@ def _above(rows: Sequence[Row], body: Body) -> Found:
     if len(wide) == 2 and not _names_of_units(wide[1].cells):
         alone = wide[1]._replace(cells=in_groups(wide[1].cells, wide[0].cells))
         wide = wide if _describes(wide[0], wide[1], body) else [alone]
+    if len(wide) == 1 and (over := [row for row in rows if row.at < wide[0].at and not row.comment]):
+        wide = [wide[0]._replace(cells=in_groups(wide[0].cells, over[-1].cells))]
     if not wide:
         notes.append("it has no header: its columns are called by their number, 1, 2, ...")
         return Found(Header(_numbered(body.fields), body.delimiter), body.start, None, notes)
@@ -194,17 +219,14 @@ def _above(rows: Sequence[Row], body: Body) -> Found:
     if len(wide) == 2:
         below = _fitted(wide[1].cells, body)
         if _names_of_units(below):
-            units = [text.strip("[]()") for text in below]
+            units = [*map(of_unit, below)]
             notes.append(f"line {wide[1].at + 1} is taken as units, not data")
         else:
-            units = [cell.strip("[]()") if is_unit(cell) else "" for cell in below]
+            units = [of_unit(cell) if is_unit(cell) else "" for cell in below]
             names = [
                 name if is_unit(cell) or not cell else f"{name} {cell}"
                 for name, cell in zip(_fitted(names, body), below, strict=True)
             ]
-    told = [cells for row in rows if len(cells := as_wide(row.cells, body)) == body.fields and _key(cells) in UNIT_KEYS]
-    if units is None and told:  # its first cell says what it is, in the place of the stamps
-        units = ["", *(cell.strip() for cell in told[0][1:])]
     if comment:
         notes.append(_COMMENTED.format(at + 1))
     elif at > 0:
@@ -239,7 +261,7 @@ def _could_name(cells: Sequence[str], body: Body) -> bool:
 
 def _names_of_units(row: Sequence[str]) -> bool:
     """Whether most of what stands there are units."""
-    there = [cell for cell in row if cell]
+    there = [unit for unit in map(of_unit, row) if unit]
     return bool(there) and sum(map(is_unit, there)) >= 0.5 * len(there)
 
 
@@ -263,32 +285,3 @@ def _fitted(names: Sequence[str], body: Body) -> list[str]:
 
 def _numbered(fields: int) -> list[str]:
     return [str(k + 1) for k in range(fields)]
-
-
-def cut_off(lines: Sequence[bytes], delimiter: str, width: int) -> bytes:
-    """The last line where it has no end and not all fields: the recording ended in the middle of it."""
-    if not lines or lines[-1].endswith((b"\n", b"\r")):
-        return b""
-    fields = fields_of(decode(lines[-1]), delimiter)
-    return lines[-1] if len(lines) > 1 and len(fields) < width and is_number(fields[0].strip(' "')) else b""
-
-
-def footer(lines: Sequence[bytes], delimiter: str, width: int, numeric: Sequence[int]) -> bytes:
-    """What at the end of a file is no row: lines of text behind the numbers, set off by a blank one or by their form.
-
-    A row that was cut, or that has a bad cell, is none of them: it is for the reader to complain about.
-    """
-    cut: list[bytes] = []
-    rest = 0
-    for raw in reversed(lines):
-        fields = fields_of(decode(raw).strip(), delimiter)
-        first = fields[0].strip(' "') if fields else ""
-        if first or len(fields) > 1:
-            if any(k < len(fields) and is_number(fields[k]) for k in numeric[:1]):
-                break
-            if not (first[:1].isalpha() or first.startswith((*COMMENT, *"[<*=;"))):
-                break
-        cut.append(raw)
-        if len(fields) != width or not any(is_number(cell) for cell in fields):  # else it may be a row with a bad cell
-            rest = len(cut)
-    return b"".join(reversed(cut[:rest]))

@@ -14,7 +14,10 @@ _VALUE = r"[ _a-z]*[\[(]?({0})?[\])]?[\"\s:;,=]+([.,]?\d+(?:[.,]\d+)*(?:e[-+]?\d
 _INTERVAL, _RATE = (
     re.compile(names + _VALUE.format(units), re.IGNORECASE)
     for names, units in (
-        (r"(?:sampl\w*[ _]?(?:time|interval|period)|abtastzeit|trace period|delta_?x|\binterval)", "s|ms|us|µs"),
+        (
+            r"(?:sampl\w*[ _]?(?:time|interval|period)|abtastzeit|trace period|delta_?x|h_?resolution|\binterval)",
+            "s|ms|us|µs",
+        ),
         (
             r"(?:sampl\w*[ _]?(?:rate|freq\w*)|abtast(?:rate|frequenz)|\bfs(?=\W.*hz)|\bsampling(?=\W+[\d.,]+\s*k?hz))",
             "hz|khz",

@@ -6,6 +6,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import dropwhile
 
 from dsd_cli.files.words import (
     ASKED,
@@ -214,8 +215,8 @@ def unit_in(name: str, channel: str) -> str:
         return unit.lower()  # mNm is one word
     words = [word for word in _words(last) if word != "per"]
     for many in (2, 1):
-        if len(words) > many and "/".join(words[-many:]) in known:
-            return "/".join(words[-many:])
+        if len(words) > many and (last := plain_unit("/".join(words[-many:]))) in known:  # RadPerSec
+            return last
     return words[-1] if words and words[-1] == "rpm" and channel == "velocity" else ""
 
 
@@ -252,7 +253,9 @@ def _word_score(channel: str, words: Sequence[str], joined: str) -> float:
     known = WORDS[channel]
     if joined in known:
         return 3.0 - 0.01 * known.index(joined)
-    letter = words[:1] if _words_of_others(channel).isdisjoint(words[1:]) else []  # q_current is none of q
+    said = {*MEASURED, *ASKED} - {"motor"} if channel != "time" else set()
+    bare = list(dropwhile(said.__contains__, words))  # actual_q_1
+    letter = bare[:1] if _words_of_others(channel).isdisjoint(bare[1:]) else []  # q_current is none of q
     hits = [known.index(word) for word in words if word in known and (len(word) > 1 or word in letter)]
     return 2.0 - 0.01 * min(hits) if hits else 0.0
 

@@ -5,14 +5,14 @@ Each name is a channel; several columns of values give `name/column`. Values tha
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.files.arrow_arrays import as_float64, is_number_type, texts_of
-from dsd_cli.files.csv_cells import MISSING, is_number, stamps_in
+from dsd_cli.files.csv_cells import MISSING, is_number, number, stamps_in
 from dsd_cli.files.csv_in import CsvTable
 from dsd_cli.files.formats.base import InMemory, check_size
 from dsd_cli.files.parquet_in import ParquetTable
@@ -50,13 +50,16 @@ class LongFile(InMemory):
     """A CSV or Parquet file of this form; see `Container`."""
 
     def __init__(self, path: str) -> None:
-        long = long_form(opened(path, {}))
+        table = opened(path, {})
+        first = peeked(table)
+        long = long_form(table, first)
         assert long is not None, "who opens it has asked"
-        places = {"t": long.time} | {str(k): column for k, column in enumerate(long.values)}
+        words = {one for one in long.values if (cells := texts_of(first[one])) and stamps_in(cells) is None}
+        places = {"t": long.time} | {str(k): one for k, one in enumerate(long.values) if one not in words}
         table = opened(path, places)
         parts = [batch.columns for batch in table.batches()]
-        columns = [np.concatenate([part[name] for part in parts]) for name in places]
-        numbers = dict(zip((long.time, *long.values), columns, strict=True))
+        numbers = {column: np.concatenate([part[name] for part in parts]) for name, column in places.items()}
+        numbers |= {column: _with_words(table.texts(column)) for column in words}
         channels, units = turned(path, long, numbers, {name: table.texts(name) for name in long.names})
         super().__init__(channels, dict(table.metadata), units)
         self.notes.append(long.note)
@@ -123,7 +126,8 @@ def form_of(columns: Mapping[str, Any]) -> Long | None:
     texts = {name: [cell or "" for cell in cells] for name, cells in said.items() if cells and not _measured(cells)}
     if any(map(_names, texts.values())):
         spelt = {name: stamps_in(cells) for name, cells in said.items() if cells and name not in texts}  # 0,5 and dates
-        return form_by_texts({n: x for n, x in {**spelt, **numbers}.items() if x is not None}, texts)
+        worded = {name: _with_words(said[name] or []) for name, x in spelt.items() if x is None}
+        return form_by_texts({n: x for n, x in {**spelt, **worded, **numbers}.items() if x is not None}, texts)
     whole = (name for name, x in numbers.items() if np.all(x == np.round(x)) and _names(x.tolist()))
     for name in whole:
         codes = np.unique(numbers[name], return_inverse=True)[1]
@@ -150,6 +154,17 @@ def _measured(cells: list[str | None]) -> bool:
     """Whether most that they say are numbers, written in more than one way, and so no names."""
     told = [cell for cell in dict.fromkeys(cells) if cell and cell.strip() not in MISSING][:SAID]
     return 2 * sum(map(is_number, told)) > len(told)
+
+
+def _with_words(cells: Sequence[str | None]) -> Array:
+    """Values of which some are yes or no, or words: 1 or 0, and NaN."""
+    return np.array([_value((cell or "").strip()) for cell in cells])
+
+
+def _value(cell: str) -> float:
+    if (said := cell.casefold()) in ("true", "false"):
+        return float(said == "true")
+    return number(cell) if is_number(cell) else np.nan
 
 
 def _stand(t: Array) -> bool:

@@ -1,6 +1,7 @@
-"""Text of a scope whose channels have stamps of their own: a column of time and one of values for each.
+"""Text of a scope whose channels have stamps of their own: a column of time, one of values, and more, for each.
 
-`Name a Name b` above them in the preamble of a scope, `time, a, time, b` in a header.
+`Name a Name b` above them in the preamble of a scope, `time, a, time, b` or `time, a, status, time, b, status` in a
+header.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from dsd_cli.files.csv_cells import MISSING, is_number, number
 from dsd_cli.files.csv_dialect import decode, fields_of
 from dsd_cli.files.csv_layout import CsvLayout, Found, look
 from dsd_cli.files.formats.base import InMemory
-from dsd_cli.files.recognise import is_motion, is_time
+from dsd_cli.files.recognise import is_motion, is_time, is_unit
 from dsd_cli.files.table_source import read_head
 from dsd_cli.signals.log import Array
 
@@ -27,6 +28,9 @@ HEAD = 1 << 13
 _NUMBERED = re.compile(r"[ ._]?\d+$")
 #: What the stamps of a plot are called, which may be a place as well.
 _OF_A_PLOT = "x"
+#: Columns that a channel may have, and what that of its values is called below its name.
+COLUMNS = (2, 3, 4)
+_VALUES = {"value", "val", "wert", "y"}
 
 
 class ScopeFile(InMemory):
@@ -38,13 +42,20 @@ class ScopeFile(InMemory):
         names, units = found.header.names, found.units or []
         channels: dict[str, Array] = {}
         told: dict[str, str] = {}
-        columns = _columns(path, lines, found)
-        for at, name in list(enumerate(names))[1::2]:
-            both = np.array([columns[at - 1], columns[at]])
+        period = _period(names)
+        columns, words = _columns(path, lines, found, period)
+        for at, name in enumerate(names):
+            clock = at - at % period
+            if at == clock or at in words:
+                continue
+            both = np.array([columns[clock], columns[at]])
             t, values = both[:, ~np.isnan(both[0])]
-            of_it = f"{name} {at}" if f"{name}/value" in channels else name
+            group, _, last = name.rpartition("/")
+            of_it = group if group and last.casefold() in _VALUES else name
+            of_it = f"{of_it} {at}" if f"{of_it}/value" in channels else of_it
             channels |= {f"{of_it}/time": t, f"{of_it}/value": values}
-            told |= {f"{of_it}/time": _at(units, at - 1), f"{of_it}/value": _at(units, at)}
+            beside = next((words[k] for k in range(clock, clock + period) if is_unit(words.get(k, ""))), "")
+            told |= {f"{of_it}/time": _at(units, clock), f"{of_it}/value": _at(units, at) or beside}
         super().__init__(channels, units=told)
         self.notes += found.notes
 
@@ -52,18 +63,20 @@ class ScopeFile(InMemory):
 def is_scope(path: str | Path, head: bytes) -> bool:
     """Whether a file that begins so has channels with stamps that differ."""
     cells = (fields_of(decode(line), by) for line in head.splitlines() for by in DELIMITERS[:3])
-    if not any(_paired(one) or _paired(one[:-1]) for one in cells):  # the last may be a column for comments
+    if not any(_period(one) or _period(one[:-1]) for one in cells):  # the last may be a column for comments
         return False
     try:
         lines = _head(path)
         found = look(str(path), lines, CsvLayout())
     except DataError:
         return False
-    width = len(found.header.names)
+    width, period = len(found.header.names), _period(found.header.names)
+    if not period:
+        return False
     rows = [fields_of(line, found.header.delimiter) for line in lines[found.skip :] if line.strip()]
-    stamps = [[cell.strip() for cell in row[: width - 1 : 2]] for row in rows]
-    differ = any(len(set(row)) > 1 or 2 * len(row) < width for row in stamps)
-    return differ and _paired(found.header.names) and (is_time(found.header.names[0]) or _rise(stamps))
+    stamps = [[cell.strip() for cell in row[: width - period + 1 : period]] for row in rows]
+    differ = any(len(set(row)) > 1 or 2 * len(row) < width / period for row in stamps)
+    return differ and (is_time(found.header.names[0]) or _rise(stamps))
 
 
 def _rise(rows: Sequence[Sequence[str]]) -> bool:
@@ -78,19 +91,28 @@ def _head(path: str | Path) -> list[str]:
     return decode(read_head(path, HEAD) if text is None else text).splitlines()[:-1]
 
 
-def _paired(names: Sequence[str]) -> bool:
-    """Whether these name times and what was measured then, in turn; the keys of a preamble do, too."""
+def _period(names: Sequence[str]) -> int:
+    """How many columns a channel has, if each has a time, a value, and what else: its status, its unit; 0: they do not.
+
+    The keys of a preamble name them in turn, too.
+    """
     names = [name.strip(' "').casefold() for name in names]
     names = names[:-1] if names and not names[-1] else names
-    clocks = {_NUMBERED.sub("", name) for name in names[::2]}
-    of_values = names[1::2]
+    return next((many for many in COLUMNS if _in_turn(names, many)), 0)
+
+
+def _in_turn(names: Sequence[str], many: int) -> bool:
+    clocks = {_NUMBERED.sub("", name) for name in names[::many]}
+    others = [name for at, name in enumerate(names) if at % many]
     of_one = len(clocks) == 1 and (clocks == {_OF_A_PLOT} or not is_motion(names[0], ""))
+    alike = many == 2 or (all(map(is_time, clocks)) and not any(map(is_time, others)))
     return (
-        len(names) >= 4
-        and len(names) % 2 == 0
+        len(names) >= 2 * many
+        and len(names) % many == 0
+        and alike
         and (of_one or all(map(is_time, clocks)))
-        and all(name and not is_number(name) for name in (*clocks, *of_values))
-        and clocks.isdisjoint(_NUMBERED.sub("", name) for name in of_values)
+        and all(name and not is_number(name) for name in (*clocks, *others))
+        and clocks.isdisjoint(_NUMBERED.sub("", name) for name in others)
     )
 
 
@@ -98,10 +120,12 @@ def _at(units: Sequence[str], at: int) -> str:
     return units[at] if at < len(units) else ""
 
 
-def _columns(path: str, lines: list[str], found: Found) -> list[Array]:
-    """Every column, NaN where it has no cell."""
+def _columns(path: str, lines: list[str], found: Found, period: int) -> tuple[list[Array], dict[int, str]]:
+    """Every column, NaN where it has no cell; place of those that hold words -> the first of them."""
     width = len(found.header.names)
     columns: list[list[float]] = [[] for _ in range(width)]
+    words: dict[int, str] = {}
+    bad: dict[int, DataError] = {}
     for at, line in enumerate(lines[found.skip :], start=found.skip + 1):
         cells = fields_of(line, found.header.delimiter)
         if not line.strip() or len(cells) > width:
@@ -109,6 +133,15 @@ def _columns(path: str, lines: list[str], found: Found) -> list[Array]:
         for k in range(width):
             cell = cells[k].strip() if k < len(cells) else ""
             if cell not in MISSING and not is_number(cell):
-                raise DataError(f'{path}, line {at}: "{cell[:40]}" is not a number', "mend or delete the line")
+                error = DataError(f'{path}, line {at}: "{cell[:40]}" is not a number', "mend or delete the line")
+                if k % period == 0 or period == 2:
+                    raise error
+                bad.setdefault(k, error)
+                words.setdefault(k, cell)
+                cell = ""
             columns[k].append(np.nan if cell in MISSING else number(cell))
-    return [np.array(column) for column in columns]
+    arrays = [np.array(column) for column in columns]
+    for k, error in bad.items():
+        if not np.all(np.isnan(arrays[k])):
+            raise error
+    return arrays, words

@@ -1,0 +1,40 @@
+"""What stands at the end of a text file and is no row: text behind the numbers, and a last line that was cut."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from dsd_cli.files.csv_cells import is_number
+from dsd_cli.files.csv_dialect import COMMENT, decode, fields_of
+
+
+def cut_off(lines: Sequence[bytes], delimiter: str, width: int, followed: bool = False) -> bytes:
+    """The last line where it has no end and not all fields: the recording ended in the middle of it.
+
+    followed : by a text of whoever wrote the file, which ended the line.
+    """
+    if not lines or (lines[-1].endswith((b"\n", b"\r")) and not followed):
+        return b""
+    fields = fields_of(decode(lines[-1]).strip(), delimiter)
+    return lines[-1] if len(lines) > 1 and len(fields) < width and is_number(fields[0].strip(' "')) else b""
+
+
+def footer(lines: Sequence[bytes], delimiter: str, width: int, numeric: Sequence[int]) -> bytes:
+    """What at the end of a file is no row: lines of text behind the numbers, set off by a blank one or by their form.
+
+    A row that was cut, or that has a bad cell, is none of them: it is for the reader to complain about.
+    """
+    cut: list[bytes] = []
+    rest = 0
+    for raw in reversed(lines):
+        fields = fields_of(decode(raw).strip(), delimiter)
+        first = fields[0].strip(' "') if fields else ""
+        if first or len(fields) > 1:
+            if any(k < len(fields) and is_number(fields[k]) for k in numeric[:1]):
+                break
+            if not (first[:1].isalpha() or first.startswith((*COMMENT, *"[<*=;"))):
+                break
+        cut.append(raw)
+        if len(fields) != width or not any(is_number(cell) for cell in fields):  # else it may be a row with a bad cell
+            rest = len(cut)
+    return b"".join(reversed(cut[:rest]))

@@ -1,0 +1,162 @@
+"""Rows above, between and behind the numbers that say something of the channels: none of them is a row of data."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dsd_cli.errors import DataError
+from dsd_cli.files.csv_in import CsvTable
+from dsd_cli.files.formats.known import format_of, open_container
+from dsd_cli.files.formats.long_form import LongFile, long_form
+
+ROWS = 30
+T = 0.002 * np.arange(ROWS)
+U = np.round(1000.0 * np.sin(40.0 * T))
+Q = np.round(50.0 * np.cos(30.0 * T)) + 3.0
+NAMES = "time [s],torque [Nm],angle [deg]"
+
+
+def table(path: Path, *names: str) -> tuple[list[np.ndarray], CsvTable]:
+    read = CsvTable(str(path), {str(k): name for k, name in enumerate(names)})
+    batches = list(read.batches())
+    return [np.concatenate([batch.columns[str(k)] for batch in batches]) for k in range(len(names))], read
+
+
+def written(folder: Path, above: list[str], *columns: np.ndarray, by: str = ",", below: str = "") -> Path:
+    rows = [by.join(f"{x:g}" if x == round(x) else f"{x:.3f}" for x in row) for row in zip(*columns, strict=True)]
+    text = "\n".join([*above, *rows]) + "\n" + below
+    path = folder / "log.csv"
+    path.write_text(text.replace(".", ",") if by == ";" else text)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("above", "by"),
+    [
+        ([NAMES, "Scale,0.001,0.01"], ","),
+        (["Logger 3", "Scale,0.001,0.01", NAMES], ","),
+        (["time,torque,angle", "Unit,Nm,deg", "Faktor,0.001,0.01", "Offset,0,0"], ","),
+        (["Name,torque,angle", "Unit,Nm,deg", "Gain,0.001,0.01"], ","),
+        (["time [s];torque [Nm];angle [deg]", "Skalierung;0.001;0.01"], ";"),
+        (["time,torque,angle", "s,Nm,deg", "1,0.001,0.01"], ","),
+    ],
+)
+def test_a_row_of_factors_is_taken_for_counts_and_said(above: list[str], by: str, tmp_path: Path) -> None:
+    path = written(tmp_path, above, T, U, Q, by=by)
+    columns = CsvTable(str(path), {}).column_names
+    (t, u, q), read = table(path, *columns)
+    assert [name.split(" ")[0] for name in columns[1:]] == ["torque", "angle"]
+    np.testing.assert_allclose(t, T, atol=1e-9)
+    np.testing.assert_allclose(u, 0.001 * U)
+    np.testing.assert_allclose(q, 0.01 * Q)
+    assert any("multiplied by" in note and "0.001" in note and "0.01" in note for note in read.warnings)
+    peeked = read.peek()
+    np.testing.assert_allclose(np.array(peeked[columns[1]]), 0.001 * U)
+
+
+@pytest.mark.parametrize("row", ["Multiplier,0.5,2", "Scale,1,1000", "Scale factor,1,0.1", "Offset,0,5"])
+def test_factors_of_numbers_that_may_be_multiplied_already_are_left_to_the_user(row: str, tmp_path: Path) -> None:
+    path = written(tmp_path, [NAMES, row], T, 0.137 * U, 0.137 * Q)
+    (u, q), read = table(path, "torque [Nm]", "angle [deg]")
+    assert (u.size, q.size) == (ROWS, ROWS)
+    np.testing.assert_allclose(u, np.round(0.137 * U, 3), atol=1e-9)
+    assert any("left to you" in note and "signals.u_scale" in note for note in read.warnings)
+
+
+def test_factors_of_one_need_no_word(tmp_path: Path) -> None:
+    (u,), read = table(written(tmp_path, [NAMES, "Scale,1,1"], T, U, Q), "torque [Nm]")
+    assert u.size == ROWS
+    assert not any("factor" in note or "multiplied" in note for note in read.warnings)
+
+
+@pytest.mark.parametrize(
+    ("above", "units"),
+    [
+        (["ETASAsciiItemFile,record,CrLf", "time,n,M", "f8,f8,i2", "s,rpm,Nm"], ["s", "rpm", "Nm"]),
+        (["time,n,M", "s,1/min,N·m", "T0 = 1,T0 = 1,T0 = 1", "dt = 0.1,dt = 0.1,dt = 0.1"], ["s", "1/min", "N·m"]),
+        (["time,n,M", "LREAL,LREAL,INT", "s,°/s (Angular velocity),(None)"], ["s", "°/s", ""]),
+    ],
+)
+def test_types_and_settings_of_each_channel_are_no_names(above: list[str], units: list[str], tmp_path: Path) -> None:
+    read = CsvTable(str(written(tmp_path, above, T, U, Q)), {"t": "time", "u": "M"})
+    assert [read.units[name] for name in ("time", "n", "M")] == units
+
+
+def test_a_recorder_that_names_its_rows_and_leaves_the_first_column_empty(tmp_path: Path) -> None:
+    head = ['"Model","DL"', '"TraceName","Torque  ","Angle  "', '"VUnit","Nm","deg"', '"HResolution",5.0E-04,5.0E-04']
+    rows = [f",{u:.3E},{q:.3E}," for u, q in zip(U, Q, strict=True)]
+    (tmp_path / "log.csv").write_text("\n".join([*head, "", *rows]) + "\n")
+    (u,), read = table(tmp_path / "log.csv", "Torque")
+    np.testing.assert_allclose(u, U, rtol=1e-3)
+    assert (read.units["Angle"], read.sample_time) == ("deg", 5e-4)
+
+
+@pytest.mark.parametrize(
+    "below", ["0.06,0.1\n\nEnd of data\nSamples: 30\n", "0.06\nstopped by user\n", "0.0\n# closed\n"]
+)
+def test_a_footer_behind_a_line_that_was_cut(below: str, tmp_path: Path) -> None:
+    (u, q), read = table(written(tmp_path, [NAMES], T, U, Q, below=below), "torque [Nm]", "angle [deg]")
+    assert (u.size, q.size) == (ROWS, ROWS)
+    assert read.warnings[-1] == "the line before them is cut off in the middle, and left out"
+
+
+def test_a_short_line_in_the_middle_is_an_error_as_ever(tmp_path: Path) -> None:
+    rows = [f"{t},1,2" for t in range(9)]
+    (tmp_path / "log.csv").write_text("\n".join([NAMES, *rows, "9,1", *rows]) + "\nEnd of data\n")
+    with pytest.raises(DataError, match="2 fields where the header has 3"):
+        table(tmp_path / "log.csv", "torque [Nm]")
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        ("torque time,torque,torque status,angle time,angle,angle status", "{t},{u},0,{s},{q},0"),
+        ("Time,torque,Quality,Time,angle,Quality", "{t},{u},Good,{s},{q},Good"),
+        ("Torque,,,Angle,,\nTime,Value,Quality,Time,Value,Quality", "{t},{u},192,{s},{q},192"),
+        ("t,torque,unit,t,angle,unit", "{t},{u},Nm,{s},{q},deg"),
+    ],
+)
+def test_three_columns_for_each_signal(head: str, row: str, tmp_path: Path) -> None:
+    """Time, value and how good it is, or its unit: each value stays with its stamp."""
+    path = tmp_path / "log.csv"
+    rows = [row.format(t=f"{t:.4f}", s=f"{t + 0.0003:.4f}", u=u, q=q) for t, u, q in zip(T, U, Q, strict=True)]
+    path.write_text("\n".join([head, *rows]) + "\n")
+    kind = format_of(path, path.read_bytes())
+    assert kind is not None
+    file = open_container(path, kind)
+    channels = {group.full(name): (group, name) for group in file.groups for name in group.units}
+    for one, late, values in (("torque", 0.0, U), ("angle", 0.0003, Q)):
+        group, name = next(at for full, at in channels.items() if full.lower() == f"{one}/value")
+        clock = next(name for name in group.units if name.endswith("time"))
+        found = file.read(group, [clock, name], 0, ROWS)
+        np.testing.assert_allclose(found[clock], T + late, atol=1e-9)
+        np.testing.assert_allclose(found[name], values)
+        if "unit" in head:
+            assert group.units[name] == {"torque": "Nm", "angle": "deg"}[one]
+
+
+def test_values_of_a_long_table_may_be_words(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    rows = [f"{t},u,{u}\n{t},q,{q}\n{t},on,true\n{t},mode,idle" for t, u, q in zip(T, U, Q, strict=True)]
+    path.write_text("\n".join(["Timestamp,Key,Value", *rows]) + "\n")
+    assert long_form(CsvTable(str(path), {})) == ("Timestamp", ("Key",), ("Value",))
+    file = LongFile(str(path))
+    (group,) = file.groups
+    found = file.read(group, ["u", "q", "on"], 0, ROWS)
+    np.testing.assert_allclose([found["u"], found["q"], found["on"]], [U, Q, np.ones(ROWS)])
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [("name,time,value", "torque,{t},{u}"), ("time,torque,angle", "{t},{u},{q}"), ("k,torque,angle", "{k},{u},{q}")],
+)
+def test_commas_that_tear_decimal_commas_are_named(head: str, row: str, tmp_path: Path) -> None:
+    def comma(x: float) -> str:
+        return f"{x:.4f}".replace(".", ",")
+
+    path = tmp_path / "log.csv"
+    rows = [row.format(k=k, t=comma(T[k]), u=comma(U[k]), q=comma(Q[k])) for k in range(ROWS)]
+    path.write_text("\n".join([head, *rows]) + "\n")
+    with pytest.raises(DataError, match=r"log.csv: line 1 names 3 columns, .*: decimal commas between commas"):
+        CsvTable(str(path), {})
