@@ -60,7 +60,8 @@ def improve(
     ------
     DataError, UsageError : as `diagnose`.
     """
-    looked, against = prior_check(recordings, model, settings or Settings(), progress or (lambda _what, _share: None))
+    report = progress or (lambda _what, _share: None)
+    looked, against = prior_check(recordings, model, settings or Settings(), report)
     if against:
         on_told(against)
     climb = _Climb(recordings, observer, looked, holdout, on_step)
@@ -68,6 +69,11 @@ def improve(
     while True:
         last = diagnose(recordings, model, observer, climb.settings.without(refused), holdout, progress)
         recordings, holdout = climb.as_asked(last)
+        if last.mended is not None and not climb.settings.against:  # the values given were asked beside what was wrong
+            climb.settings, against = prior_check(recordings, model, replace(climb.settings, against=None), report)
+            if against:
+                on_told(against)
+                continue
         if not climb.steps:
             climb.up(AS_GIVEN, last.score, last.refitted_values, last.given)
             model = last.given

@@ -24,7 +24,10 @@ CLEAR = 5.0
 ROUNDED = 1e-3
 #: Rows dropped or put in are a warning from this share of the log on, else a note.
 MANY = 0.01
+#: Of jitter below this share of a step, steps of one sample and of two are apart.
+APART = 0.15
 _OfStamps = Callable[[Array], Array]
+_AS_LOGGED: _OfStamps = lambda t: t  # noqa: E731
 _ORDER = 2  # samples to either side that foretell one
 
 
@@ -49,11 +52,7 @@ def stamps_are_true(log: Log, restarts: Sequence[int]) -> float:
 
     Above 0: the samples were taken at their stamps; below: evenly, and the stamps are noise; about 0: not identifiable.
     """
-    return _smoother(*(_roughness(log, restarts, clock) for clock in (_as_logged, _even)))
-
-
-def _as_logged(t: Array) -> Array:
-    return t
+    return _smoother(*(_roughness(log, restarts, clock) for clock in (_AS_LOGGED, _even)))
 
 
 def _even(t: Array) -> Array:
@@ -133,26 +132,32 @@ def check_clock(log: Log, restarts: Sequence[int], true: float) -> list[Finding]
         found.append(Finding(what, "t", "warning", 0.8, remedy))
     usual, share = jitter(log, restarts)
     if share > JITTERY:
+        clean, missing, apart, remedy = _missing(log, restarts)
+        if missing and clean <= JITTERY:  # whole multiples of one step: the long ones lack samples, and are no noise
+            what = f"{missing} sample(s) of an even clock are missing"
+            return [*found, Finding(what, "t", "warning" if missing > MANY * len(log) else "note", 1.0, remedy)]
         mean = seconds_of(log, restarts) / max(len(log), 1)
         plain = abs(mean / log.sample_time - 1.0) < ROUNDED
-        holed, *others = (
-            _roughness(log, restarts, clock) for clock in (lambda t: _with_holes(t)[0], _even, _as_logged)
-        )
-        if all(_smoother(holed, other) > CLEAR for other in others):
-            noisy = _jittery(mean, usual, share, -np.inf)
-            found.append(_holed(noisy, max(_pieces(stamps_of(log), restarts), key=len)))
+        clocks: tuple[_OfStamps, ...] = (lambda t: _with_holes(t)[0], _AS_LOGGED, _even)
+        holed, *others = (_roughness(log, restarts, clock) for clock in clocks)
+        against = [_smoother(holed, other) for other in others]
+        if missing and (clean < APART or min(against) > CLEAR):  # an even clock for all rows would be none
+            one = _jittery(apart, apart, clean, -against[0])
+            what = f"{one.what}, and {missing} samples are missing"
+            found.append(replace(one, what=what, remedy=one.remedy and remedy))
         else:
             found.append(_jittery(log.sample_time if plain else mean, usual, share, true))
     return found
 
 
-def _holed(noisy: Finding, t: Array) -> Finding:
-    """Of noisy stamps, where samples are missing beside: an even clock for all rows would be none."""
-    even, apart = _with_holes(t)
-    missing = 1.0 - t.size / (1.0 + (even[-1] - even[0]) / apart)
-    round_them = f"round the stamps less {even[0]:.9g} s to multiples of {apart:.9g} s: missing ones are put in"
-    what = f"{noisy.what}, and {100.0 * missing:.2g} % of the samples are missing"
-    return replace(noisy, what=what, remedy=round_them)
+def _missing(log: Log, restarts: Sequence[int]) -> tuple[float, int, float, str]:
+    """Of even stamps with holes: jitter beside them, as a share; samples in holes; the step, s; the remedy."""
+    held = [(t, *_with_holes(t)) for t in _pieces(stamps_of(log), restarts) if t.size > 1]
+    off = np.concatenate([np.zeros(1), *(np.diff(t - even) / apart for t, even, apart in held)])
+    missing = sum(round((even[-1] - even[0]) / apart) + 1 - even.size for _, even, apart in held)
+    _, even, apart = max(held, key=lambda one: one[0].size, default=(None, np.zeros(1), log.sample_time))
+    mend = f"round the stamps less {even[0]:.9g} s to multiples of {apart:.9g} s: missing ones are put in"
+    return float(np.std(off)), missing, apart, mend
 
 
 def _jittery(mean: float, usual: float, share: float, true: float) -> Finding:

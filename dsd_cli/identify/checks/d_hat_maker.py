@@ -94,15 +94,11 @@ def _sides(s: Stretch) -> tuple[Stretch, Array] | None:
     return None if s.position is None else (s, np.gradient(s.position, s.T))
 
 
-def _keep(T: float) -> LowPass:
-    return LowPass(T, min(_CUTOFF, _SHARE / T))
-
-
 def _rows(T: float, x: Array | None, observer: ObserverSettings) -> Array:
     """Some samples of what has passed the low-pass, of the settled part, without mean."""
     if x is None:
         return np.zeros(0)
-    keep = _keep(T)
+    keep = LowPass(T, min(_CUTOFF, _SHARE / T))
     rows = keep.rows(x.size)
     rows = rows[rows > keep.half + SETTLED * observer.time_constant / T]
     found = keep(x)[rows]

@@ -72,7 +72,7 @@ def formula_of(chosen: Choice) -> Found | None:
     values = [{name: one.value for name, one in each.items()} for each in estimates]
     known = [_of_catalogue(t, v) for t, v in zip(terms, values, strict=True)]
     all_known = all(known) and len({name for one in known if one for name in one}) == len(known)
-    names = [_name(t) for t in terms]
+    names = [effect_of(t.kind).id for t in terms]
     effects = tuple(next(iter(k)) if k else n for k, n in zip(known, names, strict=True))
     formula = Formula(
         text=" ".join(_signed(t, v, k == 0) for k, (t, v) in enumerate(zip(terms, values, strict=True))),
@@ -115,10 +115,6 @@ def _on(term: Term) -> tuple[str, ...]:
     )
     names = [*own, *([over] if over else [])]
     return tuple(name for name in dict.fromkeys(names) if name != "direction" or "velocity" not in names)
-
-
-def _name(term: Term) -> str:
-    return effect_of(term.kind).id
 
 
 def _columns(term: Term, judge: Judge) -> Columns:

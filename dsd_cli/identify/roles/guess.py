@@ -113,7 +113,9 @@ def _looked(by_name: Mapping[str, Array], facts: Mapping[str, Facts], found: Map
     values = {name: x[:rows][good] for name, x in table.items()}
     t = t[good]
     if t.size > 2:
-        values = {n: x for n, x in values.items() if facts[n].kind != "clock" or not _straight(t, x) or n in wanted}
+        clocks = [n for n in values if facts[n].kind == "clock" and n not in wanted]
+        straight = {n for n in clocks if 1.0 - abs(np.corrcoef(t, values[n])[0, 1]) < ROUNDING}
+        values = {n: x for n, x in values.items() if n not in straight}
     steps = np.diff(t)
     return Look(values, t, float(np.median(steps)) if steps.size else 1.0, dict(found))
 
@@ -124,10 +126,6 @@ def _filled(t: Array, x: Array) -> Array:
     if not 0 < 2 * there.sum() <= x.size or np.any(np.diff(t[there]) < 0.0):
         return x
     return np.interp(t, t[there], x[there], left=np.nan, right=np.nan)
-
-
-def _straight(t: Array, x: Array) -> bool:
-    return bool(1.0 - abs(np.corrcoef(t, x)[0, 1]) < ROUNDING)
 
 
 def _find_motion(look: Look) -> None:
