@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.improve import improve
 from dsd_cli.identify.policy import POLICY
@@ -321,3 +322,14 @@ def test_the_u_of_another_axis_is_said(seed, sensing, duration):
 def test_a_law_that_no_catalogue_has_makes_no_u_of_another_axis(what):
     recording, model, observer = given(RigCase(what=(what,), seed=20011, sensing="speed40k", duration=5.0))
     assert not any("another axis" in w for w in diagnose([recording], model, observer).warnings)
+
+
+def test_a_value_given_wrongly_is_told_once_the_spikes_are_off():
+    """Beside spikes nothing could be said against it, and nobody asked again: the search went on with it."""
+    (log,) = make([RigCase(what=(), seed=4406, sensing="speed40k", duration=4.0)])
+    recording, model, observer = asked(log, with_wrong_cells(log.channels))
+    told = []
+    settings = Settings(effects=FEW, known=PriorKnowledge(fixed={"inertia": 1.4 * log.truth["inertia"]}))
+    ladder = improve([recording], model, observer, settings, choose=lambda last: last.verdict, on_told=told.extend)
+    assert [one.value for one in told] == ["inertia"]
+    assert any("spikes" in w for w in ladder.warnings)
