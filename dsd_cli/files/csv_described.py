@@ -14,6 +14,8 @@ OTHER_KEYS = ("type", "datatype", "interp", "blockpath", "portindex")
 _KEYED = re.compile(r"\s*([^\W\d]\w*)\s*:\s*(.*?)\s*")
 #: What says it of one channel as of all: `dt = 0.001`.
 _SET = re.compile(r"\s*([^\W\d][\w.]*)\s*=\s*\S.*")
+#: What stands between a channel and what it is.
+_SAYS = re.compile(r"\s*[=:]\s*")
 #: How numbers are held.
 _TYPE = re.compile(
     r"\s*(?:[uif][1248]|u?int(?:8|16|32|64)?|u?[sdl]?int|l?real(?:32|64)?|float(?:32|64)?|double|single|bool(?:ean)?|bit"
@@ -94,8 +96,12 @@ def in_groups(names: Sequence[str], above: Sequence[str]) -> list[str]:
 
 
 def lines_of_each(rows: Sequence[Row]) -> dict[str, Row]:
-    """Name in the last row -> the line about it above, where there are several: `Trace 1,Feedback Speed,min-1`."""
+    """Name in the last row -> the line about it above, where there are several: `Trace 1,Feedback Speed,min-1`.
+
+    `CH1 = Motor Speed [rpm]` is one, too.
+    """
     names = [cell.strip() for cell in rows[-1].cells] if rows else []
+    rows = [row._replace(cells=_SAYS.split(row.cells[0], 1)) if len(row.cells) == 1 else row for row in rows]
     first = {row.cells[0].strip(): row for row in rows[:-1] if len(row.cells) in (2, 3)}
     told = {name: row for name, row in first.items() if name and names.count(name) == 1 and row.cells[1].strip()}
     return told if len(told) > 1 else {}

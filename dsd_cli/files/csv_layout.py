@@ -180,7 +180,8 @@ def _as_told(lines: Sequence[str], layout: CsvLayout, body: Body) -> Found:
 def _keyed(rows: Sequence[Row], body: Body) -> Found | None:
     """A preamble whose rows begin with what they say: `Name; a; Name; b`, `Unit; mm; Unit; V`."""
     rows = [row._replace(cells=as_wide(row.cells, body)) for row in rows]
-    at = next((k for k, (_, row, _) in enumerate(rows) if key_of(row) in NAME_KEYS and len(row) == body.fields), None)
+    told = (k for k, (_, row, _) in enumerate(rows) if key_of(row) in NAME_KEYS and len(row) == body.fields)
+    at = next((k for k in told if all(rows[k].cells[place].strip() for place in body.numeric)), None)
     if at is None:
         return None
     named = rows[at].cells

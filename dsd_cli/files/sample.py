@@ -72,7 +72,7 @@ def _of_container(file: Container) -> Sample:
         for group in file.groups
         if group.rows > 1
     ]
-    return Sample(tuple(_merged(tables)), tuple(file.notes))
+    return Sample(tuple(_merged(tables)), tuple(file.notes), getattr(file, "sample_time", None))
 
 
 def _of_group(file: Container, group: Group) -> Iterator[Channel]:

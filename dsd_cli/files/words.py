@@ -12,9 +12,9 @@ WORDS: Mapping[str, tuple[str, ...]] = {
     ),
     "d_hat": ("dhat", "disturbance", "dist", "dob", "stoerung"),
     "u": (
-        "u", "iq", "torque", "effort", "current", "force", "voltage", "moment", "strom", "drehmoment", "kraft", "tau",
-        "control", "input", "thrust", "volts", "duty", "pwm", "couple", "courant", "coppia", "corrente", "corriente",
-        "トルク", "電流", "推力", "转矩", "扭矩", "电流",
+        "u", "iq", "torque", "trq", "effort", "current", "force", "voltage", "moment", "strom", "drehmoment", "kraft",
+        "tau", "control", "input", "thrust", "volts", "duty", "pwm", "couple", "courant", "coppia", "corrente",
+        "corriente", "トルク", "電流", "推力", "转矩", "扭矩", "电流",
     ),
     "velocity": (
         "velocity", "vel", "speed", "v", "omega", "w", "rpm", "qd", "dq", "dtheta", "thetadot", "drehzahl",
@@ -64,7 +64,7 @@ ELSE = {
 #: Of what a controller is to take away.
 ERRORS = {"error", "err", "deviation", "droop", "regelabweichung", "schleppabstand", "schleppfehler", "偏差"}
 #: Words of what feeds a drive, which no motion follows.
-SUPPLY = {"battery", "bus", "vbus", "supply", "vcc", "vdc"}
+SUPPLY = {"battery", "batt", "bms", "pack", "bus", "vbus", "supply", "psu", "vcc", "vdc", "zwischenkreis"}
 ELSE |= ERRORS | SUPPLY
 
 #: Words of a column that counts the rows.

@@ -150,6 +150,7 @@ def test_a_pointer_of_git_lfs_is_named(tmp_path: Path) -> None:
         ("vel [deg/s] (3)", "velocity", "deg/s"),
         ("torque_abs_nm/6", "u", "nm"),
         ("drive/velocity/1", "velocity", ""),
+        ("/Arm/VelocityRadPerSec", "velocity", "rad/s"),
         ("dwell [ms]/time", "time", ""),
         ("dwell [ms]/time [s]", "time", "s"),
     ],
@@ -166,6 +167,8 @@ def test_the_number_of_a_matrix_column_hides_no_unit(name: str, channel: str, un
         (["time", "V(torque)", "V(theta)"], {"time": "time", "u": "V(torque)", "position": "V(theta)"}),
         (["time", "V(out)", "I(R1)"], {"time": "time"}),
         (["t", "Position Deviation", "iq"], {"time": "t", "u": "iq"}),
+        (["t", "target_q_1", "actual_q_1"], {"time": "t", "position": "actual_q_1", "reference": "target_q_1"}),
+        (["Time", "MotTrq[Nm]", "PackCurrent[A]", "BMS::Current"], {"time": "Time", "u": "MotTrq[Nm]"}),
     ],
 )
 def test_a_letter_is_a_name_only_where_no_word_beside_it_is(names: list[str], roles: dict[str, str]) -> None:

@@ -4,11 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.csv_in import CsvTable
 from dsd_cli.files.formats.known import format_of, open_container
 from dsd_cli.files.formats.long_form import LongFile, long_form
+from dsd_cli.files.sample import sample
 
 ROWS = 30
 T = 0.002 * np.arange(ROWS)
@@ -83,6 +85,12 @@ def test_types_and_settings_of_each_channel_are_no_names(above: list[str], units
     assert [read.units[name] for name in ("time", "n", "M")] == units
 
 
+def test_lines_say_what_numbered_channels_are(tmp_path: Path) -> None:
+    head = ["Sample Rate = 2000 Hz", "CH1 = Motor Speed [rpm]", "CH2 = Torque Command [%]", "Time(s),CH1,CH2"]
+    read = CsvTable(str(written(tmp_path, head, T, U, Q)), {})
+    assert read.column_names == ["Time(s)", "CH1 Motor Speed [rpm]", "CH2 Torque Command [%]"]
+
+
 def test_a_recorder_that_names_its_rows_and_leaves_the_first_column_empty(tmp_path: Path) -> None:
     head = ['"Model","DL"', '"TraceName","Torque  ","Angle  "', '"VUnit","Nm","deg"', '"HResolution",5.0E-04,5.0E-04']
     rows = [f",{u:.3E},{q:.3E}," for u, q in zip(U, Q, strict=True)]
@@ -134,6 +142,14 @@ def test_three_columns_for_each_signal(head: str, row: str, tmp_path: Path) -> N
         np.testing.assert_allclose(found[name], values)
         if "unit" in head:
             assert group.units[name] == {"torque": "Nm", "angle": "deg"}[one]
+
+
+def test_a_single_number_of_a_mat_file_is_its_sample_time(tmp_path: Path) -> None:
+    """As an iddata keeps it; two that differ say nothing."""
+    path = str(tmp_path / "log.mat")
+    for said, found in (({"Ts": 0.002}, 0.002), ({"Ts": 0.002, "dt": 0.004}, None), ({"Ts": 20.0}, None)):
+        savemat(path, {"z": {"u": U, "y": Q, **said}})
+        assert sample(path).sample_time == found
 
 
 def test_values_of_a_long_table_may_be_words(tmp_path: Path) -> None:

@@ -156,7 +156,9 @@ def grouped(channels: Mapping[str, Array], units: Mapping[str, str] | None = Non
 
 
 class InMemory:
-    """A format whose library reads whole files; see `Container`."""
+    """A format whose library reads whole files; see `Container`. sample_time : s between rows, if it says so."""
+
+    sample_time: float | None = None
 
     def __init__(
         self,

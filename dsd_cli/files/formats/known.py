@@ -153,6 +153,7 @@ class _Understood:
 
     def __init__(self, container: Container, name: str, kind: str) -> None:
         self.groups, self.metadata, self.notes = container.groups, container.metadata, container.notes
+        self.sample_time: float | None = getattr(container, "sample_time", None)
         self._container, self._name, self._kind = container, name, kind
 
     def read(self, group: Group, channels: Sequence[str], start: int, rows: int) -> dict[str, Array]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from dsd_cli.files.formats.base import InMemory, check_size, columns_of
 from dsd_cli.files.formats.matlab_objects import NO_NUMBERS, not_seen, object_channels
+from dsd_cli.signals.clock import FASTEST, SLOWEST
 from dsd_cli.signals.log import Array
 
 #: Where a file keeps what is in its objects.
@@ -33,6 +34,7 @@ class MatFile(InMemory):
         plain = {name: value for name, value in loaded.items() if not name.startswith("__") and name != "None"}
         units: dict[str, str] = {}
         super().__init__(_channels("", plain, units) if objects is None else objects, units=units)
+        self.sample_time = _sample_time(plain)
         if _WORKSPACE in loaded and (objects is None or not self.groups):
             self.notes.append(not_seen() if objects is None else NO_NUMBERS)
 
@@ -85,6 +87,21 @@ def _claimed(path: str) -> float:
         return sum(8.0 * math.prod(shape) for _, shape, _ in whosmat(path))
     except TypeError:
         return 0.0
+
+
+#: What a single number is called that is the s between samples, as in an iddata.
+_SAMPLE_TIMES = {"ts", "dt", "sampletime", "sample_time", "tsample"}
+
+
+def _sample_time(variables: Mapping[str, Any]) -> float | None:
+    """The one that the variables say, or fields of structs."""
+    said: set[float] = set()
+    for name, value in variables.items():
+        if isinstance(value, Mapping):
+            said |= {inside} if (inside := _sample_time(value)) is not None else set()
+        elif name.lower() in _SAMPLE_TIMES and isinstance(value, int | float) and FASTEST <= value <= SLOWEST:
+            said.add(float(value))
+    return said.pop() if len(said) == 1 else None
 
 
 #: Fields of a struct that is one channel: of dSPACE's recorders, and of what Simulink writes to the workspace.
