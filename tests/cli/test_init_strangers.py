@@ -40,7 +40,7 @@ def test_a_strangers_file_ends_in_a_config_that_check_takes(name: str, tmp_path:
     assert answer["by_log"][0]["seconds"] == pytest.approx(strangers.ROWS * strangers.STEP, rel=0.03)
     factors = {"trace": 1e-3, "spreadsheet": 1e-3, "twincat": 1e-3, "recorder": np.pi / 180, "degrees": np.pi / 180}
     factors |= {"two_levels": 1e-6, "printed": np.pi / 180, "packed": np.pi / 180, "thousands": 1e-6}
-    factors |= {"slashed": np.pi / 180}
+    factors |= {"slashed": np.pi / 180, "counts": np.pi / 180}
     if motion == config.signals.position:
         assert config.signals.factors().get("position", 1.0) == pytest.approx(factors.get(name, 1.0))
 

@@ -405,6 +405,20 @@ def slashed(folder: Path, a: dict) -> Path:
     return text(folder, "scope.txt", [head, *("\t".join(map(german, row)) for row in columns)], "\r\n", "cp1252")
 
 
+def counts(folder: Path, a: dict) -> Path:
+    """Whole numbers, with a row that says their factors, and one of their types; cut off, and closed by a program."""
+    head = ["Logger 7", "time,torque,angle", "s,Nm,deg", "f8,i4,i4", "Scale,0.001,0.01"]
+    body = rows(a, a["t"], np.round(1e3 * a["u"]), np.round(1e2 * np.degrees(a["q"])))
+    return text(folder, "counts.csv", [*head, *body, "6.000,12", "", "closed by user"])
+
+
+def qualities(folder: Path, a: dict) -> Path:
+    """A time, a value and how good that is for each signal, which have stamps of their own."""
+    body = zip(a["t"], a["u"], a["t"] + 0.0004, a["q"], strict=True)
+    lines = [f"{t:.4f};{u:.6f};Good;{s:.4f};{q:.7f};Good" for t, u, s, q in body]
+    return text(folder, "tags.csv", ["Torque;;;Angle;;", "Time;Value;Quality;Time;Value;Quality", *lines])
+
+
 #: Every one of them, and the columns of u and of position or velocity in it.
 MADE: dict[str, tuple[Callable[[Path, dict], Path], str, str]] = {
     "twincat": (twincat, "ActTorque", "ActPos"),
@@ -454,5 +468,7 @@ MADE: dict[str, tuple[Callable[[Path, dict], Path], str, str]] = {
     "points": (points, "torque", "position"),
     "slashed": (slashed, "Drehmoment / % Mnenn", "Istlage / °"),
     "joints": (joints, "arm/effort", "arm/position"),
+    "counts": (counts, "torque", "angle"),
+    "qualities": (qualities, "Torque/value", "Angle/value"),
     "titled": (titled, "r79[0] Drehmomentsollwert [Nm]", "r61[0] Drehzahlistwert [1/min]"),
 }
