@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 from dsd_cli.effects import free_name, get_effect, kind_of
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.identify.fit.bank import Terms
 from dsd_cli.identify.fit.driven_load import both_driven
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
@@ -157,14 +156,10 @@ def _needless(search: Search, fit: Fit, newest: str) -> tuple[str, Fit] | None:
     """
     seen = {name.partition(".")[0] for name in search.solver.known.seen}
     older = [t.id for t in search.added(fit.terms) if t.id != newest and t.id not in seen]
-    less = [(name, search.fit(_without(fit.terms, name), fit.tap)) for name in older]
+    less = [(name, search.fit(tuple(t for t in fit.terms if t.id != name), fit.tap)) for name in older]
     needless = [(name, one) for name, one in less if search.lead(one, fit) <= 0.0 or not search.practical(one, fit)]
     found = max(needless, key=lambda pair: search.evidence(pair[1]), default=None)
     return None if found is None else (found[0], search.converged(found[1]))
-
-
-def _without(terms: Terms, name: str) -> Terms:
-    return tuple(t for t in terms if t.id != name)
 
 
 def _ended(search: Search, fit: Fit, gone: str) -> Ended:

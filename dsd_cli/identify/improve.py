@@ -61,19 +61,14 @@ def improve(
     DataError, UsageError : as `diagnose`.
     """
     report = progress or (lambda _what, _share: None)
-    looked, against = prior_check(recordings, model, settings or Settings(), report)
-    if against:
-        on_told(against)
-    climb = _Climb(recordings, observer, looked, holdout, on_step)
+    climb = _Climb(recordings, observer, settings or Settings(), holdout, on_step)
+    climb.told_again(model, report, on_told)
     refused: list[str] = []
     while True:
         last = diagnose(recordings, model, observer, climb.settings.without(refused), holdout, progress)
         recordings, holdout = climb.as_asked(last)
-        if last.mended is not None and not climb.settings.against:  # the values given were asked beside what was wrong
-            climb.settings, against = prior_check(recordings, model, replace(climb.settings, against=None), report)
-            if against:
-                on_told(against)
-                continue
+        if last.mended is not None and not climb.settings.against and climb.told_again(model, report, on_told):
+            continue
         if not climb.steps:
             climb.up(AS_GIVEN, last.score, last.refitted_values, last.given)
             model = last.given
@@ -81,8 +76,7 @@ def improve(
         climb.settings = replace(climb.settings, begun=None, begun_with=())
         if last.verdict in (NONE, UNKNOWN):
             return climb.ladder(last, _why(last, refused))
-        stop = _stop(climb.steps, last)
-        chosen = None if stop else choose(last)
+        chosen = None if (stop := _stop(climb.steps, last)) else choose(last)
         if chosen is None:
             return climb.ladder(last, stop or _standing_in(last) or "stopped before the next step was taken")
         own = chosen in (INERTIA, DELAY) or chosen in model.effects
@@ -94,8 +88,7 @@ def improve(
         taken = next((c for c in last.ranking if c.effect == chosen), None)
         if taken is None or taken.model is None or taken.score is None:
             raise UsageError(f"{chosen} is no candidate here", "take one of the ranking")
-        with_it = climb.up_with(last, taken)
-        if with_it is None:
+        if (with_it := climb.up_with(last, taken)) is None:
             refused.append(chosen)
             climb.settings = set_before
             continue
@@ -130,6 +123,14 @@ class _Climb:
             self.recordings, self.holdout = mended.recordings, mended.holdout
             self.steps[-1:] = [replace(top, score=last.score) for top in self.steps[-1:]]
         return self.recordings, self.holdout
+
+    def told_again(self, model: PlantModel, report: Progress, on_told: Told) -> bool:
+        """Whether the logs, without what was wrong with them, are against what was given: asked anew of mended ones."""
+        asked = replace(self.settings, against=None) if self.mended else self.settings
+        self.settings, against = prior_check(self.recordings, model, asked, report)
+        if against:
+            on_told(against)
+        return bool(against)
 
     def up(
         self, effect: str, score: Score, values: Estimates, model: PlantModel, kind: StepKind = "added"

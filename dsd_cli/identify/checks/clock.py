@@ -18,7 +18,7 @@ from dsd_cli.signals.log import Array, Log
 
 #: Jitter of the steps (standard deviation over T) from which it is worth a word: less is no noise beside a sensor's.
 JITTERY = 0.02
-#: The two clocks are told apart from so many standard errors on, over blocks of the log.
+#: Two clocks are distinguished from so many standard errors on, over blocks of the log.
 CLEAR = 5.0
 #: A mean step this near to the sample time of the first rows, as a share of it, is that one.
 ROUNDED = 1e-3
