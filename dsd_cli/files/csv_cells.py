@@ -41,10 +41,11 @@ DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
 ISO_TIME = re.compile(r"\s*\d{4}-\d\d-\d\d[ T]\d\d:\d\d")
 SPOKEN_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "min": 60.0, "hr": 3600.0}
 MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-#: `0.004 sec`; [31.12.2024, 12/31/2024, 31-Dec-2024 or 2 days] 23:59:59.999 [PM].
+#: `0.004 sec`; [31.12.2024, 12/31/2024, 2024/12/31, 31-Dec-2024 or 2 days] 23:59:59.999 [PM].
 SPOKEN_TIME = re.compile(
     r"\s*(?:([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s?(s|sec|ms|msec|us|min|hr)"
-    r"|(?:(\d{1,2}\.\d{1,2}\.\d{4})[ T]|(\d{1,2}/\d{1,2}/\d{4}) |(\d{1,2}-[A-Za-z]{3}-\d{4}) )?"
+    r"|(?:(\d{1,2}\.\d{1,2}\.\d{4})[ T]|(\d{1,2}/\d{1,2}/\d{4}) |(\d{4}/\d{1,2}/\d{1,2}) "
+    r"|(\d{1,2}-[A-Za-z]{3}-\d{4}) )?"
     r"(?:(\d+) days? )?(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+)?) ?([AaPp][Mm])?)\s*"
 )
 
@@ -73,7 +74,7 @@ class Written(NamedTuple):
         ------
         ValueError : it is not written so.
         """
-        text = text.strip().replace(MINUS, "-")
+        text = _signed(text)
         if text in MISSING:
             return math.nan
         if self.digits:
@@ -89,6 +90,12 @@ class Written(NamedTuple):
     @property
     def _grouped(self) -> re.Pattern[str]:
         return _grouped(self.thousands, self.decimal)
+
+
+def _signed(text: str) -> str:
+    """With a sign as programs write it, right before the digits: `+ 1.5` of a recorder has it apart."""
+    text = text.strip().replace(MINUS, "-")
+    return text[0] + text[1:].lstrip() if text[:1] in ("+", "-") else text
 
 
 @cache
@@ -110,7 +117,7 @@ def written(cells: Iterable[str], decimal: Collection[str] = ()) -> Written | No
     `decimal`: signs that are decimal where one alone could be either, see `decimal_signs`.
     """
     given = [text for cell in cells if (text := cell.strip()) not in MISSING]
-    there = [text.replace(MINUS, "-") for text in given]
+    there = [*map(_signed, given)]
     with suppress(ValueError):
         if all(math.isfinite(float(text)) for text in there):  # nearly all columns
             return None if there == given else Written()
@@ -202,8 +209,8 @@ def plain_number(text: str) -> float:
 def seconds(text: str) -> float:
     """A time stamp: a number, or a date and time (taken as UTC without a zone) as seconds since 1970.
 
-    Dates are ISO 8601, 31.12.2024, 12/31/2024 or 31-Dec-2024; hours with minutes and seconds alone, and `0.004 sec`,
-    are durations.
+    Dates are ISO 8601, 31.12.2024, 12/31/2024, 2024/12/31 or 31-Dec-2024; hours with minutes and seconds alone, and
+    `0.004 sec`, are durations.
 
     Raises
     ------
@@ -214,13 +221,14 @@ def seconds(text: str) -> float:
         return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
     if (found := SPOKEN_TIME.fullmatch(text)) is None:
         return plain_number(text)
-    value, unit, dotted, slashed, spelt, days, hours, minutes, rest, half = found.groups()
+    value, unit, dotted, slashed, from_year, spelt, days, hours, minutes, rest, half = found.groups()
     if unit:
         return (how.value if (how := written([value])) else plain_number)(value) * SPOKEN_UNITS[unit.lower()]
     day = 86400.0 * int(days or 0)
-    if date := dotted or slashed or spelt:
+    if date := dotted or slashed or from_year or spelt:
         parts = [MONTHS.index(one.lower()) + 1 if one.isalpha() else int(one) for one in re.split(r"[./-]", date)]
-        year, month, of_month = (parts[2], parts[0], parts[1]) if slashed else (parts[2], parts[1], parts[0])
+        parts = parts if from_year else [parts[2], parts[0], parts[1]] if slashed else parts[::-1]
+        year, month, of_month = parts
         day = datetime(year, month, of_month, tzinfo=UTC).timestamp()
     hour = int(hours) % 12 + 12 * (half.lower() == "pm") if half else int(hours)
     return day + 3600.0 * hour + 60.0 * int(minutes) + plain_number(rest)

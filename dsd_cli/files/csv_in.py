@@ -110,7 +110,7 @@ class CsvTable:
             if at in found and is_number_type(found[at].type):
                 found[at] = numbers(factor * as_float64(found[at]))
         if self._split and {at := self._split.at, at + 1} <= found.keys():
-            together = self._split.whole(as_float64(found.pop(at)), as_float64(found.pop(at + 1)))
+            together = self._split.whole(_values(found.pop(at), None), as_float64(found.pop(at + 1)))
             found = {len(names) - 1: pa.array(together), **found}
         return {names[at]: column for at, column in found.items()}
 
@@ -232,6 +232,8 @@ class CsvTable:
                 if stray := _stray(line):
                     return DataError(f"{where}: {stray}", "mend or delete the line")
                 fields = dialects.fields_of(line, header.delimiter)
+                if [cell.strip() for cell in fields] == header.names:
+                    return DataError(f"{where}: its header comes again", "delete the line, or cut the file there")
                 if len(fields) != len(header.names):
                     return DataError(
                         f"{where}: {len(fields)} fields where the header has {len(header.names)}",

@@ -7,12 +7,15 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
+from dsd_cli.files.csv_cells import is_number, number
 from dsd_cli.files.csv_dialect import fields_of, is_comment
 from dsd_cli.signals.log import Array
 
 #: What the second column is called -> s.
 _PARTS = {"nanosec": 1e-9, "nanosecs": 1e-9, "nanoseconds": 1e-9, "nsec": 1e-9, "nsecs": 1e-9, "ns": 1e-9}
 _PARTS |= {"usec": 1e-6, "usecs": 1e-6, "microsec": 1e-6, "microseconds": 1e-6}
+#: Parts beside a date.
+_THOUSANDTHS = {"ms", "msec", "millisec", "milliseconds"}
 _SECONDS = {"sec", "secs", "seconds", "s"}
 _LAST = re.compile(r"[^A-Za-z]?([A-Za-z]+)$")
 _WHOLE = re.compile(r"\s*\d{1,10}\s*")
@@ -38,10 +41,19 @@ def split_stamps(names: Sequence[str], lines: Sequence[str], delimiter: str) -> 
     rows = [row for row in rows if len(row) == len(names)]
     for at in range(len(names) - 1):
         a, b = names[at : at + 2]
-        whole = bool(rows) and all(_WHOLE.fullmatch(row[at]) and _WHOLE.fullmatch(row[at + 1]) for row in rows)
+        if not rows or not all(_WHOLE.fullmatch(row[at + 1].strip('"')) for row in rows):
+            continue
+        if _LAST.fullmatch(b.strip()) and b.strip().lower() in _THOUSANDTHS and _of_dates([row[at] for row in rows]):
+            return Split(f"{a}+{b}", at, 1e-3)
+        whole = all(_WHOLE.fullmatch(row[at]) for row in rows)
         if whole and (scale := _by_name(a, b) or _by_deeds([(int(row[at]), int(row[at + 1])) for row in rows])):
             return Split(f"{a}+{b}", at, scale)
     return None
+
+
+def _of_dates(cells: Sequence[str]) -> bool:
+    """Whether these are dates, or times of day, of whole seconds."""
+    return all(":" in cell and is_number(cell) and number(cell) == round(number(cell)) for cell in cells)
 
 
 def _by_name(a: str, b: str) -> float:

@@ -109,6 +109,30 @@ def test_a_footer_behind_a_line_that_was_cut(below: str, tmp_path: Path) -> None
     assert read.warnings[-1] == "the line before them is cut off in the middle, and left out"
 
 
+def test_a_recorder_with_signs_apart_and_milliseconds_beside_the_date(tmp_path: Path) -> None:
+    """2023-05-01 10:00:00 UTC is 1682935200 s."""
+    head = ['"Model","GL840"', '"Number","Date&Time","ms","CH1"', '"NO.","Time","ms","A"']
+    rows = [
+        f'{k + 1},"2023/05/01 10:00:{k // 100:02d}",{10 * (k % 100)},"{"-" if u < 0 else "+"} {abs(u):.1f}"'
+        for k, u in enumerate(np.tile(U, 7))
+    ]
+    (tmp_path / "log.csv").write_text("\n".join([*head, *rows]) + "\n")
+    read = CsvTable(str(tmp_path / "log.csv"), {"t": "Date&Time+ms", "u": "CH1"})
+    (batch,) = read.batches()
+    t = batch.columns["t"]
+    np.testing.assert_allclose(t, 1682935200.0 + 0.01 * np.arange(7 * ROWS), atol=1e-6)
+    np.testing.assert_allclose(batch.columns["u"], np.tile(U, 7))
+    np.testing.assert_allclose(np.array(read.peek()["Date&Time+ms"]), t)
+    assert read.units["CH1"] == "A"
+
+
+def test_a_header_that_comes_again_is_named(tmp_path: Path) -> None:
+    rows = [f"{t},1,2" for t in range(9)]
+    (tmp_path / "log.csv").write_text("\n".join([NAMES, *rows, NAMES, *rows]) + "\n")
+    with pytest.raises(DataError, match="line 11: its header comes again: delete the line"):
+        table(tmp_path / "log.csv", "torque [Nm]")
+
+
 def test_a_short_line_in_the_middle_is_an_error_as_ever(tmp_path: Path) -> None:
     rows = [f"{t},1,2" for t in range(9)]
     (tmp_path / "log.csv").write_text("\n".join([NAMES, *rows, "9,1", *rows]) + "\nEnd of data\n")
