@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from dsd_cli.files.csv_cells import MISSING, is_number, number
 from dsd_cli.files.csv_dialect import fields_of, is_comment
+from dsd_cli.files.recognise import is_unit
 
 #: What separates fields, tried in this order; the last is any run of blanks.
 DELIMITERS = (",", ";", "\t", "|", " ")
@@ -130,5 +131,11 @@ def key_of(fields: Sequence[str]) -> str:
 
 
 def is_keyed(fields: Sequence[str]) -> bool:
-    """Whether they say something of the channels, and nothing that was measured: `Scale, 1, 0.001`."""
-    return key_of(fields) in {*UNIT_KEYS, *FACTOR_KEYS, *OFFSET_KEYS}
+    """Whether they say something of the channels, and nothing that was measured: `Scale, 1, 0.001`.
+
+    `Gain, Phase` are names.
+    """
+    if (key := key_of(fields)) in UNIT_KEYS:
+        return any(is_unit(cell) for cell in fields[1:])
+    there = [cell for cell in fields[1:] if cell.strip() not in MISSING]
+    return key in {*FACTOR_KEYS, *OFFSET_KEYS} and any(map(is_number, there))

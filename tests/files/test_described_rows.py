@@ -66,6 +66,12 @@ def test_factors_of_numbers_that_may_be_multiplied_already_are_left_to_the_user(
     assert any("left to you" in note and "signals.u_scale" in note for note in read.warnings)
 
 
+@pytest.mark.parametrize("names", ["Gain,Phase,Angle", "Offset,u,q", "unit,u,q", "scale,torque,Nm"])
+def test_names_like_keys_are_names(names: str, tmp_path: Path) -> None:
+    (u, q), read = table(written(tmp_path, [names], T, U, Q), *names.split(",")[1:])
+    assert (read.column_names, u.size, q.size) == (names.split(","), ROWS, ROWS)
+
+
 def test_factors_of_one_need_no_word(tmp_path: Path) -> None:
     (u,), read = table(written(tmp_path, [NAMES, "Scale,1,1"], T, U, Q), "torque [Nm]")
     assert u.size == ROWS
