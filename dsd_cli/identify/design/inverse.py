@@ -29,8 +29,11 @@ class Path:
 
     @classmethod
     def of(cls, position: Array, step: float) -> Path:
-        """From the position alone."""
-        return cls.moving(position, np.gradient(position, step), step)
+        """From the position alone; eight samples of a sine have its speed to 1 % (by half the difference of both
+        neighbours: to 10 %)."""
+        velocity = np.gradient(position, step)
+        velocity[1:-1] -= np.diff(velocity, 2) / 6.0
+        return cls.moving(position, velocity, step)
 
     @classmethod
     def moving(cls, position: Array, velocity: Array, step: float) -> Path:

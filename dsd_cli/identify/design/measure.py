@@ -12,9 +12,7 @@ from dsd_cli.identify.design.cases import Expected
 from dsd_cli.identify.design.expectation import Expectation
 from dsd_cli.identify.design.inverse import Path
 from dsd_cli.identify.design.limits import Limits
-from dsd_cli.identify.design.rows import (
-    Products,
-)
+from dsd_cli.identify.design.rows import Products
 from dsd_cli.identify.design.targets import Targets, apart
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search

@@ -207,7 +207,7 @@ def _motion(measure: Measure, position: Array, room: Room, wanted: Wanted) -> Mo
 
 
 def _steps_of_delay(measure: Measure, room: Room) -> int:
-    return math.ceil(measure.longest_delay / room.step) + 2  # of a speed by differences one step more is at rest
+    return math.ceil(measure.longest_delay / room.step) + 3  # of a speed by differences two steps more are at rest
 
 
 def _stages(parts: Sequence[Part], room: Room, at: float) -> tuple[Stage, ...]:

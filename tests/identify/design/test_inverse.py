@@ -55,3 +55,13 @@ def test_between_its_samples_a_path_rests_where_it_rests() -> None:
     exact = 0.2 + 0.3 * np.clip(fine.times - 1.0, 0.0, None) ** 3
     assert np.abs(fine.position - exact).max() < 1e-5
     assert fine.acceleration[1500] == pytest.approx(1.8 * 0.5, rel=0.02)
+
+
+def test_the_motion_that_is_written_is_the_one_that_was_looked_at() -> None:
+    """At the end of the band, eight samples a period: half the difference of both neighbours is 10 % less speed."""
+    t, w = np.arange(801) * 0.005, 2.0 * np.pi / 0.04
+    path = Path.of(np.sin(w * t), 0.005)
+    inner = slice(100, 700)
+    assert path.velocity[inner] == pytest.approx(w * np.cos(w * t)[inner], abs=0.015 * w)
+    fine = path.resampled(STEP)
+    assert np.ptp(fine.position[500:3500]) == pytest.approx(2.0, rel=0.02)
