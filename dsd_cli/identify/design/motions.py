@@ -20,8 +20,8 @@ from dsd_cli.signals.runs import runs
 
 #: Share of a limit that the reference may use: the axis does not follow it exactly.
 ROOM = 0.9
-#: Share of a part at either end in which harmonics and chirps fade.
-FADE = 0.15
+#: Shares of a part at either end in which harmonics, reversals and chirps may fade.
+FADES = (0.15, 0.3, 0.5)
 _MOST_HARMONICS = 8
 
 
@@ -61,8 +61,21 @@ class Room:
 
 def position_of(part: Part, room: Room) -> Array:
     """Position of a part, shape (n,), from rest at the start to rest there."""
-    limits = room.limits
+    return room.limits.start + part.scale * _largest(part, room)[0]
+
+
+def _largest(part: Part, room: Room) -> tuple[Array, float]:
+    """(way of the part at full scale, share in which it fades): of several shares the one with which the limits let
+    it move most, as a rise that is quick for its size takes all of a jerk for itself."""
     way = KINDS[part.kind](_times(part.samples(room.step) + 1, room), np.array(part.values), room)
+    shares = FADES if part.kind in _FADING else (0.0,)
+    ways = [_within(way * _fade(len(way), share) if share else way, room) for share in shares]
+    return max(zip(ways, shares, strict=True), key=lambda one: float(one[0] @ one[0]))
+
+
+def _within(way: Array, room: Room) -> Array:
+    """As large as the limits let it be."""
+    limits = room.limits
     up, down = limits.high - limits.start, limits.start - limits.low
     uses = [float(way.max()) / up if up > 0.0 else (np.inf if way.max() > 0.0 else 0.0)]
     uses.append(float(-way.min()) / down if down > 0.0 else (np.inf if way.min() < 0.0 else 0.0))
@@ -72,17 +85,17 @@ def position_of(part: Part, room: Room) -> Array:
     sizes = (limits.velocity, limits.acceleration, limits.jerk)
     slopes = (np.diff(way, k) / room.step**k for k in (1, 2, 3))
     uses += [float(np.abs(x).max()) / size for x, size in zip(slopes, sizes, strict=True)]
-    most = max(uses)
-    return np.asarray(limits.start + part.scale * min(1.0, ROOM / max(most, 1e-300)) * way)
+    return np.asarray(min(1.0, ROOM / max(*uses, 1e-300)) * way)
 
 
 def _times(count: int, room: Room) -> Array:
     return np.asarray(np.arange(count) * room.step, dtype=np.float64)
 
 
-def _fade(t: Array) -> Array:
+def _fade(count: int, share: float) -> Array:
     """From 0 to 1 and back, with two smooth derivatives at either end."""
-    x = np.clip(np.minimum(t, t[-1] - t) / (FADE * t[-1]), 0.0, 1.0)
+    x = np.linspace(0.0, 1.0 / share, count)
+    x = np.clip(np.minimum(x, x[::-1]), 0.0, 1.0)
     return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x * x))
 
 
@@ -101,7 +114,7 @@ def _lines(last: float, values: Array, room: Room) -> tuple[Array, Array, Array]
 def _harmonics(t: Array, values: Array, room: Room) -> Array:
     """values : highest frequency, how amplitudes fall with it, phases, number."""
     frequencies, sizes, phases = _lines(float(t[-1]), values, room)
-    return _fade(t) * (sizes @ np.sin(2.0 * np.pi * np.outer(frequencies, t) + phases[:, None]))
+    return np.asarray(sizes @ np.sin(2.0 * np.pi * np.outer(frequencies, t) + phases[:, None]))
 
 
 def _swept(last: float, values: Array, room: Room) -> tuple[float, float]:
@@ -118,7 +131,7 @@ def _chirp(t: Array, values: Array, room: Room) -> Array:
     angle, x = 2.0 * np.pi * np.cumsum(frequency) * room.step, room.limits
     w = 2.0 * np.pi * frequency
     size = 1.0 / (1.0 / room.half + w / x.velocity + w**2 / x.acceleration + w**3 / x.jerk)
-    return _fade(t) * (0.1 + 0.9 * values[2]) * size * np.sin(angle)
+    return np.asarray((0.1 + 0.9 * values[2]) * size * np.sin(angle))
 
 
 def _visits(t: Array, places: Array, speeds: Array, dwell: float, room: Room) -> Array:
@@ -197,7 +210,7 @@ def _reversals(t: Array, values: Array, room: Room) -> Array:
     reach = math.sqrt(x.acceleration / first) / (2.0 * np.pi)
     frequency = max(min(reach, 0.5 * room.band_hz) * 10.0 ** (values[2] - 1.0), 2.0 / t[-1])
     size = first * (last / first) ** (t / t[-1])
-    return _fade(t) * size * np.sin(2.0 * np.pi * frequency * t)
+    return np.asarray(size * np.sin(2.0 * np.pi * frequency * t))
 
 
 def generator_values(part: Part, room: Room) -> dict[str, list[float]]:
@@ -210,13 +223,14 @@ def generator_values(part: Part, room: Room) -> dict[str, list[float]]:
     last = room.step * (len(way) - 1)
     if part.kind == "harmonics":
         frequencies, sizes, phases = _lines(last, values, room)
-        raw = _harmonics(_times(len(way), room), values, room)
+        share = _largest(part, room)[1]
+        raw = _harmonics(_times(len(way), room), values, room) * _fade(len(way), share)
         size = float(way @ raw) / max(float(raw @ raw), 1e-300)
         return {
             "frequency_hz": frequencies.tolist(),
             "amplitude": (size * sizes).tolist(),
             "phase_rad": phases.tolist(),
-            "fade_s": [FADE * last],
+            "fade_s": [share * last],
         }
     if part.kind == "chirp":
         return {"frequency_hz": list(_swept(last, values, room)), "amplitude": [float(np.abs(way).max())]}
@@ -230,7 +244,7 @@ def generator_values(part: Part, room: Room) -> dict[str, list[float]]:
     return {"distance": [float(way[b] - way[a]) for a, b in spans], "speed": speeds}
 
 
-#: Kind -> (t, values, room) -> way from the start, shape (n,).
+#: Kind -> (t, values, room) -> way from the start, shape (n,), before it fades; who does.
 KINDS: dict[str, Callable[[Array, Array, Room], Array]] = {
     "harmonics": _harmonics,
     "moves": _moves,
@@ -239,3 +253,4 @@ KINDS: dict[str, Callable[[Array, Array, Room], Array]] = {
     "reversals": _reversals,
     "chirp": _chirp,
 }
+_FADING = ("harmonics", "reversals", "chirp")

@@ -21,8 +21,8 @@ from dsd_cli.signals.log import Array
 #: How often the whole is made: the search judges by blocks that no fit saw, so that what one part alone shows would be
 #: extrapolation there.
 TIMES = 2
-#: Different parts, and s of the shortest and the longest.
-_PARTS, _SHORTEST, _LONGEST = 2, 0.8, 6.0
+#: Different parts, and s of the shortest and the longest; stairs both ways have so many rises of the acceleration.
+_PARTS, _SHORTEST, _LONGEST, _RISES = 2, 0.8, 6.0, 16
 #: Parts of each kind that are tried, their seed, by how much a part shrinks, and how often.
 _TRIED, _SEED, _SHRINK, _SHRINKS = 8, 20261123, 0.75, 10
 #: Evaluations of the refinement, for each part.
@@ -90,7 +90,7 @@ def library_of(measure: Measure, room: Room, seconds: float, report: Report = la
     """Parts of every kind, for a motion of so many s."""
     random = np.random.default_rng(_SEED)
     each = seconds / TIMES
-    count = max(min(_PARTS, int(each / _SHORTEST)), math.ceil(each / _LONGEST), 1)
+    count = max(min(_PARTS, int(each / max(_SHORTEST, _RISES * room.quickest))), math.ceil(each / _LONGEST), 1)
     length = math.ceil(each / count / room.step - 1e-6) * room.step  # together no shorter than was asked for
     found = []
     for i, kind in enumerate(KINDS):

@@ -11,7 +11,7 @@ from dsd_cli.errors import DataError
 from dsd_cli.identify.design.closed_loop import SETTLE, Loop, Run, UnstableLoopError, run_loop
 from dsd_cli.identify.design.inverse import Path, command_for
 from dsd_cli.identify.design.limits import Limits
-from dsd_cli.identify.design.motions import FADE, Part, Room
+from dsd_cli.identify.design.motions import FADES, Part, Room
 from dsd_cli.identify.design.optimise import joined
 from dsd_cli.identify.design.targets import Targets
 from dsd_cli.identify.results import NONE
@@ -122,7 +122,7 @@ def _smaller(
     smaller, start = [], 0
     for i, part in enumerate(parts):
         length = round(part.samples(room.step) * room.step / run.path.step)
-        broken = run.exceeded(allowed, slice(start, start + length + int(FADE * length)))
+        broken = run.exceeded(allowed, slice(start, start + length + int(FADES[0] * length)))
         start += length
         if broken:
             reached, (scale, before) = 1.0 + max(broken.values()), last.get(i, (0.0, 0.0))

@@ -58,3 +58,14 @@ def test_moves_are_said_one_by_one() -> None:
     q, said = position_of(part, ROOM), generator_values(part, ROOM)
     assert abs(sum(said["distance"])) < 0.02 * np.ptp(q)
     assert max(said["speed"]) == pytest.approx(np.abs(np.diff(q)).max() / ROOM.step)
+
+
+def test_where_the_acceleration_rises_slowly_a_part_still_goes_as_far_as_its_time_allows() -> None:
+    """A log whose band ends at 2 Hz lets the acceleration rise in a quarter of a second: a quick fade would take all
+    of that for itself, and leave a twentieth of the way that there is time for."""
+    slow = Room(Limits(-2.0, 2.0, 3.0, 12.0, 48.0, 1.0, 0.0), 2.0, 0.005)
+    for seconds, least in ((2.5, 0.5), (5.0, 2.0)):
+        q = position_of(Part("harmonics", seconds, (0.0, 1.0, 0.5, 0.0)), slow)
+        assert np.ptp(q) > least
+        # from rest to rest with acceleration as a sine: how far in half of the time
+        assert np.ptp(q) < 2.0 * 48.0 * seconds**3 / (2.0 * np.pi) ** 2 / 4.0
