@@ -107,9 +107,10 @@ def _draws(search: Search, fit: Fit, doubtful: bool, own: Collection[str]) -> tu
 
 def held(search: Search, one: Explanation) -> Explanation:
     """An explanation that lacks something nobody can name, with the constant force that this is in the mean of the
-    logs: so the axis was held where they were."""
+    logs: so the axis was held where they were. Elsewhere it may be half, or half as much again: so are the draws."""
     lacks = -float(np.mean([_lacking(one.fitted, p) for r in search.problem.recordings for p in r.pieces]))
-    return replace(one, draws=tuple(_pushed(plant, lacks) for plant in one.draws))
+    shares = [1.0, *np.linspace(1.0 - _WIDEST, 1.0 + _WIDEST, len(one.draws) - 1).tolist()]
+    return replace(one, draws=tuple(_pushed(plant, x * lacks) for plant, x in zip(one.draws, shares, strict=True)))
 
 
 def _lacking(plant: PlantModel, piece: Log) -> float:
