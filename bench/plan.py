@@ -2,7 +2,8 @@
 
 Logs of machines of `tests/oracle/rig*.py` with one hidden effect that move little, slowly, one way or for a moment,
 and end in a tie, a weak value or `unknown`. The motion that is planned from such a log, within the limits of the
-machine, is run on that machine; so is the old motion for as long. One row per log goes into bench/results/plan.json;
+machine, is run on that machine; so is the old motion for as long. Where that settles nothing, it is planned for again,
+as `--run-with` does, up to three experiments. One row per log goes into bench/results/plan.json;
 `--page` writes the figures into docs/measured/plan.md.
 """
 
@@ -127,8 +128,8 @@ def opened(case: RigCase, kind: str) -> tuple[Machine, Recording, Diagnosis] | N
         return None
 
 
-def one(case: RigCase, kind: str) -> Row | None:
-    """A row; None where the poor log left nothing open, or could not be asked."""
+def one(case: RigCase, kind: str, *, old: bool = True) -> Row | None:
+    """A row; None where the poor log left nothing open, or could not be asked. old : ask the old motion, too."""
     if (known := opened(case, kind)) is None or not left_open(known[-1]):
         return None
     machine, first, said = known
@@ -147,9 +148,31 @@ def one(case: RigCase, kind: str) -> Row | None:
     row["realised"] = _realised(machine, plan)
     after, row["alone"] = machine.answer(together, next_log)
     row |= {"after": after.verdict, "settled": machine.settled(after), "found": list(after.found)}
-    old, _ = machine.moved(*poor_reference(machine.trial, kind, plan.motion.seconds), 2)
-    again = machine.asked([first, old])
+    row |= {"loop": _gone_on(machine, [first, next_log], after, row["alone"])}
+    if not old:
+        return row
+    old_log, _ = machine.moved(*poor_reference(machine.trial, kind, plan.motion.seconds), 2)
+    again = machine.asked([first, old_log])
     return row | {"after_old": again.verdict, "settled_old": machine.settled(again)}
+
+
+def _gone_on(machine: Machine, logs: list[Recording], said: Diagnosis, last: bool) -> Row:
+    """From the first experiment on until it is settled, the newest log is the answer, or three have run; as the command
+    does, and with the limits that each of these plans broke."""
+    row: Row = {"experiments": 1, "broken": []}
+    try:
+        while not (last or machine.settled(said) or row["experiments"] == MOST):
+            plan, _ = machine.plan(said)
+            if plan.motion is None:
+                break
+            row["experiments"] += 1
+            log, exact = machine.run(plan.motion, 2 + row["experiments"])
+            logs.append(log)
+            row["broken"].append(_broken(plan, exact))
+            said, last = machine.answer(machine.asked(logs), log)
+    except (DsdError, RuntimeError) as error:
+        return row | {"settled": False, "verdict": str(error)}
+    return row | {"settled": machine.settled(said), "verdict": said.verdict}
 
 
 def _broken(plan: Plan, exact: Any) -> dict[str, float]:
@@ -180,28 +203,6 @@ def _anew(search: Search, whole: Any, known: Any) -> Any:
     others = [whole, search.refit, *(o.fit for o in search.options(search.refit))]
     same = [search.fit(known.terms, known.tap), *(f for f in others if {t.id for t in f.terms} == ids)]
     return min((search.converged(fit) for fit in same), key=lambda fit: float(fit.loss))
-
-
-def looped(case: RigCase, kind: str) -> Row | None:
-    """Plan, run, ask, up to three times; None where the first log settles it, or cannot be asked."""
-    if (known := opened(case, kind)) is None or known[0].settled(known[-1]):
-        return None
-    machine, first, said = known
-    logs, row = [first], {"what": case.what[0], "seed": case.seed, "kind": kind}
-    try:
-        for k in range(MOST + 1):
-            if machine.settled(said) or k == MOST:
-                return row | {"settled": machine.settled(said), "experiments": k, "verdict": said.verdict}
-            plan, _ = machine.plan(said)
-            if plan.motion is None:
-                return row | {"settled": machine.settled(said), "experiments": k, "verdict": said.verdict}
-            logs.append(machine.run(plan.motion, k + 1)[0])
-            said, last = machine.answer(machine.asked(logs), logs[-1])
-            if last:  # as the command does
-                return row | {"settled": machine.settled(said), "experiments": k + 1, "verdict": said.verdict}
-    except (DsdError, RuntimeError) as error:
-        return row | {"settled": False, "experiments": -1, "verdict": str(error)}
-    raise AssertionError("the loop ends above")
 
 
 def kept(case: RigCase, kind: str) -> Row | None:
@@ -291,7 +292,7 @@ def _kept_rows() -> dict[str, list[Row]]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m bench plan", description=__doc__)
-    parser.add_argument("--loops", type=int, default=0, help="ask so many loops, in place of plans")
+    parser.add_argument("--old", type=int, default=MOST_CASES, help="ask so many of the logs for the old motion, too")
     parser.add_argument("--limits", type=int, default=0, help="ask so many logs for five plans each, and their limits")
     parser.add_argument("--impossible", type=int, default=0, help="ask so many machines what no motion identifies")
     parser.add_argument("--most", type=int, default=40, help="logs")
@@ -302,10 +303,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.page:
         put(PAGE, "rig", figures(_kept_rows()))
         return
-    asked, most = one, options.most
-    for name in ("loops", "limits", "impossible"):
+    asked, most = lambda c, kind: one(c, kind, old=len(rows) < options.old), options.most
+    for name in ("limits", "impossible"):
         if count := getattr(options, name):
-            asked, most = {"loops": looped, "limits": kept, "impossible": lambda c, _: impossible(c.seed)}[name], count
+            asked, most = {"limits": kept, "impossible": lambda c, _: impossible(c.seed)}[name], count
             break
     else:
         name = "plans"

@@ -25,15 +25,16 @@ def _plans(rows: Sequence[Row]) -> list[str]:
     ratios = [(realised / expected, expected) for r in planned for expected, realised in r["realised"]]
     near = [0.5 <= x <= 2.0 for x, _ in ratios]
     agree = [0.5 <= x <= 2.0 or (expected > PLENTY and x * expected > PLENTY) for x, expected in ratios]
-    cpu = [r["cpu"] for r in planned]
+    cpu, old = [r["cpu"] for r in planned], [r for r in planned if "settled_old" in r]
     found = [
         f"poor logs: {len(rows)}, planned {len(planned)}",
         f"settled after the planned motion: {_of(r['settled'] for r in planned)}",
         f"of these by the new log alone: {sum(r['settled'] and r.get('alone', False) for r in planned)}; alone it "
         f"settled wrongly {sum(r.get('alone', False) and not r['settled'] for r in planned)}",
         f"right effect named after it: {_of(r['after'] == r['what'] for r in planned)}",
-        f"settled after the old motion for as long: {_of(r['settled_old'] for r in planned)}",
-        f"right effect named after that: {_of(r['after_old'] == r['what'] for r in planned)}",
+        f"of {len(old)} also run with the old motion for as long, settled after the planned one "
+        f"{sum(r['settled'] for r in old)}, after the old one {sum(r['settled_old'] for r in old)}",
+        f"right effect named after the old motion: {_of(r['after_old'] == r['what'] for r in old)}",
         f"realised nats within a factor of 2 of the expected: {_of(near)} pairs",
         f"within a factor of 2, or both beyond {PLENTY:g}: {_of(agree)} pairs",
         f"realised nats less than half of the expected: {_of(x < 0.5 for x, _ in ratios)} pairs",
@@ -48,17 +49,23 @@ def _plans(rows: Sequence[Row]) -> list[str]:
 
 
 def _others(known: Mapping[str, Sequence[Row]]) -> list[str]:
-    loops, limits, impossible = (known.get(name, []) for name in ("loops", "limits", "impossible"))
-    broken, plans = sum(len(r["broken"]) for r in limits), sum(r["plans"] for r in limits)
-    worst = max((by for r in limits for one in r["broken"] for by in one.values()), default=0.0)
+    loops = [r["loop"] | {"first": r["settled"]} for r in known.get("plans", []) if "loop" in r]
+    limits, impossible = (known.get(name, []) for name in ("limits", "impossible"))
     right = {k: _of(r[k] for r in impossible) for r in impossible[:1] for k in r if k != "seed"}
     found = []
     if loops:
-        by_one = _of(r["settled"] and r["experiments"] == 1 for r in loops)
+        by_one = _of(r["first"] for r in loops)
         found.append(f"loops settled within three experiments: {_of(r['settled'] for r in loops)}, by one: {by_one}")
+        again = [one for r in loops for one in r["broken"]]
+        found.append(f"a limit broken by the second and third plans of these loops: {_of(again)}")
     if limits:
-        most = f"by {100.0 * worst:.0f} % at most"
-        found.append(f"a limit broken by one of five plans of a log: {broken} of {plans} plans, {most}")
+        broken = [one for r in limits for one in r["broken"]]
+        most = 100.0 * max((by for one in broken for by in one.values()), default=0.0)
+        plans = sum(r["plans"] for r in limits)
+        found.append(
+            f"a limit broken by one of five plans of a log: {len(broken)} of {plans} plans of {len(limits)} logs"
+            + (f", by {most:.1f} % at most" if broken else "")
+        )
     found += [f"what no motion identifies, {name}: right in {count}" for name, count in right.items()]
     return [f"- {line}" for line in found]
 
@@ -74,7 +81,7 @@ def _table(rows: Sequence[Row]) -> list[str]:
             found.append(f"| {r['what']} | {r['kind']}, {r['sensing']} | {r['verdict']} | {r['error']} | - | - | - |")
             continue
         after, old = (
-            f"{r[verdict]}{'' if r[settled] else ', not settled'}"
+            f"{r[verdict]}{'' if r[settled] else ', not settled'}" if verdict in r else "-"
             for verdict, settled in (("after", "settled"), ("after_old", "settled_old"))
         )
         nats = "; ".join(f"{a:,.0f}, {b:,.0f}" for a, b in r["realised"]) or "-"

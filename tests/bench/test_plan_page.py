@@ -7,7 +7,7 @@ def test_limits_and_what_no_motion_identifies_are_figures_of_the_page():
     limits = [{"plans": 5, "broken": [{"u": 0.1}]}, {"plans": 4, "broken": [{"u": 0.02}, {"velocity": 0.08}]}]
     impossible = [{"seed": 1, "gain": True, "load": False}, {"seed": 2, "gain": True, "load": True}]
     lines = figures({"limits": limits, "impossible": impossible})
-    assert "- a limit broken by one of five plans of a log: 3 of 9 plans, by 10 % at most" in lines
+    assert "- a limit broken by one of five plans of a log: 3 of 9 plans of 2 logs, by 10.0 % at most" in lines
     assert "- what no motion identifies, gain: right in 2 of 2" in lines
     assert "- what no motion identifies, load: right in 1 of 2" in lines
 
@@ -24,5 +24,13 @@ def test_nats_are_within_a_factor_of_two_or_are_not():
 
 def test_what_was_not_asked_is_no_fault():
     assert not any("loops" in line for line in figures({}))
-    loop = {"loops": [{"settled": False, "experiments": 3}]}
-    assert "- loops settled within three experiments: 0 of 1, by one: 0 of 1" in figures(loop)
+    row = {"what": "gravity", "kind": "slow", "sensing": "enc4096", "verdict": "unknown", "cpu": 2.0, "broken": {}}
+    row |= {"after": "gravity", "settled": False, "realised": []}
+    rows = [row | {"loop": {"settled": s, "experiments": 3, "broken": [{}, {"u": 0.1}]}} for s in (True, False)]
+    lines = figures({"plans": [*rows, row | {"settled_old": True, "after_old": "gravity"}]})
+    assert "- loops settled within three experiments: 1 of 2, by one: 0 of 2" in lines
+    assert "- a limit broken by the second and third plans of these loops: 2 of 4" in lines
+    assert (
+        "- of 1 also run with the old motion for as long, settled after the planned one 0, after the old one 1" in lines
+    )
+    assert lines[-2].endswith("| gravity, not settled | - | - | 2.0 |")

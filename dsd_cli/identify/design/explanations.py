@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.effects import Parameter, Role, catalogue, get_effect
+from dsd_cli.effects import Role, catalogue, get_effect
 from dsd_cli.identify.design.inverse import Path, command_for
 from dsd_cli.identify.design.rows import Model, shapes_of
 from dsd_cli.identify.fit.bank import FIXED, SHARE
@@ -90,7 +90,8 @@ def _draws(search: Search, fit: Fit, doubtful: bool, own: Collection[str]) -> tu
         if name != DELAY and name in here:
             row = _slope(lambda x, name=name: at(x)[name], fit.total, len(covariance))  # type: ignore[misc]
             left = left.where(row, value - here[name])
-    forces = [n for n, e in told.items() if e.grade in left_open and _is_force(n) and not _either(n, given, own)]
+    beside = {n for n in told if n not in given and n.partition(".")[0] not in own}
+    forces = [n for n in told if n in beside and told[n].grade in left_open and _is_force(n)]
     for name in sorted(forces, key=lambda n: abs(told[n].value) / max(told[n].std_error, 1e-300)):
         row = _slope(lambda x, name=name: at(x)[name], fit.total, len(covariance))  # type: ignore[misc]
         if left.may_be(row, -here[name]):
@@ -166,19 +167,14 @@ class _Left:
         return np.clip(change, -most, most)
 
 
-def _either(name: str, given: Mapping[str, float], own: Collection[str]) -> bool:
-    return name in given or name.partition(".")[0] in own
-
-
 def _is_force(name: str) -> bool:
     """Whether a value is the size of a force."""
     effect, _, value = name.partition(".")
     found = get_effect(effect) if value else None
-    return found is not None and found.role in (Role.APPLIED, Role.FRICTION) and _is_size(found.parameter(value))
-
-
-def _is_size(parameter: Parameter) -> bool:
-    return parameter.linear and not parameter.listed and not parameter.whole_turn
+    if found is None or found.role not in (Role.APPLIED, Role.FRICTION):
+        return False
+    size = found.parameter(value)
+    return size.linear and not size.listed and not size.whole_turn
 
 
 def _most(fit: Fit, size: int) -> Array:

@@ -67,14 +67,14 @@ def position_of(part: Part, room: Room) -> Array:
 def _largest(part: Part, room: Room) -> tuple[Array, float]:
     """(way of the part at full scale, share in which it fades): of several shares the one with which the limits let
     it move most, as a rise that is quick for its size takes all of a jerk for itself."""
-    way = KINDS[part.kind](_times(part.samples(room.step) + 1, room), np.array(part.values), room)
+    t = room.step * np.arange(part.samples(room.step) + 1, dtype=np.float64)
+    way = KINDS[part.kind](t, np.array(part.values), room)
     shares = FADES if part.kind in _FADING else (0.0,)
-    ways = [_within(way * _fade(len(way), share) if share else way, room) for share in shares]
+    ways = [_as_far_as_allowed(way * _fade(len(way), share) if share else way, room) for share in shares]
     return max(zip(ways, shares, strict=True), key=lambda one: float(one[0] @ one[0]))
 
 
-def _within(way: Array, room: Room) -> Array:
-    """As large as the limits let it be."""
+def _as_far_as_allowed(way: Array, room: Room) -> Array:
     limits = room.limits
     up, down = limits.high - limits.start, limits.start - limits.low
     uses = [float(way.max()) / up if up > 0.0 else (np.inf if way.max() > 0.0 else 0.0)]
@@ -86,10 +86,6 @@ def _within(way: Array, room: Room) -> Array:
     slopes = (np.diff(way, k) / room.step**k for k in (1, 2, 3))
     uses += [float(np.abs(x).max()) / size for x, size in zip(slopes, sizes, strict=True)]
     return np.asarray(min(1.0, ROOM / max(*uses, 1e-300)) * way)
-
-
-def _times(count: int, room: Room) -> Array:
-    return np.asarray(np.arange(count) * room.step, dtype=np.float64)
 
 
 def _fade(count: int, share: float) -> Array:
@@ -224,7 +220,7 @@ def generator_values(part: Part, room: Room) -> dict[str, list[float]]:
     if part.kind == "harmonics":
         frequencies, sizes, phases = _lines(last, values, room)
         share = _largest(part, room)[1]
-        raw = _harmonics(_times(len(way), room), values, room) * _fade(len(way), share)
+        raw = _harmonics(room.step * np.arange(len(way), dtype=np.float64), values, room) * _fade(len(way), share)
         size = float(way @ raw) / max(float(raw @ raw), 1e-300)
         return {
             "frequency_hz": frequencies.tolist(),

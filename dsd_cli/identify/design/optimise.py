@@ -53,11 +53,6 @@ def _all(measure: Measure, parts: Sequence[Sized]) -> Products:
     return sum((one.products for one in parts), measure.nothing)
 
 
-def _worth(measure: Measure, products: Products) -> float:
-    """Of a motion of parts with these inner products."""
-    return measure.worth(TIMES * products)
-
-
 def joined(parts: Sequence[Part], room: Room) -> Array:
     """Position of the whole motion: one part after the other, shape (n,)."""
     pieces = [position_of(part, room) for part in parts]
@@ -120,7 +115,7 @@ def _chosen(measure: Measure, library: Sequence[Sized], seconds: float) -> list[
 
 def _best(measure: Measure, library: Sequence[Sized], beside: Sequence[Sized]) -> Sized:
     known = _all(measure, beside)
-    return max(library, key=lambda one: _worth(measure, known + one.products))
+    return max(library, key=lambda one: measure.worth(TIMES * (known + one.products)))
 
 
 def _refined(measure: Measure, room: Room, chosen: list[Sized]) -> list[Sized]:
@@ -136,14 +131,14 @@ def _refined_part(measure: Measure, room: Room, part: Sized, rest: Products) -> 
     """One part beside the others, whose inner products are `rest`."""
     from scipy.optimize import minimize
 
-    tried = [(_worth(measure, rest + part.products), part)]
+    tried = [(measure.worth(TIMES * (rest + part.products)), part)]
 
     def loss(values: Array) -> float:
         moved = replace(part.part, values=tuple(np.clip(values, 0.0, 1.0).tolist()), scale=1.0)
         one = sized(measure, room, moved)
         if one is None:
             return 1e3
-        tried.append((_worth(measure, rest + one.products), one))
+        tried.append((measure.worth(TIMES * (rest + one.products)), one))
         return -tried[-1][0]
 
     begin = np.array(part.part.values)

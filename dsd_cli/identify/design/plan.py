@@ -201,9 +201,8 @@ def _motion(measure: Measure, position: Array, room: Room, wanted: Wanted) -> Mo
     step = measure.like.template.sample_time if math.isnan(wanted.rate) else wanted.rate
     position = np.pad(position, (_steps_of_delay(measure, room), 0), mode="edge")
     path = Path.of(position, room.step).resampled(step)
-    u = command_for(measure.targets.explanations[0].fitted, path)
-    acceleration = np.gradient(path.velocity, step)
-    return Motion(step, path.position, path.velocity, acceleration, np.clip(u, -room.limits.u, room.limits.u))
+    u = np.clip(command_for(measure.targets.explanations[0].fitted, path), -room.limits.u, room.limits.u)
+    return Motion(step, path.position, path.velocity, np.gradient(path.velocity, step), u)
 
 
 def _steps_of_delay(measure: Measure, room: Room) -> int:

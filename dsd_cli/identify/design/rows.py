@@ -33,7 +33,6 @@ _STEP = 0.02
 #: s between the samples of a planned motion, at most, while it is looked for.
 LONGEST_STEP = 0.005
 
-
 #: Levels of the noise of the acceleration in a band.
 Heard = Callable[[Band], ForceNoise]
 
