@@ -45,17 +45,13 @@ def told_by_none(measure: Measure, library: Sequence[Sized]) -> tuple[list[Impos
         for name, nats in measure.nats(times * one.products).items():
             best[name] = max(best.get(name, 0.0), nats)
     lost = [name for name in measure.open if best.get(name, 0.0) < _LEAST]
-    return [Impossible(*_said(name, lost)) for name in sorted(lost) if _first_of(name, lost)], measure.without(lost)
+    once = [name for name in sorted(lost) if _turned(name) not in lost or name <= _turned(name)]  # not both directions
+    return [Impossible(*_said(name, lost)) for name in once], measure.without(lost)
 
 
 def _turned(name: str) -> str:
     """ "a, not b" -> "b, not a"; a value's name stays."""
     return ", not ".join(reversed(name.split(", not ")))
-
-
-def _first_of(name: str, lost: Sequence[str]) -> bool:
-    """Both directions of a pair are said once."""
-    return _turned(name) not in lost or name <= _turned(name)
 
 
 def _said(name: str, lost: Sequence[str]) -> tuple[str, str]:

@@ -115,9 +115,10 @@ def _reached(recordings: Sequence[Recording]) -> dict[str, float]:
 
 
 def slowed(limits: Limits, share: float) -> Limits:
-    """The same with this share of all but the position."""
+    """The same with this share of all sizes; of the way to an end, half of the rest is left."""
     velocity, acceleration, jerk, u = (share * size for size in limits.sizes.values())
-    return replace(limits, velocity=velocity, acceleration=acceleration, jerk=jerk, u=u)
+    low, high = (x + 0.5 * (1.0 - share) * (limits.start - x) for x in (limits.low, limits.high))
+    return replace(limits, low=low, high=high, velocity=velocity, acceleration=acceleration, jerk=jerk, u=u)
 
 
 def used(limits: Limits, q: Array, v: Array, u: Array) -> Limits:

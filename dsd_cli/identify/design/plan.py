@@ -247,7 +247,7 @@ class _Answer:
         pairs = tuple(
             PlannedPair(
                 *apart(none[a], none[b]),
-                _lead(now, a, b),
+                now[a, b] if (a, b) in now else -now[b, a],
                 measure.told_apart(expected, a, b),
                 expected.nats.get((a, b), math.nan),
                 expected.nats.get((b, a), math.nan),
@@ -270,7 +270,3 @@ class _Answer:
             impossible=tuple(impossible),
             band_hz=self.search.equations.band.hz,
         )
-
-
-def _lead(nats: Mapping[tuple[int, int], float], a: int, b: int) -> float:
-    return nats[a, b] if (a, b) in nats else -nats[b, a]

@@ -60,7 +60,7 @@ def targets_of(
     doubtful = diagnosis is not None and (doubted or _unknown(diagnosis))
     unknown = doubtful and not wanted
     pairs = made.asked_for(wanted) if wanted or diagnosis is None else made.left_open(diagnosis, unknown)
-    names = list(dict.fromkeys(name for pair in pairs for name in pair))[:_MOST]
+    names = list(dict.fromkeys(name for pair in pairs for name in pair))[: _MOST + _MOST * unknown]
     if doubtful and not unknown and diagnosis is not None:  # asked for by name: the plant may yet be another
         names += [name for pair in made.left_open(diagnosis, unknown=True) for name in pair]
     names = list(dict.fromkeys([NONE if unknown else made.name_of(whole), *names]))
@@ -118,16 +118,17 @@ class _Explanations:
         return " + ".join(t.id for t in self.search.added(fit.terms)) or NONE
 
     def left_open(self, diagnosis: Diagnosis, unknown: bool) -> list[tuple[str, str]]:
-        """Ties and rivals of each member; where it is unknown what is missing, the best few effects alone."""
-        if unknown or not self.found:
-            return self._best_alone(3 if unknown else 1, diagnosis.nearest)
-        pairs: list[tuple[str, str]] = []
+        """Ties and rivals of each member; where it is unknown what is missing, the best few effects alone before them:
+        what moves the axis may be what was found in doubt, or what that is tied to, but for what acts on u."""
+        alone = unknown or not self.found
+        pairs = self._best_alone(3 if unknown else 1, diagnosis.nearest) if alone else []
         ranking = {c.effect: c for c in diagnosis.ranking if not c.untestable}
         whole = self.name_of(self.whole)
         for member in self.found:
             rivals = ranking[member].indistinguishable_from if member in ranking else ()
+            rivals = tuple(x for x in rivals if not (unknown and (find_effect(x) is None or _of_u(x))))
             pairs += [(whole, self.instead(member, rival)) for rival in rivals]
-        if len(self.found) == 1:
+        if len(self.found) == 1 and not unknown:
             near = sorted((c for c in ranking.values() if c.effect not in self.found), key=lambda c: -c.probability)
             reach = [c.effect for c in near[:2] if c.probability > _WITHIN_REACH and self._may_be(c.effect)]
             pairs += [(whole, self.instead(self.found[0], effect)) for effect in reach]
@@ -177,8 +178,8 @@ class _Explanations:
     def _credible(self, option: Option) -> bool:
         """Whether it explains a part of what the model leaves: what does not would need any force on another motion.
         What acts on u explains u by u, and a poor log is no word for it."""
-        search, rmse, law = self.search, self.search.problem.errors.rmse, get_effect(option.effect)
-        if law.role is Role.INPUT or "u" in law.needs:
+        search, rmse = self.search, self.search.problem.errors.rmse
+        if _of_u(option.effect):
             return False
         falls = rmse(option.fit) < (1.0 - POLICY.clear_fall) * rmse(search.refit)
         return falls and option.evidence > search.evidence(search.refit)
@@ -192,6 +193,11 @@ class _Explanations:
         name = self.name_of(fit)
         self.fits.setdefault(name, fit)
         return name
+
+
+def _of_u(effect: str) -> bool:
+    law = get_effect(effect)
+    return law.role is Role.INPUT or "u" in law.needs
 
 
 def apart(a: str, b: str) -> tuple[str, str]:
