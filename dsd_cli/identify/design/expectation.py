@@ -199,8 +199,9 @@ class Expectation:
         return self.search.nats(rival + lead, more) - self.search.nats(truth, more)
 
     def _squares(self, grams: Array, inverse: bool) -> Array:
-        """Sums of squares of a form, shape (cases,)."""
-        return left(grams, 0) if inverse else self.search.solver.inertia**2 * left(grams, 1 + INERTIA)
+        """Sums of squares of a form, shape (cases,); where the logs have no word on J, that of the plant."""
+        inertia = self.targets.explanations[0].fitted.inertia if self.inverse else self.search.solver.inertia
+        return left(grams, 0) if inverse else inertia**2 * left(grams, 1 + INERTIA)
 
     def _errors(self, planned: Products) -> dict[str, float]:
         if not self.targets.values:
