@@ -119,12 +119,12 @@ class _Explanations:
 
     def left_open(self, diagnosis: Diagnosis, unknown: bool) -> list[tuple[str, str]]:
         """Ties and rivals of each member; where it is unknown what is missing, the best few effects alone before them:
-        what moves the axis may be what was found in doubt, or what that is tied to, but for what acts on u."""
-        alone = unknown or not self.found
-        pairs = self._best_alone(3 if unknown else 1, diagnosis.nearest) if alone else []
+        what moves the axis may be the one that was found in doubt, or what that is tied to (several may be forces that
+        cancel out), but for what acts on u."""
+        pairs = self._best_alone(3 if unknown else 1, diagnosis.nearest) if unknown or not self.found else []
         ranking = {c.effect: c for c in diagnosis.ranking if not c.untestable}
         whole = self.name_of(self.whole)
-        for member in self.found:
+        for member in self.found if not unknown or len(self.found) == 1 else ():
             rivals = ranking[member].indistinguishable_from if member in ranking else ()
             rivals = tuple(x for x in rivals if not (unknown and (find_effect(x) is None or _of_u(x))))
             pairs += [(whole, self.instead(member, rival)) for rival in rivals]
