@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -238,14 +238,20 @@ def impossible(seed: int) -> Row | None:
     """What no motion identifies, and what one does; true: said so where it is so, and not where it is not.
 
     The gain of the drive: the balance is the same with all of it as many times as large. Load friction beside
-    Coulomb friction in a crawl: u is as large as the friction throughout. None: the usual motion does not show the
-    friction, or a crawl does not move the axis.
+    Coulomb friction within the limits of a crawl: u is as large as the friction throughout (within those of the usual
+    motion a push tells them apart). None: the usual motion does not show the friction, or a crawl does not move the
+    axis.
     """
     brake = Machine(RigCase(what=("coulomb_friction",), seed=seed, sensing="enc4096", duration=10.0))
     names = ("coulomb_friction", "load_friction")
     if (slow := _paced(brake, _CRAWL)) is None:
         return None
-    crawling = _said_of("load_friction", brake, slow, names)
+    crawl = {
+        name: (a / _CRAWL**k, b / _CRAWL**k)
+        for k, name in enumerate(("velocity", "acceleration"), 1)
+        for a, b in [brake.limits[name]]
+    }
+    crawling = _said_of("load_friction", brake, slow, names, crawl)
     usual = _paced(brake, 1.0)
     shown = usual is not None and usual.verdict == "coulomb_friction"
     if usual is None or not shown or "load_friction" in brake.kept[-1][0].problem.untestable:
@@ -270,10 +276,17 @@ def _paced(machine: Machine, times: float) -> Diagnosis | None:
         return None
 
 
-def _said_of(what: str, machine: Machine, said: Diagnosis, names: tuple[str, ...]) -> bool:
+def _said_of(
+    what: str,
+    machine: Machine,
+    said: Diagnosis,
+    names: tuple[str, ...],
+    narrower: Mapping[str, tuple[float, float]] = {},
+) -> bool:
     """Whether the plan for these names says that no motion does it, or that these logs cannot test it."""
     try:
-        plan = plan_next(*machine.kept[-1], said, machine.observer, Wanted(names, limits=machine.limits))
+        wanted = Wanted(names, limits={**machine.limits, **narrower})
+        plan = plan_next(*machine.kept[-1], said, machine.observer, wanted)
     except DsdError:
         return True
     return any(what in one.what for one in plan.impossible)

@@ -77,7 +77,7 @@ class LikeLogs:
         sure, rows = (sum(n * float(of(e).sum()) for e, n in both) for of in (sure_of, lambda e: e.kept))
         found = replace(found, surely=sure > POLICY.sure_part * rows)
         if not found.surely:
-            share = float(np.mean(uncertain(planned)[planned.kept] ** 2)) if planned.kept.any() else 0.0
+            share = float(np.mean(uncertain(planned, resting=False)[planned.kept] ** 2)) if planned.kept.any() else 0.0
             off = share * float(np.mean(friction_of(plant, path) ** 2)) / float(found.form[0].taps @ found.form[0].taps)
             found = replace(found, form=own_form(search, shown, heard, (inertia, forces + off)))
         elif known.row_weight is None:

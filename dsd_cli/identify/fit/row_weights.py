@@ -202,8 +202,8 @@ def surely_less(was: Array, now: Array) -> bool:
     return fall > POLICY.value_deviations**2
 
 
-def uncertain(equations: Equations, creeping: bool = True) -> Array:
-    """Share of each whitened row's weight on samples in which the axis may rest or turn, shape (N,).
+def uncertain(equations: Equations, creeping: bool = True, resting: bool = True) -> Array:
+    """Share of each whitened row's weight on samples in which the axis may rest (`resting`) or turn, shape (N,).
 
     The halo of the smoothing that made the speed is in doubt, too, where it is no wider than a row. So is friction, if
     `creeping` is, where the axis creeps for a row or longer, of whatever sensor: before it breaks away, friction is
@@ -215,11 +215,12 @@ def uncertain(equations: Equations, creeping: bool = True) -> Array:
         taps, a_row = np.abs(band.taps), 2 * band.step + 1
         band = replace(band, taps=taps / taps.sum())
         doubt = (s.free == 0.0) | (np.abs(s.sign) < _SURE)
+        if creeping:
+            doubt |= slow_spells(s.log["velocity"], POLICY.presliding_share, a_row)
+        doubt &= resting | (s.free > 0.0)
         halo = np.isfinite(s.log["turning"])
         if _shortest_run(halo) <= a_row:
             doubt |= halo
-        if creeping:
-            doubt |= slow_spells(s.log["velocity"], POLICY.presliding_share, a_row)
         reach = len(white) // 2
         rows = np.pad(band.rows(doubt.astype(np.float64), equations.startup), reach, mode="edge")
         shares.append(np.convolve(rows, white / white.sum(), mode="valid"))
