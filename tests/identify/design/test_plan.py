@@ -376,10 +376,11 @@ def test_what_the_logs_already_say_is_what_the_search_says(tied: Asked) -> None:
     assert lead == pytest.approx(by_the_search(tied.search, *fits), rel=0.01)
 
 
-def test_nats_are_expected_in_the_band_and_the_form_of_both_logs() -> None:
+def test_nats_are_expected_in_the_band_and_the_form_of_both_logs(monkeypatch: pytest.MonkeyPatch) -> None:
     """One way and slow, friction is nearly all of u, which is evidence by the motion, up to 2 Hz; what is planned shows
-    11 Hz, and there the motion by u is evidence."""
+    11 Hz, and there the motion by u is evidence. For J such a log may take anything."""
     asked = poor("viscous_asymmetry", "one way", 81417, "speed40k")
+    monkeypatch.setattr(asked.search.solver, "inertia", 1e-4 * asked.model.inertia)
     plan = asked.plan()
     motion = plan.motion
     assert motion is not None

@@ -1,8 +1,13 @@
 """Inner products of rows tell what least squares over the rows themselves tells."""
 
 import numpy as np
+import pytest
 
 from dsd_cli.identify.design.rows import left
+from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.fit.row_weights import uncertain
+from dsd_cli.identify.verdict.diagnose import Settings
+from tests.identify.comparison_rig import BELIEVED, MOVES, recorded
 
 
 def test_left_is_what_least_squares_leaves() -> None:
@@ -21,3 +26,14 @@ def test_rows_of_zeros_and_padding_explain_nothing() -> None:
     gram = np.zeros((1, 7, 7))
     gram[0, :4, :4] = rows @ rows.T
     np.testing.assert_allclose(left(gram, 1), left(gram[:, :4, :4], 1), rtol=1e-9)
+
+
+def test_where_the_axis_rests_no_direction_of_friction_is_in_doubt() -> None:
+    """There friction holds it, whatever u; it turns within a few samples."""
+    log = recorded({"coulomb_friction": {"level": 0.1}}, reference=MOVES, duration=6.0)
+    equations = pose([log], BELIEVED, Settings()).equations
+    resting, turning = uncertain(equations), uncertain(equations, resting=False)
+    rests = np.mean(np.concatenate([s.free == 0.0 for s in equations.stretches]))
+    assert np.all(turning <= resting + 1e-9)
+    assert rests > 0.05
+    assert np.mean(resting) - np.mean(turning) == pytest.approx(rests, rel=0.3)
