@@ -12,7 +12,6 @@ from dsd_cli.errors import UsageError
 from dsd_cli.identify.design.explanations import Explanation, Value, explanation_of, held, values_of
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import flat
-from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Diagnosis
 from dsd_cli.identify.search.sets import Option, Search
 
@@ -176,13 +175,9 @@ class _Explanations:
         return [*combinations(alone, 2), *((name, NONE) for name in alone)]
 
     def _credible(self, option: Option) -> bool:
-        """Whether it explains a part of what the model leaves: what does not would need any force on another motion.
-        What acts on u explains u by u, and a poor log is no word for it."""
-        search, rmse = self.search, self.search.problem.errors.rmse
-        if _of_u(option.effect):
-            return False
-        falls = rmse(option.fit) < (1.0 - POLICY.clear_fall) * rmse(search.refit)
-        return falls and option.evidence > search.evidence(search.refit)
+        """Whether blocks that it did not see speak for it: else it would need any force on another motion. What acts on
+        u explains u by u, and a poor log is no word for it."""
+        return not _of_u(option.effect) and option.evidence > self.search.evidence(self.search.refit)
 
     def _may_be(self, effect: str) -> bool:
         """A push, or a line in time, does not come again with another motion."""
