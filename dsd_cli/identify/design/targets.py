@@ -12,6 +12,7 @@ from dsd_cli.errors import UsageError
 from dsd_cli.identify.design.explanations import Explanation, Value, explanation_of, held, values_of
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import flat
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Diagnosis
 from dsd_cli.identify.search.sets import Option, Search
 
@@ -170,6 +171,9 @@ class _Explanations:
 
     def _best_alone(self, most: int, nearest: str) -> list[tuple[str, str]]:
         options = [o for o in self.search.options(self.search.refit) if self._may_be(o.effect) and self._credible(o)]
+        if most == 1:  # nothing is missing: what takes less than is of use off it is no question
+            rmse, clear = self.search.problem.errors.rmse, 1.0 - POLICY.clear_fall
+            options = [o for o in options if rmse(o.fit) < clear * rmse(self.search.refit)]
         options.sort(key=lambda o: (o.effect != nearest, -o.evidence))
         alone = [self._keep(o.fit) for o in options[:most]]
         return [*combinations(alone, 2), *((name, NONE) for name in alone)]
