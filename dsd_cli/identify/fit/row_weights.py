@@ -146,18 +146,14 @@ def _exact(fit: Fit, solver: Solver) -> tuple[Fit, Solver]:
     for _ in range(0 if fit.whole_steps else _DELAYS):
         delay = fit.tap + min(float(fit.total[SHARE]), MOST_SHARE)  # u is no straight line over more
         tap = max(math.floor(delay - _CLEAR), 0)
-        tap = tap if tap in solver.taps(_most_tap(bank)) else fit.tap
+        most = max(bank.equations.startup // bank.delay_step - 2, 0)  # every row has its drive, and that of the next
+        tap = tap if tap in solver.taps(most) else fit.tap
         around = min(max(delay - tap, 0.0), MOST_SHARE)
         solver = solver.on(bank.between(around), solver.variance)
         fit = solver.fit(fit.terms, tap)
         if abs(float(fit.total[SHARE]) - around) < _SETTLED and around > 0.0:
             break
     return fit, solver
-
-
-def _most_tap(bank: Bank) -> int:
-    """Whole steps of delay for which every row has its drive, and that of the next step."""
-    return max(bank.equations.startup // bank.delay_step - 2, 0)
 
 
 def _harmless(fit: Fit, bank: Bank, sure: NDArray[np.bool_]) -> float:
@@ -219,17 +215,12 @@ def uncertain(equations: Equations, creeping: bool = True, resting: bool = True)
             doubt |= slow_spells(s.log["velocity"], POLICY.presliding_share, a_row)
         doubt &= resting | (s.free > 0.0)
         halo = np.isfinite(s.log["turning"])
-        if _shortest_run(halo) <= a_row:
+        if min((end - start for start, end in runs(halo)), default=0) <= a_row:
             doubt |= halo
         reach = len(white) // 2
         rows = np.pad(band.rows(doubt.astype(np.float64), equations.startup), reach, mode="edge")
         shares.append(np.convolve(rows, white / white.sum(), mode="valid"))
     return np.concatenate(shares)
-
-
-def _shortest_run(marks: NDArray[np.bool_]) -> int:
-    """Of marks that stand side by side; 0 where there are none."""
-    return min((end - start for start, end in runs(marks)), default=0)
 
 
 def _residual(fit: Fit, bank: Bank) -> Array:

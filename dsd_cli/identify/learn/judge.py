@@ -233,8 +233,7 @@ def _normal(a: Array, problem: Problem, strength: float) -> tuple[Array, Array]:
     fixed, usual = problem.fixed, max(float(np.mean(size**2)), 1e-300)
     ridge = np.diag(np.concatenate([np.full(fixed, _RIDGE), np.zeros(a.shape[1] - fixed)]) * size**2)
     if len(problem.penalty):
-        # of a law that acts in no row: its coefficient is 0
-        information = max(float(np.mean(a[0].diagonal()[fixed:])), _RIDGE * usual)
+        information = max(float(np.mean(a[0].diagonal()[fixed:])), _RIDGE * usual)  # a law may act in no row
         bends = float(np.trace(problem.penalty)) / len(problem.penalty)
         if bends > 0.0:  # a formula has none
             ridge[fixed:, fixed:] += strength * information / bends * problem.penalty

@@ -79,16 +79,11 @@ class Scores:
         self.given = self.problem.errors.of_model(self.problem.model)
         self.search = Search(self.problem)
         self.refitted = self.problem.score(self.search.refit)
-
-    @property
-    def without(self) -> float:
-        """Rms that the model leaves without a law, at the delay that suits it best."""
-        return min(self.given.rmse, self.refitted.rmse)
+        self.without = min(self.given.rmse, self.refitted.rmse)
 
     def why_not(self, law: PlantModel, of_u: bool) -> str:
-        """Why a model with a law in it is not taken, "" if it is: where few blocks, in which the model's own values
-        hardly hold without each other, or rows in which hysteresis has forgotten, or a delay that suits it alone made
-        it look good."""
+        """Why a model with a law in it is not taken, "" if it is: few blocks, in which the model's own values hardly
+        hold without each other, or a delay that suits it alone, make any law look good, as may a part of the log."""
         if self.without <= sensed(self.problem, of_u):
             return OF_SENSOR
         leaves = self.problem.errors_for(law, self.recordings).of_model(law).rmse
@@ -102,8 +97,7 @@ class Scores:
 
     def fixed(self, model: PlantModel, held: Sequence[str]) -> dict[str, float]:
         """Values that a fit beside the law holds: the inertia, or all of an effect, and what is known."""
-        values = flat(model)
-        found = {name: value for name, value in values.items() if name.partition(".")[0] in held}
+        found = {name: value for name, value in flat(model).items() if name.partition(".")[0] in held}
         return {**found, **self.settings.known.fixed}
 
     def with_law(self, model: PlantModel, held: Mapping[str, float], stand_ins: Sequence[str]) -> Iterator[Ended]:
@@ -214,7 +208,6 @@ def _notes(problem: Problem, heldout: float, springs: bool) -> tuple[str, ...]:
 def _nothing(chosen: Choice, scores: Scores) -> Learnt:
     """No law, and why."""
     problem, holdout = scores.problem, scores.holdout
-    known = problem.values(scores.search.refit)
     refitted = _held_out(scores.refitted, chosen, chosen.base, holdout)
     left = min(surely_left(chosen.judge, chosen.base), scores.without)
     verdict, why, least = NOTHING, chosen.refused, problem.least_missing
@@ -238,7 +231,7 @@ def _nothing(chosen: Choice, scores: Scores) -> Learnt:
         refitted=refitted,
         after=refitted,
         model=problem.model,
-        estimates=known.estimates,
+        estimates=problem.values(scores.search.refit).estimates,
         ceiling=chosen.rmse(chosen.richest),
         band_hz=problem.equations.band.hz,
         floor=problem.floor,
