@@ -215,6 +215,7 @@ def test_what_is_white_in_the_band_is_of_u_where_u_has_it_above_the_band_too():
     assert white_to_the_end([white], BAND, [motion + noise])
     assert white_to_the_end([white[:4000], white[4000:]], BAND, [motion + noise])
     assert not white_to_the_end([white], BAND, [motion + 0.3 * noise])  # it is not u that has it
+    assert not white_to_the_end([0.4 * white], BAND, [noise])  # a law of a u that is white itself leaves what is white
     assert not white_to_the_end([coloured], BAND, [motion + noise])
     assert not white_to_the_end([np.diff(white)], BAND, [motion + noise])  # a sensor's rises
     assert not white_to_the_end([white[:200]], BAND, [motion + noise])  # too few rows for a spectrum

@@ -29,7 +29,7 @@ class Path:
 
     @classmethod
     def of(cls, position: Array, step: float) -> Path:
-        """From the position alone: of a sine its speed to 1 %, down to eight samples a period."""
+        """From the position alone: of a sine its speed to 1.2 %, down to eight samples a period."""
         velocity = np.gradient(position, step)
         velocity[1:-1] -= np.diff(velocity, 2) / 6.0
         return cls.moving(position, velocity, step)

@@ -69,10 +69,11 @@ class Errors:
         """Whether u by the motion leaves what is white in the band, and as strong in u above it: a duty, or a current
         without a filter. In the motion by u it would bend all values, and pass for a lag, or a gain of u that varies.
         """
-        equations, left = self.equations, self.residual(fit, held_out=False)
-        u = [[s.log["u"] for s in equations.stretches if s.owner == i] for i in range(len(equations.bands))]
-        logs = zip(equations.by_recording(left), equations.bands, u, strict=True)
-        return fit.inverse and all(white_to_the_end(*log) for log in logs)
+        if not fit.inverse:
+            return False
+        left, bands = self.equations.by_recording(self.residual(fit, held_out=False)), self.equations.bands
+        u = ([s.log["u"] for s in self.equations.stretches if s.owner == i] for i in range(len(bands)))
+        return all(map(white_to_the_end, left, bands, u))
 
     def rmse(self, fit: Fit) -> float:
         """Held-out root mean square of the forward form, unit of u; to compare fits with."""

@@ -87,8 +87,8 @@ def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -
     if first.laws[0].family in STATE_LAWS:  # as good as springs that are as many as the log supports?
         first = simplest([first, refined(judge, springs_of(fits))[0]])[0]
     tied += also_an_inertia(judge, first)
-    noise = surely_left(judge, base) <= sensed(balance.problem, first.forward)
-    refused = OF_SENSOR if noise else why_not(judge, base, first)
+    sensor = surely_left(judge, base) <= sensed(balance.problem, first.forward)
+    refused = OF_SENSOR if sensor else why_not(judge, base, first)
     if refused:
         return Choice(judge, base, base, (), look.richest, first, refused, undecided=refused == AT_STOPS)
     # a law is as fine as it gets before another is asked for: that would explain what a coarse curve leaves
