@@ -110,7 +110,9 @@ def _filled(rows: Sequence[Sequence[str]], place: int) -> float:
 def _start(lines: Sequence[str], delimiter: str, width: int, numeric: Sequence[int]) -> int | None:
     """The first line with numbers where the body has them, and another such line behind it."""
     rows = [at for at, line in enumerate(lines) if not is_comment(line)]
-    good = {at for at in rows if is_data(fields_of(lines[at], delimiter), width, numeric)}
+    cells = {at: fields_of(lines[at], delimiter) for at in rows}
+    said = Counter(key_of(cells[at]) for at in rows if is_keyed(cells[at]))  # again and again is a mode of the axis
+    good = {at for at in rows if is_data(cells[at], width, numeric) and said[key_of(cells[at])] != 1}
     for at, after in zip(rows, [*rows[1:], rows[-1]], strict=True):
         if at in good and after in good:
             return at
@@ -119,7 +121,7 @@ def _start(lines: Sequence[str], delimiter: str, width: int, numeric: Sequence[i
 
 def is_data(fields: Sequence[str], width: int, numeric: Sequence[int]) -> bool:
     """Whether these are numbers where the rows have them, by and large."""
-    if len(fields) != width or not is_number(fields[numeric[0]]) or is_keyed(fields):  # nor `Samples; 1000; 1000`
+    if len(fields) != width or not is_number(fields[numeric[0]]):  # `Samples; 1000; 1000` is none
         return False
     numbers = sum(is_number(fields[k]) and fields[k].strip() not in MISSING for k in numeric)
     return numbers >= max(1, (len(numeric) + 1) // 2)

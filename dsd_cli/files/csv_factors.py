@@ -7,15 +7,11 @@ nobody can say whether they were multiplied already, which is said, with the key
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 from dsd_cli.files.csv_body import FACTOR_KEYS, OFFSET_KEYS, Body, key_of
 from dsd_cli.files.csv_cells import MISSING, is_number, number
 from dsd_cli.files.csv_described import Row, as_wide
-
-#: Rows from which it is seen that stamps rise.
-RISING = 5
 
 
 class Factors(NamedTuple):
@@ -32,24 +28,12 @@ def factors_in(rows: Sequence[Row], body: Body) -> Factors | None:
     return _factors(by[0], by[1], plus[1]) if by else _factors(plus[0], {}, plus[1])
 
 
-def unlabelled(units: bool, rows: Sequence[Row]) -> Factors | None:
-    """The first of these rows of numbers as factors: below units, with a stamp later than that of the next, from
-    which on stamps rise."""
-    cells = [row.cells for row in rows[: RISING + 1]]
-    if not units or len(cells) <= RISING or not all(map(is_number, [row[0] for row in cells] + cells[0])):
-        return None
-    stamps = [number(row[0]) for row in cells]
-    if stamps[0] <= stamps[1] or any(a >= b for a, b in pairwise(stamps[1:])):
-        return None
-    return Factors(rows[0].at, _others({k: number(cell) for k, cell in enumerate(cells[0])}, 1.0), {})
-
-
 def _last(rows: Sequence[Row], keys: Sequence[str], body: Body) -> tuple[int, dict[int, float]]:
     """Line and numbers of the last row that begins with one of these keys; its first cell is no number."""
     found: tuple[int, dict[int, float]] = (-1, {})
     for row in rows:
         cells = as_wide(row.cells, body)
-        if key_of(cells) in keys and len(cells) <= body.fields:
+        if key_of(cells) in keys and len(cells) == body.fields:  # else it is a setting, of all of them
             numbers = {
                 k: number(cell) for k, cell in enumerate(cells) if cell.strip() not in MISSING and is_number(cell)
             }

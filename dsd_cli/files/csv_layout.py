@@ -23,7 +23,7 @@ from dsd_cli.files.csv_described import (
     without_descriptions,
 )
 from dsd_cli.files.csv_dialect import Header, fields_of, find_header, is_comment, uncommented
-from dsd_cli.files.csv_factors import Factors, factors_in, unlabelled
+from dsd_cli.files.csv_factors import Factors, factors_in
 from dsd_cli.files.recognise import is_count, is_time, is_unit
 
 #: First cells of the rows of a preamble that has one column for each channel.
@@ -78,8 +78,7 @@ def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
         if any(cell.strip() and times[name] != 1 for name, cell in zip(header.names, first, strict=True)):
             return find_layout(source, lines, layout)  # a unit of no channel: the line above is a title, or a group
         notes.append(f"line {at + 1} is taken as units, not data")
-        factors = unlabelled(True, rows[1:])
-        return Found(header, rows[1 + (factors is not None)].at, [*map(of_unit, first)], notes, None, factors)
+        return Found(header, rows[1].at, [*map(of_unit, first)], notes, None)
     return Found(header, at, None, notes)
 
 
@@ -139,15 +138,9 @@ def find_layout(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
         what = f"line {rows[-1].at + 1} names {len(rows[-1].cells)} columns, and the rows have {body.fields} fields"
         why = "decimal commas between commas, it seems"
         raise DataError(f"{source}: {what}: {why}", "export it with semicolons between columns, or with decimal points")
-    factors = factors_in(rows, body)
-    if layout.header is not None or layout.units_row is not None:
-        return _as_told(lines, layout, body)._replace(factors=factors)
-    found = _keyed(rows, body) or _above(rows, body)
-    if factors is None and found.units:
-        below = _rows(lines, body.delimiter, body.start, len(lines))
-        factors = unlabelled(rows[-1].cells[:1] == found.units[:1] or _units_of(rows[-1], body), below)
-        found = found if factors is None else found._replace(skip=below[1].at)
-    return found._replace(factors=factors)
+    told = layout.header is not None or layout.units_row is not None
+    found = _as_told(lines, layout, body) if told else _keyed(rows, body) or _above(rows, body)
+    return found._replace(factors=factors_in(rows, body))
 
 
 def _torn(names: Sequence[str], body: Body, lines: Sequence[str]) -> bool:

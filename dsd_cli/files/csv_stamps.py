@@ -43,7 +43,7 @@ def split_stamps(names: Sequence[str], lines: Sequence[str], delimiter: str) -> 
         a, b = names[at : at + 2]
         if not rows or not all(_WHOLE.fullmatch(row[at + 1].strip('"')) for row in rows):
             continue
-        if _LAST.fullmatch(b.strip()) and b.strip().lower() in _THOUSANDTHS and _of_dates([row[at] for row in rows]):
+        if _LAST.fullmatch(b.strip()) and b.strip().lower() in _THOUSANDTHS and _of_dates(rows, at):
             return Split(f"{a}+{b}", at, 1e-3)
         whole = all(_WHOLE.fullmatch(row[at]) for row in rows)
         if whole and (scale := _by_name(a, b) or _by_deeds([(int(row[at]), int(row[at + 1])) for row in rows])):
@@ -51,9 +51,13 @@ def split_stamps(names: Sequence[str], lines: Sequence[str], delimiter: str) -> 
     return None
 
 
-def _of_dates(cells: Sequence[str]) -> bool:
-    """Whether these are dates, or times of day, of whole seconds."""
-    return all(":" in cell and is_number(cell) and number(cell) == round(number(cell)) for cell in cells)
+def _of_dates(rows: Sequence[Sequence[str]], at: int) -> bool:
+    """Whether these are dates, or times of day, of whole seconds, and beside them thousandths: all that has gone by
+    since a start begins at 0 and does not begin anew."""
+    dates, parts = [row[at] for row in rows], [int(row[at + 1].strip('"')) for row in rows]
+    anew = parts[0] > 0 or any(b < a for a, b in pairwise(parts))
+    whole = all(":" in cell and is_number(cell) and number(cell) == round(number(cell)) for cell in dates)
+    return whole and max(parts) < 1000 and anew
 
 
 def _by_name(a: str, b: str) -> float:

@@ -180,7 +180,8 @@ def is_error(name: str) -> bool:
 
 def is_supply(name: str) -> bool:
     """Whether a name says that it is what feeds the drive, which follows the motion and makes none."""
-    return _has(name.rpartition("/")[2], SUPPLY)
+    own = name.rpartition("/")[2]
+    return _has(own, SUPPLY) or (_has(own, {"pack"}) and _has(own, {"current", "voltage"}))
 
 
 def quaternions(names: Collection[str]) -> set[str]:

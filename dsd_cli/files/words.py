@@ -64,7 +64,7 @@ ELSE = {
 #: Of what a controller is to take away.
 ERRORS = {"error", "err", "deviation", "droop", "regelabweichung", "schleppabstand", "schleppfehler", "偏差"}
 #: Words of what feeds a drive, which no motion follows.
-SUPPLY = {"battery", "batt", "bms", "pack", "bus", "vbus", "supply", "psu", "vcc", "vdc", "zwischenkreis"}
+SUPPLY = {"battery", "batt", "bms", "bus", "vbus", "supply", "psu", "vcc", "vdc", "zwischenkreis"}
 ELSE |= ERRORS | SUPPLY
 
 #: Words of a column that counts the rows.

@@ -41,7 +41,6 @@ def written(folder: Path, above: list[str], *columns: np.ndarray, by: str = ",",
         (["time,torque,angle", "Unit,Nm,deg", "Faktor,0.001,0.01", "Offset,0,0"], ","),
         (["Name,torque,angle", "Unit,Nm,deg", "Gain,0.001,0.01"], ","),
         (["time [s];torque [Nm];angle [deg]", "Skalierung;0.001;0.01"], ";"),
-        (["time,torque,angle", "s,Nm,deg", "1,0.001,0.01"], ","),
     ],
 )
 def test_a_row_of_factors_is_taken_for_counts_and_said(above: list[str], by: str, tmp_path: Path) -> None:
@@ -64,6 +63,28 @@ def test_factors_of_numbers_that_may_be_multiplied_already_are_left_to_the_user(
     assert (u.size, q.size) == (ROWS, ROWS)
     np.testing.assert_allclose(u, np.round(0.137 * U, 3), atol=1e-9)
     assert any("left to you" in note and "signals.u_scale" in note for note in read.warnings)
+
+
+def test_a_mode_that_is_called_like_a_factor_is_data(tmp_path: Path) -> None:
+    mode = ["offset"] * 10 + ["run"] * (ROWS - 10)
+    rows = [f"{m},{t:.3f},{u:g},{q:g}" for m, t, u, q in zip(mode, T, U, Q, strict=True)]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["mode,time,torque,angle", *rows]) + "\n")
+    (t, u), read = table(path, "time", "torque")
+    np.testing.assert_allclose(t, T, atol=1e-9)
+    np.testing.assert_allclose(u, U)
+    assert not any("factor" in note or "multiplied" in note for note in read.warnings)
+
+
+def test_a_setting_of_the_preamble_and_a_stale_first_row_are_no_factors(tmp_path: Path) -> None:
+    above = ["Drive XY", "Gain,0.5", NAMES]
+    (u, q), read = table(written(tmp_path, above, T, U, Q), "torque [Nm]", "angle [deg]")
+    np.testing.assert_allclose(u, U)
+    assert not any("multiplied" in note for note in read.warnings)
+    stale = ["time,torque,angle", "s,Nm,deg", "4.0,-12.5,0.3"]
+    (u, q), read = table(written(tmp_path, stale, T, U, Q), "torque", "angle")
+    np.testing.assert_allclose((u[0], q[0]), (-12.5, 0.3))
+    np.testing.assert_allclose(u[1:], U)
 
 
 @pytest.mark.parametrize("names", ["Gain,Phase,Angle", "Offset,u,q", "unit,u,q", "scale,torque,Nm"])
