@@ -24,8 +24,9 @@ class Factors(NamedTuple):
 
 def factors_in(rows: Sequence[Row], body: Body) -> Factors | None:
     """The factors of the last row of such, with the last row of offsets; None: there are none but ones and zeros."""
-    by, plus = (_last(rows, keys, body) for keys in (FACTOR_KEYS, OFFSET_KEYS))
-    return _factors(by[0], by[1], plus[1]) if by else _factors(plus[0], {}, plus[1])
+    (at, by), (below, plus) = (_last(rows, keys, body) for keys in (FACTOR_KEYS, OFFSET_KEYS))
+    by, plus = ({k: x for k, x in one.items() if x != idle} for one, idle in ((by, 1.0), (plus, 0.0)))
+    return Factors(at if by else below, by, plus) if by or plus else None
 
 
 def _last(rows: Sequence[Row], keys: Sequence[str], body: Body) -> tuple[int, dict[int, float]]:
@@ -39,15 +40,6 @@ def _last(rows: Sequence[Row], keys: Sequence[str], body: Body) -> tuple[int, di
             }
             found = row.at, numbers
     return found
-
-
-def _factors(at: int, by: Mapping[int, float], plus: Mapping[int, float]) -> Factors | None:
-    by, plus = _others(by, 1.0), _others(plus, 0.0)
-    return Factors(at, by, plus) if by or plus else None
-
-
-def _others(numbers: Mapping[int, float], nothing: float) -> dict[int, float]:
-    return {k: value for k, value in numbers.items() if value != nothing}
 
 
 def taken(factors: Factors, names: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[dict[int, float], list[str]]:

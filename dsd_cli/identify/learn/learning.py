@@ -59,11 +59,17 @@ def learn(
     whole = scores = Scores(recordings, holdout, model, settings)
     if chosen.refused or not chosen.fit.laws[0].family.of_motion:
         return _nothing(chosen, whole)
+    if whole.without <= sensed(whole.problem, chosen.fit.forward):
+        return _nothing(replace(chosen, refused=OF_SENSOR), whole)
     if is_hysteresis(chosen.fit) and chosen.judge.balance.problem is not problem:
         scores = Scores(forgetting(recordings, problem), forgetting(holdout, problem), model, settings)
     found = _learnt(chosen, scores, stand_ins)
-    if refused := whole.why_not(found.model, chosen.fit.forward):
-        found = _nothing(replace(chosen, refused=refused), whole)
+    leaves = found.after.rmse if scores is whole else whole.left_by(found.model).rmse
+    if not leaves <= (1.0 - POLICY.unknown_fall) * whole.without:
+        # few blocks, in which the model's own values hardly hold without each other, or a delay that suits it alone,
+        # make any law look good, and so may the part of the log in which hysteresis has forgotten how it began
+        why = f"with a law in it the model leaves {leaves:.4g} of the log where it leaves {whole.without:.4g} without"
+        found = _nothing(replace(chosen, refused=why), whole)
     progress("done", 1.0)
     return found
 
@@ -81,15 +87,9 @@ class Scores:
         self.refitted = self.problem.score(self.search.refit)
         self.without = min(self.given.rmse, self.refitted.rmse)
 
-    def why_not(self, law: PlantModel, of_u: bool) -> str:
-        """Why a model with a law in it is not taken, "" if it is: few blocks, in which the model's own values hardly
-        hold without each other, or a delay that suits it alone, make any law look good, as may a part of the log."""
-        if self.without <= sensed(self.problem, of_u):
-            return OF_SENSOR
-        leaves = self.problem.errors_for(law, self.recordings).of_model(law).rmse
-        if leaves <= (1.0 - POLICY.unknown_fall) * self.without:
-            return ""
-        return f"with a law in it the model leaves {leaves:.4g} of the log where it leaves {self.without:.4g} without"
+    def left_by(self, model: PlantModel) -> Score:
+        """What a model leaves, not held out."""
+        return self.problem.errors_for(model, self.recordings).of_model(model)
 
     def of(self, model: PlantModel) -> Problem:
         """A model and nothing to add to it."""
@@ -110,7 +110,7 @@ class Scores:
     def rung(self, end: Ended, heldout: float, tabled: Collection[str]) -> Step:
         """A rung of the ladder, its tables with the scale in. heldout : of the law, on the folds that chose it."""
         model = end.model.changed(effects={name: with_scale_in(end.model.effects[name]) for name in tabled})
-        score = self.problem.errors_for(model, self.recordings).of_model(model)
+        score = self.left_by(model)
         if self.holdout:
             heldout = self.problem.errors_for(model, self.holdout).of_model(model).rmse
         values = {name: one for name, one in end.values.items() if name.partition(".")[0] not in tabled}
