@@ -20,7 +20,7 @@ from dsd_cli.identify.learn.formula import Term, nelder_mead
 from dsd_cli.identify.learn.formulate import identified
 from dsd_cli.identify.learn.law_file import law_source
 from dsd_cli.identify.learn.learning import learn
-from dsd_cli.identify.learn.rows import balance_of
+from dsd_cli.identify.learn.rows import balance_of, covariance_of
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.results import Estimate
 from dsd_cli.identify.search.sets import Search
@@ -305,3 +305,14 @@ def test_a_law_that_acts_in_no_row_has_the_coefficient_zero():
     problem = judging.Problem(rows, 1, np.zeros((1, 1)), np.zeros((3, 3)), ())
     (found,) = judging._solved((np.stack(rows) @ np.stack(rows).T)[None], problem, 1e-4)
     assert found == pytest.approx([target @ own / (own @ own), 0.0], rel=1e-6)
+
+
+def test_from_a_constant_u_nothing_is_learnt():
+    """A constant of the position explained it, and where nothing moved a column of zeros ended it without an answer."""
+    t = 0.002 * np.arange(4000)
+    motion = 0.4 * np.sin(3.0 * t) + 0.2 * np.sin(7.1 * t)
+    log = Log({"t": t, "u": np.full(t.size, 0.3), "position": motion}, 0.002, "constant")
+    found = learn([prepare(log, ObserverSettings(0.01, 0.01))], PlantModel(0.01, 0.0, {}))
+    assert found.verdict == "none"
+    assert found.why.startswith("u is of one level")
+    assert np.isfinite(covariance_of(np.vstack([motion, np.zeros(t.size)]))).all()

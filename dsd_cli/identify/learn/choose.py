@@ -11,6 +11,7 @@ import numpy as np
 
 from dsd_cli.effects.general import HYSTERESIS
 from dsd_cli.identify.fit.blocks import spread_over_blocks
+from dsd_cli.identify.fit.direction import tells_by_motion
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.learn.families import FAMILIES, INERTIA_OVER_TIME, LEAST_ROWS, MEMORY, Columns, Family, columns_of
 from dsd_cli.identify.learn.forgetting import is_hysteresis, where_known
@@ -28,7 +29,8 @@ from dsd_cli.signals.log import Array
 MOST_LAWS, _ROUNDS, _SETTLED = 3, 4, 0.05
 #: Laws whose loss is so many times the best one's are no ties, whatever the standard error.
 _TIED = 1.5
-#: Why nothing is learnt where no more is left than the sensor leaves; where the direction of the motion decides.
+#: Why nothing is learnt.
+ONE_LEVEL = "u is of one level in each direction, which a load and dry friction explain whatever moves the axis"
 OF_SENSOR = "what is left may be the sensor's noise"
 AT_STOPS = "what is left lies at stops and turns, where the direction of the motion is not sure"
 #: Times as many knots as a family begins with, at most.
@@ -74,11 +76,11 @@ def surely_left(judge: Judge, fit: LawFit) -> float:
 
 def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -> Choice:
     """The laws that stand beside the model's own effects."""
-    if balance.blocks.rows < LEAST_ROWS:
-        few = f"the log is too short: it has {balance.blocks.rows} independent equations, a curve needs {LEAST_ROWS}"
-        judge = Judge(balance)
-        base = judge.fit(())
-        return Choice(judge, base, base, (), base, base, few, undecided=True)
+    few = f"the log is too short: it has {balance.blocks.rows} independent equations, a curve needs {LEAST_ROWS}"
+    constant = not tells_by_motion(balance.problem.errors.bank, round(balance.delay), balance.inertia)
+    if constant or balance.blocks.rows < LEAST_ROWS:
+        base = (judge := Judge(balance)).fit(())
+        return Choice(judge, base, base, (), base, base, ONE_LEVEL if constant else few, undecided=True)
     look = _beside_the_best(balance, report)
     judge, base, fits = look.judge, look.base, look.fits
     if not fits:
@@ -87,8 +89,8 @@ def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -
     if first.laws[0].family in STATE_LAWS:  # as good as springs that are as many as the log supports?
         first = simplest([first, refined(judge, springs_of(fits))[0]])[0]
     tied += also_an_inertia(judge, first)
-    sensor = surely_left(judge, base) <= sensed(balance.problem, first.forward)
-    refused = OF_SENSOR if sensor else why_not(judge, base, first)
+    left = surely_left(judge, base)
+    refused = why_not(judge, base, first) if left > sensed(balance.problem, first.forward) else OF_SENSOR
     if refused:
         return Choice(judge, base, base, (), look.richest, first, refused, undecided=refused == AT_STOPS)
     # a law is as fine as it gets before another is asked for: that would explain what a coarse curve leaves
@@ -260,9 +262,8 @@ def _near(other: Array, best: Array) -> bool:
 
 
 def sensed(problem: Problem, of_u: bool) -> float:
-    """What the sensor may leave, unit of u: the error of a coarse one follows the motion, so that functions of the
-    motion explain a part of it. A law of u needs what a diagnosis calls something: where an axis sticks, friction is
-    what u is."""
+    """What the sensor may leave, unit of u: functions of the motion explain a part of what a coarse one does. A law of
+    u needs what a diagnosis calls something: where an axis sticks, friction is what u is."""
     return problem.least_missing if of_u else POLICY.floor_factor * problem.floor
 
 

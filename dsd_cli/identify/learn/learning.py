@@ -66,8 +66,7 @@ def learn(
     found = _learnt(chosen, scores, stand_ins)
     leaves = found.after.rmse if scores is whole else whole.left_by(found.model).rmse
     if not leaves <= (1.0 - POLICY.unknown_fall) * whole.without:
-        # few blocks, in which the model's own values hardly hold without each other, or a delay that suits it alone,
-        # make any law look good, and so may the part of the log in which hysteresis has forgotten how it began
+        # few blocks, a delay that suits it alone, or rows in which hysteresis has forgotten, make any law look good
         why = f"with a law in it the model leaves {leaves:.4g} of the log where it leaves {whole.without:.4g} without"
         found = _nothing(replace(chosen, refused=why), whole)
     progress("done", 1.0)

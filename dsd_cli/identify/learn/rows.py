@@ -203,5 +203,5 @@ def stacked(balance: Balance, rows: Sequence[Array]) -> Array:
 
 def covariance_of(x: Array) -> Array:
     """Of the coefficients of whitened rows of shape (p, N), per variance of a row, shape (p, p)."""
-    size = np.maximum(np.linalg.norm(x, axis=1), 1e-300)
+    size = np.maximum(np.linalg.norm(x, axis=1), 1e-150)  # its square is above 0: a row may be 0, as the motion is
     return np.asarray(np.linalg.pinv((x @ x.T) / np.outer(size, size), rcond=1e-12) / np.outer(size, size))
