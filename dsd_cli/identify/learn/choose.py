@@ -11,7 +11,6 @@ import numpy as np
 
 from dsd_cli.effects.general import HYSTERESIS
 from dsd_cli.identify.fit.blocks import spread_over_blocks
-from dsd_cli.identify.fit.direction import tells_by_motion
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.learn.families import FAMILIES, INERTIA_OVER_TIME, LEAST_ROWS, MEMORY, Columns, Family, columns_of
 from dsd_cli.identify.learn.forgetting import is_hysteresis, where_known
@@ -30,7 +29,7 @@ MOST_LAWS, _ROUNDS, _SETTLED = 3, 4, 0.05
 #: Laws whose loss is so many times the best one's are no ties, whatever the standard error.
 _TIED = 1.5
 #: Why nothing is learnt.
-ONE_LEVEL = "u is of one level in each direction, which a load and dry friction explain whatever moves the axis"
+CONSTANT = "u is constant, which a load explains whatever moves the axis"
 OF_SENSOR = "what is left may be the sensor's noise"
 AT_STOPS = "what is left lies at stops and turns, where the direction of the motion is not sure"
 #: Times as many knots as a family begins with, at most.
@@ -77,10 +76,10 @@ def surely_left(judge: Judge, fit: LawFit) -> float:
 def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -> Choice:
     """The laws that stand beside the model's own effects."""
     few = f"the log is too short: it has {balance.blocks.rows} independent equations, a curve needs {LEAST_ROWS}"
-    constant = not tells_by_motion(balance.problem.errors.bank, round(balance.delay), balance.inertia)
+    constant = not float(np.ptp(np.concatenate([p["u"] for r in balance.problem.recordings for p in r.pieces]))) > 0.0
     if constant or balance.blocks.rows < LEAST_ROWS:
         base = (judge := Judge(balance)).fit(())
-        return Choice(judge, base, base, (), base, base, ONE_LEVEL if constant else few, undecided=True)
+        return Choice(judge, base, base, (), base, base, CONSTANT if constant else few, undecided=True)
     look = _beside_the_best(balance, report)
     judge, base, fits = look.judge, look.base, look.fits
     if not fits:
