@@ -15,7 +15,7 @@ from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.learn import judge as judging
 from dsd_cli.identify.learn.choose import contains
 from dsd_cli.identify.learn.dictionary import Kind, effect_of, kinds
-from dsd_cli.identify.learn.families import FAMILIES, natural_spline
+from dsd_cli.identify.learn.families import FAMILIES, comes_by_again, natural_spline
 from dsd_cli.identify.learn.formula import Term, nelder_mead
 from dsd_cli.identify.learn.formulate import identified
 from dsd_cli.identify.learn.law_file import law_source
@@ -57,6 +57,25 @@ def test_no_law_stands_beside_one_that_may_be_it_as_well():
     assert {"a function of the velocity", "friction over the position", "damping over the position"}.isdisjoint(beside)
     assert {"friction over time", "hysteresis", "an inertia over the position", "a function of u"} <= beside
     assert not contains(named["a function of the velocity"], both)
+
+
+KNOTS = np.linspace(-1.0, 1.0, 8)
+TURNS = np.linspace(0.0, 4.0 * np.pi, 4000)
+
+
+@pytest.mark.parametrize(
+    ("path", "share"),
+    [
+        ((np.cos(TURNS), np.sin(TURNS)), 1.0),  # two turns of a circle
+        ((np.cos(0.4 * TURNS), np.sin(0.4 * TURNS)), 0.0),  # most of one
+        ((0.08 * TURNS * np.cos(TURNS), 0.08 * TURNS * np.sin(TURNS)), 0.35),  # outwards: it meets itself near 0 alone
+        ((np.linspace(-1.0, 1.0, 4000), 0.02 * np.sin(20.0 * TURNS)), 0.0),  # a line that wavers over a knot
+    ],
+)
+def test_a_path_comes_by_again_only_from_elsewhere(path, share):
+    """A surface over two channels is known where their path meets itself, and not because noise crosses a knot."""
+    found = comes_by_again((KNOTS, KNOTS), path)
+    assert found == pytest.approx(share, abs=0.35 * (0.0 < share < 1.0))
 
 
 @pytest.mark.parametrize("strength", [(2.0, 1.0), (-40.0, 12.0)])

@@ -127,3 +127,41 @@ def test_what_the_first_half_of_a_record_teaches_lowers_the_force_error_of_the_s
         compared = warm.run("compare", log, "-c", config, "--from", "12.42", "--format", "json", cwd=tmp_path)
         force.append(json.loads(compared.stdout)["force"]["rmse"])
     assert force[1] < 0.7 * force[0]
+
+
+#: A wheel drive, after the ladder.
+DRIVETRAIN = """
+[signals]
+time = "t"
+u = "u"
+velocity = "velocity"
+position = "position"
+[observer]
+nominal_inertia = 0.08
+time_constant = 0.05
+[model]
+inertia = 0.142402
+[model.effects.viscous_friction]
+coefficient = 1.20899
+[model.effects.coulomb_friction]
+level = 0.737899
+"""
+
+
+def test_logs_of_one_way_each_teach_no_law_over_velocity_and_position(tmp_path):
+    """A slow ramp one way and a fast start the other: any force over time is a function of both there."""
+    (tmp_path / "dsd.toml").write_text(DRIVETRAIN, encoding="utf-8")
+    seen, unseen = (
+        [recording(f"frc_drivetrain/{name}.csv") for name in names]
+        for names in (("slow_forward", "fast_backward"), ("slow_backward", "fast_forward"))
+    )
+    done = warm.run("learn", *seen, "-o", "learnt.toml", "--format", "json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result["verdict"] != "learnt"
+    assert "over time" in result["why"]
+    rmse = []
+    for config in ("dsd.toml", "learnt.toml"):
+        compared = warm.run("compare", *unseen, "-c", config, "--format", "json", cwd=tmp_path)
+        rmse.append(json.loads(compared.stdout)["force"]["rmse"])
+    assert rmse[1] <= rmse[0]

@@ -33,6 +33,8 @@ LAGS, TIMES_IN_LOG = 7, 10
 _APART = 0.012
 #: Knots from which on a curve is smooth between them.
 _FEWEST = 4
+#: Share of a log on ground where the path of two channels came by before: a law over both is a surface.
+_AGAIN = 0.5
 #: Strength with which the size of a coefficient is held, beside that of its bends.
 _SIZE = 1e-4
 
@@ -119,7 +121,8 @@ class Columns:
 
 
 def columns_of(family: Family, balance: Balance, finer: int = 1) -> Columns | None:
-    """None where the log lacks a channel, or it does not vary; `finer` times as many knots over one channel."""
+    """None where the log lacks a channel, or it does not vary, or where two channels are a path that never meets
+    itself; `finer` times as many knots over one channel."""
     if family.effect in (HYSTERESIS, LAGGED):
         return _stops(family, balance, finer) if family.effect is HYSTERESIS else lags_of(family, balance)
     channels = [samples_of(name, balance) for name in family.over]
@@ -128,6 +131,8 @@ def columns_of(family: Family, balance: Balance, finer: int = 1) -> Columns | No
     if family.effect is INERTIA_CURVE and not len(samples_of("position", balance)):
         return None
     knots = tuple(_knots(name, x, family, balance, finer) for name, x in zip(family.over, channels, strict=True))
+    if len(knots) > 1 and comes_by_again(knots, channels) < _AGAIN:
+        return None
     inner, matrix = _smooth(knots)
     empty = np.zeros([len(k) for k in inner]).tolist()
     table = Table(family.over, inner, _frozen(empty), family.factor)
@@ -138,6 +143,25 @@ def columns_of(family: Family, balance: Balance, finer: int = 1) -> Columns | No
         return family.effect.from_columns((1.0,), {"table": table.holding(found)})
 
     return Columns(family, rows, _penalty(knots), table, matrix, values, finer)
+
+
+def comes_by_again(knots: Sequence[Sequence[float]], channels: Sequence[Array]) -> float:
+    """Share of the samples in cells between knots, from which the path went further than the next cells and back.
+
+    On a path that never meets itself any force over time is a function of the two channels, and of one cell beside
+    the path it says nothing.
+    """
+    cells = [np.clip(np.searchsorted(k, x, "right") - 1, 0, len(k) - 2) for k, x in zip(knots, channels, strict=True)]
+    path = np.stack(cells)
+    visits = np.zeros([len(k) - 1 for k in knots], dtype=int)
+    inside = np.zeros(visits.shape, dtype=bool)
+    for a, b in path[:, np.flatnonzero(np.any(np.diff(path, prepend=-1), axis=0))].T.tolist():
+        near = np.zeros_like(inside)
+        near[max(a - 1, 0) : a + 2, max(b - 1, 0) : b + 2] = True
+        inside &= near
+        visits[a, b] += not inside[a, b]
+        inside[a, b] = True
+    return float(np.mean(visits[tuple(path)] > 1))
 
 
 def _frozen(values: Any) -> Any:
