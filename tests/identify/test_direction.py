@@ -226,13 +226,15 @@ def test_a_command_that_is_one_ramp_leaves_no_delay_beyond_the_rows():
     assert np.isfinite(far.total).all()
 
 
+@pytest.mark.parametrize("share", [0.1, 0.3])
 @pytest.mark.parametrize("friction", [0.0, 0.1], ids=["nothing missing", "friction missing"])
-def test_noise_that_the_logged_u_alone_has_is_no_force(friction):
-    """A duty, or a current without a filter, at 30 % of u: it was "unknown", a gain of u that varies, a lag."""
+def test_noise_that_the_logged_u_alone_has_is_no_force(friction, share):
+    """A duty, or a current without a filter: it was "unknown", a gain of u that varies, a lag, or doubt; and the delay
+    ended between two steps, where a mean of two samples of u has the least noise."""
     effects = {"coulomb_friction": {"level": friction}} if friction else {}
-    recording, random = seen(effects, noise=2e-5, duration=8.0), np.random.default_rng(77)
+    recording, random = seen(effects, noise=2e-5, duration=8.0), np.random.default_rng(70)
     (piece,) = recording.pieces
-    u = piece["u"] + 0.3 * float(np.sqrt(np.mean(piece["u"] ** 2))) * random.normal(size=len(piece))
+    u = piece["u"] + share * float(np.sqrt(np.mean(piece["u"] ** 2))) * random.normal(size=len(piece))
     noisy = replace(recording, pieces=(with_channels(piece, u=u),))
     asked = Settings(("coulomb_friction", "viscous_friction", "actuator_lag", "gravity"))
     found = diagnose([noisy], BELIEVED, RIG, asked)
@@ -241,5 +243,7 @@ def test_noise_that_the_logged_u_alone_has_is_no_force(friction):
     assert found.probability > 0.85
     assert found.unexplained.share_of_u == 0.0
     assert any("it counts as noise of u" in said for said in found.warnings)
+    delay = found.estimates["delay"]
+    assert delay.value == pytest.approx(BELIEVED.delay, abs=3.0 * delay.std_error)
     if friction:
         assert found.estimates["coulomb_friction.level"].value == pytest.approx(friction, rel=0.07)

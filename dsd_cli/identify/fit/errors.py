@@ -69,8 +69,6 @@ class Errors:
         """Whether u by the motion leaves what is white in the band, and as strong in u above it: a duty, or a current
         without a filter. In the motion by u it would bend all values, and pass for a lag, or a gain of u that varies.
         """
-        if not fit.inverse:
-            return False
         left, bands = self.equations.by_recording(self.residual(fit, held_out=False)), self.equations.bands
         u = ([s.log["u"] for s in self.equations.stretches if s.owner == i] for i in range(len(bands)))
         return all(map(white_to_the_end, left, bands, u))

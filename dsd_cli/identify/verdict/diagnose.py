@@ -128,10 +128,11 @@ def _either_way(
     search, whole = found.search, found.whole
     drifts = search.problem.reconstructed("velocity")
     tells = not drifts and tells_by_motion(search.problem.errors.bank, whole.tap, search.solver.inertia)
-    if search.solver.inverse or not tells or not above_floor(search, whole):
+    errors = search.problem.errors
+    if search.solver.inverse or not tells or not (above_floor(search, whole) or errors.noise_of_u(whole)):
         return found, settings
     there = levelled(recordings, model, replace(settings, inverse=True), holdout, report)
-    errors, errors_there = search.problem.errors, there.search.problem.errors
+    errors_there = there.search.problem.errors
     share = errors.rmse(whole) / errors.moving(search.solver.inertia)
     less = errors_there.rmse(there.whole) < POLICY.other_way * share * errors_there.force
     less = less or errors_there.noise_of_u(there.whole)
