@@ -1,6 +1,7 @@
 """Learning a law: the numbers behind it against independent ones, and laws that must be refused."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,7 +26,8 @@ from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.results import Estimate
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import ObserverSettings, PlantModel
-from dsd_cli.signals.log import Log
+from dsd_cli.signals.log import Log, with_channels
+from tests.identify.search_rig import BELIEVED, seen
 from tests.oracle.rig_strange import make
 from tests.oracle.rig_strange_laws import Law
 
@@ -324,6 +326,16 @@ def test_a_law_that_acts_in_no_row_has_the_coefficient_zero():
     problem = judging.Problem(rows, 1, np.zeros((1, 1)), np.zeros((3, 3)), ())
     (found,) = judging._solved((np.stack(rows) @ np.stack(rows).T)[None], problem, 1e-4)
     assert found == pytest.approx([target @ own / (own @ own), 0.0], rel=1e-6)
+
+
+def test_noise_of_u_is_no_force_that_no_channel_explains():
+    """A duty, or a current without a filter, at 30 % of u: 8 % of u stay in the band, and they are no force."""
+    recording, random = seen({}, noise=2e-5, duration=8.0), np.random.default_rng(70)
+    (piece,) = recording.pieces
+    u = piece["u"] + 0.3 * float(np.sqrt(np.mean(piece["u"] ** 2))) * random.normal(size=len(piece))
+    found = learn([replace(recording, pieces=(with_channels(piece, u=u),))], BELIEVED)
+    assert found.verdict == "none"
+    assert "noise of u" in found.why
 
 
 def test_from_a_constant_u_nothing_is_learnt():

@@ -213,6 +213,8 @@ def _nothing(chosen: Choice, scores: Scores) -> Learnt:
     share = f"{100.0 * left / max(problem.errors.force, 1e-300):.3g} % of u"
     if not chosen.refused:
         verdict, why = NOT_OF_MOTION, "what is left is a force over time, not over the motion"
+    elif problem.errors.noise_of_u(scores.search.refit):
+        why = f"what is left, {share}, is white, and u has as much above the band: noise of u"
     elif left > least and not chosen.undecided:
         verdict, why = NOT_OF_MOTION, f"{share} is left on blocks that no fit saw: {why}"
     elif not chosen.undecided:  # whether so little is something is for the search to say
