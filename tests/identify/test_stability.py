@@ -52,6 +52,14 @@ def test_a_half_without_it_or_with_another_in_its_place_makes_it_less_sure(recor
     assert again.probability == POLICY.surest_in_doubt
 
 
+def test_what_no_part_bears_out_is_rather_not_there(found):
+    """A lag at 90 % that neither half of a log, nor half or twice its band, had any use for: it was the noise of d_hat
+    that comes back in u."""
+    again = with_stability(found, [seen({})], BELIEVED, SETTINGS)
+    assert [one.same for one in again.stability] == 4 * [False]
+    assert again.probability < 0.5
+
+
 def test_where_nothing_is_missing_a_half_in_which_something_is_makes_it_less_sure(recording, found):
     nothing = replace(found, verdict="none", found=(), whole_model=None, model=BELIEVED)
     again = with_stability(nothing, [with_friction(recording, np.zeros_like)], BELIEVED, SETTINGS)

@@ -27,7 +27,8 @@ from dsd_cli.signals.log import Log
 def with_stability(
     found: Diagnosis, recordings: Sequence[Recording], model: PlantModel, settings: Settings
 ) -> Diagnosis:
-    """The diagnosis with its variants; a verdict that changes in one of them is at most 90 % sure.
+    """The diagnosis with its variants; a verdict that changes in one of them is at most 90 % sure, in all of them half as
+    sure.
 
     A verdict that is no surer than that is left as it is: nothing could change it. So are "unknown" and wrong values of
     the model: a search alone does not identify them; nor does a search in the band identify what the response above it
@@ -53,7 +54,8 @@ def with_stability(
     variants = tuple(v for what, some, how in asked if (v := _variant(found, what, some, model, how)) is not None)
     if all(one.same for one in variants):
         return replace(found, stability=variants)
-    return replace(found, stability=variants, probability=min(found.probability, POLICY.surest_in_doubt))
+    surest = POLICY.surest_in_doubt * (1.0 if any(one.same for one in variants) else POLICY.even)
+    return replace(found, stability=variants, probability=min(found.probability, surest))
 
 
 def _variant(
