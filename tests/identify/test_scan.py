@@ -99,3 +99,12 @@ def test_the_true_effect_gains_most(search):
     scan = _scan(search, (Term("coulomb_friction"),), search.refit.tap)
     gains = {name: scan.gain(Term(name))[0] for name in ("gravity", "stiffness", "constant_load", "viscous_friction")}
     assert max(gains, key=gains.get) == "gravity"
+
+
+def test_a_gain_is_made_once_for_all_scans_beside_the_same_effects(search, monkeypatch):
+    made, gain_of = [], Scan._gain_of_columns
+    monkeypatch.setattr(Scan, "_gain_of_columns", lambda *arguments: made.append(1) or gain_of(*arguments))
+    term, tap = Term.of("cogging", {"periods": 7.5}), search.refit.tap
+    gains = [search.scan(terms, tap).gain(term) for terms in (BESIDE, BESIDE, BESIDE[:1])]
+    assert gains[0] == gains[1] != gains[2]
+    assert len(made) == 2

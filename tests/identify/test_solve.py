@@ -267,3 +267,16 @@ def test_many_sets_at_once_leave_what_each_leaves_alone(seed, theta, noise):
     found = solver.squares_of(sets, 0)
     for terms in sets:
         assert found[terms] == pytest.approx(solver.squares(terms, 0), rel=1e-9, abs=1e-9)
+
+
+def test_a_set_that_was_fitted_is_not_fitted_again():
+    """A search comes by the same sets from several sides."""
+    bank, made = _bank(5, [3.0, 1.0, 2.0, 0.5, -1.0, 0.5, -2.0]), []
+    design = bank.design
+    bank.design = lambda *arguments: made.append(arguments) or design(*arguments)
+    solver = Solver(bank, lay_blocks([ROWS], GAP, "x"), J0)
+    first = solver.fit((VISCOUS,), 0)
+    assert solver.fit((VISCOUS,), 0) is first
+    assert len(made) == 1
+    assert solver.fit((VISCOUS,), 0, whole_steps=True).total[1] == 0.0 != first.total[1]
+    assert solver.fit((LOAD,), 0).terms == (LOAD,)

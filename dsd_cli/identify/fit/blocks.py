@@ -189,25 +189,23 @@ def grams(rows: Sequence[Array], blocks: Blocks) -> Grams:
     return Grams(segments.sum(axis=0), np.tensordot(blocks.weights, segments, axes=1), held_out)
 
 
-def solve(matrices: Array, ridge: float | Array = 1e-9) -> Array:
-    """Least-squares coefficients for a stack of Gram matrices of (y, columns), shape (M, p).
+def normal_equations(matrices: Array, ridge: float | Array = 1e-9) -> tuple[Array, Array, Array]:
+    """(matrix (M, p, p), right side (M, p), scale (p,)) of a stack of Gram matrices of (y, columns).
 
     `ridge` is added to the columns scaled to unit length (by their mean over the stack, so that a column that one
     fold never saw is ruled by it); a number or a matrix of shape (p, p).
     """
     a, b = matrices[:, 1:, 1:], matrices[:, 1:, 0]
-    size = a.shape[1]
-    if size == 0:
-        return np.zeros((len(matrices), 0))
     size_of = np.abs(a.diagonal(axis1=1, axis2=2).sum(axis=0))  # below 0 where the noise that was taken off was all
     scale = np.sqrt(np.maximum(size_of / len(a), 1e-300))
-    normal = a / (scale[:, None] * scale)
-    if isinstance(ridge, float):
-        index = np.arange(size)
-        normal[:, index, index] += ridge
-    else:
-        normal += ridge
-    return np.linalg.solve(normal, (b / scale)[..., None])[..., 0] / scale
+    added = ridge * np.eye(len(scale)) if isinstance(ridge, float) else ridge
+    return a / (scale[:, None] * scale) + added, b / scale, scale
+
+
+def solve(matrices: Array, ridge: float | Array = 1e-9) -> Array:
+    """Least-squares coefficients, shape (M, p), of `normal_equations`."""
+    normal, right, scale = normal_equations(matrices, ridge)
+    return np.asarray(np.linalg.solve(normal, right[..., None])[..., 0] / scale)
 
 
 def losses(theta: Array, found: Grams, blocks: Blocks) -> Array:

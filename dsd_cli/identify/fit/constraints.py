@@ -17,7 +17,7 @@ import numpy as np
 
 from dsd_cli.effects import Role
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, SHARE, Term, Terms
-from dsd_cli.identify.fit.blocks import solve
+from dsd_cli.identify.fit.blocks import normal_equations
 from dsd_cli.identify.fit.priors import PriorKnowledge, is_shape
 from dsd_cli.identify.results import DELAY
 from dsd_cli.identify.results import INERTIA as INERTIA_NAME
@@ -245,11 +245,15 @@ def _signed(stack: Array, target: int, signs: Sequence[int]) -> tuple[Array, Arr
     others = [i for i in range(stack.shape[1]) if i != target]
     free, total, returned = list(range(len(others))), stack[0], set[int]()
     size = np.sqrt(np.maximum(total.diagonal()[others], 1e-300))
+    normal, right, scale = normal_equations(stack[np.ix_(range(len(stack)), [target, *others], [target, *others])])
+
+    def fits(count: int) -> Array:
+        at = np.array(free, dtype=np.intp)
+        return np.asarray(np.linalg.solve(normal[:count, at[:, None], at], right[:count, at, None])[..., 0] / scale[at])
+
     while True:
-        index = [target, *(others[k] for k in free)]
-        theta = solve(stack[:, np.array(index)[:, None], index])
-        first = theta[0].tolist()
-        wrong = [(k, t) for k, t in zip(free, first, strict=True) if signs[k] * t < 0.0]
+        theta = fits(1)
+        wrong = [(k, t) for k, t in zip(free, theta[0].tolist(), strict=True) if signs[k] * t < 0.0]
         if wrong:
             free.remove(min(wrong, key=lambda w: signs[w[0]] * w[1] * size[w[0]])[0])
             continue
@@ -257,6 +261,7 @@ def _signed(stack: Array, target: int, signs: Sequence[int]) -> tuple[Array, Arr
             break
         # active set: a coefficient held at 0 is freed again, once, if its gradient has the right sign
         least = _ROUNDING * math.sqrt(max(total[target, target], 0.0))
+        index = [target, *(others[k] for k in free)]
         left = (total[others][:, index] @ np.concatenate([[1.0], -theta[0]])) / size * signs
         back = [k for k in range(len(others)) if k not in free and k not in returned and left[k] > least]
         if not back:
@@ -264,7 +269,7 @@ def _signed(stack: Array, target: int, signs: Sequence[int]) -> tuple[Array, Arr
         free.append(max(back, key=lambda k: left[k]))
         returned.add(free[-1])
     found = np.zeros((len(stack), len(others)))
-    found[:, free] = theta
+    found[:, free] = fits(len(stack))
     weights = np.zeros((len(stack), len(others) + 1))
     weights[:, target], weights[:, others] = 1.0, -found
     return found, weights

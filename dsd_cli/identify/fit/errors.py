@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank, Design, Term, Terms, has_friction
+from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank, Design, Term, has_friction
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.noise import white_to_the_end
@@ -17,6 +17,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import Score
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.once import once
 
 
 class Errors:
@@ -31,7 +32,6 @@ class Errors:
         self._aside = Bank(holdout) if holdout is not None else None
         self._keep = self.equations.kept
         self._fold = blocks.fold[blocks.block_of_rows()]
-        self._known: dict[tuple[Terms, int], float] = {}
 
     @cached_property
     def force(self) -> float:
@@ -73,12 +73,10 @@ class Errors:
         u = ([s.log["u"] for s in self.equations.stretches if s.owner == i] for i in range(len(bands)))
         return all(map(white_to_the_end, left, bands, u))
 
+    @once
     def rmse(self, fit: Fit) -> float:
         """Held-out root mean square of the forward form, unit of u; to compare fits with."""
-        key = (fit.terms, fit.tap)
-        if key not in self._known:
-            self._known[key] = _rms(self.residual(fit)[self._keep])
-        return self._known[key]
+        return _rms(self.residual(fit)[self._keep])
 
     def of_model(self, model: PlantModel) -> Score:
         """Of a model whose values no fit of these recordings chose."""

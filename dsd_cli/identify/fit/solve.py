@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +27,7 @@ from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.once import once
 
 #: Newton steps, at most and at least, towards held values that are no linear function of the coefficients.
 _ROUNDS, _LEAST_ROUNDS = 16, 3
@@ -36,7 +37,7 @@ _PRESSED = 1e-9
 
 @dataclass(frozen=True)
 class Fit:
-    """Coefficients of a selection of effects.
+    """Coefficients of a selection of effects; one fit is like another with the same effects at the same whole steps.
 
     Attributes
     ----------
@@ -55,17 +56,17 @@ class Fit:
 
     terms: Terms
     tap: int
-    total: Array
-    folds: Array
-    forward: Array
-    forward_folds: Array
-    squares: float
-    losses: Array
-    widths: tuple[int, ...]
-    grams: Grams
-    variance: float = 0.0
-    whole_steps: bool = False
-    inverse: bool = False
+    total: Array = field(compare=False)
+    folds: Array = field(compare=False)
+    forward: Array = field(compare=False)
+    forward_folds: Array = field(compare=False)
+    squares: float = field(compare=False)
+    losses: Array = field(compare=False)
+    widths: tuple[int, ...] = field(compare=False)
+    grams: Grams = field(compare=False)
+    variance: float = field(default=0.0, compare=False)
+    whole_steps: bool = field(default=False, compare=False)
+    inverse: bool = field(default=False, compare=False)
 
     @property
     def loss(self) -> float:
@@ -143,6 +144,7 @@ class Solver:
                 found[terms] = self._size(weights[0], judged[0]) + self.pull(terms)
         return found
 
+    @once
     def fit(self, terms: Terms, tap: int, whole_steps: bool = False) -> Fit:
         """Cross-validated, at one whole-step delay and, unless `whole_steps`, a share of a further step."""
         design = self.bank.design(terms, tap)

@@ -40,7 +40,7 @@ def resting(velocity: Array, rest_speed: ArrayLike) -> NDArray[np.bool_]:
     found = slow_spells(velocity, POLICY.creep_share)
     for width in POLICY.resting_bands:
         for start, end in _runs(np.abs(velocity) <= width * limit):
-            found[start:end] |= _stays(velocity[start:end], float(np.median(limit[start:end])), usual)
+            found[start:end] |= _stays(velocity[start:end], limit[start:end], usual)
     return found
 
 
@@ -58,14 +58,14 @@ def _runs(slow: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(start, end) for start, end in runs(both) if end - start >= POLICY.least_rest_samples]
 
 
-def _stays(velocity: Array, limit: float, usual: float) -> bool:
+def _stays(speed: Array, limits: Array, usual: float) -> bool:
     """Whether a run of speeds, their mean, and their change along a fitted line, are small; `usual` change a sample."""
-    size = float(np.sqrt(np.mean(velocity**2)))
-    if abs(float(velocity.mean())) > POLICY.resting_share * limit or size > POLICY.resting_size * limit:
+    limit = float(limits[0] if limits.min() == limits.max() else np.median(limits))  # as a rule one for all samples
+    if abs(speed.mean()) > POLICY.resting_share * limit or np.sqrt(np.mean(speed**2)) > POLICY.resting_size * limit:
         return False
-    place = np.arange(len(velocity)) - 0.5 * (len(velocity) - 1)
-    slope = abs(float(place @ velocity) / float(place @ place))
-    return slope * len(velocity) <= POLICY.resting_share * limit or slope <= POLICY.resting_slope * usual
+    place = np.arange(len(speed)) - 0.5 * (len(speed) - 1)
+    slope = abs(float(place @ speed) / float(place @ place))
+    return slope * len(speed) <= POLICY.resting_share * limit or slope <= POLICY.resting_slope * usual
 
 
 #: Standard deviations of the speed's noise beyond which the direction is certain.

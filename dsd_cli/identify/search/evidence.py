@@ -17,6 +17,7 @@ from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.row_weights import shared_inflation, unpredicted_share
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.signals.once import once
 
 
 class Evidence:
@@ -25,7 +26,6 @@ class Evidence:
     def __init__(self, problem: Problem) -> None:
         self.problem, self.solver, self.noise, self.base = problem, problem.solver, problem.noise, problem.base
         self.practical = problem.practical
-        self._chances: dict[tuple[Terms, int, Terms, int], float] = {}
 
     @property
     def equations(self) -> Equations:
@@ -78,6 +78,7 @@ class Evidence:
         left = self._left(fit)[self.equations.kept]
         return max(float(left @ left) * unpredicted_share(left), 1e-300)
 
+    @once
     def by_chance(self, before: Fit, after: Fit) -> float:
         """How many times more the difference of two fits explains by chance of what the second leaves than of noise
         that is white (at least 1): 1 + 2 sum of the products of both autocorrelations, the variance of a coefficient in
@@ -85,15 +86,11 @@ class Evidence:
 
         A line in time, or a push, lies where the spectrum of a residual is strongest; a law of the motion does not.
         """
-        key = (before.terms, before.tap, after.terms, after.tap)
-        if key not in self._chances:
-            counts = self.equations.kept
-            was, left = (self._left(fit)[counts] for fit in (before, after))
-            row, noise = after.loss / max(self.equations.counted, 1.0), self.noise
-            taken = max(row, noise.variance * noise.inflation)  # what `nats` takes for the variance of a row
-            of_white = max(row, noise.variance) / taken
-            self._chances[key] = max(shared_inflation(left, was - left) * of_white, 1.0)
-        return self._chances[key]
+        was, left = (self._left(fit)[self.equations.kept] for fit in (before, after))
+        row, noise = after.loss / max(self.equations.counted, 1.0), self.noise
+        taken = max(row, noise.variance * noise.inflation)  # what `nats` takes for the variance of a row
+        of_white = max(row, noise.variance) / taken
+        return max(shared_inflation(left, was - left) * of_white, 1.0)
 
     def _left(self, fit: Fit) -> np.ndarray:
         """Whitened residual of the form that is evidence, shape (N,)."""

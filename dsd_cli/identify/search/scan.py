@@ -12,6 +12,7 @@ from dsd_cli.identify.fit.bank import INERTIA, Term, Terms, has_friction, inputs
 from dsd_cli.identify.fit.blocks import total_gram
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.once import once
 
 #: Columns that keep less than this share of their power beside the fit's own add nothing.
 _LEAST_OWN = 1e-6
@@ -41,6 +42,7 @@ class Scan:
         self._left = _without(target, self._all)
         self._squares = float(self._left @ self._left)
 
+    @once
     def gain(self, term: Term, keep: bool = False) -> tuple[float, int]:
         """(by how much the sum of squares falls with that effect beside the others, best delay).
 

@@ -24,6 +24,7 @@ from dsd_cli.identify.search.repeats import apart, names_to_try
 from dsd_cli.identify.search.scan import Scan
 from dsd_cli.identify.search.shapes import refined, times_off
 from dsd_cli.identify.search.starts import Lines, starts
+from dsd_cli.signals.once import once
 
 #: Effects that are refined in a scan: those whose best start comes within this share of the best gain; loads on the
 #: motor and lags earlier, for their best shape (with the delay beside it) is narrow.
@@ -54,7 +55,6 @@ class Search(Evidence):
         super().__init__(problem)
         self.allowed, self.most_tap, self.ranges = problem.candidates, problem.most_tap, problem.ranges
         self.taps = problem.solver.taps(problem.most_tap)
-        self._options: dict[tuple[Terms, int], list[Option]] = {}
 
     # -- fits ------------------------------------------------------------------------------------------------------
 
@@ -115,12 +115,10 @@ class Search(Evidence):
 
     # -- steps -----------------------------------------------------------------------------------------------------
 
+    @once
     def options(self, current: Fit) -> list[Option]:
         """Every allowed effect added to `current`, at its best shape; most evidence first."""
-        key = (current.terms, current.tap)
-        if key not in self._options:
-            self._options[key] = sorted(self._all_options(current), key=lambda o: -o.evidence)
-        return self._options[key]
+        return sorted(self._all_options(current), key=lambda o: -o.evidence)
 
     def _all_options(self, current: Fit) -> list[Option]:
         found = self._at_best_starts(current, FAR_STARTS)
@@ -172,6 +170,7 @@ class Search(Evidence):
             options.append(Option(term.id, fit, self.evidence(fit)))
         return preferred(self, options)
 
+    @once
     def scan(self, terms: Terms, tap: int) -> Scan:
         """What another effect would gain beside these."""
         return Scan(self.solver, terms, tap, self.taps_for)
