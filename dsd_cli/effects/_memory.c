@@ -52,8 +52,9 @@ static PyObject *one_pole(PyObject *module, PyObject *args) {
     if (open_columns(&c, objects, 3)) return NULL;
     {
         const double *keep = c.view[0].buf, *add = c.view[1].buf;
-        double *out = c.view[2].buf;
-        for (k = 0; k < c.rows; k++) out[k] = y = keep[k] * y + add[k];
+        double *out = c.view[2].buf, last = y;  /* a local that nothing points to stays in a register */
+        for (k = 0; k < c.rows; k++) out[k] = last = keep[k] * last + add[k];
+        y = last;
     }
     close_columns(&c);
     return PyFloat_FromDouble(y);
