@@ -53,7 +53,7 @@ def test_a_u_that_is_later_than_its_motion_is_no_missing_effect(late_ms):
 @pytest.mark.parametrize("what", [(), ("flexible_coupling",)])
 def test_a_u_without_any_delay_is_not_late(what):
     """A load that is missing makes the motor early; what was found beside it explains that."""
-    recording, model, observer = given(RigCase(what=what, seed=4301, sensing="speed40k"), DELAY_MS)
+    recording, model, observer = given(RigCase(what=what, seed=4301, sensing="speed40k", duration=10.0), DELAY_MS)
     found = diagnose([recording], model, observer)
     assert found.verdict == (what[0] if what else "delay")
     assert not any("later" in w for w in found.warnings)
@@ -71,18 +71,18 @@ def with_wrong_cells(channels):
 
 
 @pytest.mark.parametrize(
-    ("what", "spoil", "seed", "sensing"),
+    ("what", "spoil", "seed", "sensing", "duration"),
     [
-        ((), sampled_slowly, 4401, "enc4096"),
-        ((), with_wrong_cells, 4400, "speed40k"),
-        (("quadratic_drag",), with_wrong_cells, 4402, "speed40k"),
+        ((), sampled_slowly, 4401, "enc4096", 20.0),
+        ((), with_wrong_cells, 4400, "speed40k", 10.0),
+        (("quadratic_drag",), with_wrong_cells, 4402, "speed40k", 10.0),
     ],
     ids=["a hundred rows a second of a drive at 1 kHz", "wrong cells", "wrong cells, drag missing"],
 )
-def test_spikes_of_u_that_did_not_act_are_taken_off_and_hide_nothing(what, spoil, seed, sensing):
+def test_spikes_of_u_that_did_not_act_are_taken_off_and_hide_nothing(what, spoil, seed, sensing, duration):
     """Saturation was missing at 98 %, for it takes spikes off u; a median does that better, and is no physics. Then
     nothing was named any more."""
-    found = spoilt(RigCase(what=what, seed=seed, sensing=sensing), spoil)
+    found = spoilt(RigCase(what=what, seed=seed, sensing=sensing, duration=duration), spoil)
     assert found.found == what
     assert found.blocked == ""
     assert any("the median of u over" in w for w in found.warnings)
@@ -116,13 +116,13 @@ def test_a_part_of_u_is_taken_off_once_and_a_constant_u_has_none():
 
 def test_kicks_of_a_controller_act_whatever_a_median_leaves():
     """Beside a friction that grows with u a median of u leaves less than u; the acceleration has all of the kicks."""
-    recording, model, observer = given(RigCase(what=("load_friction",), seed=6000, sensing="enc4096"))
+    recording, model, observer = given(RigCase(what=("load_friction",), seed=6000, sensing="enc4096", duration=10.0))
     assert not any("spikes" in w for w in diagnose([recording], model, observer).warnings)
 
 
 @pytest.mark.parametrize("what", ["saturation", "dead_zone"])
 def test_a_true_effect_on_the_command_is_not_taken_for_spikes(what):
-    recording, model, observer = given(RigCase(what=(what,), seed=4400, sensing="speedloud"))
+    recording, model, observer = given(RigCase(what=(what,), seed=4400, sensing="speedloud", duration=10.0))
     found = diagnose([recording], model, observer)
     assert found.verdict == what
     assert not any("spikes" in w for w in found.warnings)
@@ -130,7 +130,7 @@ def test_a_true_effect_on_the_command_is_not_taken_for_spikes(what):
 
 def test_a_sensor_that_does_not_tell_the_direction_makes_no_verdict_sure():
     """1024 counts on a slow axis: in half of the samples nobody knows which way friction acts."""
-    recording, model, observer = given(RigCase(what=("coulomb_friction",), seed=5000, sensing="enc1024"))
+    recording, model, observer = given(RigCase(what=("coulomb_friction",), seed=5000, sensing="enc1024", duration=10.0))
     found = diagnose([recording], model, observer)
     assert found.probability <= POLICY.even
     assert any("direction of the motion" in w and "finer encoder" in w for w in found.warnings)
@@ -138,7 +138,7 @@ def test_a_sensor_that_does_not_tell_the_direction_makes_no_verdict_sure():
 
 @pytest.mark.parametrize("sensing", ["speed40k", "enc8192jitter500"])
 def test_usual_sensors_tell_the_direction(sensing):
-    recording, model, _ = given(RigCase(what=("coulomb_friction",), seed=4302, sensing=sensing))
+    recording, model, _ = given(RigCase(what=("coulomb_friction",), seed=4302, sensing=sensing, duration=10.0))
     search, whole = searched([recording], model, Settings(), ())
     limits = limits_of(search, whole, Settings(), None)
     moving = [np.abs(s.sign[s.free > 0.0]) for s in search.equations.stretches]
@@ -160,7 +160,7 @@ def with_hum(channels):
 
 def test_a_u_that_was_logged_behind_a_filter_is_no_load_and_no_play():
     """Presliding friction was missing at 99 %."""
-    found = spoilt(RigCase(what=(), seed=7100, sensing="enc4096"), behind_a_filter)
+    found = spoilt(RigCase(what=(), seed=7100, sensing="enc4096", duration=10.0), behind_a_filter)
     assert (found.verdict, found.found) == ("unknown", ())
     assert all(c.probability == 0.0 for c in found.ranking if c.effect not in ("inertia", "delay"))
     (said,) = [w for w in found.warnings if "signals.u_filter" in w]
@@ -170,7 +170,7 @@ def test_a_u_that_was_logged_behind_a_filter_is_no_load_and_no_play():
 
 
 def test_a_filter_beside_a_true_effect_is_said_and_hides_nothing():
-    found = spoilt(RigCase(what=("quadratic_drag",), seed=7100, sensing="speed40k"), behind_a_filter)
+    found = spoilt(RigCase(what=("quadratic_drag",), seed=7100, sensing="speed40k", duration=10.0), behind_a_filter)
     assert found.verdict == "quadratic_drag"
     assert any("signals.u_filter" in w for w in found.warnings)
 
@@ -257,7 +257,7 @@ def test_a_true_effect_is_named_though_more_than_noise_is_left_at_stops_alone(se
 
 def test_a_member_of_the_set_is_judged_alone_as_the_set_has_it():
     """The scan of single effects began at another delay, where load friction lowers nothing: "unknown, 50 %"."""
-    recording, model, observer = given(RigCase(what=("load_friction",), seed=60000, sensing="speed40k"))
+    recording, model, observer = given(RigCase(what=("load_friction",), seed=60000, sensing="speed40k", duration=10.0))
     found = diagnose([recording], model, observer)
     assert (found.verdict, found.found) == ("load_friction", ("load_friction",))
     assert found.ranking[0].heldout_rmse_after < 0.3 * found.refitted.heldout_rmse
@@ -299,7 +299,7 @@ def test_a_wrong_delay_is_told_beside_such_steps(level, step, frequencies, gains
 
 def test_hum_in_a_measured_u_is_no_load_that_swings_there():
     """A load stands in for it exactly: one that swings at 50 Hz holds the axis still there."""
-    found = spoilt(RigCase(what=(), seed=7100, sensing="enc4096"), with_hum)
+    found = spoilt(RigCase(what=(), seed=7100, sensing="enc4096", duration=10.0), with_hum)
     assert found.verdict in ("none", "unknown")
     assert not any("coupling" in effect for effect in found.found)
 
