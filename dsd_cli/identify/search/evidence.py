@@ -10,27 +10,61 @@ import math
 
 import numpy as np
 
-from dsd_cli.identify.fit.bank import Term, Terms
+from dsd_cli.identify.fit.bank import SHARE, Term, Terms
 from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.row_weights import shared_inflation, unpredicted_share
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.values import MOST_SHARE
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.once import once
 
+#: Steps that a delay walks from where it was, and the share of one from which on the next is nearer.
+MOST_WALKED, HALF_A_STEP = 12, 0.5
+
 
 class Evidence:
-    """Of sets of effects for a problem; `base` : the effects that the model has."""
+    """Of sets of effects for a problem; `base` : effects that the model has, `allowed` : those that may be added."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem, self.solver, self.noise, self.base = problem, problem.solver, problem.noise, problem.base
-        self.practical = problem.practical
+        self.practical, self.allowed = problem.practical, problem.candidates
+        self.taps = problem.solver.taps(problem.most_tap)
 
     @property
     def equations(self) -> Equations:
         """Whitened ones."""
         return self.problem.equations
+
+    def added(self, terms: Terms) -> Terms:
+        """Those that the model does not have."""
+        return tuple(t for t in terms if t.id not in {b.id for b in self.base})
+
+    def fit(self, terms: Terms, near: int) -> Fit:
+        """At the best delay near `near` steps: the share of a further step says which way to go.
+
+        Where the values want a later command and the forward form refuses one, a force is missing that leans like lag:
+        the delay stays at whole steps, or it would take a part of J. Noise that u alone has draws the share to a half,
+        where it is least: there the next steps are tried, where u is what is explained.
+        """
+        least, most = self.taps[0], self.taps[-1]
+        tap, tried = min(max(near, least), most), set()
+        while True:
+            tried.add(tap)
+            fit = self.solver.fit(terms, tap)
+            share = float(fit.total[SHARE])
+            if share > MOST_SHARE and fit.forward[1 + SHARE] == 0.0 and least < most:
+                return self.solver.fit(terms, tap, whole_steps=True)
+            step = math.floor(share) if share > 1.0 else -1 if share == 0.0 else 0
+            if inside := step == 0 and fit.inverse:
+                step = 1 if share > HALF_A_STEP else -1
+            following = min(max(tap + step, least), most)
+            if step == 0 or following in tried or len(tried) > MOST_WALKED:
+                return fit
+            if (step < 0 or inside) and self.solver.squares(terms, following) >= fit.squares:
+                return fit
+            tap = following
 
     def evidence(self, fit: Fit) -> float:
         """Held-out log-likelihood (up to a constant) less the price of the effects beyond the model's, nats."""
@@ -50,10 +84,9 @@ class Evidence:
 
     def price(self, terms: Terms) -> float:
         """Nats for having chosen these effects and searched their shapes."""
-        added = [t for t in terms if t.id not in {b.id for b in self.base}]
         return sum(
             POLICY.effect_price * (1 + t.effect.searched) + POLICY.pulse_price * len(t.shape.get("edges", ()))
-            for t in added
+            for t in self.added(terms)
         )
 
     def gains(self, before: Fit, after: Fit) -> np.ndarray:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from dsd_cli.effects import Effect, get_effect
-from dsd_cli.identify.fit.bank import Term, Terms
-from dsd_cli.identify.fit.problem import Problem
+from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.search.evidence import Evidence
 from dsd_cli.signals.rounding import ROUNDING
 
 
@@ -23,27 +22,7 @@ class Option:
     evidence: float
 
 
-class Search(Protocol):
-    """What of a search is asked for here (`search.sets`)."""
-
-    allowed: tuple[str, ...]
-    problem: Problem
-
-    def fit(self, terms: Terms, near: int) -> Fit: ...
-
-    def evidence(self, fit: Fit) -> float: ...
-
-    def price(self, terms: Terms) -> float: ...
-
-    def lead(self, before: Fit, after: Fit) -> float: ...
-
-    def added(self, terms: Terms) -> Terms: ...
-
-    @property
-    def practical(self) -> Callable[[Fit, Fit], bool]: ...
-
-
-def preferred(search: Search, options: Sequence[Option]) -> Option | None:
+def preferred(search: Evidence, options: Sequence[Option]) -> Option | None:
     """The cheapest, and then the commonest, of those of which the one with most evidence leads by too little to be
     certain, or to matter in practice; one of more sizes only if none of fewer on the same channels is among them."""
     if not options:
@@ -55,7 +34,7 @@ def preferred(search: Search, options: Sequence[Option]) -> Option | None:
     return min(first, key=lambda o: (search.price(o.fit.terms), get_effect(o.effect).rarity, -o.evidence))
 
 
-def in_common_terms(search: Search, fit: Fit) -> Fit:
+def in_common_terms(search: Evidence, fit: Fit) -> Fit:
     """With the commonest of the effects that do the same in place of each member: moved in one direction, dry friction
     and a load are one column, and so are viscous friction and its asymmetry. Over a small travel a weight is a load and
     a stiffness, and beside a stiffness that holds it a cubic one: these are taken where they explain more, and where
@@ -70,7 +49,7 @@ def in_common_terms(search: Search, fit: Fit) -> Fit:
     return fit
 
 
-def _one_commoner(search: Search, fit: Fit) -> Fit:
+def _one_commoner(search: Evidence, fit: Fit) -> Fit:
     """With one member in commoner terms; the same where there is none."""
     for term in search.added(fit.terms):
         rest, here = tuple(t for t in fit.terms if t != term), {t.id for t in fit.terms}
@@ -108,7 +87,7 @@ def _simple(effect: Effect, allowed: Sequence[str]) -> list[str]:
     return [name for _, name in found[: effect.sizes]] if len(found) >= effect.sizes else []
 
 
-def _as_good(search: Search, one: Option, best: Option) -> bool:
+def _as_good(search: Evidence, one: Option, best: Option) -> bool:
     """Whether a lead of the best over one that costs no more is not certain, or over a cheaper one does not matter."""
     saved = search.price(best.fit.terms) - search.price(one.fit.terms)
     if search.lead(one.fit, best.fit) < POLICY.least_gain:

@@ -12,11 +12,10 @@ from functools import cached_property
 from itertools import combinations
 
 from dsd_cli.effects import Role, get_effect
-from dsd_cli.identify.fit.bank import SHARE, Term, Terms, has_friction
+from dsd_cli.identify.fit.bank import Term, Terms, has_friction
 from dsd_cli.identify.fit.direction import best_delay
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.values import MOST_SHARE
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.evidence import Evidence
 from dsd_cli.identify.search.preference import Option, in_common_terms, preferred
@@ -29,8 +28,6 @@ from dsd_cli.signals.once import once
 #: Effects that are refined in a scan: those whose best start comes within this share of the best gain; loads on the
 #: motor and lags earlier, for their best shape (with the delay beside it) is narrow.
 WORTH_REFINING, WORTH_FOR_NARROW = 0.5, 0.04
-#: Steps that a delay walks from where it was, and the share of one from which on the next is nearer.
-MOST_WALKED, HALF_A_STEP = 12, 0.5
 #: Rounds in which the shapes of the model's own effects are searched, and the gain below which they are found.
 MOST_REFINEMENTS, STALLED = 6, 1e-3
 #: Rounds in which several shapes of one effect are searched while it is only a candidate.
@@ -46,15 +43,14 @@ __all__ = ["Option", "Search"]
 
 
 class Search(Evidence):
-    """Selections of effects for a problem; `allowed` : effects that may be added, by default its candidates."""
+    """Selections of effects for a problem."""
 
     #: A search over a part of the rows, which finds candidates for all of them (`long_logs.Judge`).
     excerpt: Search | None = None
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem)
-        self.allowed, self.most_tap, self.ranges = problem.candidates, problem.most_tap, problem.ranges
-        self.taps = problem.solver.taps(problem.most_tap)
+        self.most_tap, self.ranges = problem.most_tap, problem.ranges
 
     # -- fits ------------------------------------------------------------------------------------------------------
 
@@ -79,31 +75,6 @@ class Search(Evidence):
                 return better
             fit = better
         return fit
-
-    def fit(self, terms: Terms, near: int) -> Fit:
-        """At the best delay near `near` steps: the share of a further step says which way to go.
-
-        Where the values want a later command and the forward form refuses one, a force is missing that leans like lag:
-        the delay stays at whole steps, or it would take a part of J. Noise that u alone has draws the share to a half,
-        where it is least: there the next steps are tried, where u is what is explained.
-        """
-        least, most = self.taps[0], self.taps[-1]
-        tap, tried = min(max(near, least), most), set()
-        while True:
-            tried.add(tap)
-            fit = self.solver.fit(terms, tap)
-            share = float(fit.total[SHARE])
-            if share > MOST_SHARE and fit.forward[1 + SHARE] == 0.0 and least < most:
-                return self.solver.fit(terms, tap, whole_steps=True)
-            step = math.floor(share) if share > 1.0 else -1 if share == 0.0 else 0
-            if inside := step == 0 and fit.inverse:
-                step = 1 if share > HALF_A_STEP else -1
-            following = min(max(tap + step, least), most)
-            if step == 0 or following in tried or len(tried) > MOST_WALKED:
-                return fit
-            if (step < 0 or inside) and self.solver.squares(terms, following) >= fit.squares:
-                return fit
-            tap = following
 
     def taps_for(self, term: Term, tap: int) -> list[int]:
         """Delays to try with an effect that is late itself: before it was known, delay stood in for it."""
@@ -227,10 +198,6 @@ class Search(Evidence):
             if fit.terms == before.terms:
                 break
         return fit if (common := in_common_terms(self, fit)) is fit else self.without_needless(common, reached)
-
-    def added(self, terms: Terms) -> Terms:
-        """Those that the model does not have."""
-        return tuple(t for t in terms if t.id not in {b.id for b in self.base})
 
     def refined(self, fit: Fit) -> Fit:
         """With the shapes of all effects searched around where they are."""

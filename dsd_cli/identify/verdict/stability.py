@@ -27,8 +27,7 @@ from dsd_cli.signals.log import Log
 def with_stability(
     found: Diagnosis, recordings: Sequence[Recording], model: PlantModel, settings: Settings
 ) -> Diagnosis:
-    """The diagnosis with its variants; a verdict that changes in one of them is at most 90 % sure, in all of them half as
-    sure.
+    """The diagnosis with its variants; a verdict that changes in one of them is at most 90 % sure, in all of them half.
 
     A verdict that is no surer than that is left as it is: nothing could change it. So are "unknown" and wrong values of
     the model: a search alone does not identify them; nor does a search in the band identify what the response above it
