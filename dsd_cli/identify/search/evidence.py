@@ -1,4 +1,4 @@
-"""What a set of effects explains of the recordings, and whether one set explains surely more than another.
+"""A set of effects at its delay, what it explains of the recordings, and whether one explains surely more than another.
 
 Each fit is judged on blocks that it did not see, with the noise of the rows. What it leaves beyond that noise is as a
 rule not white, and then the same columns explain more of it by chance.
@@ -18,6 +18,7 @@ from dsd_cli.identify.fit.row_weights import shared_inflation, unpredicted_share
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import MOST_SHARE
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.search.scan import Scan
 from dsd_cli.signals.once import once
 
 #: Steps that a delay walks from where it was, and the share of one from which on the next is nearer.
@@ -30,7 +31,7 @@ class Evidence:
     def __init__(self, problem: Problem) -> None:
         self.problem, self.solver, self.noise, self.base = problem, problem.solver, problem.noise, problem.base
         self.practical, self.allowed = problem.practical, problem.candidates
-        self.taps = problem.solver.taps(problem.most_tap)
+        self.ranges, self.taps = problem.ranges, problem.solver.taps(problem.most_tap)
 
     @property
     def equations(self) -> Equations:
@@ -65,6 +66,19 @@ class Evidence:
             if (step < 0 or inside) and self.solver.squares(terms, following) >= fit.squares:
                 return fit
             tap = following
+
+    def taps_for(self, term: Term, tap: int) -> list[int]:
+        """Delays to try with an effect that is late itself: before it was known, delay stood in for it."""
+        if term.effect.lateness is None:
+            return [tap]
+        late = term.effect.lateness(term.shape) / self.solver.bank.tap_time
+        tried = {round(tap - share * late) for share in (0.5, 0.65, 0.8, 0.9, 1.0)}
+        return sorted({min(max(n, self.taps[0]), self.taps[-1]) for n in tried})
+
+    @once
+    def scan(self, terms: Terms, tap: int) -> Scan:
+        """What another effect would gain beside these."""
+        return Scan(self.solver, terms, tap, self.taps_for)
 
     def evidence(self, fit: Fit) -> float:
         """Held-out log-likelihood (up to a constant) less the price of the effects beyond the model's, nats."""

@@ -14,13 +14,11 @@ from itertools import combinations
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import Term, Terms, has_friction
 from dsd_cli.identify.fit.direction import best_delay
-from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.evidence import Evidence
 from dsd_cli.identify.search.preference import Option, in_common_terms, preferred
 from dsd_cli.identify.search.repeats import apart, names_to_try
-from dsd_cli.identify.search.scan import Scan
 from dsd_cli.identify.search.shapes import refined, times_off
 from dsd_cli.identify.search.starts import Lines, starts
 from dsd_cli.signals.once import once
@@ -48,17 +46,13 @@ class Search(Evidence):
     #: A search over a part of the rows, which finds candidates for all of them (`long_logs.Judge`).
     excerpt: Search | None = None
 
-    def __init__(self, problem: Problem) -> None:
-        super().__init__(problem)
-        self.most_tap, self.ranges = problem.most_tap, problem.ranges
-
     # -- fits ------------------------------------------------------------------------------------------------------
 
     @cached_property
     def refit(self) -> Fit:
         """The model's own effects with all values free."""
         delay = best_delay(
-            self.solver, self.problem.beside, self.most_tap, self.problem.tap, believed=self.problem.model.delay
+            self.solver, self.problem.beside, self.problem.most_tap, self.problem.tap, believed=self.problem.model.delay
         )
         return self.converged(self.fit(self.base, delay))
 
@@ -75,14 +69,6 @@ class Search(Evidence):
                 return better
             fit = better
         return fit
-
-    def taps_for(self, term: Term, tap: int) -> list[int]:
-        """Delays to try with an effect that is late itself: before it was known, delay stood in for it."""
-        if term.effect.lateness is None:
-            return [tap]
-        late = term.effect.lateness(term.shape) / self.solver.bank.tap_time
-        tried = {round(tap - share * late) for share in (0.5, 0.65, 0.8, 0.9, 1.0)}
-        return sorted({min(max(n, self.taps[0]), self.taps[-1]) for n in tried})
 
     # -- steps -----------------------------------------------------------------------------------------------------
 
@@ -140,11 +126,6 @@ class Search(Evidence):
             fit = self.fit(terms, tap)
             options.append(Option(term.id, fit, self.evidence(fit)))
         return preferred(self, options)
-
-    @once
-    def scan(self, terms: Terms, tap: int) -> Scan:
-        """What another effect would gain beside these."""
-        return Scan(self.solver, terms, tap, self.taps_for)
 
     def run(self, start: Fit, report: Callable[[float], None] = lambda _: None, *, to_friction: bool = False) -> Fit:
         """The set of effects that nothing betters any more, or the first that has friction.

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
 
-from dsd_cli.effects import Ranges, get_effect
+from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term, Terms
 from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.identify.fit.priors import is_shape
-from dsd_cli.identify.fit.solve import Solver
+from dsd_cli.identify.search.evidence import Evidence
 from dsd_cli.identify.search.repeats import apart
 from dsd_cli.identify.search.scan import Scan
 
@@ -22,16 +21,7 @@ STEPS = 7
 ROUNDS, SHRINK, SHRINK_ALONE, ENOUGH = 5, 0.7, 0.1, 1e-3
 
 
-class Searched(Protocol):
-    """What a search of sets has that a search of shapes needs."""
-
-    solver: Solver
-    ranges: Ranges
-
-    def scan(self, terms: Terms, tap: int) -> Scan: ...
-
-
-def refined(search: Searched, terms: Terms, i: int, tap: int, rounds: int = ROUNDS) -> tuple[Terms, int]:
+def refined(search: Evidence, terms: Terms, i: int, tap: int, rounds: int = ROUNDS) -> tuple[Terms, int]:
     """(terms with effect number i at its best shape, best delay); the squares over all rows are what counts."""
     term = terms[i]
     scan = search.scan((*terms[:i], *terms[i + 1 :]), tap)
@@ -54,7 +44,7 @@ def refined(search: Searched, terms: Terms, i: int, tap: int, rounds: int = ROUN
     return (*terms[:i], found[2], *terms[i + 1 :]), found[1]
 
 
-def _half_width(search: Searched, term: Term, name: str) -> float:
+def _half_width(search: Evidence, term: Term, name: str) -> float:
     """The frequency of a line of n periods is known to about 1/n of itself."""
     if term.effect.periods is None:
         return BRACKET
@@ -62,7 +52,7 @@ def _half_width(search: Searched, term: Term, name: str) -> float:
 
 
 def _along(
-    search: Searched, scan: Scan, best: tuple[float, int, Term], name: str, half: float
+    search: Evidence, scan: Scan, best: tuple[float, int, Term], name: str, half: float
 ) -> tuple[float, int, Term]:
     """Golden section over log(parameter); (gain, delay, term) of the best that was met."""
     centre = math.log(best[2].shape[name])
@@ -80,7 +70,7 @@ def _along(
     return max(found, key=lambda f: f[0])
 
 
-def _limits(search: Searched, effect_id: str, name: str) -> tuple[float, float]:
+def _limits(search: Evidence, effect_id: str, name: str) -> tuple[float, float]:
     """A little beyond the starting shapes: further out the shape is not identifiable."""
     effect = get_effect(effect_id)
     starts = effect.starts(search.ranges)

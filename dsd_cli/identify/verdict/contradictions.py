@@ -197,7 +197,7 @@ def in_place_of(search: Search, whole: Fit, taken: Sequence[str] = ()) -> dict[s
 
 def _loose(free: Search, terms: Terms, tap: int) -> Fit:
     """Effects with all values free; what was held may have moved the delay far off."""
-    anywhere = best_delay(free.solver, free.problem.beside, free.most_tap, believed=free.problem.model.delay)
+    anywhere = best_delay(free.solver, free.problem.beside, free.problem.most_tap, believed=free.problem.model.delay)
     return min((free.fit(terms, near) for near in {tap, anywhere}), key=lambda one: one.squares)
 
 

@@ -161,7 +161,7 @@ def _late_effects(search: Search) -> tuple[str, ...]:
 def _explains_the_delay(search: Search, effect: str) -> bool:
     believed = round(search.problem.model.delay / search.solver.bank.tap_time)
     terms = [Term.of(effect, shape) for shape in get_effect(effect).starts(search.ranges)]
-    taps = [min(max(believed + d, 0), search.most_tap) for d in (-1, 0, 1)]
+    taps = [min(max(believed + d, 0), search.problem.most_tap) for d in (-1, 0, 1)]
     tried = [(search.solver.squares((*search.base, t), n, keep=False), t, n) for t in terms for n in taps]
     if not tried:
         return False
