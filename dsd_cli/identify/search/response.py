@@ -111,14 +111,16 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     rival = left(rigid, signals.target)
     swinging = modes.left(at)
     over_rigid = gains(rival, swinging)
+    values, damping = modes.values(at, variance_of(swinging))
+    frequency, spread = values["frequency"]
+    swings = float(over_rigid.sum()) > POLICY.response_nats and frequency > POLICY.value_deviations * spread
     play = None
-    if PLAY in asked and (doubtful or float(over_rigid.sum()) > POLICY.response_nats):
+    if PLAY in asked and (doubtful or swings):
         play = _play(search, look, (rigid, modes.columns(at)))
     if play is not None and play.certain:
         return Response(play.seen(highest))
     rattles = play is not None and play.rattles
-    values, damping = modes.values(at, variance_of(swinging))
-    inside = values["frequency"][0] < highest  # further out it is how the log samples u
+    inside = frequency < highest  # further out it is how the log samples u
     if COUPLING not in asked or not (
         inside and _agreed(over_rigid) and is_a_load(values["load_share"][0]) and damping < POLICY.response_damping
     ):
