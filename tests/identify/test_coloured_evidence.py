@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -87,6 +88,14 @@ def test_a_lead_is_less_where_what_is_left_has_the_colour_of_what_is_explained()
     assert slow.by_chance(slow.refit, after) > 1.3
 
 
+@dataclass(frozen=True, eq=False)
+class Left:
+    """Stands for a fit: what it leaves of each row."""
+
+    loss: float
+    left: np.ndarray
+
+
 @pytest.mark.parametrize("beyond", [0.01, 1.0, 100.0], ids=["noise", "near", "far beyond the noise"])
 def test_a_column_gains_half_a_nat_by_chance_however_much_is_left_beyond_the_noise(beyond: float) -> None:
     """Of 300 draws of noise and of a column, of one colour; the noise of the rows is not white either (twice)."""
@@ -96,8 +105,8 @@ def test_a_column_gains_half_a_nat_by_chance_however_much_is_left_beyond_the_noi
     for _ in range(300):
         was, column = (_coloured(rng, 0.6, 1500) for _ in range(2))
         left = was - (column @ was) / (column @ column) * column
-        fits = [SimpleNamespace(terms=(), tap=k, loss=float(x @ x), left=x) for k, x in enumerate((was, left))]
-        judge: Any = SimpleNamespace(noise=noise, equations=rows, _chances={}, _left=lambda fit: fit.left)
+        fits = [Left(float(x @ x), x) for x in (was, left)]
+        judge: Any = SimpleNamespace(noise=noise, equations=rows, _left=lambda fit: fit.left)
         nats = [Evidence.nats(judge, fit.loss) for fit in fits]
         gained.append((nats[0] - nats[1]) / Evidence.by_chance(judge, *fits))
     assert np.mean(gained) == pytest.approx(0.5, rel=0.3)  # within 3.7 standard errors of the mean

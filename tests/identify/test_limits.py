@@ -91,7 +91,8 @@ def test_spikes_of_u_that_did_not_act_are_taken_off_and_hide_nothing(what, spoil
 def test_all_rungs_are_of_the_u_without_the_spikes():
     (log,) = make([RigCase(what=("quadratic_drag",), seed=4402, sensing="speed40k", duration=5.0)])
     recording, model, observer = asked(log, with_wrong_cells(log.channels))
-    ladder = improve([recording], model, observer, choose=lambda last: last.verdict)
+    settings = Settings(effects=(*FEW, "quadratic_drag", "saturation"))
+    ladder = improve([recording], model, observer, settings, choose=lambda last: last.verdict)
     assert [step.effect for step in ladder.steps if step.kind == "added"] == ["quadratic_drag"]
     assert ladder.verdict == "none"
     assert sum("spikes" in w for w in ladder.warnings) == 1

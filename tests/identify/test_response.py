@@ -1,6 +1,7 @@
 """What the response shows above the band of the balance, on logs of the outside rig that do not show it in the band."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -31,16 +32,21 @@ from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.oracle import machines
 from tests.oracle.machine_cases import cases
-from tests.oracle.rig import RigCase, make, make_exact
+from tests.oracle.rig import Exact, RigCase, RigLog, make_exact
 
 LOADS = ("flexible_coupling", "backlash")
+
+
+@cache
+def made(case: RigCase) -> tuple[RigLog, Exact]:
+    return make_exact(case)
 
 
 class Axis:
     """A log of the rig, prepared."""
 
     def __init__(self, what, seed, sensing="enc4096"):
-        self.log = make([RigCase(what=what, seed=seed, sensing=sensing)])[0]
+        self.log, self.exact = made(RigCase(what=what, seed=seed, sensing=sensing))
         believed = self.log.believed
         self.model = PlantModel(believed["inertia"], believed["delay"], believed["effects"])
         observer = self.log.observer
@@ -198,7 +204,8 @@ def test_the_answer_is_the_load_and_the_error_in_the_band_falls(swinging):
 
 
 def test_the_ladder_takes_it_stops_there_and_compare_sees_the_same_error(loose):
-    ladder = improve([loose.recording], loose.model, loose.observer, choose=lambda d: d.verdict)
+    few = Settings((*LOADS, "coulomb_friction", "viscous_friction", "stiffness", "actuator_lag"))
+    ladder = improve([loose.recording], loose.model, loose.observer, few, choose=lambda d: d.verdict)
     assert [s.effect for s in ladder.steps if s.kind == "added"] == ["backlash"]
     assert ladder.verdict != "unknown"
     reached = ladder.steps[-1]
@@ -252,9 +259,10 @@ def test_a_model_without_a_load_drives_none(swinging):
 @pytest.mark.parametrize(("seed", "sensing"), [(0, "enc4096"), (3000, "speed40k")])
 def test_the_load_of_a_model_moves_as_that_of_the_axis_did(seed, sensing):
     """Against the exact motion of the load, which no log tells: with play a sampled motor would not tell it either."""
-    log, exact = make_exact(RigCase(what=("backlash",), seed=seed, sensing=sensing))
+    axis = Axis(("backlash",), seed, sensing)
+    log, exact = axis.log, axis.exact
     model = PlantModel(log.truth["inertia"], log.truth["delay"], log.truth["effects"])
-    problem = pose([Axis(("backlash",), seed, sensing).recording], model, Settings())
+    problem = pose([axis.recording], model, Settings())
     (term,) = [t for t in problem.base if t.id == "backlash"]
     stretch = problem.errors.bank.equations.stretches[0]
     moved = raw_columns(problem.errors.bank.equations, term, log.truth["delay"])[0][0]
