@@ -81,7 +81,7 @@ class Plant:
         inertia = self.machine.inertia
         share, pull = (self.load.share, self.load.pull) if self.load else (0.0, None)
         inner, sigma = self.inner or (None, 0.0)
-        swing = self.swing or {"share": 0.0, "phase": 0.0}
+        swing, of_load, constant = self.swing, share * inertia, inertia * (1.0 - share)
         applied, budgets = tuple(self.applied), tuple(self.budgets)
 
         def rates(t: float, x: State, u: float, sliding: int) -> State:
@@ -93,10 +93,13 @@ class Plant:
                 for level in budgets:
                     force -= sliding * level(t, q, v, u)
             pulled = pull(q - ql, v - vl) if pull else 0.0
+            built_up = inner(z, v) if inner else 0.0
+            if swing is None:
+                return v, (force - of_load * pulled) / constant, vl, pulled, built_up
             angle = 2.0 * q + swing["phase"]
             mass = inertia * (1.0 - share + swing["share"] * math.cos(angle))
-            force -= share * inertia * pulled - inertia * swing["share"] * math.sin(angle) * v * v
-            return v, force / mass, vl, pulled, inner(z, v) if inner else 0.0
+            force -= of_load * pulled - inertia * swing["share"] * math.sin(angle) * v * v
+            return v, force / mass, vl, pulled, built_up
 
         return rates
 
