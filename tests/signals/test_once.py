@@ -1,6 +1,6 @@
 """Answers that are kept with their object."""
 
-from dsd_cli.signals.once import once
+from dsd_cli.signals.once import once, with_answers
 
 
 class Counting:
@@ -33,3 +33,11 @@ def test_methods_and_objects_have_their_own():
     assert one.twice(4) == [8]
     assert one.half(4) == 2.0
     assert one.twice(4) is not other.twice(4)
+
+
+def test_answers_outlive_the_object_that_made_them():
+    answers = {}
+    first = with_answers(Counting(), answers).twice(5)
+    again = with_answers(Counting(), answers)
+    assert again.twice(5) is first
+    assert again.asked == []

@@ -19,7 +19,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import MOST_SHARE
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.scan import Scan
-from dsd_cli.signals.once import once
+from dsd_cli.signals.once import Answers, once, with_answers
 
 #: Steps that a delay walks from where it was, and the share of one from which on the next is nearer.
 MOST_WALKED, HALF_A_STEP = 12, 0.5
@@ -32,6 +32,7 @@ class Evidence:
         self.problem, self.solver, self.noise, self.base = problem, problem.solver, problem.noise, problem.base
         self.practical, self.allowed = problem.practical, problem.candidates
         self.ranges, self.taps = problem.ranges, problem.solver.taps(problem.most_tap)
+        self._tried: dict[tuple[Terms, int], Answers] = {}
 
     @property
     def equations(self) -> Equations:
@@ -75,10 +76,9 @@ class Evidence:
         tried = {round(tap - share * late) for share in (0.5, 0.65, 0.8, 0.9, 1.0)}
         return sorted({min(max(n, self.taps[0]), self.taps[-1]) for n in tried})
 
-    @once
     def scan(self, terms: Terms, tap: int) -> Scan:
         """What another effect would gain beside these."""
-        return Scan(self.solver, terms, tap, self.taps_for)
+        return with_answers(Scan(self.solver, terms, tap, self.taps_for), self._tried.setdefault((terms, tap), {}))
 
     def evidence(self, fit: Fit) -> float:
         """Held-out log-likelihood (up to a constant) less the price of the effects beyond the model's, nats."""
