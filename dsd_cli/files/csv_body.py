@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,7 +34,7 @@ BLANKS = 0.3
 class CsvLayout:
     """[csv]: what is not None is so, whatever the file looks like. Lines are counted from 1; 0: there is none.
 
-    `skip_rows` lines come before the header; `header` and `units_row` are lines of the file.
+    `skip_rows` lines come before the header; `header` and `units_row` are lines of the file. `scaled`: see `Scaling`.
     """
 
     skip_rows: int | None = None
@@ -41,6 +42,7 @@ class CsvLayout:
     units_row: int | None = None
     delimiter: str | None = None
     decimal: str | None = None
+    scaled: bool | None = None
 
 
 class Body(NamedTuple):
@@ -113,10 +115,26 @@ def _start(lines: Sequence[str], delimiter: str, width: int, numeric: Sequence[i
     cells = {at: fields_of(lines[at], delimiter) for at in rows}
     said = Counter(key_of(cells[at]) for at in rows if is_keyed(cells[at]))  # again and again is a mode of the axis
     good = {at for at in rows if is_data(cells[at], width, numeric) and said[key_of(cells[at])] != 1}
-    for at, after in zip(rows, [*rows[1:], rows[-1]], strict=True):
-        if at in good and after in good:
+    for at, after, third in zip(rows, [*rows[1:], rows[-1]], [*rows[2:], *rows[-2:]], strict=False):
+        if at in good and after in good and not _is_of_factors(*(cells[k] for k in (at, after, third))):
             return at
     return None
+
+
+def are_tens(cells: Sequence[str]) -> bool:
+    """Whether these are powers of ten alone and not all the same, as a row of factors without a label has them."""
+    there = [number(cell) for cell in cells if cell.strip() not in MISSING and is_number(cell)]
+    tens = {x for x in there if x > 0.0 and abs(math.log10(x) - round(math.log10(x))) < 1e-9}
+    named = sum(bool(cell.strip()) for cell in cells)
+    return len(there) == named > 1 + bool(cells[0].strip()) and len(tens) > 1 and tens == set(there)
+
+
+def _is_of_factors(first: Sequence[str], second: Sequence[str], third: Sequence[str]) -> bool:
+    """Whether a first row is of factors: powers of ten before numbers that are none, whose first is no step to them."""
+    if not are_tens(first) or are_tens(second) or len(third) != len(first):
+        return False
+    a, b, c = (number(row[0]) if is_number(row[0]) else math.nan for row in (first, second, third))
+    return not abs((b - a) - (c - b)) <= 0.5 * abs(c - b)
 
 
 def is_data(fields: Sequence[str], width: int, numeric: Sequence[int]) -> bool:

@@ -6,11 +6,12 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from dsd_cli.files.csv_body import UNIT_KEYS, Body, is_keyed, key_of
+from dsd_cli.files.csv_body import UNIT_KEYS, Body, are_tens, is_keyed, key_of
+from dsd_cli.files.csv_cells import is_number
 from dsd_cli.files.recognise import is_unit
 
 #: What else the cells of a row say of their channels, each of its own: `Type: double`.
-OTHER_KEYS = ("type", "datatype", "interp", "blockpath", "portindex")
+OTHER_KEYS = ("type", "datatype", "data type", "data-type", "datentyp", "interp", "blockpath", "portindex")
 _KEYED = re.compile(r"\s*([^\W\d]\w*)\s*:\s*(.*?)\s*")
 #: What says it of one channel as of all: `dt = 0.001`.
 _SET = re.compile(r"\s*([^\W\d][\w.]*)\s*=\s*\S.*")
@@ -19,7 +20,7 @@ _SAYS = re.compile(r"\s*[=:]\s*")
 #: How numbers are held.
 _TYPE = re.compile(
     r"\s*(?:[uif][1248]|u?int(?:8|16|32|64)?|u?[sdl]?int|l?real(?:32|64)?|float(?:32|64)?|double|single|bool(?:ean)?|bit"
-    r"|long|short|word|dword|byte|number)\s*",
+    r"|long|short|l?d?word|byte|number|l?time)\s*",
     re.IGNORECASE,
 )
 #: A unit and its quantity: `° (Angle)`.
@@ -57,26 +58,35 @@ def without_descriptions(rows: Sequence[Row], body: Body) -> tuple[list[Row], li
     """
     kept: list[Row] = []
     units = None
+    wide = [row for row in rows if len(row.cells) == body.fields and not is_of_types(row.cells)]
     for row in rows:
         cells = as_wide(row.cells, body)
         found = [_KEYED.fullmatch(cell) for cell in cells if cell.strip()]
         keys = {"" if one is None else one[1].casefold() for one in found}
-        if is_keyed(cells):
+        if is_keyed(cells) or are_tens(cells):
             if key_of(cells) in UNIT_KEYS and len(cells) == body.fields:  # its name stands in the place of the stamps
                 units = ["", *map(of_unit, cells[1:])]
-        elif len(keys) != 1 or not keys <= {*UNIT_KEYS, *OTHER_KEYS}:
-            if not _of_all(cells) or not any(len(one.cells) == body.fields for one in kept):
-                kept.append(row)
-        elif keys <= set(UNIT_KEYS) and len(row.cells) == body.fields:
-            units = [of_unit(cell.partition(":")[2]) for cell in row.cells]
+        elif len(keys) == 1 and keys <= {*UNIT_KEYS, *OTHER_KEYS}:
+            if keys <= set(UNIT_KEYS) and len(row.cells) == body.fields:
+                units = [of_unit(cell.partition(":")[2]) for cell in row.cells]
+        elif is_of_types(cells):
+            kept += [] if wide or key_of(cells) in OTHER_KEYS else [row]
+        elif not (_is_set(cells) and any(one in wide for one in kept)):
+            kept.append(row)
     return kept, units
 
 
-def _of_all(cells: Sequence[str]) -> bool:
-    """Whether it is a type in each cell, or the same key."""
-    there = [cell for cell in cells if cell.strip()]
-    keys = {"" if (one := _SET.fullmatch(cell)) is None else one[1].casefold() for cell in there}
-    return len(there) > 1 and (all(map(_TYPE.fullmatch, there)) or (len(keys) == 1 and "" not in keys))
+def is_of_types(cells: Sequence[str]) -> bool:
+    """Whether each cell is a type, but for what the row itself is called: `Type,DINT,LREAL`, `,DINT,LREAL`."""
+    labelled = key_of(cells) in OTHER_KEYS
+    there = [cell for cell in cells[labelled:] if cell.strip()]
+    return len(there) > 1 - labelled and all(map(_TYPE.fullmatch, there))
+
+
+def _is_set(cells: Sequence[str]) -> bool:
+    """Whether each cell sets the same key."""
+    found = [_SET.fullmatch(cell) for cell in cells if cell.strip()]
+    return len(found) > 1 and None not in found and len({one[1].casefold() for one in found if one}) == 1
 
 
 def in_groups(names: Sequence[str], above: Sequence[str]) -> list[str]:
@@ -84,15 +94,23 @@ def in_groups(names: Sequence[str], above: Sequence[str]) -> list[str]:
 
     As they are where that distinguishes no more.
     """
-    there = [name for name in names if name]
-    if len(set(there)) == len(there) or len(above) != len(names):
+    above = [cell.strip() for cell in above]
+    if sum(map(bool, above)) < 2 or len(above) > len(names):
         return list(names)
-    groups = [""]
+    above += [""] * (len(names) - len(above))
+    names = [name or cell for name, cell in zip(names, above, strict=True)]
+    groups = list[str]()
     for cell in above:
-        groups.append(cell.strip() or groups[-1])
-    paired = zip(groups[1:], names, strict=True)
-    full = [f"{group}/{name}" if group and there.count(name) > 1 else name for group, name in paired]
-    return full if len(set(full)) == len(full) else list(names)
+        groups.append(cell or (groups[-1] if groups else ""))
+    paired = zip(groups, names, strict=True)
+    full = [f"{group}/{name}" if group and names.count(name) > 1 else name for group, name in paired]
+    return full if len(set(full)) > len(set(names)) else names
+
+
+def differ(cells: Sequence[str]) -> bool:
+    """Whether no name comes again in a row that begins with what it says; channels that are counted have none."""
+    names = [cell for cell in cells if key_of([cell]) != key_of(cells)]
+    return len(set(names)) == len(names) and not all(map(is_number, names))
 
 
 def lines_of_each(rows: Sequence[Row]) -> dict[str, Row]:

@@ -1,7 +1,8 @@
 """What the numbers of a text file are to be multiplied by, where a row above them says so for each channel.
 
-A factor is that of counts, and counts are whole: it is taken where the cells are whole and it is not. Of other numbers
-nobody can say whether they were multiplied already, which is said, with the keys that multiply.
+Every reader of text asks here, whether it has a file, the channels of a scope or lines as they come. A factor that is
+not whole is that of counts, and counts are whole. Of other numbers nobody can say whether they were multiplied already,
+which is said, with the key that answers it.
 """
 
 from __future__ import annotations
@@ -9,9 +10,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from dsd_cli.files.csv_body import FACTOR_KEYS, OFFSET_KEYS, Body, key_of
+import numpy as np
+
+from dsd_cli.errors import DataError
+from dsd_cli.files.csv_body import FACTOR_KEYS, OFFSET_KEYS, Body, are_tens, key_of
 from dsd_cli.files.csv_cells import MISSING, is_number, number
 from dsd_cli.files.csv_described import Row, as_wide
+from dsd_cli.signals.log import Array
 
 
 class Factors(NamedTuple):
@@ -30,11 +35,12 @@ def factors_in(rows: Sequence[Row], body: Body) -> Factors | None:
 
 
 def _last(rows: Sequence[Row], keys: Sequence[str], body: Body) -> tuple[int, dict[int, float]]:
-    """Line and numbers of the last row that begins with one of these keys; its first cell is no number."""
+    """Line and numbers of the last row that begins with one of these keys, or, as factors may, with none."""
     found: tuple[int, dict[int, float]] = (-1, {})
     for row in rows:
         cells = as_wide(row.cells, body)
-        if key_of(cells) in keys and len(cells) == body.fields:  # else it is a setting, of all of them
+        bare = keys is FACTOR_KEYS and are_tens(cells)
+        if (bare or key_of(cells) in keys) and len(cells) == body.fields:  # else it is a setting, of all of them
             numbers = {
                 k: number(cell) for k, cell in enumerate(cells) if cell.strip() not in MISSING and is_number(cell)
             }
@@ -42,31 +48,58 @@ def _last(rows: Sequence[Row], keys: Sequence[str], body: Body) -> tuple[int, di
     return found
 
 
-def taken(factors: Factors, names: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[dict[int, float], list[str]]:
-    """Place -> factor of the columns of counts, and what to say of all of them.
+class Scaling:
+    """Multiplies the columns of one source, in pieces of any size.
 
-    rows : cells of the first rows.
+    The first numbers of a column decide whether it holds counts. Zeros do not, which are zeros either way, and numbers
+    that contradict later end the reading: so an axis that rests first is read as one that moves at once.
+
+    Parameters
+    ----------
+    scaled : whether the numbers are multiplied already, as [csv] says; None: it does not say.
+
+    Attributes
+    ----------
+    places : of the columns that have a factor or an offset.
     """
-    counts = {k: f for k, f in factors.by.items() if f != round(f) and k not in factors.plus and _whole(rows, k)}
-    left = [k for k in sorted({*factors.by, *factors.plus}) if k not in counts]
-    said = []
-    if counts:
-        shown = ", ".join(f"{names[k]} {f:g}" for k, f in counts.items())
-        said.append(f"line {factors.at + 1} says what whole numbers are multiplied by: {shown}")
-    if left:
-        shown = ", ".join(f"{names[k]} {_shown(factors, k)}" for k in left if k < len(names))
-        remedy = "if they were not multiplied yet: signals.u_scale, position_scale or velocity_scale"
-        said.append(f"line {factors.at + 1} has factors that are left to you: {shown}; {remedy}")
-    return counts, said
 
+    def __init__(self, source: str, factors: Factors | None, names: Sequence[str], scaled: bool | None = None) -> None:
+        self._source, self._names, self._scaled = source, names, scaled
+        self._at, self._by, self._plus = factors if factors and not scaled else Factors(0, {}, {})
+        self.places = {*self._by, *self._plus}
+        self._counts: dict[int, bool] = {}
 
-def _shown(factors: Factors, at: int) -> str:
-    by, plus = factors.by.get(at, 1.0), factors.plus.get(at, 0.0)
-    return f"{by:g}" if plus == 0.0 else f"{by:g} and {plus:+g}"
+    def applied(self, at: int, values: Array) -> Array:
+        """Numbers of the column at that place as they are meant.
 
+        Raises
+        ------
+        DataError : those before were counts, and these are not.
+        """
+        if at not in self.places:
+            return values
+        factor, offset = self._by.get(at, 1.0), self._plus.get(at, 0.0)
+        there = values[np.isfinite(values)]
+        broken = there[there != np.round(there)]
+        if at not in self._counts and (np.any(there) or offset or self._scaled is not None):
+            self._counts[at] = self._scaled is False or not (broken.size or offset or factor == round(factor))
+        if not self._counts.get(at):
+            return values
+        if broken.size and self._scaled is None:
+            what = f'line {self._at + 1} has a factor, and "{self._names[at]}" {broken[0]:g} behind whole numbers'
+            told = f"csv.scaled = true if {factor:g} is in it already, else false"
+            raise DataError(f"{self._source}: {what}", told)
+        return factor * values + offset
 
-def _whole(rows: Sequence[Sequence[str]], at: int) -> bool:
-    """Whether all numbers of a column are whole, and not all the same."""
-    cells = [row[at] for row in rows if at < len(row) and row[at].strip() not in MISSING and is_number(row[at])]
-    values = {number(cell) for cell in cells}
-    return len(values) > 1 and all(value == round(value) for value in values)
+    @property
+    def said(self) -> list[str]:
+        """What to tell of the columns so far."""
+        by = {k: f"{self._names[k]} {self._by.get(k, 1.0):g}" for k in self._counts if k < len(self._names)}
+        by |= {k: f"{by[k]} and {plus:+g}" for k, plus in self._plus.items() if k in by}
+        counts, left = (", ".join(by[k] for k in sorted(by) if self._counts[k] is taken) for taken in (True, False))
+        what = "numbers" if self._scaled is False else "whole numbers"
+        said = [f"line {self._at + 1} says what {what} are multiplied by: {counts}"] if counts else []
+        if left:
+            told = "--set csv.scaled=false multiplies by all in that line and adds its offsets, true leaves the numbers"
+            said.append(f"line {self._at + 1} has factors that are left to you: {left}; {told} as they are")
+        return said

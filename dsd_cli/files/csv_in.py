@@ -18,7 +18,7 @@ from dsd_cli.files.arrow_arrays import as_float64, is_number_type, numbers
 from dsd_cli.files.content import content_of
 from dsd_cli.files.csv_cells import Written
 from dsd_cli.files.csv_end import cut_off, footer
-from dsd_cli.files.csv_factors import taken
+from dsd_cli.files.csv_factors import Scaling
 from dsd_cli.files.csv_layout import CsvLayout, look
 from dsd_cli.files.csv_rate import sample_time_of
 from dsd_cli.files.csv_stamps import split_stamps
@@ -75,13 +75,17 @@ class CsvTable:
             raise DataError(f"{name}: has a header but no rows")
         self._encoding = dialects.encoding_of(b"\n".join(head.splitlines()[: len(lines)]))
         self.metadata = read_sidecar(name)
-        self._factors, said = taken(found.factors, names, rows) if found.factors else ({}, [])
-        self.warnings: list[str] = [*found.notes, *said]
+        self._scaling = Scaling(name, found.factors, names, layout.scaled)
+        self._notes = [*found.notes]
         if self._dialect.units is not None and found.units is None:
-            self.warnings.append(f"line {self._dialect.skip} is taken as units, not data")
+            self._notes.append(f"line {self._dialect.skip} is taken as units, not data")
         self.unreadable = 0
         self.sample_time = sample_time_of(lines, found)
         self._end = self._without_footer()
+
+    @property
+    def warnings(self) -> list[str]:
+        return [*self._notes, *self._scaling.said]
 
     @property
     def units(self) -> dict[str, str]:
@@ -106,9 +110,9 @@ class CsvTable:
         for at, how in self._dialect.written.items():
             if at in found and pa.types.is_string(found[at].type):
                 found[at] = _spelt(found[at], how)
-        for at, factor in self._factors.items():
-            if at in found and is_number_type(found[at].type):
-                found[at] = numbers(factor * as_float64(found[at]))
+        for at in found.keys() & self._scaling.places:
+            if is_number_type(found[at].type):
+                found[at] = numbers(self._scaling.applied(at, as_float64(found[at])))
         if self._split and {at := self._split.at, at + 1} <= found.keys():
             together = self._split.whole(_values(found.pop(at), None), as_float64(found.pop(at + 1)))
             found = {len(names) - 1: pa.array(together), **found}
@@ -128,12 +132,11 @@ class CsvTable:
         import pyarrow as pa
 
         rows, how = 0, self._dialect.written
-        factored = [(c, at) for c, at in self._places.items() if at in self._factors]
         try:
             for batch in self._reader():
                 if batch.num_rows:
                     columns = {c: _values(batch.column(f"c{at}"), how.get(at)) for c, at in self._places.items()}
-                    columns |= {c: columns[c] * self._factors[at] for c, at in factored}
+                    columns = {c: self._scaling.applied(self._places[c], x) for c, x in columns.items()}
                     if self._split and (parts := columns.pop(_PARTS, None)) is not None:
                         stamped = next(c for c, at in self._places.items() if at == self._split.at)
                         columns[stamped] = self._split.whole(columns[stamped], parts)
@@ -191,16 +194,16 @@ class CsvTable:
         numeric = [k for k in range(len(first)) if cells.is_number(first[k])]
         header = self._dialect.header
         if cut := cut_off(lines, header.delimiter, len(header.names)):
-            self.warnings.append("its last line is cut off in the middle, and left out")
+            self._notes.append("its last line is cut off in the middle, and left out")
             return size - len(cut)
         cut = footer(lines, header.delimiter, len(header.names), numeric)
         if not cut.strip():
             return None
         count = sum(bool(line.strip()) for line in cut.splitlines())
-        self.warnings.append(f"{count} line(s) of text at its end are left out")
+        self._notes.append(f"{count} line(s) of text at its end are left out")
         rows = lines[: len(lines) - len(cut.splitlines())]
         if half := cut_off(rows, header.delimiter, len(header.names), followed=True):
-            self.warnings.append("the line before them is cut off in the middle, and left out")
+            self._notes.append("the line before them is cut off in the middle, and left out")
         return size - len(cut) - len(half)
 
     def _source(self, delimiter: str, skip: int) -> tuple[Any, int, str]:

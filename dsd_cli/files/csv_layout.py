@@ -8,15 +8,29 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from dsd_cli.errors import DataError
-from dsd_cli.files.csv_body import DELIMITERS, FEW, UNIT_KEYS, Body, CsvLayout, body_of, is_data, is_keyed, key_of
+from dsd_cli.files.csv_body import (
+    DELIMITERS,
+    FEW,
+    UNIT_KEYS,
+    Body,
+    CsvLayout,
+    are_tens,
+    body_of,
+    is_data,
+    is_keyed,
+    key_of,
+)
 from dsd_cli.files.csv_cells import MISSING, is_number
 from dsd_cli.files.csv_described import (
     Row,
     as_wide,
+    differ,
     in_groups,
+    is_of_types,
     lines_of_each,
     of_unit,
     with_lines,
@@ -54,7 +68,7 @@ def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
     ------
     DataError : nothing but comments, no names and no numbers, or [csv] points to lines that are none.
     """
-    if layout != CsvLayout():
+    if replace(layout, scaled=None) != CsvLayout():
         return find_layout(source, lines, layout)
     body = body_of(lines, DELIMITERS, layout)
     if body is None:  # too odd, or too short, to say more than that the first line is the header
@@ -64,8 +78,9 @@ def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
     except DataError:
         return find_layout(source, lines, layout)
     rows = [row for row in _rows(lines, header.delimiter, skip, len(lines)) if not row.comment or _units_of(row, body)]
-    plain = body.delimiter == header.delimiter and body.fields == len(header.names) and not is_keyed(header.names)
-    plain = plain and not any(is_keyed(row.cells) for row in rows if row.at < body.start)
+    plain = body.delimiter == header.delimiter and body.fields == len(header.names)
+    above = [header.names, *(row.cells for row in rows if row.at < body.start)]
+    plain = plain and not any(is_keyed(cells) or is_of_types(cells) or are_tens(cells) for cells in above)
     if not plain or _names_of_units(header.names) or _goes_on(header.names, rows[:1], body):
         return find_layout(source, lines, layout)
     if not any(is_data(row.cells, body.fields, body.numeric) for row in rows[:2]):
@@ -174,9 +189,10 @@ def _keyed(rows: Sequence[Row], body: Body) -> Found | None:
     """A preamble whose rows begin with what they say: `Name; a; Name; b`, `Unit; mm; Unit; V`."""
     rows = [row._replace(cells=as_wide(row.cells, body)) for row in rows]
     told = (k for k, (_, row, _) in enumerate(rows) if key_of(row) in NAME_KEYS and len(row) == body.fields)
-    at = next((k for k in told if all(rows[k].cells[place].strip() for place in body.numeric)), None)
-    if at is None:
+    full = [k for k in told if all(rows[k].cells[place].strip() for place in body.numeric)]
+    if not full:
         return None
+    at = next((k for k in full if differ(rows[k].cells)), full[-1])  # else it is of groups
     named = rows[at].cells
     units = next((row for _, row, _ in rows if key_of(row) in UNIT_KEYS and len(row) == body.fields), None)
     label, times, names = key_of(named), 0, []
@@ -202,10 +218,11 @@ def _above(rows: Sequence[Row], body: Body) -> Found:
         wide = _wide(said, body) or wide
     notes: list[str] = []
     if len(wide) == 2 and not _names_of_units(wide[1].cells):
-        alone = wide[1]._replace(cells=in_groups(wide[1].cells, wide[0].cells))
-        wide = wide if _describes(wide[0], wide[1], body) else [alone]
-    if len(wide) == 1 and (over := [row for row in rows if row.at < wide[0].at and not row.comment]):
-        wide = [wide[0]._replace(cells=in_groups(wide[0].cells, over[-1].cells))]
+        named = wide[1]._replace(cells=in_groups(wide[1].cells, wide[0].cells))
+        wide = wide if _describes(wide[0], wide[1], body) else [named]
+    alone = len(wide) == 1 or (bool(wide) and _names_of_units(wide[1].cells))
+    if alone and (over := [row for row in rows if row.at < wide[0].at and not row.comment]):
+        wide[0] = wide[0]._replace(cells=in_groups(wide[0].cells, over[-1].cells))
     if not wide:
         notes.append("it has no header: its columns are called by their number, 1, 2, ...")
         return Found(Header(_numbered(body.fields), body.delimiter), body.start, None, notes)

@@ -12,7 +12,10 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files import csv_dialect as dialects
+from dsd_cli.files.csv_body import Body, are_tens, is_keyed, key_of
 from dsd_cli.files.csv_cells import is_number, plain_number, seconds
+from dsd_cli.files.csv_described import Row, is_of_types
+from dsd_cli.files.csv_factors import Scaling, factors_in
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.formats.known import format_of
 from dsd_cli.files.table_source import Batch, choose_columns, read_sidecar
@@ -72,10 +75,16 @@ class LineStream:
         self.column_names: list[str] = []
         self.columns: dict[str, str] = {}
         self.metadata = read_sidecar(self._path) if self._path is not None else {}
-        self.warnings: list[str] = []
+        self._notes: list[str] = []
+        self._above: list[Row] = []  # lines that say something of the channels, or may do so
+        self._scaling = Scaling(self.name, None, ())
         self.unreadable = 0
         self._events = self._read()
         self._waiting = self._until_header()
+
+    @property
+    def warnings(self) -> list[str]:
+        return [*self._notes, *self._scaling.said]
 
     def batches(self) -> Iterator[Batch]:
         restart = False
@@ -123,7 +132,10 @@ class LineStream:
                 raise DataError(f"{self.name}: is {kind.kind}, which is no stream of rows", "write it to a file first")
         line = dialects.decode(raw)
         told = self._layout
+        if self._line == 1:
+            self._above = []
         if self._line <= max((told.header or 1) - 1, told.skip_rows or 0):
+            self._above += [Row(self._line - 1, dialects.fields_of(line, by), False) for by in dialects.DELIMITERS]
             return False
         if dialects.is_comment(line) and told.header != self._line:
             self._comment = line if line.strip() else self._comment
@@ -134,7 +146,10 @@ class LineStream:
         self.columns = choose_columns(self.name, self.column_names, self._wanted, self._optional)
         self._places = [(c, self.column_names.index(column)) for c, column in self.columns.items()]
         self._line -= self._header.line_is_data
-        self._in_first_row = True
+        width = len(self.column_names)
+        self._body = Body(self._header.delimiter, width, tuple(range(width)), self._line)
+        self._ahead, self._has_units = True, False
+        self._scaling = Scaling(self.name, None, ())
         return True
 
     def _parse(self, lines: list[bytes], restart: bool) -> Batch | None:
@@ -142,46 +157,60 @@ class LineStream:
         for raw in lines:
             if self._header is None and (not self._take_header(raw) or not self._header_is_data):
                 continue
+            assert self._header is not None
             self._line += 1
             line = dialects.decode(raw)
             if dialects.is_comment(line) or self._line == self._layout.units_row:
                 continue
-            row = self._row(line)
-            if row is not None:
-                rows.append(row)
+            fields = dialects.fields_of(line, self._header.delimiter)
+            for cells in self._samples(fields) if self._ahead else (fields,):
+                rows.append(self._row(cells, line))
         if not rows:
             return None
         self._rows += len(rows)
         table = np.array(rows, dtype=np.float64).T
-        return Batch(len(rows), {c: table[i].copy() for i, (c, _) in enumerate(self._places)}, restart)
+        columns = {c: self._scaling.applied(at, table[i].copy()) for i, (c, at) in enumerate(self._places)}
+        return Batch(len(rows), columns, restart)
 
-    def _row(self, line: str) -> list[float] | None:
-        """The values of a line, NaN throughout if it cannot be read; None for a row of units under the header."""
-        assert self._header is not None
-        fields = dialects.fields_of(line, self._header.delimiter)
-        first, self._in_first_row = self._in_first_row, False
+    def _samples(self, fields: list[str]) -> list[list[str]]:
+        """What is a sample of a line ahead of the first one, and of those before that waited for it.
+
+        A row of factors is none, unless its first word comes again, as that of a mode does.
+
+        Raises
+        ------
+        DataError : its cells are numbers as only a file may have them.
+        """
+        waiting = [row.cells for row in self._above if row.at >= self._body.start]
+        again = bool(waiting) and key_of(waiting[-1]) == key_of(fields)
+        if len(fields) == self._body.fields and (is_keyed(fields) or is_of_types(fields)) and not again:
+            self._above.append(Row(self._line - 1, fields, False))
+            return []
+        if not self._has_units and dialects.is_units_row(fields, [at for _, at in self._places]):
+            self._has_units = True
+            self._notes.append(f"line {self._line} is taken as units, not data")
+            return []
+        self._ahead = False
+        above = [row for row in self._above if not again or row.at < self._body.start]
+        self._scaling = Scaling(self.name, factors_in(above, self._body), self.column_names, self._layout.scaled)
+        if are_tens(fields):
+            self._notes.append(f"line {self._line} is taken as a sample: if it is of factors, write it to a file first")
+        self._refuse_spelt(fields)
+        return [*(waiting if again else []), fields]
+
+    def _row(self, fields: list[str], line: str) -> list[float]:
+        """The values of a line, NaN throughout if it cannot be read."""
         try:
             if len(fields) != len(self.column_names):
                 raise ValueError
             return [(seconds if c == "t" else plain_number)(fields[at]) for c, at in self._places]
         except ValueError:
-            if first and dialects.is_units_row(fields, [at for _, at in self._places]):
-                self.warnings.append(f"line {self._line} is taken as units, not data")
-                return None
-            if first:
-                self._refuse_spelt(fields)
             if not self.unreadable:
-                self.warnings.append(f'line {self._line} cannot be read: "{line.strip()[:60]}"')
+                self._notes.append(f'line {self._line} cannot be read: "{line.strip()[:60]}"')
             self.unreadable += 1
             return [np.nan] * len(self._places)
 
     def _refuse_spelt(self, fields: list[str]) -> None:
-        """Say so at once where the cells of the first row are numbers as only a file may have them.
-
-        Raises
-        ------
-        DataError : they are.
-        """
         for c, at in self._places:
             cell = fields[at].strip() if at < len(fields) else ""
             if c != "t" and is_number(cell) and not _is_plain(cell):

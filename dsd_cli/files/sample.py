@@ -54,7 +54,7 @@ def sample(path: str, layout: CsvLayout | None = None) -> Sample:
         raise DataError(f"{source_name(path)}: can be read only once", "write it to a file first")
     kind = format_of(path, b"" if is_bag(path) else read_head(path, HEAD_BYTES))
     if kind is not None:
-        return _of_container(open_container(path, kind))
+        return _of_container(open_container(path, kind, layout.scaled if layout else None))
     table = open_table(path, {}, (), layout=layout)
     assert isinstance(table, CsvTable | ParquetTable)
     first = peeked(table)

@@ -58,7 +58,8 @@ def open_table(
             other = LONG
     from dsd_cli.files.formats.table import ContainerTable
 
-    return on_one_clock(ContainerTable(path, other, columns, optional, u_hold), u_hold)
+    scaled = layout.scaled if layout else None
+    return on_one_clock(ContainerTable(path, other, columns, optional, u_hold, scaled), u_hold)
 
 
 def _of_columns(

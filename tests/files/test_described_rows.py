@@ -62,7 +62,7 @@ def test_factors_of_numbers_that_may_be_multiplied_already_are_left_to_the_user(
     (u, q), read = table(path, "torque [Nm]", "angle [deg]")
     assert (u.size, q.size) == (ROWS, ROWS)
     np.testing.assert_allclose(u, np.round(0.137 * U, 3), atol=1e-9)
-    assert any("line 2 has factors that are left to you" in n and "signals.u_scale" in n for n in read.warnings)
+    assert any("line 2 has factors that are left to you" in n and "csv.scaled=false" in n for n in read.warnings)
 
 
 def test_a_mode_that_is_called_like_a_factor_is_data(tmp_path: Path) -> None:

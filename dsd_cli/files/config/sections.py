@@ -36,12 +36,15 @@ class Csv(Section):
         choice(",", ";", "|", "tab", "blanks"), "what separates columns; any number of blanks is one", default=None
     )
     decimal: str | None = key(choice(".", ","), "the decimal sign", default=None)
+    scaled: bool | None = key(
+        flag(), "whether numbers have the factors and offsets of a row above in them already", default=None
+    )
 
     @property
     def layout(self) -> CsvLayout:
         """As the reader takes it."""
         delimiter = {"tab": "\t", "blanks": " "}.get(self.delimiter or "", self.delimiter)
-        return CsvLayout(self.skip_rows, self.header, self.units_row, delimiter, self.decimal)
+        return CsvLayout(self.skip_rows, self.header, self.units_row, delimiter, self.decimal, self.scaled)
 
 
 class Observer(Section):

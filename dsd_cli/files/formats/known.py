@@ -128,8 +128,8 @@ def _holds_arrays(path: str | Path) -> bool:
         return False
 
 
-def open_container(path: str | Path, found: Format) -> Container:
-    """A file of that format.
+def open_container(path: str | Path, found: Format, scaled: bool | None = None) -> Container:
+    """A file of that format; `scaled`: see `Scaling`, of a text of a scope.
 
     Raises
     ------
@@ -142,7 +142,8 @@ def open_container(path: str | Path, found: Format) -> Container:
     from dsd_cli.files.formats.base import understanding
 
     with understanding(str(path), found.kind):
-        opened: Container = getattr(import_module(f"dsd_cli.files.formats.{found.module}"), found.opener)(str(path))
+        opener = getattr(import_module(f"dsd_cli.files.formats.{found.module}"), found.opener)
+        opened: Container = opener(str(path), scaled) if found is SCOPE else opener(str(path))
     if not opened.groups:
         raise DataError(f"{path}: no channel with numbers in it", "; ".join(opened.notes))
     return _Understood(opened, str(path), found.kind)

@@ -17,6 +17,7 @@ from dsd_cli.files.content import content_of, text_of
 from dsd_cli.files.csv_body import DELIMITERS
 from dsd_cli.files.csv_cells import MISSING, is_number, number
 from dsd_cli.files.csv_dialect import decode, fields_of
+from dsd_cli.files.csv_factors import Scaling
 from dsd_cli.files.csv_layout import CsvLayout, Found, look
 from dsd_cli.files.formats.base import InMemory
 from dsd_cli.files.recognise import is_motion, is_time, is_unit
@@ -36,9 +37,10 @@ _VALUES = {"value", "val", "wert", "y"}
 class ScopeFile(InMemory):
     """`name/time` and `name/value` for each channel; a channel ends where its cells do. See `Container`."""
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, scaled: bool | None = None) -> None:
         lines = decode(text_of(path)).splitlines()
         found = look(path, _head(path), CsvLayout())
+        scaling = Scaling(path, found.factors, found.header.names, scaled)
         names, units = found.header.names, found.units or []
         channels: dict[str, Array] = {}
         told: dict[str, str] = {}
@@ -49,7 +51,7 @@ class ScopeFile(InMemory):
             if at == clock or at in words:
                 continue
             both = np.array([columns[clock], columns[at]])
-            t, values = both[:, ~np.isnan(both[0])]
+            t, values = (scaling.applied(*one) for one in zip((clock, at), both[:, ~np.isnan(both[0])], strict=True))
             group, _, last = name.rpartition("/")
             of_it = group if group and last.casefold() in _VALUES else name
             of_it = f"{of_it} {at}" if f"{of_it}/value" in channels else of_it
@@ -57,7 +59,7 @@ class ScopeFile(InMemory):
             beside = next((words[k] for k in range(clock, clock + period) if is_unit(words.get(k, ""))), "")
             told |= {f"{of_it}/time": _at(units, clock), f"{of_it}/value": _at(units, at) or beside}
         super().__init__(channels, units=told)
-        self.notes += found.notes
+        self.notes += [*found.notes, *scaling.said]
 
 
 def is_scope(path: str | Path, head: bytes) -> bool:

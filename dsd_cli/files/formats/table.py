@@ -25,9 +25,10 @@ class ContainerTable:
         columns: Mapping[str, str],
         optional: Collection[str] = (),
         u_hold: Hold = "held",
+        scaled: bool | None = None,
     ) -> None:
         self.name, self._kind, self._u_hold = str(path), found.kind, u_hold
-        self._file = open_container(path, found)
+        self._file = open_container(path, found, scaled)
         groups = self._file.groups
         self.column_names: list[str] = list(dict.fromkeys(place.full for place in places(groups)))
         try:
