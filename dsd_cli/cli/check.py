@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated
@@ -114,8 +115,9 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
         u_shift=config.signals.u_shift,
         maker=made(config).maker,
     ).named(config.signals.units)
-    if config.signals.units.assumed:
-        result = replace(result, findings=(*result.findings, _open_unit(config)))
+    fast = _too_fast(config, result.excitation.top_speed or 0.0)
+    asked = [_open_unit(config)] if config.signals.units.assumed else []
+    result = replace(result, findings=(*fast, *result.findings, *asked))
     if window(config.signals):
         result = replace(result, findings=tuple(_widened(finding) for finding in result.findings))
     return Checked(loaded.log, tuple(loaded.restarts), result)
@@ -135,6 +137,28 @@ def _open_unit(config: Config) -> Finding:
         f"signals.{channel}_unit = {', '.join(units[:-1])} or {units[-1]}: gravity and cogging are named by it;"
         " `dsd init LOG --force --set` with it sizes inertia and rho as well",
     )
+
+
+#: A rotor's rim bursts at 360 m/s or so, the root of strength over density of good steel: at this speed, rad/s, all of
+#: more than 36 mm radius have. No axis on rails has been as fast as sound, m/s.
+_FASTEST = {"rad": 1e4, "m": 340.0}
+
+
+def _too_fast(config: Config, speed: float) -> list[Finding]:
+    """A speed that no axis has had in the unit in which it is read."""
+    from dsd_cli.identify.checks.results import Finding
+
+    unit = config.signals.units.position or "rad"
+    if not speed > _FASTEST[unit]:
+        return []
+    speed, turns = (float(f"{x:.3g}") for x in (speed, 60.0 * speed / math.tau))
+    turning = f" ({turns:,.0f} rpm)" if unit == "rad" else ""
+    what = f"speed up to {speed:,.0f} {unit}/s{turning} is implausible: is the motion in {unit}?"
+    others = (
+        '"counts" with counts_per_turn, "deg", "mm"' if unit == "rad" else '"mm", "um", "counts" with counts_per_metre'
+    )
+    remedy = f"signals.position_unit and velocity_unit = what the columns hold: {others}, ...; or their _scale"
+    return [Finding(what, "position" if config.signals.position else "velocity", "warning", 0.95, remedy)]
 
 
 def _widened(finding: Finding) -> Finding:

@@ -93,7 +93,7 @@ class Scaling:
 
     @property
     def said(self) -> list[str]:
-        """What to tell of the columns so far."""
+        """What there is to say of the columns so far."""
         by = {k: f"{self._names[k]} {self._by.get(k, 1.0):g}" for k in self._counts if k < len(self._names)}
         by |= {k: f"{by[k]} and {plus:+g}" for k, plus in self._plus.items() if k in by}
         counts, left = (", ".join(by[k] for k in sorted(by) if self._counts[k] is taken) for taken in (True, False))

@@ -93,7 +93,9 @@ def choose_columns(
     for canonical, name in columns.items():
         if name in column_names:
             if column_names.count(name) > 1:
-                raise DataError(f'{source}: {column_names.count(name)} columns are called "{name}"', "rename one")
+                key, at = "time" if canonical == "t" else canonical, column_names.index(name) + 1
+                told = f"give it by its number, --set signals.{key}={at}, or that of another"
+                raise DataError(f'{source}: {column_names.count(name)} columns are called "{name}"', told)
             chosen[canonical] = name
         elif canonical not in optional:
             bare = column_names == [str(k + 1) for k in range(len(column_names))]

@@ -52,6 +52,26 @@ def test_a_log_that_can_answer(rig):
     assert found["can_answer"] is True
 
 
+@pytest.mark.parametrize(
+    ("told", "said"),
+    [
+        ("signals.position_scale=65900", r"rad/s (629,000 rpm) is implausible: is the motion in rad?"),
+        ('signals.position_unit="m"', ""),
+    ],
+)
+def test_a_speed_that_no_axis_has_is_doubted_with_its_unit(told, said, rig):
+    """One of 1 rad/s, as 65,900 counts, would go at 65,900 * 60 / (2 pi) = 629,302 rpm."""
+    t = 0.001 * np.arange(4000)
+    q, u = np.sin(t), -2.0 * np.sin(t)
+    write(rig, "fast.csv", {"t": t, "u": u, "position": q})
+    found = checked("fast.csv", "-c", "signals.toml", "--set", "signals.velocity=", "--set", told, cwd=rig)
+    fast = [one for one in found["findings"] if "implausible" in one["what"]]
+    assert len(fast) == bool(said)
+    if fast:
+        assert said in fast[0]["what"]
+        assert "signals.position_unit" in fast[0]["remedy"]
+
+
 def test_a_fit_below_zero_is_explained():
     """A model without the axis' friction: inertia or delay make up for it."""
 

@@ -203,6 +203,14 @@ def test_a_single_number_of_a_mat_file_is_its_sample_time(tmp_path: Path) -> Non
         assert sample(path).sample_time == found
 
 
+def test_the_sample_time_of_a_controller_is_none_of_the_log(tmp_path: Path) -> None:
+    """A struct goes with the log where it holds channels; gains and matrices are none."""
+    path, controller = str(tmp_path / "log.mat"), {"Ts": 0.001, "K": np.eye(3), "num": np.ones(5)}
+    for said, found in (({}, None), ({"Ts": 0.002}, 0.002), ({"rec": {"Ts": 0.002, "v": U}}, 0.002)):
+        savemat(path, {"u": U, "y": Q, "controller": controller, **said})
+        assert sample(path).sample_time == found
+
+
 def test_values_of_a_long_table_may_be_words(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     rows = [f"{t},u,{u}\n{t},q,{q}\n{t},on,true\n{t},mode,idle" for t, u, q in zip(T, U, Q, strict=True)]

@@ -89,19 +89,26 @@ def _claimed(path: str) -> float:
         return 0.0
 
 
+#: A field of a struct from so many numbers on is a channel: fewer are gains, or a matrix, of a controller.
+FEWEST = 20
 #: What a single number is called that is the s between samples, as in an iddata.
 _SAMPLE_TIMES = {"ts", "dt", "sampletime", "sample_time", "tsample"}
 
 
 def _sample_time(variables: Mapping[str, Any]) -> float | None:
-    """The one that the variables say, or fields of structs."""
+    """The one that the variables say, or fields of structs with channels: that of a controller is another matter."""
     said: set[float] = set()
     for name, value in variables.items():
         if isinstance(value, Mapping):
-            said |= {inside} if (inside := _sample_time(value)) is not None else set()
+            said |= {inside} if _records(value) and (inside := _sample_time(value)) is not None else set()
         elif name.lower() in _SAMPLE_TIMES and isinstance(value, int | float) and FASTEST <= value <= SLOWEST:
             said.add(float(value))
     return said.pop() if len(said) == 1 else None
+
+
+def _records(value: Any) -> bool:
+    """Whether channels are in it, at any depth."""
+    return any(map(_records, value.values())) if isinstance(value, Mapping) else np.size(value) >= FEWEST
 
 
 #: Fields of a struct that is one channel: of dSPACE's recorders, and of what Simulink writes to the workspace.
