@@ -124,7 +124,7 @@ def _start(lines: Sequence[str], delimiter: str, width: int, numeric: Sequence[i
 def are_tens(cells: Sequence[str]) -> bool:
     """Whether these are powers of ten alone and not all the same, as a row of factors without a label has them."""
     there = [number(cell) for cell in cells if cell.strip() not in MISSING and is_number(cell)]
-    tens = {x for x in there if x > 0.0 and abs(math.log10(x) - round(math.log10(x))) < 1e-9}
+    tens = {x for x in there if 0.0 < x < math.inf and abs(math.log10(x) - round(math.log10(x))) < 1e-9}
     named = sum(bool(cell.strip()) for cell in cells)
     return len(there) == named > 1 + bool(cells[0].strip()) and len(tens) > 1 and tens == set(there)
 

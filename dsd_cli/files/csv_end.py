@@ -1,4 +1,4 @@
-"""What stands at the end of a text file and is no row: text behind the numbers, and a last line that was cut."""
+"""What stands behind or among the rows of a text file and is none: a footer, a line that was cut, the header again."""
 
 from __future__ import annotations
 
@@ -38,3 +38,20 @@ def footer(lines: Sequence[bytes], delimiter: str, width: int, numeric: Sequence
         if len(fields) != width or not any(is_number(cell) for cell in fields):  # else it may be a row with a bad cell
             rest = len(cut)
     return b"".join(reversed(cut[:rest]))
+
+
+def without_copies_of_head(content: bytes, skip: int) -> tuple[bytes, list[int], int] | None:
+    """A text in which blank lines stand for lines like the first `skip` ones that come again, the rows that follow
+    them, and the first such line, from 1; None: none comes again."""
+    lines = content.splitlines(keepends=True)
+    head = {line.strip() for line in lines[:skip] if line.strip()}
+    kept, rows, begins, first = lines[:skip], 0, list[int](), 0
+    for at, line in enumerate(lines[skip:], start=skip + 1):
+        if line.strip() in head:
+            kept.append(b"\n")
+            begins += [rows] if rows not in begins else []
+            first = first or at
+        else:
+            kept.append(line)
+            rows += bool(line.strip())
+    return (b"".join(kept), begins, first) if begins else None

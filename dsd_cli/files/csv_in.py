@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Collection, Iterator, Mapping
-from io import BytesIO, TextIOWrapper
-from itertools import islice
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +13,11 @@ from dsd_cli.errors import DataError
 from dsd_cli.files import csv_cells as cells
 from dsd_cli.files import csv_dialect as dialects
 from dsd_cli.files.arrow_arrays import as_float64, is_number_type, numbers
-from dsd_cli.files.content import content_of
+from dsd_cli.files.content import content_of, text_of
 from dsd_cli.files.csv_cells import Written
-from dsd_cli.files.csv_end import cut_off, footer
+from dsd_cli.files.csv_end import cut_off, footer, without_copies_of_head
 from dsd_cli.files.csv_factors import Scaling
+from dsd_cli.files.csv_failed import headless, why_unread
 from dsd_cli.files.csv_layout import CsvLayout, look
 from dsd_cli.files.csv_rate import sample_time_of
 from dsd_cli.files.csv_stamps import split_stamps
@@ -54,7 +53,7 @@ class CsvTable:
         if len(head) == HEAD_BYTES:
             lines = lines[:-1]  # the last one is cut
         if not lines:
-            raise _headless(name, head)
+            raise headless(name, head)
         layout = layout or CsvLayout()
         found = look(name, lines, layout)
         told = (line for line in lines[found.skip :] if not dialects.is_comment(line))
@@ -82,6 +81,7 @@ class CsvTable:
         self.unreadable = 0
         self.sample_time = sample_time_of(lines, found)
         self._end = self._without_footer()
+        self._begins: list[int] = []  # rows that are the first below a header that comes again
 
     @property
     def warnings(self) -> list[str]:
@@ -131,19 +131,47 @@ class CsvTable:
     def batches(self) -> Iterator[Batch]:
         import pyarrow as pa
 
-        rows, how = 0, self._dialect.written
-        try:
-            for batch in self._reader():
-                if batch.num_rows:
-                    columns = {c: _values(batch.column(f"c{at}"), how.get(at)) for c, at in self._places.items()}
+        rows = 0
+        while True:
+            try:
+                for batch in self._batches(rows):
+                    rows += batch.rows
+                    yield batch
+                return
+            except (pa.ArrowException, OSError, ValueError) as error:  # the last of a stamp in words
+                if self._begins or not self._leave_headers_out():
+                    raise self._explain(rows, error) from None
+
+    def _batches(self, after: int) -> Iterator[Batch]:
+        """The rows after so many."""
+        how, at = self._dialect.written, 0
+        for whole in self._reader():
+            begins = [row for row in self._begins if "t" not in self._places and row >= after]  # else stamps say it
+            end = at + whole.num_rows
+            cuts = sorted({at, end, *(row for row in (after, *begins) if at < row < end)})
+            for start, stop in pairwise(cuts):
+                if start >= after:
+                    rows = whole.slice(start - at, stop - start)
+                    columns = {c: _values(rows.column(f"c{k}"), how.get(k)) for c, k in self._places.items()}
                     columns = {c: self._scaling.applied(self._places[c], x) for c, x in columns.items()}
                     if self._split and (parts := columns.pop(_PARTS, None)) is not None:
-                        stamped = next(c for c, at in self._places.items() if at == self._split.at)
+                        stamped = next(c for c, k in self._places.items() if k == self._split.at)
                         columns[stamped] = self._split.whole(columns[stamped], parts)
-                    yield Batch(batch.num_rows, columns)
-                    rows += batch.num_rows
-        except (pa.ArrowException, OSError, ValueError) as error:  # the last of a stamp in words
-            raise self._explain(rows, error) from None
+                    yield Batch(stop - start, columns, start in begins)
+            at = end
+
+    def _leave_headers_out(self) -> bool:
+        """Whether its header comes again, as where a logger was started once more; from now on it is read without."""
+        found = without_copies_of_head(text_of(self.name)[: self._end], self._dialect.skip)
+        if found is None:
+            return False
+        self._content, self._end, self._begins, line = found[0], None, found[1], found[2]
+        then = "is left out" if "t" in self._places else "begins another recording"
+        self._notes.append(f"its header comes again {len(self._begins)} time(s), first in line {line}, and {then}")
+        return True
+
+    def _explain(self, rows: int, error: Exception) -> DataError:
+        return why_unread(self.name, self._content, self._dialect, self._places, rows, error)
 
     def _reader(self, everything: bool = False, kinds: Mapping[str, Any] | None = None) -> Any:
         """Arrow's, of the columns that are needed; of everything in large blocks, where it finds out what they hold.
@@ -220,56 +248,6 @@ class CsvTable:
             return arrow_source(self.name), skip, delimiter
         return pa.BufferReader(pa.memory_map(self.name).read_buffer(self._end)), skip, delimiter
 
-    def _explain(self, rows: int, error: Exception) -> DataError:
-        """The first line at or after `rows` rows that cannot be read, found by reading it again, slowly."""
-        header = self._dialect.header
-        start = self._dialect.skip + rows  # blank lines only make the true place later
-        end = "\n" if b"\n" in read_head(self.name, HEAD_BYTES) else "\r"
-        source = open(self.name, "rb") if self._content is None else BytesIO(self._content)  # noqa: SIM115 (below)
-        with TextIOWrapper(source, encoding="latin-1", newline=end) as file:  # bytes as they are
-            for at, raw in enumerate(islice(file, start, None), start=start + 1):
-                where = f"{self.name}, line {at}"
-                line = dialects.decode(raw.rstrip("\r\n").encode("latin-1"))
-                if not line.strip():
-                    continue
-                if stray := _stray(line):
-                    return DataError(f"{where}: {stray}", "mend or delete the line")
-                fields = dialects.fields_of(line, header.delimiter)
-                if [cell.strip() for cell in fields] == header.names:
-                    return DataError(f"{where}: its header comes again", "delete the line, or cut the file there")
-                if len(fields) != len(header.names):
-                    return DataError(
-                        f"{where}: {len(fields)} fields where the header has {len(header.names)}",
-                        "mend or delete the line",
-                    )
-                for canonical, at in self._places.items():
-                    if problem := self._problem(canonical, fields[at]):
-                        return DataError(f'{where}, column "{header.names[at]}": {problem[0]}', problem[1])
-        return DataError(f"{self.name}: cannot be read ({str(error).splitlines()[0]})")
-
-    def _problem(self, canonical: str, text: str) -> tuple[str, str] | None:
-        found, how = text.strip()[:40], self._dialect.written.get(self._places[canonical])
-        try:
-            (how.value if how else cells.seconds if canonical == "t" else cells.plain_number)(text)
-        except ValueError:
-            if how and cells.is_number(text):
-                return f'"{found}" is not written as the rows before, {how}', "write all numbers alike"
-            return f'"{found}" is not a number', "mend it, or leave it empty where a value is missing"
-        if cells.DECIMAL_COMMA.fullmatch(text) and self._dialect.decimal == ".":
-            return f'"{found}" has a decimal comma, the rows before have points', "write all numbers alike"
-        if "." in text and self._dialect.decimal == "," and cells.is_number(text):
-            return f'"{found}" has a decimal point, the rows before have commas', "write all numbers alike"
-        return None
-
-
-def _headless(name: str, head: bytes) -> DataError:
-    """Why a file has no first line."""
-    if not head:
-        return DataError(f"{name}: is empty")
-    turn = "csv.writer(open('turned.csv', 'w')).writerows(zip(*csv.reader(open(sys.argv[1]))))"
-    told = f'if its signals stand in its rows: python3 -c "import csv, sys; {turn}" {shlex.quote(name)}'
-    return DataError(f"{name}: line 1 is too long for a header", told)
-
 
 def _values(column: Any, how: Written | None) -> Array:
     """A column as float64; texts are numbers written so, or stamps."""
@@ -287,12 +265,3 @@ def _spelt(column: Any, how: Written) -> Any:
         return numbers(_values(column, how))
     except ValueError:
         return column
-
-
-def _stray(line: str) -> str:
-    """What in a line makes it none, part of another, or more than one; empty if nothing does."""
-    if "\0" in line:
-        return "zero bytes, as a power cut leaves them"
-    if line.count('"') % 2:
-        return "a quote that is not closed"
-    return "a carriage return inside the line" if "\r" in line else ""

@@ -153,10 +153,30 @@ def test_a_recorder_with_signs_apart_and_milliseconds_beside_the_date(tmp_path: 
     assert read.units["CH1"] == "A"
 
 
-def test_a_header_that_comes_again_is_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("before", [9, 1 << 18])
+@pytest.mark.parametrize("units", [[], ["s,Nm,deg"]])
+def test_a_header_that_comes_again_is_left_out(units: list[str], before: int, tmp_path: Path) -> None:
+    """Another recording of the same logger; without a clock nothing else would say so. One of them fills blocks."""
+    head = ["time,torque,angle" if units else NAMES, *units]
+    rows = [[f"{t},{10 * k},2" for t in range(size)] for k, size in enumerate((before, 9, 4))]
+    (tmp_path / "log.csv").write_text("\n".join([*head, *rows[0], *head, *rows[1], "", *head, *rows[2]]) + "\n")
+    torque = "torque" if units else "torque [Nm]"
+    for clock, begins in (({}, [before, before + 9]), ({"t": head[0].split(",")[0]}, [])):
+        read = CsvTable(str(tmp_path / "log.csv"), {**clock, "u": torque})
+        batches = list(read.batches())
+        np.testing.assert_allclose(
+            np.concatenate([one.columns["u"] for one in batches]), np.repeat([0, 10, 20], (before, 9, 4))
+        )
+        ends = np.cumsum([one.rows for one in batches])
+        assert [int(end) - one.rows for end, one in zip(ends, batches, strict=True) if one.restart] == begins
+        line = before + 2 + len(units)
+        assert any(note.startswith(f"its header comes again 2 time(s), first in line {line}") for note in read.warnings)
+
+
+def test_a_bad_cell_below_a_header_that_comes_again_is_in_its_line(tmp_path: Path) -> None:
     rows = [f"{t},1,2" for t in range(9)]
-    (tmp_path / "log.csv").write_text("\n".join([NAMES, *rows, NAMES, *rows]) + "\n")
-    with pytest.raises(DataError, match="line 11: its header comes again: delete the line"):
+    (tmp_path / "log.csv").write_text("\n".join([NAMES, *rows, NAMES, *rows, "9,x1,2", *rows]) + "\n")
+    with pytest.raises(DataError, match='line 21, column "torque \\[Nm\\]": "x1" is not a number'):
         table(tmp_path / "log.csv", "torque [Nm]")
 
 

@@ -1,0 +1,78 @@
+"""Why a text file cannot be read, in one line: it is read again, slowly, up to the line that cannot be."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from io import BytesIO, TextIOWrapper
+from itertools import islice
+
+from dsd_cli.errors import DataError
+from dsd_cli.files import csv_cells as cells
+from dsd_cli.files import csv_dialect as dialects
+from dsd_cli.files.csv_cells import Written
+from dsd_cli.files.csv_dialect import Dialect
+from dsd_cli.files.table_source import read_head
+
+HEAD_BYTES = 1 << 16
+
+
+def headless(name: str, head: bytes) -> DataError:
+    """Why a file has no first line."""
+    if not head:
+        return DataError(f"{name}: is empty")
+    turn = "csv.writer(open('turned.csv', 'w')).writerows(zip(*csv.reader(open(sys.argv[1]))))"
+    told = f'if its signals stand in its rows: python3 -c "import csv, sys; {turn}" {shlex.quote(name)}'
+    return DataError(f"{name}: line 1 is too long for a header", told)
+
+
+def why_unread(
+    name: str, content: bytes | None, dialect: Dialect, places: Mapping[str, int], rows: int, error: Exception
+) -> DataError:
+    """The first line at or after `rows` rows that cannot be read, found by reading it again, slowly."""
+    header = dialect.header
+    start = dialect.skip + rows  # blank lines only make the true place later
+    end = "\n" if b"\n" in read_head(name, HEAD_BYTES) else "\r"
+    source = open(name, "rb") if content is None else BytesIO(content)  # noqa: SIM115 (below)
+    with TextIOWrapper(source, encoding="latin-1", newline=end) as file:  # bytes as they are
+        for at, raw in enumerate(islice(file, start, None), start=start + 1):
+            where = f"{name}, line {at}"
+            line = dialects.decode(raw.rstrip("\r\n").encode("latin-1"))
+            if not line.strip():
+                continue
+            if stray := _stray(line):
+                return DataError(f"{where}: {stray}", "mend or delete the line")
+            fields = dialects.fields_of(line, header.delimiter)
+            if len(fields) != len(header.names):
+                return DataError(
+                    f"{where}: {len(fields)} fields where the header has {len(header.names)}",
+                    "mend or delete the line",
+                )
+            for canonical, at in places.items():
+                if problem := _problem(canonical, fields[at], dialect, dialect.written.get(at)):
+                    return DataError(f'{where}, column "{header.names[at]}": {problem[0]}', problem[1])
+    return DataError(f"{name}: cannot be read ({str(error).splitlines()[0]})")
+
+
+def _problem(canonical: str, text: str, dialect: Dialect, how: Written | None) -> tuple[str, str] | None:
+    found = text.strip()[:40]
+    try:
+        (how.value if how else cells.seconds if canonical == "t" else cells.plain_number)(text)
+    except ValueError:
+        if how and cells.is_number(text):
+            return f'"{found}" is not written as the rows before, {how}', "write all numbers alike"
+        return f'"{found}" is not a number', "mend it, or leave it empty where a value is missing"
+    if cells.DECIMAL_COMMA.fullmatch(text) and dialect.decimal == ".":
+        return f'"{found}" has a decimal comma, the rows before have points', "write all numbers alike"
+    if "." in text and dialect.decimal == "," and cells.is_number(text):
+        return f'"{found}" has a decimal point, the rows before have commas', "write all numbers alike"
+    return None
+
+
+def _stray(line: str) -> str:
+    """What in a line makes it none, part of another, or more than one; empty if nothing does."""
+    if "\0" in line:
+        return "zero bytes, as a power cut leaves them"
+    if line.count('"') % 2:
+        return "a quote that is not closed"
+    return "a carriage return inside the line" if "\r" in line else ""
