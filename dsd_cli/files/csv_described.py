@@ -95,9 +95,8 @@ def in_groups(names: Sequence[str], above: Sequence[str]) -> list[str]:
     As they are where that distinguishes no more.
     """
     above = [cell.strip() for cell in above]
-    if sum(map(bool, above)) < 2 or len(above) > len(names):
+    if len(above) != len(names):
         return list(names)
-    above += [""] * (len(names) - len(above))
     names = [name or cell for name, cell in zip(names, above, strict=True)]
     groups = list[str]()
     for cell in above:
