@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from dsd_cli.errors import DataError
+from dsd_cli.files.csv_dialect import split
 from dsd_cli.files.formats.base import check_size
 from dsd_cli.files.workbook import is_workbook, text_of_workbook
 
@@ -30,6 +31,8 @@ _PACKED: dict[bytes, tuple[str, Any]] = {
 _ZIP = b"PK\x03\x04"
 #: The stamp that a serial monitor puts before each line.
 _STAMPED = re.compile(rb"(?m)^(\d\d:\d\d:\d\d[.,]\d+) -> ")
+#: A cell that is a list, as pandas and bags of ROS write messages with arrays.
+_LIST = re.compile(rb'"\[([^"\[\]]*)\]"')
 #: What lies beside a log in a zip: what was written about it.
 _BESIDE = re.compile(r"(?i)(\.(json|ya?ml|toml|ini|md|pdf|png|jpe?g|svg|html?|xml|m|py)|(^|/)(readme|license)[^/]*)$")
 #: What archives hold that are documents: of OpenDocument, of Microsoft.
@@ -52,7 +55,7 @@ def content_of(path: str | Path, most: int | None = None) -> bytes | None:
             if head.startswith(_ZIP):
                 member = _member(str(path), head)
                 return None if member is None else _unpacked(path, *member, most)
-            if _encoding(head) is None and _STAMPED.match(head) is None:
+            if _encoding(head) is None and _STAMPED.match(head) is None and _without_lists(head) == head:
                 return None
             file.seek(0)
             return _as_utf8(file.read() if most is None else file.read(2 * most))[:most]
@@ -159,7 +162,20 @@ def _as_utf8(content: bytes) -> bytes:
         lines = content[:HEAD].splitlines()[:-1] or [content]
         by = max((b"\t", b";", b",", b" "), key=lambda one: sum(one in line.partition(b" -> ")[2] for line in lines))
         content = _STAMPED.sub(rb"\1" + by, content)
-    return content
+    return _without_lists(content)
+
+
+def _without_lists(content: bytes) -> bytes:
+    """A column `name/1`, `name/2`, ... for each item where cells of the first row are lists."""
+    end = content.find(b"\n") + 1
+    if not end or not _LIST.search(content, end, HEAD):
+        return content
+    names, first = (split(line.decode("utf-8", "replace"), ",") for line in content[:HEAD].splitlines()[:2])
+    if len(names) != len(first):
+        return content
+    items = [range(cell.count(",") + 1) if _LIST.fullmatch(f'"{cell}"'.encode()) else None for cell in first]
+    full = [f"{name}/{k + 1}" if of else name for name, of in zip(names, items, strict=True) for k in of or [0]]
+    return ",".join(full).encode() + b"\n" + _LIST.sub(rb"\1", content[end:])
 
 
 def _encoding(head: bytes) -> str | None:

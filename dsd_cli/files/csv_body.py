@@ -20,7 +20,9 @@ BODY, AGREED = 200, 0.6
 #: Of fewer lines all are looked at, of more the later half.
 FEW = 40
 #: First cells of rows about the channels: their units, and what their numbers are to be multiplied by and moved by.
-UNIT_KEYS = ("unit", "units", "einheit", "einheiten", "y_unit_label", "symbolunit", "vunit")
+UNIT_KEYS = (
+    "unit", "units", "einheit", "einheiten", "y_unit_label", "symbolunit", "vunit", "trace_units", "vertical units",
+)  # fmt: skip
 FACTOR_KEYS = (
     "scale", "scaling", "scale factor", "scalefactor", "factor", "factors", "gain", "multiplier", "faktor",
     "skalierung", "skalierungsfaktor", "unit scalefactor",
@@ -77,7 +79,7 @@ def body_of(lines: Sequence[str], delimiters: Sequence[str], layout: CsvLayout) 
             continue
         score = cells / width * agreeing / len(rows) + 1e-3 * cells - BLANKS * (delimiter == " ")
         if best is None or score > best[0]:
-            start = _start(lines, delimiter, width, numeric)
+            start = _start(lines, delimiter, width, numeric, labelled=not _filled(alike, 0))
             if start is not None:
                 of_rows = numeric[-1] == width - 1 and _is_counted([row[0].strip(' "') for row in alike])
                 best = score, Body(delimiter, width, numeric, start, of_rows, of_rows and _rises(alike))
@@ -109,12 +111,18 @@ def _filled(rows: Sequence[Sequence[str]], place: int) -> float:
     return sum(row[place].strip() not in MISSING for row in rows) / len(rows)
 
 
-def _start(lines: Sequence[str], delimiter: str, width: int, numeric: Sequence[int]) -> int | None:
-    """The first line with numbers where the body has them, and another such line behind it."""
+def _start(
+    lines: Sequence[str], delimiter: str, width: int, numeric: Sequence[int], labelled: bool = False
+) -> int | None:
+    """The first line with numbers where the body has them, and another such line behind it.
+
+    labelled : the first field is blank in the body, and is what a row above it is called.
+    """
     rows = [at for at, line in enumerate(lines) if not is_comment(line)]
     cells = {at: fields_of(lines[at], delimiter) for at in rows}
     said = Counter(key_of(cells[at]) for at in rows if is_keyed(cells[at]))  # again and again is a mode of the axis
     good = {at for at in rows if is_data(cells[at], width, numeric) and said[key_of(cells[at])] != 1}
+    good -= {at for at in good if labelled and cells[at][0].strip()}
     for at, after, third in zip(rows, [*rows[1:], rows[-1]], [*rows[2:], *rows[-2:]], strict=False):
         if at in good and after in good and not _is_of_factors(*(cells[k] for k in (at, after, third))):
             return at

@@ -203,7 +203,7 @@ def unit_in(name: str, channel: str) -> str:
     if channel == "time" and name.endswith(f"/{_CLOCK}"):
         return ""
     name = _NUMBER.sub("", _plain(name))
-    inside = [text for text in _IN_BRACKETS.findall(name) if not text.isdigit()]  # r79[0] is the number of a parameter
+    inside = [text for text in _IN_BRACKETS.findall(name) if not (text.isdigit() or _is_named(text))]  # r79[0] (Lage)
     if inside:
         return str(inside[-1])
     if (over := _OVER.search(name)) and is_unit(over[1].partition(" ")[0]):
@@ -221,6 +221,12 @@ def unit_in(name: str, channel: str) -> str:
     return words[-1] if words and words[-1] == "rpm" and channel == "velocity" else ""
 
 
+def _is_named(text: str) -> bool:
+    """Whether there is a word of a channel in it: `r63 (Drehzahlistwert)`."""
+    words = {word for word in _words(text) if len(word) > 2}
+    return not is_unit(text) and any(not words.isdisjoint(WORDS[channel]) for channel in ("u", "velocity", "position"))
+
+
 def _plain(name: str) -> str:
     """The name, of a probe of a circuit what is probed."""
     probe = _PROBE.fullmatch(name.strip())
@@ -229,7 +235,12 @@ def _plain(name: str) -> str:
 
 def _score(channel: str, column: str) -> float:
     """How well the name fits; 0 where it does not."""
-    group, _, last = _HEX.sub(" ", _IN_BRACKETS.sub(" ", _OVER.sub(" ", _plain(column)))).rpartition("/")
+    column = _OVER.sub(" ", _plain(column))
+    text = _IN_BRACKETS.sub(" ", column)
+    text = (
+        text if _is_named(text) else _IN_BRACKETS.sub(lambda one: f" {one[1]} " if _is_named(one[1]) else " ", column)
+    )
+    group, _, last = _HEX.sub(" ", text).rpartition("/")
     words = _words(last)
     joined = "".join(words)
     around = set(_words(group))
@@ -256,8 +267,11 @@ def _word_score(channel: str, words: Sequence[str], joined: str) -> float:
         return 3.0 - 0.01 * known.index(joined)
     said = {*MEASURED, *ASKED} - {"motor"} if channel != "time" else set()
     bare = list(dropwhile(said.__contains__, words))  # actual_q_1
-    letter = bare[:1] if _words_of_others(channel).isdisjoint(bare[1:]) else []  # q_current is none of q
+    others = _words_of_others(channel)
+    letter = bare[:1] if others.isdisjoint(bare[1:]) else []  # q_current is none of q
     hits = [known.index(word) for word in words if word in known and (len(word) > 1 or word in letter)]
+    if channel == "time" and words[-1:] and words[-1] in TIME_UNITS and not others.isdisjoint(words):
+        return 0.0  # VelocityRadPerSec
     return 2.0 - 0.01 * min(hits) if hits else 0.0
 
 

@@ -171,3 +171,15 @@ def test_raw_frames_of_a_bus_say_what_explains_them(line: bytes, tmp_path: Path)
     with pytest.raises(DataError, match="raw frames of a CAN bus") as caught:
         numbers(written(tmp_path, 50 * line))
     assert "DBC" in str(caught.value)
+
+
+def test_lists_in_cells_are_columns(tmp_path):
+    """Packed or not; texts with brackets that are no lists stay."""
+    rows = "".join(f'{k},"[{k}.5, -{k}]","(a [b])"\n' for k in range(9))
+    for name, packed in (("log.csv", bytes), ("log.csv.gz", gzip.compress)):
+        (tmp_path / name).write_bytes(packed(f"t,q,note\n{rows}".encode()))
+        table = open_table(tmp_path / name, {"t": "t", "u": "q/2"})
+        assert table.column_names == ["t", "q/1", "q/2", "note"]
+        np.testing.assert_array_equal(np.concatenate([one.columns["u"] for one in table.batches()]), -np.arange(9.0))
+    (tmp_path / "texts.csv").write_text('t,u,note\n1,2,"see [1]"\n2,3,""\n')
+    assert content_of(tmp_path / "texts.csv") is None

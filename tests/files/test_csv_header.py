@@ -141,6 +141,8 @@ def test_names_that_are_units_too() -> None:
         ("# fs = 500 Hz", 2e-3),
         ("Sampling: 2 kHz", 5e-4),
         ("Sampling: 2 A", None),
+        ("Sampling(us),500", 5e-4),
+        ("Sampling;2 ms", 2e-3),
         ("# Sampling rate [kHz]: 2.5", 4e-4),
         ("# Abtastrate;250", 4e-3),
         ("# fs = 5 A", None),

@@ -1,0 +1,38 @@
+"""`dsd init` and `dsd check` on what drives and laboratories export: roles, units, factors, and the inertia in SI."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from dsd_cli.files.config import load_config
+from dsd_cli.files.recognise import recognise
+from tests.cli.rig import done
+from tests.files import drives
+from tests.files.strangers import ROWS, STEP, axis
+
+AXIS = axis()
+
+
+@pytest.mark.parametrize("name", drives.MADE)
+def test_an_export_ends_in_a_config_with_the_inertia_of_the_axis(name: str, tmp_path: Path) -> None:
+    """The axis has a mass of 2, whatever its units."""
+    make, u, position, factor, unit = drives.MADE[name]
+    path = make(tmp_path, AXIS)
+    done("init", path.name, cwd=tmp_path)
+    config = load_config(tmp_path / "dsd.toml")
+    assert (config.signals.u, config.signals.position) == (u, position)
+    assert config.signals.factors().get("position", 1.0) == pytest.approx(factor, rel=1e-3)
+    assert config.observer is not None
+    assert config.observer.nominal_inertia * unit == pytest.approx(2.0, rel=0.02)
+    answer = json.loads(done("check", path.name, "--format", "json", cwd=tmp_path).stdout)
+    assert [one["what"] for one in answer["findings"] if one["severity"] == "error"] == []
+    assert answer["by_log"][0]["samples"] == pytest.approx(ROWS, abs=1)
+    assert answer["by_log"][0]["seconds"] == pytest.approx(ROWS * STEP, rel=0.01)
+
+
+def test_a_speed_per_second_is_no_time_and_a_word_in_brackets_no_unit() -> None:
+    found = recognise(["Timestamp", "VelocityRadPerSec", "r80 (Torque)", "r62 (Drehzahlsollwert)", "r482 (Position)"])
+    assert (found["time"].column, found["time"].others) == ("Timestamp", ())
+    assert (found["u"].column, found["velocity"].column) == ("r80 (Torque)", "VelocityRadPerSec")
+    assert (found["position"].column, found["position"].unit, found["velocity"].others) == ("r482 (Position)", "", ())
