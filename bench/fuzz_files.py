@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from bench.fuzz_cases import CONFIG, spoil
-from tests.files import strangers
+from tests.files import drives, strangers
 from tests.files.formats import makers
 
 #: Rows of a file; a longer one is only slower to read.
@@ -59,7 +59,8 @@ def made(folder: Path) -> list[Path]:
         kind: lambda here, kind=kind: getattr(makers, kind)(here, data).path
         for kind in KINDS  # type: ignore[misc]
     }
-    jobs |= {name: lambda here, make=make: make(here, axis) for name, (make, *_) in strangers.MADE.items()}  # type: ignore[misc]
+    others = (*strangers.MADE.items(), *drives.MADE.items())
+    jobs |= {name: lambda here, make=make: make(here, axis) for name, (make, *_) in others}  # type: ignore[misc]
     for name, job in jobs.items():
         here = folder / name
         here.mkdir()
