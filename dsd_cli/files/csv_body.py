@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from dsd_cli.files.csv_cells import MISSING, is_number, number
 from dsd_cli.files.csv_dialect import fields_of, is_comment
-from dsd_cli.files.recognise import is_unit
+from dsd_cli.files.csv_said import are_tens, key_of, labelled
 
 #: What separates fields, tried in this order; the last is any run of blanks.
 DELIMITERS = (",", ";", "\t", "|", " ")
@@ -19,15 +19,6 @@ DELIMITERS = (",", ";", "\t", "|", " ")
 BODY, AGREED = 200, 0.6
 #: Of fewer lines all are looked at, of more the later half.
 FEW = 40
-#: First cells of rows about the channels: their units, and what their numbers are to be multiplied by and moved by.
-UNIT_KEYS = (
-    "unit", "units", "einheit", "einheiten", "y_unit_label", "symbolunit", "vunit", "trace_units", "vertical units",
-)  # fmt: skip
-FACTOR_KEYS = (
-    "scale", "scaling", "scale factor", "scalefactor", "factor", "factors", "gain", "multiplier", "faktor",
-    "skalierung", "skalierungsfaktor", "unit scalefactor",
-)  # fmt: skip
-OFFSET_KEYS = ("offset", "offsets", "unit offset")
 #: By so much blanks are less likely to separate columns than anything that is meant to.
 BLANKS = 0.3
 
@@ -79,7 +70,7 @@ def body_of(lines: Sequence[str], delimiters: Sequence[str], layout: CsvLayout) 
             continue
         score = cells / width * agreeing / len(rows) + 1e-3 * cells - BLANKS * (delimiter == " ")
         if best is None or score > best[0]:
-            start = _start(lines, delimiter, width, numeric, labelled=not _filled(alike, 0))
+            start = _start(lines, delimiter, width, numeric, by_label=not _filled(alike, 0))
             if start is not None:
                 of_rows = numeric[-1] == width - 1 and _is_counted([row[0].strip(' "') for row in alike])
                 best = score, Body(delimiter, width, numeric, start, of_rows, of_rows and _rises(alike))
@@ -112,29 +103,21 @@ def _filled(rows: Sequence[Sequence[str]], place: int) -> float:
 
 
 def _start(
-    lines: Sequence[str], delimiter: str, width: int, numeric: Sequence[int], labelled: bool = False
+    lines: Sequence[str], delimiter: str, width: int, numeric: Sequence[int], by_label: bool = False
 ) -> int | None:
     """The first line with numbers where the body has them, and another such line behind it.
 
-    labelled : the first field is blank in the body, and is what a row above it is called.
+    by_label : the first field is blank in the body, and is what a row above it is called.
     """
     rows = [at for at, line in enumerate(lines) if not is_comment(line)]
     cells = {at: fields_of(lines[at], delimiter) for at in rows}
-    said = Counter(key_of(cells[at]) for at in rows if is_keyed(cells[at]))  # again and again is a mode of the axis
+    said = Counter(key_of(cells[at]) for at in rows if labelled(cells[at]))  # again and again is a mode of the axis
     good = {at for at in rows if is_data(cells[at], width, numeric) and said[key_of(cells[at])] != 1}
-    good -= {at for at in good if labelled and cells[at][0].strip()}
+    good -= {at for at in good if by_label and cells[at][0].strip()}
     for at, after, third in zip(rows, [*rows[1:], rows[-1]], [*rows[2:], *rows[-2:]], strict=False):
         if at in good and after in good and not _is_of_factors(*(cells[k] for k in (at, after, third))):
             return at
     return None
-
-
-def are_tens(cells: Sequence[str]) -> bool:
-    """Whether these are powers of ten alone and not all the same, as a row of factors without a label has them."""
-    there = [number(cell) for cell in cells if cell.strip() not in MISSING and is_number(cell)]
-    tens = {x for x in there if 0.0 < x < math.inf and abs(math.log10(x) - round(math.log10(x))) < 1e-9}
-    named = sum(bool(cell.strip()) for cell in cells)
-    return len(there) == named > 1 + bool(cells[0].strip()) and len(tens) > 1 and tens == set(there)
 
 
 def _is_of_factors(first: Sequence[str], second: Sequence[str], third: Sequence[str]) -> bool:
@@ -151,19 +134,3 @@ def is_data(fields: Sequence[str], width: int, numeric: Sequence[int]) -> bool:
         return False
     numbers = sum(is_number(fields[k]) and fields[k].strip() not in MISSING for k in numeric)
     return numbers >= max(1, (len(numeric) + 1) // 2)
-
-
-def key_of(fields: Sequence[str]) -> str:
-    """What the first of these says, as the lists of keys have it."""
-    return fields[0].strip().strip(':="').casefold() if fields else ""
-
-
-def is_keyed(fields: Sequence[str]) -> bool:
-    """Whether they say something of the channels, and nothing that was measured: `Scale, 1, 0.001`.
-
-    `Gain, Phase` are names.
-    """
-    if (key := key_of(fields)) in UNIT_KEYS:
-        return any(is_unit(cell) for cell in fields[1:])
-    there = [cell for cell in fields[1:] if cell.strip() not in MISSING]
-    return key in {*FACTOR_KEYS, *OFFSET_KEYS} and any(map(is_number, there))

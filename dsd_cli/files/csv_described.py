@@ -6,25 +6,13 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from dsd_cli.files.csv_body import UNIT_KEYS, Body, are_tens, is_keyed, key_of
+from dsd_cli.files.csv_body import Body
 from dsd_cli.files.csv_cells import is_number
+from dsd_cli.files.csv_said import key_of, kind_of, labelled, of_unit
 from dsd_cli.files.recognise import is_unit
 
-#: What else the cells of a row say of their channels, each of its own: `Type: double`.
-OTHER_KEYS = ("type", "datatype", "data type", "data-type", "datentyp", "interp", "blockpath", "portindex")
-_KEYED = re.compile(r"\s*([^\W\d]\w*)\s*:\s*(.*?)\s*")
-#: What says it of one channel as of all: `dt = 0.001`.
-_SET = re.compile(r"\s*([^\W\d][\w.]*)\s*=\s*\S.*")
 #: What stands between a channel and what it is.
 _SAYS = re.compile(r"\s*[=:]\s*")
-#: How numbers are held.
-_TYPE = re.compile(
-    r"\s*(?:[uif][1248]|u?int(?:8|16|32|64)?|u?[sdl]?int|l?real(?:32|64)?|float(?:32|64)?|double|single|bool(?:ean)?|bit"
-    r"|long|short|l?d?word|byte|number|l?time)\s*",
-    re.IGNORECASE,
-)
-#: A unit and its quantity: `° (Angle)`.
-_OF_QUANTITY = re.compile(r"(\S+)\s+\([^()]*\)")
 
 
 class Row(NamedTuple):
@@ -42,14 +30,6 @@ def as_wide(cells: list[str], body: Body) -> list[str]:
     return cells if any(map(str.strip, cells[body.fields :])) else cells[: body.fields]
 
 
-def of_unit(cell: str) -> str:
-    """The unit that a cell names."""
-    text = cell.strip().strip("[]").strip()
-    quantity = _OF_QUANTITY.fullmatch(text)
-    text = quantity[1] if quantity and is_unit(quantity[1]) else text.strip("()")
-    return "" if text.casefold() == "none" else text
-
-
 def without_descriptions(rows: Sequence[Row], body: Body) -> tuple[list[Row], list[str] | None]:
     """The rows without those that say something of each channel but its name, and the units that one of them says.
 
@@ -58,35 +38,19 @@ def without_descriptions(rows: Sequence[Row], body: Body) -> tuple[list[Row], li
     """
     kept: list[Row] = []
     units = None
-    wide = [row for row in rows if len(row.cells) == body.fields and not is_of_types(row.cells)]
+    wide = [row for row in rows if len(row.cells) == body.fields and kind_of(row.cells) != "type"]
     for row in rows:
         cells = as_wide(row.cells, body)
-        found = [_KEYED.fullmatch(cell) for cell in cells if cell.strip()]
-        keys = {"" if one is None else one[1].casefold() for one in found}
-        if is_keyed(cells) or are_tens(cells):
-            if key_of(cells) in UNIT_KEYS and len(cells) == body.fields:  # its name stands in the place of the stamps
-                units = ["", *map(of_unit, cells[1:])]
-        elif len(keys) == 1 and keys <= {*UNIT_KEYS, *OTHER_KEYS}:
-            if keys <= set(UNIT_KEYS) and len(row.cells) == body.fields:
-                units = [of_unit(cell.partition(":")[2]) for cell in row.cells]
-        elif is_of_types(cells):
-            kept += [] if wide or key_of(cells) in OTHER_KEYS else [row]
-        elif not (_is_set(cells) and any(one in wide for one in kept)):
+        kind = kind_of(cells)
+        if kind == "unit":
+            units = [*map(of_unit, cells)] if len(cells) == body.fields else units
+        elif (
+            not kind
+            or (kind == "set" and not any(one in wide for one in kept))
+            or (kind == "type" and not (wide or labelled(cells)))
+        ):
             kept.append(row)
     return kept, units
-
-
-def is_of_types(cells: Sequence[str]) -> bool:
-    """Whether each cell is a type, but for what the row itself is called: `Type,DINT,LREAL`, `,DINT,LREAL`."""
-    labelled = key_of(cells) in OTHER_KEYS
-    there = [cell for cell in cells[labelled:] if cell.strip()]
-    return len(there) > 1 - labelled and all(map(_TYPE.fullmatch, there))
-
-
-def _is_set(cells: Sequence[str]) -> bool:
-    """Whether each cell sets the same key."""
-    found = [_SET.fullmatch(cell) for cell in cells if cell.strip()]
-    return len(found) > 1 and None not in found and len({one[1].casefold() for one in found if one}) == 1
 
 
 def in_groups(names: Sequence[str], above: Sequence[str]) -> list[str]:

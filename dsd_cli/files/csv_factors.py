@@ -13,9 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.files.csv_body import FACTOR_KEYS, OFFSET_KEYS, Body, are_tens, key_of
+from dsd_cli.files.csv_body import Body
 from dsd_cli.files.csv_cells import MISSING, is_number, number
 from dsd_cli.files.csv_described import Row, as_wide
+from dsd_cli.files.csv_said import kind_of
 from dsd_cli.signals.log import Array
 
 
@@ -29,18 +30,17 @@ class Factors(NamedTuple):
 
 def factors_in(rows: Sequence[Row], body: Body) -> Factors | None:
     """The factors of the last row of such, with the last row of offsets; None: there are none but ones and zeros."""
-    (at, by), (below, plus) = (_last(rows, keys, body) for keys in (FACTOR_KEYS, OFFSET_KEYS))
+    (at, by), (below, plus) = (_last(rows, kind, body) for kind in ("factor", "offset"))
     by, plus = ({k: x for k, x in one.items() if x != idle} for one, idle in ((by, 1.0), (plus, 0.0)))
     return Factors(at if by else below, by, plus) if by or plus else None
 
 
-def _last(rows: Sequence[Row], keys: Sequence[str], body: Body) -> tuple[int, dict[int, float]]:
-    """Line and numbers of the last row that begins with one of these keys, or, as factors may, with none."""
+def _last(rows: Sequence[Row], kind: str, body: Body) -> tuple[int, dict[int, float]]:
+    """Line and numbers of the last row of such."""
     found: tuple[int, dict[int, float]] = (-1, {})
     for row in rows:
         cells = as_wide(row.cells, body)
-        bare = keys is FACTOR_KEYS and are_tens(cells)
-        if (bare or key_of(cells) in keys) and len(cells) == body.fields:  # else it is a setting, of all of them
+        if kind_of(cells) == kind and len(cells) == body.fields:  # else it is a setting, of all of them
             numbers = {
                 k: number(cell) for k, cell in enumerate(cells) if cell.strip() not in MISSING and is_number(cell)
             }

@@ -12,32 +12,20 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from dsd_cli.errors import DataError
-from dsd_cli.files.csv_body import (
-    DELIMITERS,
-    FEW,
-    UNIT_KEYS,
-    Body,
-    CsvLayout,
-    are_tens,
-    body_of,
-    is_data,
-    is_keyed,
-    key_of,
-)
+from dsd_cli.files.csv_body import DELIMITERS, FEW, Body, CsvLayout, body_of, is_data
 from dsd_cli.files.csv_cells import MISSING, is_number
 from dsd_cli.files.csv_described import (
     Row,
     as_wide,
     differ,
     in_groups,
-    is_of_types,
     lines_of_each,
-    of_unit,
     with_lines,
     without_descriptions,
 )
 from dsd_cli.files.csv_dialect import Header, fields_of, find_header, is_comment, uncommented
 from dsd_cli.files.csv_factors import Factors, factors_in
+from dsd_cli.files.csv_said import KEYS, key_of, kind_of, of_unit
 from dsd_cli.files.recognise import is_count, is_time, is_unit
 
 #: First cells of the rows of a preamble that has one column for each channel.
@@ -80,7 +68,7 @@ def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
     rows = [row for row in _rows(lines, header.delimiter, skip, len(lines)) if not row.comment or _units_of(row, body)]
     plain = body.delimiter == header.delimiter and body.fields == len(header.names)
     above = [header.names, *(row.cells for row in rows if row.at < body.start)]
-    plain = plain and not any(is_keyed(cells) or is_of_types(cells) or are_tens(cells) for cells in above)
+    plain = plain and not any(map(kind_of, above))
     if not plain or _names_of_units(header.names) or _goes_on(header.names, rows[:1], body):
         return find_layout(source, lines, layout)
     if not any(is_data(row.cells, body.fields, body.numeric) for row in rows[:2]):
@@ -194,14 +182,14 @@ def _keyed(rows: Sequence[Row], body: Body) -> Found | None:
         return None
     at = next((k for k in full if differ(rows[k].cells)), full[-1])  # else it is of groups
     named = rows[at].cells
-    units = next((row for _, row, _ in rows if key_of(row) in UNIT_KEYS and len(row) == body.fields), None)
+    units = next((row for _, row, _ in rows if key_of(row) in KEYS["unit"] and len(row) == body.fields), None)
     label, times, names = key_of(named), 0, []
     for place, cell in enumerate(named):
         is_time = key_of([cell]) == label and place in body.numeric  # else it stands before the rows
         times += is_time
         names.append(("time" if times == 1 else f"time {times}") if is_time else cell.strip())
     names = in_groups(names, rows[at - 1].cells if at else [])
-    shown = None if units is None else ["" if key_of([u]) in UNIT_KEYS else of_unit(u) for u in units]
+    shown = None if units is None else [*map(of_unit, units)]
     return Found(
         Header(names, body.delimiter), body.start, shown, [f"{body.start} lines before the numbers name the channels"]
     )

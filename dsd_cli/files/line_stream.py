@@ -12,11 +12,12 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files import csv_dialect as dialects
-from dsd_cli.files.csv_body import Body, are_tens, is_keyed, key_of
+from dsd_cli.files.csv_body import Body
 from dsd_cli.files.csv_cells import is_number, plain_number, seconds
-from dsd_cli.files.csv_described import Row, is_of_types
+from dsd_cli.files.csv_described import Row
 from dsd_cli.files.csv_factors import Scaling, factors_in
 from dsd_cli.files.csv_layout import CsvLayout
+from dsd_cli.files.csv_said import key_of, kind_of, labelled
 from dsd_cli.files.formats.known import format_of
 from dsd_cli.files.table_source import Batch, choose_columns, read_sidecar
 
@@ -183,7 +184,8 @@ class LineStream:
         """
         waiting = [row.cells for row in self._above if row.at >= self._body.start]
         again = bool(waiting) and key_of(waiting[-1]) == key_of(fields)
-        if len(fields) == self._body.fields and (is_keyed(fields) or is_of_types(fields)) and not again:
+        kind = kind_of(fields) if len(fields) == self._body.fields else ""
+        if (labelled(fields) or kind == "type") and not again:
             self._above.append(Row(self._line - 1, fields, False))
             return []
         if not self._has_units and dialects.is_units_row(fields, [at for _, at in self._places]):
@@ -193,7 +195,7 @@ class LineStream:
         self._ahead = False
         above = [row for row in self._above if not again or row.at < self._body.start]
         self._scaling = Scaling(self.name, factors_in(above, self._body), self.column_names, self._layout.scaled)
-        if are_tens(fields):
+        if kind == "factor" and not again:
             self._notes.append(f"line {self._line} is taken as a sample: if it is of factors, write it to a file first")
         self._refuse_spelt(fields)
         return [*(waiting if again else []), fields]

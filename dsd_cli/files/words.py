@@ -27,20 +27,9 @@ WORDS: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 #: Words of what was asked for, not measured.
 ASKED = {
-    "ref",
-    "reference",
-    "set",
-    "setpoint",
-    "target",
-    "desired",
-    "des",
-    "soll",
-    "cmd",
-    "command",
-    "demand",
-    "goal",
+    "ref", "reference", "set", "setpoint", "target", "desired", "des", "soll", "cmd", "command", "demand", "goal",
     "指令",
-}
+}  # fmt: skip
 #: Words of u that with a motion in the name say whose input it is: input_pos is asked for.
 GENERAL = {"u", "control", "input"}
 #: Those of them that by themselves may be u as well.
@@ -48,19 +37,7 @@ COMMANDS = {"cmd", "command", "demand"}
 #: Of what was measured.
 MEASURED = {"act", "actual", "meas", "measured", "ist", "fbk", "feedback", "real", "motor", "filtered", "filt", "实际"}
 #: Words that make a column of another thing whatever else it is called: errors, limits, other axes' business.
-ELSE = {
-    "limit",
-    "max",
-    "min",
-    "status",
-    "temp",
-    "temperature",
-    "id",
-    "index",
-    "count",
-    "mode",
-    "true",
-}
+ELSE = {"limit", "max", "min", "status", "temp", "temperature", "id", "index", "count", "mode", "true"}
 #: Of what a controller is to take away.
 ERRORS = {"error", "err", "deviation", "droop", "regelabweichung", "schleppabstand", "schleppfehler", "偏差"}
 #: Words of what feeds a drive, which no motion follows.
