@@ -8,7 +8,20 @@ from dsd_cli.files.csv_cells import is_number
 from dsd_cli.files.csv_dialect import COMMENT, decode, fields_of
 
 
-def cut_off(lines: Sequence[bytes], delimiter: str, width: int, followed: bool = False) -> bytes:
+def behind_rows(lines: Sequence[bytes], delimiter: str, width: int, row: Sequence[str]) -> tuple[int, list[str]]:
+    """How many bytes at the end of these lines are no rows, and what to say of them; `row`: cells of one that is."""
+    if half := _cut_off(lines, delimiter, width):
+        return len(half), ["its last line is cut off in the middle, and left out"]
+    cut = _footer(lines, delimiter, width, [k for k in range(len(row)) if is_number(row[k])])
+    if not cut.strip():
+        return 0, []
+    said = [f"{sum(bool(line.strip()) for line in cut.splitlines())} line(s) of text at its end are left out"]
+    if half := _cut_off(lines[: len(lines) - len(cut.splitlines())], delimiter, width, followed=True):
+        said.append("the line before them is cut off in the middle, and left out")
+    return len(cut) + len(half), said
+
+
+def _cut_off(lines: Sequence[bytes], delimiter: str, width: int, followed: bool = False) -> bytes:
     """The last line where it has no end and not all fields: the recording ended in the middle of it.
 
     followed : by a text of whoever wrote the file, which ended the line.
@@ -19,7 +32,7 @@ def cut_off(lines: Sequence[bytes], delimiter: str, width: int, followed: bool =
     return lines[-1] if len(lines) > 1 and len(fields) < width and is_number(fields[0].strip(' "')) else b""
 
 
-def footer(lines: Sequence[bytes], delimiter: str, width: int, numeric: Sequence[int]) -> bytes:
+def _footer(lines: Sequence[bytes], delimiter: str, width: int, numeric: Sequence[int]) -> bytes:
     """What at the end of a file is no row: lines of text behind the numbers, set off by a blank one or by their form.
 
     A row that was cut, or that has a bad cell, is none of them: it is for the reader to complain about.

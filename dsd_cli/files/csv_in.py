@@ -15,7 +15,7 @@ from dsd_cli.files import csv_dialect as dialects
 from dsd_cli.files.arrow_arrays import as_float64, is_number_type, numbers
 from dsd_cli.files.content import content_of, text_of
 from dsd_cli.files.csv_cells import Written
-from dsd_cli.files.csv_end import cut_off, footer, without_copies_of_head
+from dsd_cli.files.csv_end import behind_rows, without_copies_of_head
 from dsd_cli.files.csv_factors import Scaling
 from dsd_cli.files.csv_failed import headless, why_unread
 from dsd_cli.files.csv_layout import CsvLayout, look
@@ -218,21 +218,10 @@ class CsvTable:
                 file.seek(max(size - FOOTER_BYTES, 0))
                 tail = file.read(FOOTER_BYTES)
         lines = tail.splitlines(keepends=True)[1 if size > FOOTER_BYTES else self._dialect.skip :]
-        first = self._dialect.first
-        numeric = [k for k in range(len(first)) if cells.is_number(first[k])]
         header = self._dialect.header
-        if cut := cut_off(lines, header.delimiter, len(header.names)):
-            self._notes.append("its last line is cut off in the middle, and left out")
-            return size - len(cut)
-        cut = footer(lines, header.delimiter, len(header.names), numeric)
-        if not cut.strip():
-            return None
-        count = sum(bool(line.strip()) for line in cut.splitlines())
-        self._notes.append(f"{count} line(s) of text at its end are left out")
-        rows = lines[: len(lines) - len(cut.splitlines())]
-        if half := cut_off(rows, header.delimiter, len(header.names), followed=True):
-            self._notes.append("the line before them is cut off in the middle, and left out")
-        return size - len(cut) - len(half)
+        cut, said = behind_rows(lines, header.delimiter, len(header.names), self._dialect.first)
+        self._notes += said
+        return size - cut if cut else None
 
     def _source(self, delimiter: str, skip: int) -> tuple[Any, int, str]:
         """What Arrow reads, how many of its lines come before the data, and what separates fields."""

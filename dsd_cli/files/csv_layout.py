@@ -6,7 +6,6 @@ of units, and a preamble; [csv] says where these are when that is not so.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -74,14 +73,9 @@ def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
     if not any(is_data(row.cells, body.fields, body.numeric) for row in rows[:2]):
         return find_layout(source, lines, layout)
     at, first, _ = rows[0]
-    data = is_data(first, body.fields, body.numeric)
+    if not is_data(first, body.fields, body.numeric) and (_is_text(first) or _names_of_units(first)):
+        return find_layout(source, lines, layout)
     notes = [_COMMENTED.format(max(k for k in range(skip) if lines[k].strip()) + 1)] if header.line_is_data else []
-    if len(first) == body.fields and len(rows) > 1 and not data and (_is_text(first) or _names_of_units(first)):
-        times = Counter(filter(None, header.names))
-        if any(cell.strip() and times[name] != 1 for name, cell in zip(header.names, first, strict=True)):
-            return find_layout(source, lines, layout)  # a unit of no channel: the line above is a title, or a group
-        notes.append(f"line {at + 1} is taken as units, not data")
-        return Found(header, rows[1].at, [*map(of_unit, first)], notes, None)
     return Found(header, at, None, notes)
 
 

@@ -29,6 +29,14 @@ def scope_unscaled(folder: Path, a: dict) -> Path:
     return text(folder, "scope.csv", [*head, *body, "EOF"], "\r\n")
 
 
+def scope_clocks(folder: Path, a: dict) -> Path:
+    """The same with a clock for each channel, one of them a quarter of a step late."""
+    said = {"Name": ("ActPos", "ActTorque"), "Data-Type": ("INT32", "INT16"), "ScaleFactor": ("0.00001", "0.01")}
+    head = ["\t".join(f"{k}\t{x}" for x in row) for k, row in {**said, "Unit": ("rad", "Nm")}.items()]
+    body = rows(MS, np.round(1e5 * a["q"]), MS + 250.0 * STEP, np.round(100.0 * a["u"]), by="\t")
+    return text(folder, "clocks.csv", [*head, *body, "EOF"], "\r\n")
+
+
 def parameters(folder: Path, a: dict) -> Path:
     """Channels are numbers of parameters, what these are stands in brackets: a setpoint beside what was measured."""
     names = ("r62 (Drehzahlsollwert nach Filter)", "r63[0] (Drehzahlistwert)", "r80[0] (Drehmomentistwert)")
@@ -79,6 +87,7 @@ def arrays(folder: Path, a: dict) -> Path:
 #: Name -> (maker, u, position, what the position is multiplied by, unit of u in N or N m).
 MADE = {
     "scope_unscaled": (scope_unscaled, "MAIN.fTorque", "Axes.X.ActPos", 1e-3, 1.0),
+    "scope_clocks": (scope_clocks, "ActTorque/value", "ActPos/value", 1.0, 1.0),
     "parameters": (parameters, "r80[0] (Drehmomentistwert)", "r482[0] (Geberlageistwert)", 2.0 * np.pi / 2**20, 1.0),
     "measured": (measured, "Motor torque", "Load angle", np.pi / 180.0, 1.0),
     "named_traces": (

@@ -17,6 +17,7 @@ from dsd_cli.files.content import content_of, text_of
 from dsd_cli.files.csv_body import DELIMITERS
 from dsd_cli.files.csv_cells import MISSING, is_number, number
 from dsd_cli.files.csv_dialect import decode, fields_of
+from dsd_cli.files.csv_end import behind_rows
 from dsd_cli.files.csv_factors import Scaling
 from dsd_cli.files.csv_layout import CsvLayout, Found, look
 from dsd_cli.files.formats.base import InMemory
@@ -38,8 +39,10 @@ class ScopeFile(InMemory):
     """`name/time` and `name/value` for each channel; a channel ends where its cells do. See `Container`."""
 
     def __init__(self, path: str, scaled: bool | None = None) -> None:
-        lines = decode(text_of(path)).splitlines()
-        found = look(path, _head(path), CsvLayout())
+        text, found = text_of(path), look(path, _head(path), CsvLayout())
+        raw, by = text.splitlines(keepends=True)[found.skip :], found.header.delimiter
+        cut, said = behind_rows(raw, by, len(found.header.names), fields_of(decode(raw[0]), by) if raw else [])
+        lines = decode(text[: len(text) - cut]).splitlines()
         scaling = Scaling(path, found.factors, found.header.names, scaled)
         names, units = found.header.names, found.units or []
         channels: dict[str, Array] = {}
@@ -59,7 +62,7 @@ class ScopeFile(InMemory):
             beside = next((words[k] for k in range(clock, clock + period) if is_unit(words.get(k, ""))), "")
             told |= {f"{of_it}/time": _at(units, clock), f"{of_it}/value": _at(units, at) or beside}
         super().__init__(channels, units=told)
-        self.notes += [*found.notes, *scaling.said]
+        self.notes += [*found.notes, *said, *scaling.said]
 
 
 def is_scope(path: str | Path, head: bytes) -> bool:
