@@ -27,7 +27,7 @@ def test_an_export_ends_in_a_config_with_the_inertia_of_the_axis(name: str, tmp_
     assert config.observer.nominal_inertia * unit == pytest.approx(2.0, rel=0.02)
     answer = json.loads(done("check", path.name, "--format", "json", cwd=tmp_path).stdout)
     assert [one["what"] for one in answer["findings"] if one["severity"] == "error"] == []
-    assert answer["by_log"][0]["samples"] == pytest.approx(ROWS, abs=1)
+    assert ROWS - answer["by_log"][0]["samples"] in (0, 1)  # the last stamps of two clocks differ
     assert answer["by_log"][0]["seconds"] == pytest.approx(ROWS * STEP, rel=0.01)
 
 
