@@ -44,11 +44,9 @@ def without_descriptions(rows: Sequence[Row], body: Body) -> tuple[list[Row], li
         kind = kind_of(cells)
         if kind == "unit":
             units = [*map(of_unit, cells)] if len(cells) == body.fields else units
-        elif (
-            not kind
-            or (kind == "set" and not any(one in wide for one in kept))
-            or (kind == "type" and not (wide or labelled(cells)))
-        ):
+            continue
+        said = {"set": any(one in wide for one in kept), "type": bool(wide or labelled(cells))}
+        if not said.get(kind, kind):
             kept.append(row)
     return kept, units
 
@@ -58,8 +56,8 @@ def in_groups(names: Sequence[str], above: Sequence[str]) -> list[str]:
 
     As they are where that distinguishes no more.
     """
-    above = [cell.strip() for cell in above]
-    if len(above) != len(names):
+    above, there = [cell.strip() for cell in above], [name for name in names if name]
+    if len(set(there)) == len(there) or len(above) != len(names):
         return list(names)
     names = [name or cell for name, cell in zip(names, above, strict=True)]
     groups = list[str]()

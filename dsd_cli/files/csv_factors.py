@@ -41,10 +41,8 @@ def _last(rows: Sequence[Row], kind: str, body: Body) -> tuple[int, dict[int, fl
     for row in rows:
         cells = as_wide(row.cells, body)
         if kind_of(cells) == kind and len(cells) == body.fields:  # else it is a setting, of all of them
-            numbers = {
-                k: number(cell) for k, cell in enumerate(cells) if cell.strip() not in MISSING and is_number(cell)
-            }
-            found = row.at, numbers
+            there = {k: cell for k, cell in enumerate(cells) if cell.strip() not in MISSING and is_number(cell)}
+            found = row.at, {k: number(cell) for k, cell in there.items()}
     return found
 
 

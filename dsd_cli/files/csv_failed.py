@@ -14,8 +14,6 @@ from dsd_cli.files.csv_cells import Written
 from dsd_cli.files.csv_dialect import Dialect
 from dsd_cli.files.table_source import read_head
 
-HEAD_BYTES = 1 << 16
-
 
 def headless(name: str, head: bytes) -> DataError:
     """Why a file has no first line."""
@@ -32,7 +30,7 @@ def why_unread(
     """The first line at or after `rows` rows that cannot be read, found by reading it again, slowly."""
     header = dialect.header
     start = dialect.skip + rows  # blank lines only make the true place later
-    end = "\n" if b"\n" in read_head(name, HEAD_BYTES) else "\r"
+    end = "\n" if b"\n" in read_head(name, 1 << 16) else "\r"
     source = open(name, "rb") if content is None else BytesIO(content)  # noqa: SIM115 (below)
     with TextIOWrapper(source, encoding="latin-1", newline=end) as file:  # bytes as they are
         for at, raw in enumerate(islice(file, start, None), start=start + 1):

@@ -237,9 +237,8 @@ def _score(channel: str, column: str) -> float:
     """How well the name fits; 0 where it does not."""
     column = _OVER.sub(" ", _plain(column))
     text = _IN_BRACKETS.sub(" ", column)
-    text = (
-        text if _is_named(text) else _IN_BRACKETS.sub(lambda one: f" {one[1]} " if _is_named(one[1]) else " ", column)
-    )
+    if not _is_named(text):
+        text = _IN_BRACKETS.sub(lambda one: f" {one[1]} " if _is_named(one[1]) else " ", column)
     group, _, last = _HEX.sub(" ", text).rpartition("/")
     words = _words(last)
     joined = "".join(words)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError
+from dsd_cli.files.csv_described import in_groups
 from dsd_cli.files.csv_in import CsvTable
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.line_stream import LineStream
@@ -188,3 +189,7 @@ def test_names_that_come_again_are_told_apart_by_the_group_above(above: list[str
     table = CsvTable(str(path), {})
     assert table.column_names == names.split(",")
     assert [table.units.get(name) for name in table.column_names][1:] == above[2].split(",")[1:]
+
+
+def test_a_setting_above_names_that_differ_names_none() -> None:
+    assert in_groups(["", "torque", "speed"], ["Sampling", "2", "us"]) == ["", "torque", "speed"]
