@@ -316,7 +316,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.page:
         put(PAGE, "rig", figures(_kept_rows()))
         return
-    asked, most = lambda c, kind: one(c, kind, old=len(rows) < options.old), options.most
+    asked, most = lambda c, kind: one(c, kind, old=len(before) + len(rows) < options.old), options.most
     for name in ("limits", "impossible"):
         if count := getattr(options, name):
             asked, most = {"limits": kept, "impossible": lambda c, _: impossible(c.seed)}[name], count

@@ -40,7 +40,7 @@ def _draw_motion(axes: Any, plan: Plan, motion: Motion) -> None:
             axis.axhline(end, color=LIMIT, lw=0.9, ls=":")
         for stage in plan.stages[1:]:
             axis.axvline(stage.start, color=SHARE, lw=0.9)
-        axis.set_ylabel(f"{one.title} ({one.unit})")
+        axis.set_ylabel(f"{one.title}\n({one.unit})")
     for stage in plan.stages:
         axes[0].annotate(
             stage.kind,

@@ -1,6 +1,22 @@
 """The figures of docs/measured/plan.md out of the rows of `python -m bench plan`."""
 
+import json
+from pathlib import Path
+
+import pytest
+
+from bench import plan
 from bench.plan_page import figures
+
+
+def test_the_old_motion_is_asked_of_the_first_logs_of_all_runs_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(plan, "RESULTS", tmp_path / "plan.json")
+    monkeypatch.setattr(plan, "one", lambda case, kind, *, old: {"seed": case.seed, "old": old})
+    plan.main(["--most", "2", "--old", "3"])
+    plan.main(["--most", "2", "--old", "3", "--first", "2", "--more"])
+    assert [row["old"] for row in json.loads(plan.RESULTS.read_text())["plans"]] == [True, True, True, False]
 
 
 def test_limits_and_what_no_motion_identifies_are_figures_of_the_page():

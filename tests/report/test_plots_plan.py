@@ -8,6 +8,7 @@ from dsd_cli.identify.design.limits import Limits
 from dsd_cli.identify.design.results import Motion, Plan, PlannedPair, Stage
 from dsd_cli.report.page.plan_part import plan_charts, plan_part
 from dsd_cli.report.page.story import Part, Story
+from dsd_cli.report.figure import rendered
 from dsd_cli.report.plots_plan import draw
 from dsd_cli.signals.units import Units
 
@@ -50,6 +51,13 @@ def test_what_more_seconds_bring_is_drawn_where_they_were_asked_for() -> None:
     assert len(draw(PLAN).axes) == 1 + len(draw(replace(PLAN, cost=PLAN.cost[:1])).axes)
     curve = draw(PLAN).axes[-1].get_lines()[0].get_xydata()
     assert curve.tolist() == [[5.0, 80.0], [10.0, 160.0]]
+
+
+def test_no_label_of_an_axis_reaches_into_that_of_the_next() -> None:
+    figures = []
+    rendered(lambda: figures.append(draw(replace(PLAN, cost=()))) or figures[0], ".png")
+    boxes = [axis.yaxis.label.get_window_extent() for axis in figures[0].axes[:3]]
+    assert all(below.y1 + 4.0 < above.y0 for above, below in zip(boxes, boxes[1:], strict=False))
 
 
 def test_the_page_says_who_was_not_counted_and_why() -> None:
