@@ -41,7 +41,8 @@ class Expectation:
         self.search, self.targets, self.draws, self._limits = search, targets, draws, limits
         ranges = search.ranges if limits is None else ranges_within(search.ranges, limits)
         self.cases = cases_of(search, targets, draws, ranges)
-        self.held = any(has_friction(e.fit.terms) for e in targets.explanations)
+        asked = {0, *(i for pair in targets.pairs for i in pair)}
+        self.held = any(has_friction(e.fit.terms) for i, e in enumerate(targets.explanations) if i in asked)
         self.reach = Reach.beside(search, targets.explanations[0].model, ranges)
         #: Of all inner products: the cases', and at the end those of the reach.
         self._asked = [*self.cases, Case(0, 0, 0, self.reach.model)]

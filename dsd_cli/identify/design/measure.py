@@ -86,9 +86,12 @@ class Measure(Expectation):
 
     @property
     def likely(self) -> tuple[int, ...]:
-        """Places of the explanations that may be the axis: all in doubt, else those that no other is far ahead of."""
-        left = [self.search.nats(e.fit.loss) for e in self.targets.explanations]
-        return tuple(i for i, nats in enumerate(left) if self.targets.doubtful or nats - min(left) < ENOUGH)
+        """Places of the explanations that may be the axis: all in doubt, else those that no other is far ahead of, by
+        blocks that no fit saw or by all rows."""
+        fits = [e.fit for e in self.targets.explanations]
+        left = np.array([[self.search.nats(x) for x in (fit.loss, fit.squares)] for fit in fits])
+        near = np.any(left - left.min(axis=0) < ENOUGH, axis=1)
+        return tuple(i for i, one in enumerate(near) if self.targets.doubtful or one)
 
     def without(self, names: Sequence[str]) -> Measure:
         """The same without these targets."""

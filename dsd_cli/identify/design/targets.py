@@ -20,6 +20,8 @@ from dsd_cli.identify.search.sets import Option, Search
 GAIN = "gain"
 #: Explanations that are distinguished at most, and the belief from which on another effect is within reach.
 _MOST, _WITHIN_REACH = 4, 0.05
+#: Effects alone that may be the axis.
+_AS_GOOD = 3
 
 
 @dataclass(frozen=True)
@@ -63,8 +65,12 @@ def targets_of(
     names = list(dict.fromkeys(name for pair in pairs for name in pair))[: _MOST + _MOST * unknown]
     if doubtful and not unknown and diagnosis is not None:  # asked for by name: the plant may yet be another
         names += [name for pair in made.left_open(diagnosis, unknown=True) for name in pair]
-    names = list(dict.fromkeys([NONE if unknown else made.name_of(whole), *names]))
-    explanations = tuple(explanation_of(search, name, made.fits[name], doubtful, _own(name, pairs)) for name in names)
+    as_good = [] if unknown else made.as_good()
+    names = list(dict.fromkeys([NONE if unknown else made.name_of(whole), *names, *as_good]))
+    apart_from = [*pairs, *((name, NONE) for name in as_good)]
+    explanations = tuple(
+        explanation_of(search, name, made.fits[name], doubtful, _own(name, apart_from)) for name in names
+    )
     if unknown:  # none of them stands: the limits are kept under each, and the motion is for the whole catalogue
         first = held(search, explanations[0])
         return Targets((first, *explanations[1:]), (), (), unknown=True, doubtful=True)
@@ -121,7 +127,7 @@ class _Explanations:
         """Ties and rivals of each member; where it is unknown what is missing, the best few effects alone before them:
         what moves the axis may be the one that was found in doubt, or what that is tied to (several may be forces that
         cancel out), but for what acts on u."""
-        pairs = self._best_alone(3 if unknown else 1, diagnosis.nearest) if unknown or not self.found else []
+        pairs = self._best_alone(_AS_GOOD if unknown else 1, diagnosis.nearest) if unknown or not self.found else []
         ranking = {c.effect: c for c in diagnosis.ranking if not c.untestable}
         whole = self.name_of(self.whole)
         for member in self.found if not unknown or len(self.found) == 1 else ():
@@ -164,6 +170,15 @@ class _Explanations:
         if rival not in (INERTIA, DELAY):
             fit = next((o.fit for o in self.search.options(fit) if o.effect == rival), fit)
         return self._keep(fit)
+
+    def as_good(self) -> list[str]:
+        """The few effects that in the place of the one that was found explain all rows of the logs best. Blocks that no
+        fit saw are few in a poor log, and may lie where one force goes on and another does not."""
+        if len(self.found) != 1:
+            return []
+        options = sorted(self.search.options(self.search.refit), key=lambda o: float(o.fit.squares))
+        others = [o for o in options if self._may_be(o.effect) and not _of_u(o.effect) and o.effect not in self.found]
+        return [self._keep(o.fit) for o in others[:_AS_GOOD]]
 
     def _added(self, name: str) -> str:
         options = [o.fit for o in self.search.options(self.whole) if o.effect == name]

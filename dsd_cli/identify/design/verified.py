@@ -87,7 +87,7 @@ def verified(
         if not runaway:  # who broke a limit is asked first
             parts, order = smaller, [key, *(k for k in order if k != key)]
             continue
-        if not targets.doubtful or key[0] == 0 or any(key[0] in pair for pair in targets.pairs):
+        if key[0] == 0 or any(key[0] in pair for pair in targets.pairs):
             break
         parts, order, last = wide, [k for k in order if k[0] != key[0]], {}
         lost.append(targets.explanations[key[0]].name)

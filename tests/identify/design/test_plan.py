@@ -370,7 +370,7 @@ def by_the_search(search: Search, better: Fit, worse: Fit) -> float:
 def test_what_the_logs_already_say_is_what_the_search_says(tied: Asked) -> None:
     """Here only u on the motion is evidence: friction and weight are nearly all of u."""
     targets = targets_of(tied.search, tied.whole, tied.diagnosis, ("constant_load", "gravity"))
-    fits = [tied.search.converged(e.fit) for e in targets.explanations]
+    fits = [tied.search.converged(e.fit) for e in targets.explanations[:2]]
     assert tied.search.solver.inverse
     lead = Measure(tied.search, targets, 1).now[0, 1]
     assert lead == pytest.approx(by_the_search(tied.search, *fits), rel=0.01)
@@ -442,7 +442,7 @@ def test_correlated_noise_of_a_motion_leaves_no_more_than_white_noise(
     measure = Measure(tied.search, replace(targets, doubt=0.0), 1)
     rows = 1e6
     lead = 2.0 * rows * noise.variance
-    loss = [e.fit.loss for e in targets.explanations]
+    loss = [e.fit.loss for e in targets.explanations[:2]]
     # up to the variance times the inflation the likelihood is that of the noise alone
     expected = (loss[1] + lead - loss[0]) / (2.0 * noise.variance * 4.0)
     assert measure._in_nats(loss, rows, lead, 0.0) == pytest.approx(expected, rel=1e-3)
