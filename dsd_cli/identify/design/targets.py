@@ -20,7 +20,7 @@ from dsd_cli.identify.search.sets import Option, Search
 GAIN = "gain"
 #: Explanations that are distinguished at most, and the belief from which on another effect is within reach.
 _MOST, _WITHIN_REACH = 4, 0.05
-#: Effects alone that may be the axis.
+#: Effects that may be there instead.
 _AS_GOOD = 3
 
 
@@ -134,10 +134,11 @@ class _Explanations:
             rivals = ranking[member].indistinguishable_from if member in ranking else ()
             rivals = tuple(x for x in rivals if not (unknown and (find_effect(x) is None or _of_u(x))))
             pairs += [(whole, self.instead(member, rival)) for rival in rivals]
-        if len(self.found) == 1 and not unknown:
+        if not unknown and (len(self.found) == 1 or not self.found and diagnosis.verdict != NONE):
+            member = self.found[0] if self.found else ""  # a value of the model is wrong, or an effect is there
             near = sorted((c for c in ranking.values() if c.effect not in self.found), key=lambda c: -c.probability)
             reach = [c.effect for c in near[:2] if c.probability > _WITHIN_REACH and self._may_be(c.effect)]
-            pairs += [(whole, self.instead(self.found[0], effect)) for effect in reach]
+            pairs += [(whole, self.instead(member, effect)) for effect in reach]
             pairs.append((whole, NONE))
         return [p for p in dict.fromkeys(pairs) if p[0] != p[1]]
 
@@ -165,20 +166,21 @@ class _Explanations:
 
     def instead(self, member: str, rival: str) -> str:
         """The set with a rival in the place of a member; a value of the model needs no effect for that."""
-        rest = tuple(t for t in self.whole.terms if t.id != member)
-        fit = self.search.fit(rest, self.whole.tap)
+        fit = self._without(member)
         if rival not in (INERTIA, DELAY):
             fit = next((o.fit for o in self.search.options(fit) if o.effect == rival), fit)
         return self._keep(fit)
 
     def as_good(self) -> list[str]:
-        """The few effects that in the place of the one that was found explain all rows of the logs best. Blocks that no
-        fit saw are few in a poor log, and may lie where one force goes on and another does not."""
-        if len(self.found) != 1:
-            return []
-        options = sorted(self.search.options(self.search.refit), key=lambda o: float(o.fit.squares))
-        others = [o for o in options if self._may_be(o.effect) and not _of_u(o.effect) and o.effect not in self.found]
-        return [self._keep(o.fit) for o in others[:_AS_GOOD]]
+        """The few sets with another effect in the place of one that was found that explain all rows of the logs best.
+        Blocks that no fit saw are few in a poor log, and may lie where one force goes on and another does not."""
+        rests = [self._without(member) for member in self.found]
+        options = [o for rest in rests for o in self.search.options(rest) if self._may_be(o.effect)]
+        others = [o.fit for o in options if not _of_u(o.effect) and o.effect not in self.found]
+        return [self._keep(fit) for fit in sorted(others, key=lambda fit: float(fit.squares))[:_AS_GOOD]]
+
+    def _without(self, member: str) -> Fit:
+        return self.search.fit(tuple(t for t in self.whole.terms if t.id != member), self.whole.tap)
 
     def _added(self, name: str) -> str:
         options = [o.fit for o in self.search.options(self.whole) if o.effect == name]

@@ -19,7 +19,7 @@ from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.recordings.recording import Recording, prepare
-from dsd_cli.identify.results import NONE, Diagnosis
+from dsd_cli.identify.results import NONE, UNKNOWN, Diagnosis
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.controllers import ControllerSettings, Gains
@@ -188,6 +188,46 @@ def test_forces_that_cancel_out_where_a_poor_log_has_been_are_not_planned_for(
     assert np.abs(exact.v).max() < plan.limits.velocity
     off = exact.v - np.interp(exact.t, t, plan.motion.velocity)
     assert np.sqrt(np.mean(off**2)) < 0.25 * np.sqrt(np.mean(exact.v**2))
+
+
+@pytest.mark.parametrize(
+    ("what", "kind", "seed", "sensing", "said", "share"),
+    [
+        # small: a drag that is 0.001 of u 0.03 there is friction over the speed as well, and 18 times too large beyond
+        ("viscous_friction", "small", 110015, "speed40k", "quadratic_drag", 1.0),
+        # one way, where a load is dry friction: the model's own would be three times as large
+        ("constant_load", "one way", 110031, "speed40k", "coulomb_friction", 0.5),
+    ],
+)
+def test_limits_hold_with_what_explains_the_poor_log_as_well(
+    what: str, kind: str, seed: int, sensing: str, said: str, share: float
+) -> None:
+    asked = poor(what, kind, seed, sensing)
+    assert asked.diagnosis.verdict == said
+    plan = asked.plan(limits={name: (share * low, share * high) for name, (low, high) in asked.limits.items()})
+    assert plan.motion is not None
+    t = np.arange(len(plan.motion.position)) * plan.motion.step
+    _, exact = follow(asked.case, asked.trial, t, (plan.motion.position, plan.motion.velocity, plan.motion.u), take=1)
+    assert plan.limits.low < exact.q.min() < exact.q.max() < plan.limits.high
+    assert np.abs(exact.v).max() < plan.limits.velocity
+    assert np.abs(exact.u).max() < plan.limits.u
+
+
+def test_with_unknown_the_limits_hold_under_each_effect_that_unseen_blocks_speak_for(
+    tied: Asked, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No effect was found at all; the load and the weight that explain u where nobody fitted are plants all the same."""
+    plants: list[PlantModel] = []
+
+    def runs(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits: Limits) -> Run:
+        plants.append(plant)
+        return run_loop(plant, loop, planned, limits)
+
+    monkeypatch.setattr("dsd_cli.identify.design.verified.run_loop", runs)
+    nobody = replace(tied.diagnosis, verdict=UNKNOWN)
+    plan_next(tied.search, tied.search.refit, nobody, tied.observer, Wanted(limits=tied.limits, seconds=(3.0,)))
+    run = {name for plant in plants for name in plant.effects if name not in tied.model.effects}
+    assert run >= {"constant_load", "gravity"}
 
 
 def test_where_nothing_is_missing_the_motion_goes_on_to_what_the_log_never_visited() -> None:
