@@ -53,11 +53,8 @@ class LikeLogs:
         louder = 1.0 if seen is None or self.own else max(times_white(seen, path, band, taps), 1.0)
         return equations_like((band, taps / np.sqrt(louder)), recording, self.delay, self.held, self.surely)
 
-    def beside(
-        self, search: Search, plant: PlantModel, path: Path, times: int, doubt: float
-    ) -> tuple[LikeLogs, Equations]:
-        """(the same in the form that the log of this motion of a plant, made so often, will have; rows of the logs
-        beside it): where the direction of friction is sure in many rows of both, those alone count in both.
+    def beside(self, search: Search, plant: PlantModel, path: Path, doubt: float) -> tuple[LikeLogs, Equations]:
+        """(the same in the form that the log of this motion of a plant will have; rows of the logs beside it): where the direction of friction is sure in many rows of both, those alone count in both.
 
         doubt : probability that what the logs leave beyond the noise of the sensor is a force.
         """
@@ -73,8 +70,7 @@ class LikeLogs:
         if not self.held:
             return found, known
         planned = found.equations(path, u)
-        both = [(known, 1), (planned, times)]
-        sure, rows = (sum(n * float(of(e).sum()) for e, n in both) for of in (sure_of, lambda e: e.kept))
+        sure, rows = (sum(float(of(e).sum()) for e in (known, planned)) for of in (sure_of, lambda e: e.kept))
         found = replace(found, surely=sure > POLICY.sure_part * rows)
         if not found.surely:
             share = float(np.mean(uncertain(planned, resting=False)[planned.kept] ** 2)) if planned.kept.any() else 0.0

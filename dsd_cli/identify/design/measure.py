@@ -120,12 +120,12 @@ class Measure(Expectation):
         size = self.reach.model.size
         return products.grams[-1, :size, :size]
 
-    def in_form_of(self, path: Path, times: int) -> Measure:
-        """The same, motions in the form that the log of this one, made so often, will have, and with the rows of the
-        logs that count beside it."""
+    def in_form_of(self, path: Path) -> Measure:
+        """The same, motions in the form that the log of this one will have, and with the rows of the logs that count
+        beside it."""
         kept, found = self.open, copy(self)  # what counts is a matter of the logs as they were
         plant, doubt = self.targets.explanations[0].fitted, self.targets.doubt
-        found.like, found.rows_of_logs = self.like.beside(self.search, plant, path, times, doubt)
+        found.like, found.rows_of_logs = self.like.beside(self.search, plant, path, doubt)
         if found.rows_of_logs is not self.rows_of_logs:
             found.of_logs, found._before = found._of_logs(), self.of_logs
             found.__dict__.pop("_left_now", None)

@@ -161,8 +161,7 @@ def _verified(
     how: tuple[Room, tuple[Loop, ...], Wanted],
     said: tuple[list[Impossible], tuple[tuple[float, float], ...]],
 ) -> Plan:
-    """The motion so small that every plant keeps the limits under the loop, scored by what they did there: from rest to
-    rest, so that each part is run once.
+    """The motion so small that every plant keeps the limits under the loop, scored by what they did there.
 
     Raises
     ------
@@ -180,9 +179,8 @@ def _verified(
     seen = used(answer.limits, motion.position, motion.velocity, motion.u)  # the search takes shapes of rivals by it
     first = Measure(measure.search, targets, _DRAWS_SAID, measure.open, seen)
     paths = {i: run.path.resampled(room.step) for (i, draw, loop), run in kept.runs.items() if draw == loop == 0}
-    first = first.in_form_of(paths[0], TIMES)
-    once = first.of_paths(paths, room.limits.u)
-    expected = first.expected(TIMES * once)
+    first = first.in_form_of(paths[0])
+    expected = first.expected(first.of_paths(paths, room.limits.u))
     found = answer.plan(motion, first, expected, said[0])
     counted = {e.name for e in targets.explanations} - set(kept.lost)
     return replace(

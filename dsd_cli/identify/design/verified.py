@@ -12,7 +12,7 @@ from dsd_cli.identify.design.closed_loop import SETTLE, Loop, Run, UnstableLoopE
 from dsd_cli.identify.design.inverse import Path, command_for
 from dsd_cli.identify.design.limits import Limits
 from dsd_cli.identify.design.motions import FADES, Part, Room
-from dsd_cli.identify.design.optimise import joined
+from dsd_cli.identify.design.optimise import TIMES, joined
 from dsd_cli.identify.design.targets import Targets
 from dsd_cli.identify.results import NONE
 from dsd_cli.plant.model import PlantModel
@@ -52,7 +52,8 @@ def verified(
     loops: Sequence[Loop],
     allowed: Limits,
 ) -> Verified:
-    """Parts shrink until no plant (`plants_of`) breaks a limit in them in any of the loops.
+    """Parts shrink until no plant (`plants_of`) breaks a limit in any of the loops, the motion made as often as it will
+    be: an axis that cogging has caught in another valley begins again from there.
 
     Where the explanations are doubtful, one that does so on any motion is not the axis that made the logs, and is not
     counted. Nor is a draw whose loop is not stable; that is said.
@@ -65,7 +66,7 @@ def verified(
     wide, lost, unstable = parts, list[str](), list[str]()
     last = dict[Key, dict[int, tuple[float, float]]]()
     for _ in range(_SHRINKS * len(targets.explanations)):
-        wanted, runs, why = _wanted(joined(parts, room), room, loops[0]), dict[Key, Run](), ""
+        wanted, runs, why = _wanted(joined(TIMES * parts, room), room, loops[0]), dict[Key, Run](), ""
         planned = wanted, command_for(targets.explanations[0].fitted, wanted)
         try:
             for key in order:
@@ -119,13 +120,15 @@ def _smaller(
     last : place of a part -> its scale when this plant last broke a limit in it, and the share that it reached there: a
     line through both says which scale keeps it. It begins at nothing reached by no motion.
     """
+    lengths = [round(part.samples(room.step) * room.step / run.path.step) for part in parts]
     smaller, start = [], 0
-    for i, part in enumerate(parts):
-        length = round(part.samples(room.step) * room.step / run.path.step)
-        broken = run.exceeded(allowed, slice(start, start + length + int(FADES[0] * length)))
+    for i, (part, length) in enumerate(zip(parts, lengths, strict=True)):
+        begins = [start + turn * sum(lengths) for turn in range(TIMES)]
+        broken = [run.exceeded(allowed, slice(at, at + length + int(FADES[0] * length))) for at in begins]
         start += length
-        if broken:
-            reached, (scale, before) = 1.0 + max(broken.values()), last.get(i, (0.0, 0.0))
+        if any(broken):
+            reached = 1.0 + max(by for one in broken for by in one.values())
+            scale, before = last.get(i, (0.0, 0.0))
             last[i] = part.scale, reached
             slope = (before - reached) / (scale - part.scale)
             wanted = part.scale + (_KEPT - reached) / slope if slope > 0.0 else 0.0
