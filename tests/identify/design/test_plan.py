@@ -230,6 +230,21 @@ def test_with_unknown_the_limits_hold_under_each_effect_that_unseen_blocks_speak
     assert run >= {"constant_load", "gravity"}
 
 
+def test_limits_hold_in_the_motion_as_often_as_it_is_made(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An axis that cogging caught in another valley begins its second turn from there: here it goes five times as far."""
+
+    def runs(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits: Limits) -> Run:
+        run = run_loop(plant, loop, planned, limits)
+        far = np.where(run.path.times < 3.2, 1.0, 5.0)
+        return replace(run, path=replace(run.path, position=limits.start + far * (run.path.position - limits.start)))
+
+    monkeypatch.setattr("dsd_cli.identify.design.verified.run_loop", runs)
+    plan = tied.plan(seconds=(6.0,))
+    assert plan.motion is not None
+    far = plan.limits.start + 5.0 * (plan.motion.position - plan.limits.start)
+    assert plan.limits.low < far.min() < far.max() < plan.limits.high
+
+
 def test_where_nothing_is_missing_the_motion_goes_on_to_what_the_log_never_visited() -> None:
     """Within 0.1 rad a cubic spring is 1e-3 of u. Limits as wide as the log leave nothing to find out."""
     asked = poor("cubic_stiffness", "small", 87113, "speed40k")
