@@ -39,14 +39,9 @@ class Sized:
     products: Products
 
 
-def optimised(
-    measure: Measure, room: Room, seconds: float, library: Sequence[Sized]
-) -> tuple[tuple[Part, ...], Products]:
-    """(the different parts of a motion of so many s, in order, and inner products of the whole).
-    library : parts for that length.
-    """
-    chosen = _refined(measure, room, _chosen(measure, library, seconds))
-    return tuple(one.part for one in chosen), TIMES * _all(measure, chosen)
+def optimised(measure: Measure, room: Room, seconds: float, library: Sequence[Sized]) -> tuple[Part, ...]:
+    """The different parts of a motion of so many s, in order. library : parts for that length."""
+    return tuple(one.part for one in _refined(measure, room, _chosen(measure, library, seconds)))
 
 
 def _all(measure: Measure, parts: Sequence[Sized]) -> Products:

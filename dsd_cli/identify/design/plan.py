@@ -136,9 +136,11 @@ def _enough(
     for i, seconds in enumerate(wanted.seconds):
         if i:  # parts are as long as the plan asks
             library = library_of(measure, room, seconds)
-        parts, products = optimised(measure, room, seconds, library)
+        parts = optimised(measure, room, seconds, library)
+        path = Path.of(joined(TIMES * parts, room), room.step)
+        own = measure.in_form_of(path)  # as it will be said, but for the loops
         found.append(parts)
-        cost.append((seconds, measure.smallest(products)))
+        cost.append((seconds, own.smallest(own.of_paths({0: path}, room.limits.u))))
         report("choosing the motion", 0.5 + 0.3 * (i + 1) / len(wanted.seconds))
     enough = next((i for i, (_, nats) in enumerate(cost) if nats >= ENOUGH), len(cost) - 1)
     return found[enough], tuple(cost)
