@@ -63,6 +63,7 @@ def targets_of(
     unknown = doubtful and not wanted
     pairs = made.asked_for(wanted) if wanted or diagnosis is None else made.left_open(diagnosis, unknown)
     names = list(dict.fromkeys(name for pair in pairs for name in pair))[: _MOST + _MOST * unknown]
+    pairs = [pair for pair in pairs if set(pair) <= set(names)]
     if doubtful and not unknown and diagnosis is not None:  # asked for by name: the plant may yet be another
         names += [name for pair in made.left_open(diagnosis, unknown=True) for name in pair]
     as_good = [] if unknown else made.as_good()
@@ -74,7 +75,7 @@ def targets_of(
     if unknown:  # none of them stands: the limits are kept under each, and the motion is for the whole catalogue
         first = held(search, explanations[0])
         return Targets((first, *explanations[1:]), (), (), unknown=True, doubtful=True)
-    places = tuple((names.index(a), names.index(b)) for a, b in pairs if a in names and b in names)
+    places = tuple((names.index(a), names.index(b)) for a, b in pairs)
     values = [n for n in wanted if n in flat(explanations[0].fitted)] if wanted else None
     doubt = math.nan if diagnosis is None else diagnosis.unexplained.probability
     found = values_of(search, explanations[0], values)
@@ -134,7 +135,7 @@ class _Explanations:
             rivals = ranking[member].indistinguishable_from if member in ranking else ()
             rivals = tuple(x for x in rivals if not (unknown and (find_effect(x) is None or _of_u(x))))
             pairs += [(whole, self.instead(member, rival)) for rival in rivals]
-        if not unknown and (len(self.found) == 1 or not self.found and diagnosis.verdict != NONE):
+        if not unknown and (len(self.found) == 1 or (not self.found and diagnosis.verdict != NONE)):
             member = self.found[0] if self.found else ""  # a value of the model is wrong, or an effect is there
             near = sorted((c for c in ranking.values() if c.effect not in self.found), key=lambda c: -c.probability)
             reach = [c.effect for c in near[:2] if c.probability > _WITHIN_REACH and self._may_be(c.effect)]
