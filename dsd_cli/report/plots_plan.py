@@ -61,7 +61,7 @@ def _draw_cost(axis: Any, plan: Plan) -> None:
     if plan.motion is not None:
         axis.axvline(plan.motion.seconds, color=SHARE, lw=0.9)
     axis.set_yscale("log")
-    axis.set_xlabel("length of the motion (s); dotted: enough; upright: as it is written")
+    axis.set_xlabel("length of the motion (s); dotted: enough for all that is open; upright: as it is written")
     axis.set_ylabel("least nats")
 
 
@@ -84,6 +84,6 @@ def _draw_bars(axis: Any, bars: list[tuple[str, float, float]]) -> None:
     axis.axvline(TOLD, color=LIMIT, lw=0.9, ls=":")
     axis.set_yticks(range(len(bars)), [name for name, *_ in bars])
     axis.invert_yaxis()
-    axis.set_xlabel("nats by which the true one leads; of a value (value / standard error)^2 / 2; dotted: enough")
+    axis.set_xlabel("nats by which the true one leads; of a value (value / standard error)^2 / 2; dotted: odds of 400 to 1")
     if bars:
         legend_above(axis, 2)
