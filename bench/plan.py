@@ -324,7 +324,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     else:
         name = "plans"
     rows: list[Row] = []
-    before = _kept_rows().get(name, []) if options.more else []
+    before: list[Row] = _kept_rows().get(name, []) if options.more else []
     for case, kind in cases(options.first):
         row = asked(case, kind)
         if row is not None:

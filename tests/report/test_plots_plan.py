@@ -1,14 +1,15 @@
 """What the pictures of a plan show: the motion with its limits, what is identified, what more seconds would bring."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from dsd_cli.identify.design.limits import Limits
 from dsd_cli.identify.design.results import Motion, Plan, PlannedPair, Stage
+from dsd_cli.report.figure import rendered
 from dsd_cli.report.page.plan_part import plan_charts, plan_part
 from dsd_cli.report.page.story import Part, Story
-from dsd_cli.report.figure import rendered
 from dsd_cli.report.plots_plan import draw
 from dsd_cli.signals.units import Units
 
@@ -57,7 +58,7 @@ def test_no_label_of_an_axis_reaches_into_that_of_the_next() -> None:
     figures = []
     rendered(lambda: figures.append(draw(replace(PLAN, cost=()))) or figures[0], ".png")
     boxes = [axis.yaxis.label.get_window_extent() for axis in figures[0].axes[:3]]
-    assert all(below.y1 + 4.0 < above.y0 for above, below in zip(boxes, boxes[1:], strict=False))
+    assert all(below.y1 + 4.0 < above.y0 for above, below in pairwise(boxes))
 
 
 def test_the_page_says_who_was_not_counted_and_why() -> None:

@@ -54,7 +54,8 @@ class LikeLogs:
         return equations_like((band, taps / np.sqrt(louder)), recording, self.delay, self.held, self.surely)
 
     def beside(self, search: Search, plant: PlantModel, path: Path, doubt: float) -> tuple[LikeLogs, Equations]:
-        """(the same in the form that the log of this motion of a plant will have; rows of the logs beside it): where the direction of friction is sure in many rows of both, those alone count in both.
+        """(the same in the form that the log of this motion of a plant will have; rows of the logs beside it): where
+        the direction of friction is sure in many rows of both, those alone count in both.
 
         doubt : probability that what the logs leave beyond the noise of the sensor is a force.
         """

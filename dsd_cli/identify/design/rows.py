@@ -212,7 +212,7 @@ def equations_like(
     """Rows of a planned motion in a band, at the samples of the logs, and with that whitening.
 
     held : there may be friction: rows in which the direction is not sure say nothing. Where few are sure, as of a
-        short part in a narrow band, those count in which it is known for a large enough share: as in the search.
+        short part in a narrow band, all count: as in the search.
     surely : whether the sure ones decide; None asks the motion alone.
     """
     (band, taps), step = form, recording.sample_time
@@ -223,7 +223,7 @@ def equations_like(
     if not held or not found.stretches:
         return found
     sure = many_sure(found) if surely is None else sure_of(found) if surely else None
-    return replace(found, row_weight=(found.kept if sure is None else sure).astype(np.float64))
+    return found if sure is None else replace(found, row_weight=sure.astype(np.float64))
 
 
 def sure_of(equations: Equations) -> NDArray[np.bool_]:

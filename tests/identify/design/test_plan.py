@@ -193,7 +193,7 @@ def test_forces_that_cancel_out_where_a_poor_log_has_been_are_not_planned_for(
 @pytest.mark.parametrize(
     ("what", "kind", "seed", "sensing", "said", "share"),
     [
-        # small: a drag that is 0.001 of u 0.03 there is friction over the speed as well, and 18 times too large beyond
+        # small: a drag of 0.001 where u is 0.03 is friction over the speed as well, and 18 times too large beyond
         ("viscous_friction", "small", 110015, "speed40k", "quadratic_drag", 1.0),
         # one way, where a load is dry friction: the model's own would be three times as large
         ("constant_load", "one way", 110031, "speed40k", "coulomb_friction", 0.5),
@@ -216,7 +216,7 @@ def test_limits_hold_with_what_explains_the_poor_log_as_well(
 def test_with_unknown_the_limits_hold_under_each_effect_that_unseen_blocks_speak_for(
     tied: Asked, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """No effect was found at all; the load and the weight that explain u where nobody fitted are plants all the same."""
+    """No effect was found; the load and the weight that explain u where nobody fitted are plants all the same."""
     plants: list[PlantModel] = []
 
     def runs(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits: Limits) -> Run:
@@ -231,7 +231,7 @@ def test_with_unknown_the_limits_hold_under_each_effect_that_unseen_blocks_speak
 
 
 def test_limits_hold_in_the_motion_as_often_as_it_is_made(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An axis that cogging caught in another valley begins its second turn from there: here it goes five times as far."""
+    """An axis that cogging caught in another valley begins its second turn there: here five times as far."""
 
     def runs(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits: Limits) -> Run:
         run = run_loop(plant, loop, planned, limits)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dsd_cli.identify.design.rows import left
+from dsd_cli.identify.design.rows import equations_like, left, sure_of
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.row_weights import uncertain
 from dsd_cli.identify.verdict.diagnose import Settings
@@ -37,3 +37,12 @@ def test_where_the_axis_rests_no_direction_of_friction_is_in_doubt() -> None:
     assert np.all(turning <= resting + 1e-9)
     assert rests > 0.05
     assert np.mean(resting) - np.mean(turning) == pytest.approx(rests, rel=0.3)
+
+
+def test_where_few_rows_are_sure_of_friction_all_count_as_in_the_search() -> None:
+    log = recorded({"coulomb_friction": {"level": 0.1}}, reference=MOVES, duration=6.0)
+    known = pose([log], BELIEVED, Settings()).equations
+    form, all_rows = (known.band, known.whitening[0]), float(sum(known.lengths))
+    few, many = (equations_like(form, log, BELIEVED.delay, held=True, surely=sure) for sure in (False, True))
+    assert few.counted == pytest.approx(all_rows, rel=0.02)
+    assert many.counted == sure_of(few).sum() < 0.8 * all_rows
