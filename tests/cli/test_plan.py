@@ -64,6 +64,15 @@ def test_the_motion_has_the_columns_of_the_contract(folder: Path, planned: dict)
     assert -1.5 < planned["reached"]["position_low"] < planned["reached"]["position_high"] < 1.5
 
 
+def test_a_length_is_judged_by_what_is_said_of_it(planned: dict) -> None:
+    """But for the loops, in which no part has to be much smaller here."""
+    lost = {one["what"] for one in planned["impossible"]}
+    values = [v for v in planned["values"] if v["name"] not in lost]
+    said = [0.5 * (v["value"] / v["std_error_expected"]) ** 2 for v in values]
+    said += [pair["nats_expected"] for pair in planned["pairs"]]
+    assert planned["cost"][0]["nats"] == pytest.approx(min(said), rel=0.5)
+
+
 def test_other_files_hold_the_same_numbers(folder: Path, planned: dict) -> None:
     wanted = columns(folder / "next.csv")
     yaml, c, st = (motion_text(read_motion(wanted), suffix, "arm") for suffix in (".yaml", ".h", ".st"))
