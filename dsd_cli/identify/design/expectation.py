@@ -125,8 +125,8 @@ class Expectation:
         """Of the logs and a motion with these inner products: truth and rival have one choice of values for both."""
         nats, of_use, u_of_logs, inverse = {}, {}, self._u_of_logs, self._inverse_with(planned)
         for pair, some in self._leads(planned.grams, inverse).items():
-            squares = self._left_by(pair, inverse)
-            nats[pair] = float(np.mean([self._in_nats(squares, planned.rows, *one) for one in some]))
+            loss, squares = self._left_by(pair, inverse)
+            nats[pair] = float(np.mean([self._in_nats(loss, planned.rows, *one) for one in some]))
             of_use[pair] = min(self._of_use(squares[1] - squares[0] + lead, u_of_logs + u) for lead, u in some)
         return Expected(nats, of_use, self._errors(planned))
 
@@ -150,11 +150,11 @@ class Expectation:
         return {(truth, rival): left[rival] - left[truth] for truth, rival in sorted(pairs)}
 
     def _left_by(self, pair: tuple[int, int], inverse: bool) -> Array:
-        """What truth and rival leave in all rows of the logs in a form, in squares, shape (2,): blocks of a poor log
-        that no fit saw are no extrapolation any more beside the motion."""
+        """What truth and rival leave in the logs in a form, held out and in all, in squares; shape (2, 2)."""
         if inverse == self.inverse and self.rows_of_logs is self.known:
-            return np.array([self.targets.explanations[i].fit.squares for i in pair])
-        return np.array([self._left_now[inverse][self._own[i, 0]] for i in pair])
+            fits = [self.targets.explanations[i].fit for i in pair]
+            return np.array([[fit.loss for fit in fits], [fit.squares for fit in fits]])
+        return np.array(2 * [[self._left_now[inverse][self._own[i, 0]] for i in pair]])
 
     @property
     def _u_of_logs(self) -> float:
@@ -189,13 +189,13 @@ class Expectation:
         """Sums of squares in the logs, shape (cases,), by whether the inverse form is evidence."""
         return {inverse: self._squares(self.of_logs.grams[:-1], inverse) for inverse in (False, True)}
 
-    def _in_nats(self, squares: Array, rows: float, lead: float, u: float) -> float:
-        """Nats of logs and motion together, as the search counts them: of both (truth and rival, which leave `squares`
-        in the logs) the motion adds the noise of its rows and, for its u (`u`, in squares), what the truth leaves in
-        the logs beyond the noise; of the rival a lead."""
+    def _in_nats(self, loss: Sequence[float], rows: float, lead: float, u: float) -> float:
+        """Nats of logs and motion together, as the search counts them: of both (truth and rival, which leave `loss` in
+        the logs) the motion adds the noise of its rows and, for its u (`u`, in squares), what the truth leaves in the
+        logs beyond the noise; of the rival a lead."""
         noise = self.search.noise.variance
-        misfit = self.targets.doubt * max(squares[0] - self.of_logs.rows * noise, 0.0) / max(self._u_of_logs, 1e-300)
-        truth, rival = (x + rows * noise + misfit * u for x in squares)
+        misfit = self.targets.doubt * max(loss[0] - self.of_logs.rows * noise, 0.0) / max(self._u_of_logs, 1e-300)
+        truth, rival = (x + rows * noise + misfit * u for x in loss)
         more = rows + self.of_logs.rows - self.known.counted
         return self.search.nats(rival + lead, more) - self.search.nats(truth, more)
 

@@ -80,7 +80,7 @@ class Measure(Expectation):
     def ruled_out(self) -> frozenset[str]:
         """Directions "a, not b" with b so far ahead of a by the logs, and by so much force, that a is not the truth: no
         motion is for them."""
-        behind = {p: float(-np.diff(self._left_by(p, self.inverse))[0]) for p in self.now}
+        behind = {p: float(-np.diff(self._left_by(p, self.inverse)[1])[0]) for p in self.now}
         of_use = {p: self._of_use(squares, self._u_of_logs) for p, squares in behind.items()}
         return frozenset(self._name(*p) for p, nats in self.now.items() if nats < -ENOUGH and of_use[p] > 1.0)
 
