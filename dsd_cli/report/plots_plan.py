@@ -84,6 +84,8 @@ def _draw_bars(axis: Any, bars: list[tuple[str, float, float]]) -> None:
     axis.axvline(TOLD, color=LIMIT, lw=0.9, ls=":")
     axis.set_yticks(range(len(bars)), [name for name, *_ in bars])
     axis.invert_yaxis()
-    axis.set_xlabel("nats by which the true one leads; of a value (value / standard error)^2 / 2; dotted: odds of 400 to 1")
+    axis.set_xlabel(
+        "nats by which the true one leads; of a value (value / standard error)^2 / 2; dotted: odds of 400 to 1"
+    )
     if bars:
         legend_above(axis, 2)

@@ -146,15 +146,11 @@ def columns_of(family: Family, balance: Balance, finer: int = 1) -> Columns | No
 
 
 def comes_by_again(knots: Sequence[Sequence[float]], channels: Sequence[Array]) -> float:
-    """Share of the samples in cells between knots, from which the path went further than the next cells and back.
-
-    On a path that never meets itself any force over time is a function of the two channels, and of one cell beside
-    the path it says nothing.
-    """
-    cells = [np.clip(np.searchsorted(k, x, "right") - 1, 0, len(k) - 2) for k, x in zip(knots, channels, strict=True)]
-    path = np.stack(cells)
-    visits = np.zeros([len(k) - 1 for k in knots], dtype=int)
-    inside = np.zeros(visits.shape, dtype=bool)
+    """Share of the samples in cells between knots, from which the path went further than the next cells and back: on
+    one that never meets itself any force over time is a function of both, and says nothing of a cell beside it."""
+    pairs = zip(knots, channels, strict=True)
+    path = np.stack([np.clip(np.searchsorted(k, x, "right") - 1, 0, len(k) - 2) for k, x in pairs])
+    visits, inside = (np.zeros([len(k) - 1 for k in knots], dtype=kind) for kind in (int, bool))
     for a, b in path[:, np.flatnonzero(np.any(np.diff(path, prepend=-1), axis=0))].T.tolist():
         near = np.zeros_like(inside)
         near[max(a - 1, 0) : a + 2, max(b - 1, 0) : b + 2] = True

@@ -114,9 +114,8 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     values, damping = modes.values(at, variance_of(swinging))
     frequency, spread = values["frequency"]
     swings = float(over_rigid.sum()) > POLICY.response_nats and frequency > POLICY.value_deviations * spread
-    play = None
-    if PLAY in asked and (doubtful or swings):
-        play = _play(search, look, (rigid, modes.columns(at)))
+    sought = PLAY in asked and (doubtful or swings)
+    play = _play(search, look, (rigid, modes.columns(at))) if sought else None
     if play is not None and play.certain:
         return Response(play.seen(highest))
     rattles = play is not None and play.rattles

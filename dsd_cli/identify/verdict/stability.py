@@ -85,14 +85,10 @@ def _still(search: Search, whole: PlantModel) -> Fit:
 
 def _half(recordings: Sequence[Recording], which: int) -> list[Recording]:
     """Of every piece the first or the second half."""
-    halves = []
-    for recording in recordings:
-        pieces = tuple(_part(piece, which) for piece in recording.pieces)
-        halves.append(replace(recording, pieces=pieces))
-    return halves
 
+    def part(piece: Log) -> Log:
+        middle = len(piece) // 2
+        kept = slice(None, middle) if which == 0 else slice(middle, None)
+        return replace(piece, channels={name: x[kept] for name, x in piece.channels.items()})
 
-def _part(piece: Log, which: int) -> Log:
-    middle = len(piece) // 2
-    kept = slice(None, middle) if which == 0 else slice(middle, None)
-    return replace(piece, channels={name: x[kept] for name, x in piece.channels.items()})
+    return [replace(one, pieces=tuple(map(part, one.pieces))) for one in recordings]
