@@ -57,8 +57,7 @@ def init(
     from dsd_cli.errors import DataError, UsageError
     from dsd_cli.files.template import template_text
 
-    given = {"u": u, "position": position, "velocity": velocity, "time": time}
-    named = {role: column for role, column in given.items() if column}
+    named = {role: column for role, column in zip(_NAMED, (u, position, velocity, time), strict=True) if column}
     if log is not None and template is not None:
         raise UsageError("a template is no config for a log", "give a log or --template")
     if log is None:
@@ -80,6 +79,10 @@ def init(
         raise DataError(f"{source_name(log)}: {proposed.question}{where}", f"say it: {proposed.command}")
 
 
+#: Columns that the command line names.
+_NAMED = ("u", "position", "velocity", "time")
+
+
 def _asked(named: dict[str, str], override: list[str], quiet: bool) -> Asked:
     """What the command line says; on a terminal the rest can be asked for."""
     import sys
@@ -95,6 +98,8 @@ def _asked(named: dict[str, str], override: list[str], quiet: bool) -> Asked:
         raise UsageError("--set of init takes SECTION.KEY=VALUE", "write deeper keys into the config itself")
     csv = parse_config("").override([text for text in override if text.startswith("csv.")]).csv
     person = not quiet and sys.stdin.isatty() and sys.stderr.isatty()
+    columns = {role: values[("signals", role)] for role in _NAMED if isinstance(values.get(("signals", role)), str)}
+    named = {role: column for role, column in columns.items() if column} | named
     return Asked(named, values, csv.layout, _question if person else None)
 
 

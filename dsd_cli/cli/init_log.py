@@ -145,6 +145,8 @@ def _name_columns(chosen: Chosen, out: Proposal) -> None:
         doubt = f"; {guess.doubt}" if guess is not None and guess.doubt else ""
         out.put("signals", channel, one.column, f"{why}{unit}{doubt}{others}")
         name_unit(channel, one, out)
+        if channel == "time" and one.time_unit:
+            out.put("signals", "time_unit", one.time_unit)
 
 
 def _read(

@@ -26,7 +26,7 @@ from dsd_cli.files.recognise import (
     recognise,
     unit_in,
 )
-from dsd_cli.files.sample import Sample, Table
+from dsd_cli.files.sample import Channel, Sample, Table
 from dsd_cli.files.words import TIME_UNITS
 from dsd_cli.identify.roles import Guess, Roles, facts_of, guess_roles
 from dsd_cli.signals.clock import TIME_SCALE
@@ -86,22 +86,31 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
             found = union.found if union.clock else {**union.found, **clock_of(tables, union.found)}
             return Chosen(found, {}, union.clock, None, tuple(said))
         deeds = _by_deeds(sorted(looks, key=lambda item: -_worth(*item))[:TABLES], given)
-        return (
-            deeds
-            if not deeds.missing or deeds.candidates
-            else replace(deeds, candidates=forces_in(tables, deeds.found))
-        )
+        listed = not deeds.missing or deeds.candidates
+        return deeds if listed else replace(deeds, candidates=forces_in(tables, deeds.found))
     best, said = _joint(path, sample, best) if not given else (best, [])
     table = replace(table, channels=tuple(one for one in table.channels if one.name in best.columns))
     return _completed(best, table, given, tuple(said))
 
 
+#: Share of itself that a supply's voltage keeps, which never changes its sign.
+_SAGS = 0.75
+
+
 def usable(table: Table, given: Collection[str] = ()) -> Table:
-    """Without what never changes, is yes or no, or no number, and orientations in space that nobody asks for."""
-    none = ("empty", "text", "constant", "boolean")
+    """Without what never changes, is yes or no, or no number, supplies, and orientations in space, but for what is
+    asked for: a step or a relay has two levels as well."""
     turned = quaternions([one.name for one in table.channels]) - set(given)
-    kept = [one for one in table.channels if facts_of(one).kind not in none and one.name not in turned]
-    return replace(table, channels=tuple(kept))
+
+    def kept(one: Channel) -> bool:
+        facts = facts_of(one)
+        levels = facts.kind == "boolean" and not one.boolean and (facts.low, facts.high) != (0.0, 1.0)
+        asked = one.name in given or (levels and "u" in recognise([one.name], {one.name: one.unit}))
+        idle = ("empty", "text") if asked else ("empty", "text", "constant", "boolean")
+        supply = not asked and is_voltage(one.name, one.unit) and facts.low > _SAGS * facts.high
+        return facts.kind not in idle and one.name not in turned and not supply
+
+    return replace(table, channels=tuple(filter(kept, table.channels)))
 
 
 def _joint(path: str, sample: Sample, look: FirstLook) -> tuple[FirstLook, list[str]]:

@@ -46,7 +46,7 @@ SPOKEN_TIME = re.compile(
     r"\s*(?:([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s?(s|sec|ms|msec|us|min|hr)"
     r"|(?:(\d{1,2}\.\d{1,2}\.\d{4})[ T]|(\d{1,2}/\d{1,2}/\d{4}) |(\d{4}/\d{1,2}/\d{1,2}) "
     r"|(\d{1,2}-[A-Za-z]{3}-\d{4}) )?"
-    r"(?:(\d+) days? )?(\d{1,3}):(\d\d):(\d\d(?:[.,]\d+)?) ?([AaPp][Mm])?)\s*"
+    r"(?:(\d+) days? )?(\d{1,3}):(\d\d):(\d\d(?:[.,;]\d+)?) ?([AaPp][Mm])?)\s*"
 )
 
 
@@ -231,7 +231,7 @@ def seconds(text: str) -> float:
         year, month, of_month = parts
         day = datetime(year, month, of_month, tzinfo=UTC).timestamp()
     hour = int(hours) % 12 + 12 * (half.lower() == "pm") if half else int(hours)
-    return day + 3600.0 * hour + 60.0 * int(minutes) + plain_number(rest)
+    return day + 3600.0 * hour + 60.0 * int(minutes) + plain_number(rest.replace(";", "."))
 
 
 def has_zone(text: str) -> bool:

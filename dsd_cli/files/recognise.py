@@ -134,7 +134,9 @@ def is_current(name: str, unit: str) -> bool:
 
 def is_voltage(name: str, unit: str) -> bool:
     """Whether name or unit say that it is a voltage."""
-    return plain_unit(unit) in {"v", "mv", "volt", "volts"} or _has(name, {"voltage", "volts", "volt", "spannung"})
+    return plain_unit(unit) in {"v", "mv", "volt", "volts"} or _has(
+        name, {"voltage", "volts", "volt", "spannung", "voltaje"}
+    )
 
 
 def _has(name: str, words: Collection[str]) -> bool:

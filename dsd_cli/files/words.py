@@ -14,7 +14,7 @@ WORDS: Mapping[str, tuple[str, ...]] = {
     "u": (
         "u", "iq", "torque", "trq", "effort", "current", "force", "voltage", "moment", "strom", "drehmoment", "kraft",
         "tau", "control", "input", "thrust", "volts", "duty", "pwm", "couple", "courant", "coppia", "corrente",
-        "corriente", "トルク", "電流", "推力", "转矩", "扭矩", "电流",
+        "corriente", "voltaje", "トルク", "電流", "推力", "转矩", "扭矩", "电流",
     ),
     "velocity": (
         "velocity", "vel", "speed", "v", "omega", "w", "rpm", "qd", "dq", "dtheta", "thetadot", "drehzahl",

@@ -478,3 +478,43 @@ def test_lines_of_a_logger_keep_the_fractions_of_their_stamps(stamp: str, tmp_pa
     strangers.text(tmp_path, "controller.log", lines)
     said = done("init", "controller.log", cwd=tmp_path).stderr
     assert f"sample time {strangers.STEP:g} s" in said
+
+
+def step_response(folder: Path, levels: tuple[float, float], name: str) -> Path:
+    """An open-loop step: a control input of two levels."""
+    t = 0.01 * np.arange(300)
+    u = np.where(t < 0.5, *levels)
+    v = 20.0 * np.where(t < 0.5, 0.0, 1.0 - np.exp(-(t - 0.5) / 0.2))
+    rows = "\n".join(f"{a:.2f},{b:g},{c:.4f}" for a, b, c in zip(t, u, v, strict=True))
+    (folder / "step.csv").write_text(f"Tiempo (s),{name},Velocidad (rad/s)\n{rows}\n", encoding="utf-8")
+    return folder / "step.csv"
+
+
+@pytest.mark.parametrize("option", [("--u", "Mando"), ("--u", "2"), ("--set", "signals.u=Mando")])
+def test_a_control_input_of_two_levels_is_taken_as_you_say(option: tuple[str, str], tmp_path: Path) -> None:
+    """It was asked for, by the very command that had named it."""
+    done("init", step_response(tmp_path, (0.0, 1.0), "Mando"), *option, "-o", "new.toml", cwd=tmp_path)
+    assert load_config(tmp_path / "new.toml").signals.u == "Mando"
+
+
+def test_two_levels_that_are_no_yes_or_no_are_a_step_by_their_name(tmp_path: Path) -> None:
+    done("init", step_response(tmp_path, (0.0, 5.0), "Voltaje (V)"), "-o", "new.toml", cwd=tmp_path)
+    assert load_config(tmp_path / "new.toml").signals.u == "Voltaje (V)"
+
+
+def test_the_voltage_of_a_supply_is_no_control_input(tmp_path: Path) -> None:
+    """A servo's `input_volts` of 11.4 to 12.8 V: nothing in the file moves the axis, and that is asked."""
+    t = 0.01 * np.arange(300)
+    rows = "\n".join(f"{a:.2f},{12.1 + 0.7 * math.sin(9.0 * a):.2f},{math.sin(3.0 * a):.4f}" for a in t)
+    (tmp_path / "servo.csv").write_text(f"t,input_volts,position\n{rows}\n", encoding="utf-8")
+    result = dsd("init", tmp_path / "servo.csv", cwd=tmp_path)
+    assert result.returncode == 1
+    assert "which column is the control input" in result.stderr
+
+
+def test_the_unit_of_the_time_is_in_a_config_that_lacks_something_else(tmp_path: Path) -> None:
+    t = np.arange(300)
+    rows = "\n".join(f"{a},{math.sin(0.03 * a):.4f},{a % 2}" for a in t)
+    (tmp_path / "ms.csv").write_text(f"Timestamp(ms),speed (rpm),flag\n{rows}\n", encoding="utf-8")
+    assert dsd("init", tmp_path / "ms.csv", "-o", "new.toml", cwd=tmp_path).returncode == 1
+    assert 'time_unit = "ms"' in (tmp_path / "new.toml").read_text(encoding="utf-8")

@@ -197,6 +197,9 @@ class TestOverride:
         assert config.to_toml() == before
         assert config.model.inertia == 1.0
 
+    def test_the_name_of_a_column_needs_no_quotes(self) -> None:
+        assert load_template("lab").override(["signals.u=Voltaje (V)"]).signals.u == "Voltaje (V)"
+
     @pytest.mark.parametrize(
         ("value", "line"),
         [

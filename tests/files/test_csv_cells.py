@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError
-from dsd_cli.files.csv_cells import is_number, number, stamps_in, written
+from dsd_cli.files.csv_cells import is_number, number, seconds, stamps_in, written
 from dsd_cli.files.csv_in import CsvTable
 
 VALUES = np.random.default_rng(5).uniform(-5e6, 5e6, 300).round(2).tolist()
@@ -120,3 +120,8 @@ def test_a_cell_in_another_unit_near_the_first_is_found(tmp_path: Path) -> None:
         DataError, match='line 3, column "u": "0,0125 kNm" is not written as the rows before, as 1234,5 Nm'
     ):
         list(read.batches())
+
+
+def test_milliseconds_behind_a_semicolon_are_those_of_a_trend():
+    """7:02:11;412 PM, as the trends of a maker of controllers have it."""
+    assert seconds("7:02:11;412 PM") == pytest.approx(19 * 3600 + 2 * 60 + 11.412, abs=1e-9)

@@ -12,6 +12,8 @@ from dsd_cli.errors import UsageError
 
 #: Levels of a key that are looked at.
 DEEPEST = 20
+#: Keys of [signals] that name a column.
+COLUMNS = ("time", "u", "d_hat", "velocity", "position", "reference")
 
 
 def with_values(written: Mapping[str, Any], texts: Iterable[str]) -> dict[str, Any]:
@@ -29,7 +31,8 @@ def with_values(written: Mapping[str, Any], texts: Iterable[str]) -> dict[str, A
             raise UsageError(f"--set {text}", "write KEY=VALUE, such as model.inertia=0.7")
         if len(parts) > DEEPEST:
             raise UsageError(f"--set {parts[0]}...", f"a key of {len(parts)} levels; a config has at most five")
-        _put(tables, parts, _value(value, f"--set {text}"), f"--set {text}")
+        column = parts[0] == "signals" and parts[1:] in ([name] for name in COLUMNS)
+        _put(tables, parts, _value(value, f"--set {text}", column), f"--set {text}")
     return tables
 
 
@@ -73,8 +76,9 @@ def _put(tables: dict[str, Any], parts: list[str], value: Any, option: str) -> N
             here = here.setdefault(index, {}) if isinstance(here, dict) else here[index]
 
 
-def _value(text: str, option: str) -> Any:
-    """A TOML value; a bare word, which TOML would want quoted, is a text, and so is nothing at all."""
+def _value(text: str, option: str, column: bool = False) -> Any:
+    """A TOML value; a bare word, which TOML would want quoted, is a text, and so is nothing at all; of a `column` any
+    words are, as "Voltaje (V)"."""
     text = text.strip() or '""'
     try:
         parsed = tomllib.loads(f"value = {text}")
@@ -83,6 +87,6 @@ def _value(text: str, option: str) -> Any:
     except RecursionError:
         raise UsageError(option.partition("=")[0], "its value is nested too deeply") from None
     except tomllib.TOMLDecodeError:
-        if re.fullmatch(r"[A-Za-z_][\w./-]*", text):
+        if re.fullmatch(r"[A-Za-z_][\w./-]*", text) or (column and re.fullmatch(r"\w.*[^\"']", text)):
             return text
     raise UsageError(option, f"'{text}' is not a TOML value such as 0.7, true, \"text\" or [0.2, 0.3]")
