@@ -59,3 +59,14 @@ def test_a_step_is_found_where_it_is_and_a_motion_is_none(at, size, counts, spee
         q[at:] += step
         found = continuous(q)
         assert found.jumps == (at,) or found.wraps == 1
+
+
+@pytest.mark.parametrize("turns", [1, 2, 4, 1024])
+def test_a_counter_of_several_turns_goes_on_where_it_wraps(turns):
+    """A jump is a turn less what the axis moved meanwhile: two turns of a fast axis were 0.006 rad too short."""
+    t = 0.00025 * np.arange(40_000)
+    size = 2.0 * np.pi * turns
+    q = 24.0 * size * np.sin(0.5 * t) / 12.0 + 2e-5 * np.sin(40.0 * t)
+    found = continuous(np.mod(q, size))
+    assert found.wraps > 3
+    assert np.ptp(found.position - q) < 1e-6 * size

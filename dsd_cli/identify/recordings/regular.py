@@ -77,7 +77,7 @@ def _jumps(q: Array) -> list[int]:
 
 
 def unwrapped(q: Array) -> tuple[Array, int, float]:
-    """(position without its jumps of one turn, how many there were, their size)."""
+    """(position without its jumps of a turn or several, how many there were, their size)."""
     steps = np.diff(q)
     if steps.size == 0:
         return q, 0, 0.0
@@ -85,7 +85,9 @@ def unwrapped(q: Array) -> tuple[Array, int, float]:
     jumps = np.flatnonzero((np.abs(steps) > WRAP_SHARE * span) & (np.abs(steps) > WRAP_STEPS * usual))
     if jumps.size == 0 or jumps.size > WRAPS_MOST * q.size:
         return q, 0, 0.0
-    sizes = np.abs(steps[jumps])
+    others, at = np.delete(steps, jumps), jumps - np.arange(jumps.size)  # a jump is a turn less what the axis moved
+    moved = 0.5 * (others[np.maximum(at - 1, 0)] + others[np.minimum(at, others.size - 1)])
+    sizes = np.abs(steps[jumps] - moved)
     turn = _whole_turn(float(np.median(sizes)), usual)
     if np.max(np.abs(sizes - turn)) > STEPS_BESIDE * usual + _PRINTED * turn:
         return q, 0, 0.0
