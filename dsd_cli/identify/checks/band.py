@@ -35,8 +35,6 @@ _NOISE_ABOVE = 0.04
 class Band:
     """What one sensor shows of the acceleration.
 
-    Attributes
-    ----------
     source : the channel that is differentiated.
     cutoff : Hz, end of the band.
     noise : standard deviation of the channel's noise, taken as white; its unit.

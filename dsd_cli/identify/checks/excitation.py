@@ -14,6 +14,8 @@ from dsd_cli.signals.runs import runs
 
 #: Rest is a speed below this share of its rms while moving, or this many standard deviations of its noise.
 REST, DEVIATIONS = 0.03, 3.0
+#: Share of a log that may lie at either end of a low-pass.
+_SAID_OF = 0.05
 #: A move of less than this share of the whole travel is none.
 SMALL = 0.005
 #: Moving less than this share of the time is worth a word, u at its largest value for more than that too.
@@ -47,11 +49,11 @@ def excitation(stretches: Sequence[Stretch], band: Band | None, cutoff: float) -
 
 
 def _speed(s: Stretch, cutoff: float) -> Array | None:
+    """Low-passed; as it is where the low-pass has no say of a good part of a short log."""
     keep = LowPass(s.T, cutoff)
     raw = s.velocity if s.velocity is not None else None if s.position is None else np.gradient(s.position, s.T)
-    if raw is None or s.t.size <= 2 * keep.half + 2:
-        return None
-    return keep(raw)[keep.half : -keep.half]
+    short = keep.half > _SAID_OF * s.t.size
+    return raw if raw is None or short else keep(raw)[keep.half : -keep.half]
 
 
 def _rms_moving(v: Array) -> float:

@@ -26,8 +26,6 @@ _AHEAD = 0.25
 class Scanned:
     """The best fit u(t - shift) = J a + motion with J of one sign.
 
-    Attributes
-    ----------
     inertia, inertia_error : J and its standard error, errors that are correlated within a sixteenth of the log counted.
     shift, shift_error : s, by which u is ahead of the motion; a held u acts half a sample less.
     explained : share of what the rest of the motion leaves of u that J a explains, 0 to 1.

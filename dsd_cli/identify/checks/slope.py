@@ -27,8 +27,6 @@ FARTHEST = 0.06
 class Slope:
     """velocity(t) = factor x slope of position(t - late).
 
-    Attributes
-    ----------
     factor, factor_error, late (s), late_error : with standard errors, correlated errors counted.
     agreement : share of the velocity that this explains, 0 to 1.
     """

@@ -23,8 +23,6 @@ HIGHEST = 40.0
 class View:
     """A log in stretches, the band of its acceleration, and the force balance in it.
 
-    Attributes
-    ----------
     band : None if no channel shows an acceleration.
     cutoff : Hz, of `rows`, and of every comparison of channels.
     cycle : s after which speed or u of the longest stretch repeats itself, be it with the other sign; infinite where

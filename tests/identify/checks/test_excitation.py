@@ -126,3 +126,12 @@ def test_a_u_that_is_later_than_its_motion_is_said():
     expected = late - 1e3 * servo().truth.delay
     assert float(one.what.split()[2]) == pytest.approx(expected, abs=1.5)  # ms
     assert check_log(Log(shifted, T)).errors == ()  # u too early is a delay
+
+
+def test_of_a_short_log_all_of_the_motion_is_told():
+    """A servo's 71 rows: the low-pass had no say of most of them, and what it left moved one way by a twentieth."""
+    t = 0.021 * np.arange(71)
+    log = Log({"t": t, "u": np.sin(4.0 * t), "position": 0.8 - 0.8 * np.cos(4.0 * t)}, 0.021, "short")
+    found = check_log(log).excitation
+    assert found.travel == pytest.approx(1.6, rel=0.05)
+    assert min(found.forward, found.backward) > 0
