@@ -70,14 +70,23 @@ TURNS = np.linspace(0.0, 4.0 * np.pi, 4000)
     [
         ((np.cos(TURNS), np.sin(TURNS)), 1.0),  # two turns of a circle
         ((np.cos(0.4 * TURNS), np.sin(0.4 * TURNS)), 0.0),  # most of one
-        ((0.08 * TURNS * np.cos(TURNS), 0.08 * TURNS * np.sin(TURNS)), 0.35),  # outwards: it meets itself near 0 alone
+        ((np.cos(0.75 * TURNS), np.sin(0.75 * TURNS)), 0.7),  # one and a half
+        ((np.cos(0.6 * TURNS), np.sin(0.6 * TURNS)), 0.38),  # one and a fifth
+        ((0.08 * TURNS * np.cos(TURNS), 0.08 * TURNS * np.sin(TURNS)), 0.0),  # outwards, a knot or more a turn
         ((np.linspace(-1.0, 1.0, 4000), 0.02 * np.sin(20.0 * TURNS)), 0.0),  # a line that wavers over a knot
     ],
 )
 def test_a_path_comes_by_again_only_from_elsewhere(path, share):
     """A surface over two channels is known where their path meets itself, and not because noise crosses a knot."""
     found = comes_by_again((KNOTS, KNOTS), path)
-    assert found == pytest.approx(share, abs=0.35 * (0.0 < share < 1.0))
+    assert found == pytest.approx(share, abs=0.05 * (0.0 < share < 1.0))
+
+
+def test_a_place_that_is_passed_once_is_a_moment():
+    """Of a force over the position that a log passes once nobody can say that it is none over time."""
+    way = np.linspace(-1.0, 1.0, 4000)
+    assert comes_by_again((KNOTS,), (way,)) == 0.0
+    assert comes_by_again((KNOTS,), (np.sin(3.0 * np.pi * way),)) == 1.0
 
 
 @pytest.mark.parametrize("strength", [(2.0, 1.0), (-40.0, 12.0)])

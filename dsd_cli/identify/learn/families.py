@@ -33,7 +33,7 @@ LAGS, TIMES_IN_LOG = 7, 10
 _APART = 0.012
 #: Knots from which on a curve is smooth between them.
 _FEWEST = 4
-#: Share of a log on ground where the path of two channels came by before: a law over both is a surface.
+#: Share of a log at places where the axis is more than once: at the others a law over them is one over time.
 _AGAIN = 0.5
 #: Strength with which the size of a coefficient is held, beside that of its bends.
 _SIZE = 1e-4
@@ -45,8 +45,6 @@ DIRECTION, ACCELERATION, MEMORY, TIME = "direction", "acceleration", "memory", "
 class Family:
     """One kind of law.
 
-    Attributes
-    ----------
     name : in words. on : the channels it depends on, "direction", "acceleration" and "memory" among them.
     effect : the general effect that has it. over : channels of the table. factor : see `Table`; of lags what lags.
     rank : the smaller, the simpler.
@@ -121,8 +119,8 @@ class Columns:
 
 
 def columns_of(family: Family, balance: Balance, finer: int = 1) -> Columns | None:
-    """None where the log lacks a channel, or it does not vary, or where two channels are a path that never meets
-    itself; `finer` times as many knots over one channel."""
+    """None where the log lacks a channel, or it does not vary, or where the axis does not come by places again;
+    `finer` times as many knots over one channel."""
     if family.effect in (HYSTERESIS, LAGGED):
         return _stops(family, balance, finer) if family.effect is HYSTERESIS else lags_of(family, balance)
     channels = [samples_of(name, balance) for name in family.over]
@@ -131,7 +129,7 @@ def columns_of(family: Family, balance: Balance, finer: int = 1) -> Columns | No
     if family.effect is INERTIA_CURVE and not len(samples_of("position", balance)):
         return None
     knots = tuple(_knots(name, x, family, balance, finer) for name, x in zip(family.over, channels, strict=True))
-    if len(knots) > 1 and comes_by_again(knots, channels) < _AGAIN:
+    if "position" in family.over and comes_by_again(knots, channels) < _AGAIN:
         return None
     inner, matrix = _smooth(knots)
     empty = np.zeros([len(k) for k in inner]).tolist()
@@ -151,12 +149,12 @@ def comes_by_again(knots: Sequence[Sequence[float]], channels: Sequence[Array]) 
     pairs = zip(knots, channels, strict=True)
     path = np.stack([np.clip(np.searchsorted(k, x, "right") - 1, 0, len(k) - 2) for k, x in pairs])
     visits, inside = (np.zeros([len(k) - 1 for k in knots], dtype=kind) for kind in (int, bool))
-    for a, b in path[:, np.flatnonzero(np.any(np.diff(path, prepend=-1), axis=0))].T.tolist():
+    for cell in map(tuple, path[:, np.flatnonzero(np.any(np.diff(path, prepend=-1), axis=0))].T.tolist()):
         near = np.zeros_like(inside)
-        near[max(a - 1, 0) : a + 2, max(b - 1, 0) : b + 2] = True
+        near[tuple(slice(max(i - 1, 0), i + 2) for i in cell)] = True
         inside &= near
-        visits[a, b] += not inside[a, b]
-        inside[a, b] = True
+        visits[cell] += not inside[cell]
+        inside[cell] = True
     return float(np.mean(visits[tuple(path)] > 1))
 
 

@@ -25,8 +25,6 @@ _RIDGE = 1e-10
 class LawFit:
     """A law, or several, fitted beside the model.
 
-    Attributes
-    ----------
     laws : what it has. losses : held-out whitened squares per block, shape (B,).
     total, folds : coefficients of all columns after the target, shapes (p,) and (K, p).
     strength : of the penalty.

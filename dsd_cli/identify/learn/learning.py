@@ -196,7 +196,7 @@ def _tie(chosen: Choice, other: LawFit) -> Tie:
 def _notes(problem: Problem, heldout: float, springs: bool) -> tuple[str, ...]:
     """springs : whether the law has some that slip."""
     notes = []
-    if heldout > problem.least_missing:
+    if heldout > problem.least_missing and not problem.errors.noise_of_u(Search(problem).refit):
         share = 100.0 * heldout / max(problem.errors.force, 1e-300)
         notes.append(f"{share:.1f} % of u stays unexplained beside the law, more than the sensor leaves")
     if springs and (known := problem.errors.equations.counting) < 1.0:
