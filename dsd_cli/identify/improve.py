@@ -198,15 +198,14 @@ class _Climb:
         if self.mended is not None:
             said = tuple(dict.fromkeys((*self.mended.said, *last.warnings)))
             last = replace(last, mended=self.mended, warnings=said)
+        settings = replace(self.settings, inverse=last.inverse)
         if last.verdict == NONE:
-            model = self.steps[-1].model
-            last = with_stability(last, self.recordings, model, self.settings)
+            last = with_stability(last, self.recordings, self.steps[-1].model, settings)
         if len(self.steps) == 1:
             found = (last.refitted_values, last.refitted_correlations, last.warnings, last.levels)
             return Ladder(tuple(self.steps), last.verdict, stopped, last, names, *found, last.missing)
         given, reached = self.steps[0].model, self.steps[-1].model
         end: Ended | None = None
-        settings = replace(self.settings, inverse=last.inverse)
         recordings = with_levels(self.recordings, [one.deviations for one in self.levels])
         newest = next((s.effect for s in reversed(self.steps) if s.kind == "added"), "")
         for end in ended(recordings, given, reached, settings, self.holdout, newest):

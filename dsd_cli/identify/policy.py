@@ -140,7 +140,7 @@ class Policy:
     other_bands: float = 2.0  # by which the band is divided and multiplied, and the verdict tried again there
 
     # -- values --
-    value_deviations: float = 4.0  # standard errors from which on a value of the model is wrong
+    value_deviations: float = 4.0  # standard errors from which on a value is wrong, or a load has a frequency
     contradicting_deviations: float = 3.0  # standard deviations from which on a log contradicts a prior or held value
     not_identified: float = 1e3  # standard errors over the value; more is no estimate
     tied_correlation: float = 0.97  # with the inertia, above which only the ratio to it is identified

@@ -247,3 +247,6 @@ def test_noise_that_the_logged_u_alone_has_is_no_force(friction, share):
     assert delay.value == pytest.approx(BELIEVED.delay, abs=3.0 * delay.std_error)
     if friction:
         assert found.estimates["coulomb_friction.level"].value == pytest.approx(friction, rel=0.07)
+    else:  # parts are asked in the form of the verdict there as well
+        last = improve([noisy], BELIEVED, RIG, asked, choose=lambda one: one.verdict).last
+        assert last.probability == pytest.approx(found.probability, abs=0.02)

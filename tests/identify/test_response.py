@@ -2,6 +2,7 @@
 
 import math
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.improve import improve
 from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.search import response
 from dsd_cli.identify.search.response import response_of
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.signals import (
@@ -290,3 +292,20 @@ def test_blocks_hold_equal_parts_of_what_tells_two_residuals_apart():
     assert len(found) == BLOCKS
     assert found.sum() == pytest.approx(np.sum(worse**2 - better**2) / (2.0 * np.mean(better**2)), rel=0.15)
     assert found.max() < 0.2 * found.sum()
+
+
+@pytest.mark.parametrize(("spread", "doubtful", "sought"), [(0.1, False, 1), (25.0, False, 0), (25.0, True, 1)])
+def test_play_is_sought_where_a_load_has_a_frequency_or_something_is_left(spread, doubtful, sought, monkeypatch):
+    """A load of 8.6 +- 25 Hz was the colour of the noise, and the search a third of the diagnosis."""
+    target = np.random.default_rng(5).normal(size=4000)
+    modes = SimpleNamespace(
+        rigid=lambda: np.zeros((4000, 1)),
+        columns=lambda _at: np.zeros((4000, 1)),
+        left=lambda _at: 0.5 * target,
+        values=lambda _at, _variance: ({"frequency": (8.6, spread), "load_share": (0.4, 0.1)}, 1e9),
+    )
+    look = SimpleNamespace(signals=SimpleNamespace(target=target, step=1e-3), modes=modes, at=None)
+    asked: list[object] = []
+    monkeypatch.setattr(response, "_play", lambda *all_of_it: asked.append(all_of_it))
+    response._load_in(None, (response.PLAY, response.COUPLING), doubtful, look)
+    assert len(asked) == sought

@@ -192,7 +192,7 @@ def test_over_a_small_travel_a_hanging_weight_and_a_spring_are_one():
 
 def test_the_delay_is_walked_to_from_afar(pair):
     """To the least squares over all whole steps, found by brute force."""
-    squares = [pair.solver.squares((), n) for n in range(min(pair.most_tap, 60))]
+    squares = [pair.solver.squares((), n) for n in range(min(pair.problem.most_tap, 60))]
     best = int(np.argmin(squares))
     for start in (0, best, best + 6):
         assert pair.fit((), start).squares <= squares[best] * (1.0 + 1e-6)
@@ -207,9 +207,9 @@ def test_a_walk_ends_at_the_delay_of_the_plant():
 
 def test_delays_stay_within_what_the_log_allows(pair):
     late = pair.taps_for(Term.of("actuator_lag", {"time_constant": 0.5}), 3)
-    assert all(0 <= n <= pair.most_tap for n in late)
+    assert all(0 <= n <= pair.problem.most_tap for n in late)
     assert pair.taps_for(Term("coulomb_friction"), 3) == [3]
-    assert 0 <= pair.fit((), 10**6).tap <= pair.most_tap
+    assert 0 <= pair.fit((), 10**6).tap <= pair.problem.most_tap
     assert pair.fit((), -5).tap >= 0
 
 

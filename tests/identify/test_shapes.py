@@ -68,7 +68,7 @@ def test_other_terms_are_left_as_they_are(searched):
 def test_the_delay_stays_within_what_the_log_allows(searched):
     search, name, shape = searched
     _, tap = refined(search, (Term.of(name, shape),), 0, search.refit.tap)
-    assert 0 <= tap <= search.most_tap
+    assert 0 <= tap <= search.problem.most_tap
 
 
 def test_an_effect_without_shape_stays():

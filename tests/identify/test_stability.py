@@ -71,3 +71,13 @@ def test_single_events_are_asked_of_no_part():
     pushes = replace(DIAGNOSIS, verdict="external_force", probability=0.99)
     again = with_stability(pushes, (), BELIEVED, Settings())
     assert (again.probability, again.stability) == (POLICY.surest_in_doubt, ())
+
+
+def test_all_that_is_said_of_a_verdict_is_as_sure_as_the_verdict(found):
+    again = with_stability(found, [seen({})], BELIEVED, SETTINGS)
+    said = [one.probability for one in (*again.ranking, *again.missing) if one.effect == again.verdict]
+    assert max(said) == again.probability
+    nothing = replace(found, verdict="none", found=(), missing=(), whole_model=None, model=BELIEVED)
+    again = with_stability(nothing, [seen({"viscous_friction": {"coefficient": VISCOUS}})], BELIEVED, SETTINGS)
+    assert [one.same for one in again.stability] == 4 * [False]
+    assert again.unexplained.probability >= 1.0 - again.probability > 0.5

@@ -66,8 +66,8 @@ class Errors:
         return np.asarray(np.einsum("ni,in->n", fit.forward_folds[self._fold], rows) * self._keep)
 
     def noise_of_u(self, fit: Fit) -> bool:
-        """Whether u by the motion leaves what is white in the band, and as strong in u above it: a duty, or a current
-        without a filter. In the motion by u it would bend all values, and pass for a lag, or a gain of u that varies.
+        """Whether what is left is white in the band, and as strong in u above it: a duty, or a current without filter.
+        In the motion by u it would bend all values, and pass for a lag, or a gain of u that varies.
         """
         left, bands = self.equations.by_recording(self.residual(fit, held_out=False)), self.equations.bands
         u = ([s.log["u"] for s in self.equations.stretches if s.owner == i] for i in range(len(bands)))

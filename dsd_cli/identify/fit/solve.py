@@ -37,7 +37,7 @@ _PRESSED = 1e-9
 
 @dataclass(frozen=True)
 class Fit:
-    """Coefficients of a selection of effects; one fit is like another with the same effects at the same whole steps.
+    """Coefficients of a selection of effects; one fit is like another of the same effects, delay and form.
 
     Attributes
     ----------
@@ -65,8 +65,8 @@ class Fit:
     widths: tuple[int, ...] = field(compare=False)
     grams: Grams = field(compare=False)
     variance: float = field(default=0.0, compare=False)
-    whole_steps: bool = field(default=False, compare=False)
-    inverse: bool = field(default=False, compare=False)
+    whole_steps: bool = False
+    inverse: bool = False
 
     @property
     def loss(self) -> float:

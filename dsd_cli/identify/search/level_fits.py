@@ -61,8 +61,6 @@ class Asked:
         self._rows, made = rows, [white.whitened(x) * sure for x in rows]
         self._white, self._nats = grams(made, problem.blocks), min(search.noise.nats, _nats(made, sure))
 
-    # -- what is asked of a level ------------------------------------------------------------------------------------
-
     def told(self, key: Key) -> bool:
         """Whether the motion leaves enough of its columns: logs at other places identify no levels. u itself has
         them."""
@@ -103,8 +101,6 @@ class Asked:
         count = max(int(self.search.equations.kept.sum()), 1)
         was, now = (math.sqrt(self._squares(self._plain, which) / count) for which in reversed(self._used(key, names)))
         return self.search.problem.falls(was, now, self.fit)
-
-    # -- regressions -------------------------------------------------------------------------------------------------
 
     def values(self, key: Key, names: Sequence[Key]) -> Deviations:
         """Beside all others, with the jackknife's standard errors."""

@@ -46,8 +46,6 @@ class Search(Evidence):
     #: A search over a part of the rows, which finds candidates for all of them (`long_logs.Judge`).
     excerpt: Search | None = None
 
-    # -- fits ------------------------------------------------------------------------------------------------------
-
     @cached_property
     def refit(self) -> Fit:
         """The model's own effects with all values free."""
@@ -69,8 +67,6 @@ class Search(Evidence):
                 return better
             fit = better
         return fit
-
-    # -- steps -----------------------------------------------------------------------------------------------------
 
     @once
     def options(self, current: Fit) -> list[Option]:

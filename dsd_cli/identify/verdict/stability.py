@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 from dsd_cli.effects import get_effect, kind_of
 from dsd_cli.errors import DsdError
@@ -27,7 +28,8 @@ from dsd_cli.signals.log import Log
 def with_stability(
     found: Diagnosis, recordings: Sequence[Recording], model: PlantModel, settings: Settings
 ) -> Diagnosis:
-    """The diagnosis with its variants; a verdict that changes in one of them is at most 90 % sure, in all of them half.
+    """The diagnosis with its variants; a verdict that changes in one of them is at most 90 % sure, in each of three or
+    more half.
 
     A verdict that is no surer than that is left as it is: nothing could change it. So are "unknown" and wrong values of
     the model: a search alone does not identify them; nor does a search in the band identify what the response above it
@@ -38,7 +40,7 @@ def with_stability(
     if found.probability <= POLICY.surest_in_doubt:
         return found
     if found.verdict != NONE and get_effect(found.verdict).listed:
-        return replace(found, probability=POLICY.surest_in_doubt)
+        return _no_surer(found, POLICY.surest_in_doubt)
     if any(c.seen for c in found.ranking if c.effect == found.verdict):
         return found
     recordings = with_levels(recordings, [one.deviations for one in found.levels])
@@ -53,8 +55,22 @@ def with_stability(
     variants = tuple(v for what, some, how in asked if (v := _variant(found, what, some, model, how)) is not None)
     if all(one.same for one in variants):
         return replace(found, stability=variants)
-    surest = POLICY.surest_in_doubt * (1.0 if any(one.same for one in variants) else POLICY.even)
-    return replace(found, stability=variants, probability=min(found.probability, surest))
+    none = len(variants) > 2 and not any(one.same for one in variants)
+    surest = POLICY.surest_in_doubt * (POLICY.even if none else 1.0)
+    return _no_surer(replace(found, stability=variants), surest)
+
+
+def _no_surer(found: Diagnosis, most: float) -> Diagnosis:
+    """No probability that the verdict holds above that."""
+
+    def less(one: Any) -> Any:
+        return replace(one, probability=min(one.probability, most)) if one.effect == found.verdict else one
+
+    ranking, missing = (tuple(map(less, one)) for one in (found.ranking, found.missing))
+    sure, more = min(found.probability, most), found.unexplained
+    if found.verdict == NONE:
+        more = replace(more, probability=max(more.probability, 1.0 - sure))
+    return replace(found, probability=sure, ranking=ranking, missing=missing, unexplained=more)
 
 
 def _variant(
