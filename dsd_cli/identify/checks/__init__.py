@@ -106,8 +106,9 @@ def _unusable(view: View) -> list[Finding]:
 
 
 def _leaning(parameters: Sequence[Parameter]) -> list[Finding]:
-    """Where noise of the sensor comes back through the controller, and a fit takes that for the axis."""
-    leaning = [one for one in parameters if one.leaning is not None]
+    """Where noise of the sensor comes back through the controller, and a fit takes that for the axis; a force that is
+    missing bends both as well."""
+    leaning = [p for p in parameters if p.leaning is not None and not (p.beside is not None and p.lacks_force)]
     if not leaning:
         return []
     texts = [

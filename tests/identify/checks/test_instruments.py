@@ -1,13 +1,15 @@
 """The reference as instrument: a loop whose controller answers the error of its sensor, and one that has none."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from dsd_cli.cli.recordings import load_recording
 from dsd_cli.files.config import parse_config
-from dsd_cli.identify.checks import check_log
+from dsd_cli.identify.checks import _leaning, check_log
+from dsd_cli.identify.checks.results import Parameter
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Log
 from tests.cli.rig import write
@@ -123,3 +125,11 @@ def test_a_reference_that_the_axis_does_not_follow_changes_nothing():
     channels = pendulum(0, 0.003)
     channels["reference"] = np.zeros_like(channels["t"])
     assert checked(channels) == checked(without_reference(channels))
+
+
+def test_where_a_force_is_missing_no_noise_is_blamed():
+    """Friction that the model lacks made delay -3.9 ms, or -5.4 by the reference: no finer encoder mends it."""
+    delay = Parameter("delay", "not", -0.0054, 0.01, leaning=-0.0039)
+    assert len(_leaning([delay])) == 1
+    assert _leaning([replace(delay, beside=0.004, lacks_force=True)]) == []
+    assert len(_leaning([replace(delay, beside=0.004)])) == 1
