@@ -143,7 +143,7 @@ def _not_told(parameters: Sequence[Parameter]) -> list[Finding]:
     names = [one.name for one in parameters if one.identified == "not" and one.beside is None]
     if not names:
         return []
-    remedy = "record moves that show it" if len(names) == 1 else "record moves that show them"
+    remedy = "dsd diagnose: a missing force may hide this; else moves that show it"
     return [Finding(f"not identifiable from this log: {', '.join(names)}", "log", "warning", 0.8, remedy)]
 
 
