@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -76,7 +77,14 @@ def init(
         raise DataError(f"{name}: its rows could not be read: {what}{where}", why.hint)
     if proposed.question:
         where = "" if output == "-" else f"; {output} has the rest, with that line marked"
-        raise DataError(f"{source_name(log)}: {proposed.question}{where}", f"say it: {proposed.command}")
+        raise DataError(f"{source_name(log)}: {proposed.question}{where}", _say(proposed.command, output, override))
+
+
+def _say(command: str, output: str, override: list[str] | None) -> str:
+    """The command that answers a question with what else was on the command line; columns that are set are in it."""
+    texts = [text for text in override or [] if text.partition("=")[0] not in [f"signals.{role}" for role in _NAMED]]
+    named = f" -o {quote(output)}" * (output != "dsd.toml")
+    return "".join([f"say it: {command}{named}", *(f" --set {quote(text)}" for text in texts)])
 
 
 #: Columns that the command line names.

@@ -518,3 +518,11 @@ def test_the_unit_of_the_time_is_in_a_config_that_lacks_something_else(tmp_path:
     (tmp_path / "ms.csv").write_text(f"Timestamp(ms),speed (rpm),flag\n{rows}\n", encoding="utf-8")
     assert dsd("init", tmp_path / "ms.csv", "-o", "new.toml", cwd=tmp_path).returncode == 1
     assert 'time_unit = "ms"' in (tmp_path / "new.toml").read_text(encoding="utf-8")
+
+
+def test_the_command_that_answers_has_what_was_on_the_command_line(tmp_path: Path) -> None:
+    """It wrote another file, in another unit, over what was there."""
+    log, more = ambiguous(tmp_path), ("-o", "new.toml", "--set", "signals.position_unit=mm")
+    asked = dsd("init", log, *more, cwd=tmp_path).stderr
+    assert "--set signals.position_unit=mm" in asked
+    assert "-o new.toml" in asked
