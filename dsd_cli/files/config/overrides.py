@@ -9,11 +9,10 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from dsd_cli.errors import UsageError
+from dsd_cli.files.config.signals import COLUMNS
 
 #: Levels of a key that are looked at.
 DEEPEST = 20
-#: Keys of [signals] that name a column.
-COLUMNS = ("time", "u", "d_hat", "velocity", "position", "reference")
 
 
 def with_values(written: Mapping[str, Any], texts: Iterable[str]) -> dict[str, Any]:

@@ -229,4 +229,5 @@ _READING = (
     *("sample_time", "time_unit", "u_sign", "u_scale", "u_shift", "u_filter", "velocity_scale", "position_scale"),
     *("position_unit", "velocity_unit", "counts_per_turn", "counts_per_metre"),
 )
-_COLUMNS = ("time", "u", "d_hat", "velocity", "position", "reference", "true_delay", "true_inertia")
+COLUMNS = ("time", "u", "d_hat", "velocity", "position", "reference")
+_COLUMNS = (*COLUMNS, "true_delay", "true_inertia")
