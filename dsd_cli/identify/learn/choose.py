@@ -12,12 +12,12 @@ import numpy as np
 from dsd_cli.effects.general import HYSTERESIS
 from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.fit.problem import Problem
-from dsd_cli.identify.learn.families import FAMILIES, INERTIA_OVER_TIME, LEAST_ROWS, MEMORY, Columns, Family, columns_of
+from dsd_cli.identify.learn.families import FAMILIES, INERTIA_OVER_TIME, MEMORY, Columns, Family, columns_of
 from dsd_cli.identify.learn.forgetting import is_hysteresis, where_known
 from dsd_cli.identify.learn.formula import AS_GOOD
 from dsd_cli.identify.learn.judge import Judge, LawFit, standard_error
 from dsd_cli.identify.learn.one_lag import is_shown, with_one_lag
-from dsd_cli.identify.learn.rows import Balance
+from dsd_cli.identify.learn.rows import LEAST_ROWS, Balance
 from dsd_cli.identify.learn.state_laws import STATE_LAWS, springs_of, state_laws
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.plant.forces import Mask
@@ -69,7 +69,7 @@ def left_of(judge: Judge, fit: LawFit, rows: Mask | None = None, held_out: bool 
 
 def surely_left(judge: Judge, fit: LawFit) -> float:
     """Held-out rms of r, of all rows or of those where the direction is sure, if that is less; unit of u."""
-    sure = judge.balance.weight == 1.0
+    sure = judge.balance.sure
     return min(left_of(judge, fit), left_of(judge, fit, sure) if sure.any() else math.inf)
 
 
@@ -123,6 +123,12 @@ def _look(balance: Balance) -> _Look:
     return _Look(judge, judge.fit(()), columns, [judge.fit((c,)) for c in columns])
 
 
+def _by_sure(balance: Balance) -> Balance:
+    """Weighed by what the model alone leaves that is fitted where the direction of the motion is sure."""
+    judge = Judge(replace(balance, weight=balance.sure.astype(np.float64)))
+    return balance.weighed(judge.residual(judge.fit(()), held_out=False))
+
+
 def _with_states(look: _Look, before: Sequence[LawFit]) -> _Look:
     """Where what explains the log best has a memory, with hysteresis of one state; `before` : the fits on another
     balance."""
@@ -140,7 +146,7 @@ def _beside_the_best(balance: Balance, report: Callable[[float], None]) -> _Look
     """
     given = balance.problem.model.delay / balance.problem.solver.bank.tap_time
     starts = [balance] if abs(given - balance.delay) < 1.0 else [balance, balance.at(given)]
-    look = min((_look(one) for one in starts), key=lambda found: found.richest.loss)
+    look = min((_look(_by_sure(one)) for one in starts), key=lambda found: found.richest.loss)
     for turn in range(1, _ROUNDS):
         report(turn / _ROUNDS)
         before = look.judge.balance.delay
@@ -279,7 +285,7 @@ def why_not(judge: Judge, before: LawFit, after: LawFit) -> str:
     least = POLICY.least_unknown * problem.errors.force
     if not all(_takes(judge, before, after, least, held_out=held_out) for held_out in (True, False)):
         return "what a function of the channels explains is too small to matter"
-    sure = judge.balance.weight == 1.0
+    sure = judge.balance.sure
     noise = 0.0 if before.laws else sensed(problem, of_u=False)  # beside a law that is sure a small one may be
     spread = not sure.any() or _takes(judge, before, after, noise, sure)
     return "" if spread and is_shown(judge, after) else AT_STOPS

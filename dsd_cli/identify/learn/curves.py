@@ -124,7 +124,7 @@ def views_of(fit: LawFit, judge: Judge) -> tuple[View, ...]:
     """Each law over the channel of its curve, the others beside it."""
     balance, after = judge.balance, judge.residual(fit, held_out=False)
     theta = coefficients(fit)
-    keep = balance.weight == np.max(balance.weight)
+    keep = balance.sure
     found = []
     for law, at in parts(fit):
         taken = theta[at] @ np.stack(law.rows)

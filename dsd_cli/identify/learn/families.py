@@ -16,13 +16,11 @@ from dsd_cli.effects import Effect, Values
 from dsd_cli.effects.general import CURVE, FRICTION_CURVE, HYSTERESIS, INERTIA_CURVE, Stops
 from dsd_cli.effects.lagging import LAGGED, Lags
 from dsd_cli.effects.tables import Table
-from dsd_cli.identify.learn.rows import Balance
+from dsd_cli.identify.learn.rows import IN_PAIR, ROWS_PER_KNOT, Balance
 from dsd_cli.signals.log import Array
 
-#: Knots over one channel, fine ones over the position, and over each of two channels; rows for each at least.
-KNOTS, FINE, IN_PAIR, ROWS_PER_KNOT = 17, 41, 8, 8
-#: Of a log, for the coarsest of the tables: with half as many nearly every other law has wrong channels.
-LEAST_ROWS = IN_PAIR * ROWS_PER_KNOT
+#: Knots over one channel, and fine ones over the position.
+KNOTS, FINE = 17, 41
 #: Knots over the time are wider than so many held-out blocks.
 BLOCKS_PER_KNOT = 3
 #: Radii of the springs that slip, shares of the travel: the least, the largest; how many there are to begin with.

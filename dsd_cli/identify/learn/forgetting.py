@@ -9,9 +9,9 @@ import numpy as np
 
 from dsd_cli.effects.lagging import LAGGED
 from dsd_cli.identify.fit.problem import Problem
-from dsd_cli.identify.learn.families import LEAST_ROWS, MEMORY, RADII
+from dsd_cli.identify.learn.families import MEMORY, RADII
 from dsd_cli.identify.learn.judge import LawFit
-from dsd_cli.identify.learn.rows import Balance, balance_of
+from dsd_cli.identify.learn.rows import LEAST_ROWS, Balance, balance_of
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.signals.log import Log, with_channels
 
@@ -28,18 +28,22 @@ def forgetting(recordings: Sequence[Recording], problem: Problem) -> tuple[Recor
     """
     places = [p["position"] for r in problem.recordings for p in r.pieces if "position" in p]
     swing = 2.0 * RADII[1] * (max(map(np.max, places)) - min(map(np.min, places))) if places else 0.0
-    known = tuple(replace(r, pieces=tuple(_cleared(p, swing) for p in r.pieces)) for r in recordings)
+    known = tuple(
+        replace(r, pieces=tuple(_cleared(p, swing, problem.equations.band.step) for p in r.pieces)) for r in recordings
+    )
     clear = sum(float(p["clear"].sum()) for r in known for p in r.pieces if "clear" in p)
     return known if clear >= LEAST_ROWS * problem.equations.band.step else tuple(recordings)
 
 
-def _cleared(piece: Log, swing: float) -> Log:
+def _cleared(piece: Log, swing: float, width: int) -> Log:
+    """Fading in over two rows: cut at once, the noise of a position would be an impulse at the cut."""
     if "position" not in piece:
         return piece
     place = piece["position"]
     swung = np.maximum.accumulate(place) - np.minimum.accumulate(place)
     clear = piece["clear"] if "clear" in piece else np.ones(len(piece))
-    return with_channels(piece, clear=clear * (swung >= swing))
+    since = np.cumsum(swung >= swing) / (2.0 * width)
+    return with_channels(piece, clear=clear * np.sin(0.5 * np.pi * np.minimum(since, 1.0)) ** 2)
 
 
 def is_hysteresis(fit: LawFit) -> bool:

@@ -24,12 +24,15 @@ from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.row_weights import uncertain
 from dsd_cli.identify.fit.values import coefficients_of
 from dsd_cli.identify.results import DELAY
+from dsd_cli.plant.forces import Mask
 from dsd_cli.signals.log import Array
 
-#: Share of a row in which the axis may rest or turn, up to which it counts in full, or little; and how little.
-_SURE, _HARDLY, _LITTLE = 0.02, 0.7, 0.15
-#: Of the rows, that must be sure; with fewer all that are kept count alike.
-_ENOUGH = 0.1
+#: Knots over each of two channels; rows for each knot at least.
+IN_PAIR, ROWS_PER_KNOT = 8, 8
+#: Of a log, for the coarsest of the tables: with half as many nearly every other law has wrong channels.
+LEAST_ROWS = IN_PAIR * ROWS_PER_KNOT
+#: Share of a row in which the axis may rest or turn, up to which it is sure, or counts by what is left there.
+_SURE, _HARDLY = 0.02, 0.7
 #: Share of J by which that of a fit may differ from the given one, to be held there.
 _NEAR = 0.5
 #: Of the rms of u, that J a has at least for a law of u to be asked.
@@ -45,6 +48,7 @@ class Balance:
     delay : steps, also between, at which u acts. u, acceleration, later : drive, measured a, change of the drive over
         one more step; none where the delay is held.
     own : columns of the model's own effects; given : their coefficients in the model; names : effect of each.
+    sure : rows in which the direction of the motion is sure; all that count where there are few of them.
     weight : of each row. whitening : as of `Equations`. noise : variance that the sensor leaves in a whitened row of a.
     """
 
@@ -56,6 +60,7 @@ class Balance:
     own: tuple[Array, ...]
     given: Array
     names: tuple[str, ...]
+    sure: Mask
     weight: Array
     whitening: tuple[Array, ...]
     noise: float
@@ -143,7 +148,7 @@ class Balance:
         ends = np.array(problem.solver.known.ends(DELAY)) / problem.solver.bank.tap_time
         low, high = np.clip(ends, 0.0, problem.most_tap).tolist()
         moved = balance_of(problem, min(max(delay, low), high))
-        return replace(moved, whitening=self.whitening, noise=self.noise)
+        return replace(moved, whitening=self.whitening, noise=self.noise, weight=self.weight)
 
     def without(self, effects: Collection[str]) -> Balance:
         """The same for a model that lacks these effects."""
@@ -151,12 +156,23 @@ class Balance:
         own = {name: values for name, values in model.effects.items() if name not in effects}
         base = tuple(t for t in self.problem.base if t.id not in effects)
         less = balance_of(replace(self.problem, model=replace(model, effects=own), base=base), self.delay)
-        return replace(less, whitening=self.whitening, noise=self.noise)
+        return replace(less, whitening=self.whitening, noise=self.noise, weight=self.weight)
 
     def beside(self, residual: Array) -> Balance:
         """The same, whitened by the noise in what a richer fit leaves, shape (N,), unit of u."""
-        white = self.equations.with_whitening(*whitening_of(self.equations, residual))
-        return replace(self, whitening=white.whitening, noise=sensor_variance(white))
+        found = self.weighed(residual)
+        white = self.equations.with_whitening(*whitening_of(self.equations, residual * found.weight))
+        return replace(found, whitening=white.whitening, noise=sensor_variance(white))
+
+    def weighed(self, residual: Array) -> Balance:
+        """The same, rows that are not sure weighed by the variance of a residual there, shape (N,), against sure ones.
+
+        Not by the root of it, as noise would be: the direction of friction is left there, and would move all that is
+        fitted. Where an axis sticks and slips it is a hundred times the noise, in half of each slip.
+        """
+        hardly = (self.weight > 0.0) & ~self.sure
+        left, more = (float(np.sum(residual[rows] ** 2)) / max(int(rows.sum()), 1) for rows in (self.sure, hardly))
+        return replace(self, weight=np.where(hardly, left / max(left, more, 1e-300), self.weight))
 
 
 def balance_of(problem: Problem, delay: float | None = None) -> Balance:
@@ -183,17 +199,19 @@ def balance_of(problem: Problem, delay: float | None = None) -> Balance:
         tuple(x for by_coefficient in columns for x in by_coefficient),
         given[2:],
         tuple(t.id for t, by in zip(acting, columns, strict=True) for _ in by),
-        _weights(problem.errors.equations),
+        *_rows(problem.errors.equations),
         problem.equations.whitening,
         sensor_variance(problem.errors.equations.with_whitening(*problem.equations.whitening)),
     )
 
 
-def _weights(equations: Equations) -> Array:
-    """1 where the direction of the motion is sure, little where it hardly is, 0 at rest."""
+def _rows(equations: Equations) -> tuple[Mask, Array]:
+    """(rows in which the direction of the motion is sure, weights: 0 at rest)."""
     doubt = uncertain(equations, creeping=False)
-    weight = np.where(doubt <= _SURE, 1.0, np.where(doubt <= _HARDLY, _LITTLE, 0.0)) * equations.kept
-    return np.asarray(weight if np.mean(weight == 1.0) > _ENOUGH else equations.kept.astype(np.float64))
+    sure, counts = ((doubt <= most) & equations.kept for most in (_SURE, _HARDLY))
+    if sure.sum() < LEAST_ROWS:
+        sure = counts = equations.kept
+    return sure, counts.astype(np.float64)
 
 
 def stacked(balance: Balance, rows: Sequence[Array]) -> Array:
