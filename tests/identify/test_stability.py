@@ -7,6 +7,7 @@ import pytest
 
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.verdict.contradictions import Contradiction, beside_told
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.stability import with_stability
 from tests.identify.search_rig import BELIEVED, OBSERVER, seen
@@ -81,3 +82,11 @@ def test_all_that_is_said_of_a_verdict_is_as_sure_as_the_verdict(found):
     again = with_stability(nothing, [seen({"viscous_friction": {"coefficient": VISCOUS}})], BELIEVED, SETTINGS)
     assert [one.same for one in again.stability] == 4 * [False]
     assert again.unexplained.probability >= 1.0 - again.probability > 0.5
+
+
+def test_beside_a_value_that_the_log_contradicts_the_set_is_no_surer_than_the_verdict(found):
+    again = beside_told(found, [Contradiction.of("inertia", "held", "is held at 2; this log alone says 1")])
+    said = [one.probability for one in (again, *again.ranking, *again.missing)]
+    assert again.missing
+    assert max(said) == POLICY.even
+    assert beside_told(found, ["a warning"]) == found

@@ -17,6 +17,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, UNKNOWN, Diagnosis, Estimate, Estimates, LogLevels
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.advice import asking_again
+from dsd_cli.identify.verdict.stability import no_surer
 
 #: The channel with which an inertia that is held wrongly errs.
 ACCELERATION = "acceleration"
@@ -145,7 +146,7 @@ def against_told(found: Diagnosis, search: Search, whole: Fit, asked: Settings) 
     others = [w for w in found.warnings if not isinstance(w, Contradiction)]
     stand_ins = {name: tuple(dict.fromkeys(one.value for one in some)) for name, some in in_place.items()}
     found = replace(found, warnings=(*others, *said.values()), stand_ins=stand_ins)
-    found = _less_sure(found) if in_place else beside_told(found, found.warnings)
+    found = no_surer(found, POLICY.even) if in_place else beside_told(found, found.warnings)
     kept = kept_values(said.values())
     if found.verdict != UNKNOWN or not kept:
         return found
@@ -160,13 +161,7 @@ def kept_values(said: Iterable[str]) -> tuple[str, ...]:
 
 def beside_told(found: Diagnosis, said: Sequence[str]) -> Diagnosis:
     """No verdict is sure beside a value that is kept from where the log would have it."""
-    return _less_sure(found) if kept_values(said) else found
-
-
-def _less_sure(found: Diagnosis) -> Diagnosis:
-    surest = POLICY.even
-    ranking = tuple(replace(c, probability=min(c.probability, surest)) for c in found.ranking)
-    return replace(found, ranking=ranking, probability=min(found.probability, surest))
+    return no_surer(found, POLICY.even) if kept_values(said) else found
 
 
 def in_place_of(search: Search, whole: Fit, taken: Sequence[str] = ()) -> dict[str, tuple[Contradiction, ...]]:

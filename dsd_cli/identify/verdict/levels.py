@@ -20,6 +20,7 @@ from dsd_cli.identify.results import Diagnosis, Estimate, Estimates, LogLevels
 from dsd_cli.identify.search.level_fits import by_log, varying
 from dsd_cli.identify.search.levels import Levelled
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.stability import no_surer
 
 #: Of a deviation: from so many means on it is no share of the mean, from so many % on without decimals.
 _MOST_MEANS, _WHOLE_PERCENT = 10.0, 10.0
@@ -128,13 +129,7 @@ def _with_stand_ins(found: Diagnosis, rivals: dict[str, tuple[str, ...]]) -> Dia
     if not named:
         return found
     ranking = tuple(
-        replace(
-            c,
-            probability=min(c.probability, POLICY.even),
-            indistinguishable_from=tuple(dict.fromkeys((*c.indistinguishable_from, *named[c.effect]))),
-        )
-        if c.effect in named
-        else c
+        replace(c, indistinguishable_from=tuple(dict.fromkeys((*c.indistinguishable_from, *named.get(c.effect, ())))))
         for c in found.ranking
     )
     said = tuple(
@@ -142,5 +137,4 @@ def _with_stand_ins(found: Diagnosis, rivals: dict[str, tuple[str, ...]]) -> Dia
         " they explain as much; logs that go over the same travel at the same speeds would show which"
         for name, effects in named.items()
     )
-    sure = min(found.probability, POLICY.even) if found.verdict in named else found.probability
-    return replace(found, ranking=ranking, probability=sure, warnings=(*found.warnings, *said))
+    return no_surer(replace(found, ranking=ranking, warnings=(*found.warnings, *said)), POLICY.even, named)

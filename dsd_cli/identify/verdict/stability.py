@@ -6,7 +6,7 @@ takes the place of one. Where nothing is missing it is whether anything is found
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -40,7 +40,7 @@ def with_stability(
     if found.probability <= POLICY.surest_in_doubt:
         return found
     if found.verdict != NONE and get_effect(found.verdict).listed:
-        return _no_surer(found, POLICY.surest_in_doubt)
+        return no_surer(found, POLICY.surest_in_doubt, (found.verdict,))
     if any(c.seen for c in found.ranking if c.effect == found.verdict):
         return found
     recordings = with_levels(recordings, [one.deviations for one in found.levels])
@@ -57,17 +57,20 @@ def with_stability(
         return replace(found, stability=variants)
     none = len(variants) > 2 and not any(one.same for one in variants)
     surest = POLICY.surest_in_doubt * (POLICY.even if none else 1.0)
-    return _no_surer(replace(found, stability=variants), surest)
+    return no_surer(replace(found, stability=variants), surest, (found.verdict,))
 
 
-def _no_surer(found: Diagnosis, most: float) -> Diagnosis:
-    """No probability that the verdict holds above that."""
+def no_surer(found: Diagnosis, most: float, effects: Collection[str] | None = None) -> Diagnosis:
+    """No probability of these effects above that, of all of them if None: not as the verdict, nor in the set that was
+    found, nor in the ranking."""
 
     def less(one: Any) -> Any:
-        return replace(one, probability=min(one.probability, most)) if one.effect == found.verdict else one
+        named = effects is None or one.effect in effects
+        return replace(one, probability=min(one.probability, most)) if named else one
 
     ranking, missing = (tuple(map(less, one)) for one in (found.ranking, found.missing))
-    sure, more = min(found.probability, most), found.unexplained
+    said = effects is None or found.verdict in effects
+    sure, more = min(found.probability, most) if said else found.probability, found.unexplained
     if found.verdict == NONE:
         more = replace(more, probability=max(more.probability, 1.0 - sure))
     return replace(found, probability=sure, ranking=ranking, missing=missing, unexplained=more)
