@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,11 +32,13 @@ class Case:
 @dataclass(frozen=True)
 class Expected:
     """nats : (truth, rival) -> lead of the truth, by the places of explanations. of_use : its power over the least one
-    that is of use: below 1 the two explain the same, however many nats there are. errors : of values, by name."""
+    that is of use: below 1 the two explain the same, however many nats there are. errors : of values, by name. ranges :
+    of nats, the least and the most of the plants that were simulated."""
 
     nats: Mapping[tuple[int, int], float]
     of_use: Mapping[tuple[int, int], float]
     errors: Mapping[str, float]
+    ranges: Mapping[tuple[int, int], tuple[float, float]] = field(default_factory=dict)
 
 
 def cases_of(search: Search, targets: Targets, draws: int, ranges: Ranges) -> list[Case]:

@@ -47,7 +47,7 @@ class Expectation:
         #: Of all inner products: the cases', and at the end those of the reach.
         self._asked = [*self.cases, Case(0, 0, 0, self.reach.model)]
         self._size = max(case.model.size for case in self._asked)
-        self.inverse, self.rows_of_logs = search.solver.inverse, search.equations
+        self.inverse = search.solver.inverse
         self.longest_delay = max(m.delay for e in targets.explanations for m in e.draws)
         self.like = LikeLogs.of(search, self.longest_delay, self.held)
 
@@ -59,15 +59,7 @@ class Expectation:
     @cached_property
     def of_logs(self) -> Products:
         """Inner products of the logs, shape (cases + 1, P, P): of the reach at the end."""
-        return self._of_logs()
-
-    @cached_property
-    def _before(self) -> Products:
-        """Those of the logs without a motion."""
-        return self.of_logs
-
-    def _of_logs(self) -> Products:
-        equations = self.rows_of_logs
+        equations = self.known
         rows, made = MotionRows(equations), dict[Model, Array]()
         for case in self._asked:
             if case.model not in made:
@@ -151,7 +143,7 @@ class Expectation:
 
     def _left_by(self, pair: tuple[int, int], inverse: bool) -> Array:
         """What truth and rival leave in the logs in a form, held out and in all, in squares; shape (2, 2)."""
-        if inverse == self.inverse and self.rows_of_logs is self.known:
+        if inverse == self.inverse:
             fits = [self.targets.explanations[i].fit for i in pair]
             return np.array([[fit.loss for fit in fits], [fit.squares for fit in fits]])
         return np.array(2 * [[self._left_now[inverse][self._own[i, 0]] for i in pair]])
@@ -196,8 +188,7 @@ class Expectation:
         noise = self.search.noise.variance
         misfit = self.targets.doubt * max(loss[0] - self.of_logs.rows * noise, 0.0) / max(self._u_of_logs, 1e-300)
         truth, rival = (x + rows * noise + misfit * u for x in loss)
-        more = rows + self.of_logs.rows - self.known.counted
-        return self.search.nats(rival + lead, more) - self.search.nats(truth, more)
+        return self.search.nats(rival + lead, rows) - self.search.nats(truth, rows)
 
     def _squares(self, grams: Array, inverse: bool) -> Array:
         """Sums of squares of a form, shape (cases,); where the logs have no word on J, that of the plant."""
@@ -210,7 +201,7 @@ class Expectation:
         grams = self._with_logs(planned).grams
         own = [i for i, c in enumerate(self.cases) if c.truth == c.rival == 0]
         size = self.targets.explanations[0].model.size
-        before = self._before.grams[own[0], 1:size, 1:size]
+        before = self.of_logs.grams[own[0], 1:size, 1:size]
         after = np.mean(grams[own, 1:size, 1:size], axis=0)
         floor = self.search.noise.variance * self.search.noise.inflation
         found = {}

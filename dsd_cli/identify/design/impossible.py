@@ -42,7 +42,7 @@ def told_by_none(measure: Measure, library: Sequence[Sized]) -> tuple[list[Impos
     best: dict[str, float] = {}
     for one in library:
         times = max(_PATIENCE / one.part.seconds, 1.0)
-        for name, nats in measure.nats(times * one.products).items():
+        for name, nats in measure.nats(measure.expected(times * one.products)).items():
             best[name] = max(best.get(name, 0.0), nats)
     lost = [name for name in measure.open if best.get(name, 0.0) < _LEAST]
     once = [name for name in sorted(lost) if _turned(name) not in lost or name <= _turned(name)]  # not both directions

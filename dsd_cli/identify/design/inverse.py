@@ -68,12 +68,6 @@ def command_for(model: PlantModel, path: Path, most: float = np.inf) -> Array:
     return _commanded(model, np.asarray(needed), path.step, most)
 
 
-def friction_of(model: PlantModel, path: Path) -> Array:
-    """What all frictions together carry at most in each interval of a motion, unit of u, shape (n,)."""
-    mean, place, _ = _means(path)
-    return _forces(model, path, model.motor_inertia * path.acceleration, mean, place)[1]
-
-
 def _means(path: Path) -> tuple[Array, Array, Array]:
     """Speed, place and direction of each interval, shape (n,)."""
     before = np.concatenate([path.velocity[:1], path.velocity[:-1]])

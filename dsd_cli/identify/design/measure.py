@@ -10,7 +10,6 @@ import numpy as np
 
 from dsd_cli.identify.design.cases import Expected
 from dsd_cli.identify.design.expectation import Expectation
-from dsd_cli.identify.design.inverse import Path
 from dsd_cli.identify.design.limits import Limits
 from dsd_cli.identify.design.rows import Products
 from dsd_cli.identify.design.targets import Targets, apart
@@ -47,10 +46,9 @@ class Measure(Expectation):
         super().__init__(search, targets, draws, limits)
         self._only = only
 
-    def nats(self, planned: Products) -> dict[str, float]:
+    def nats(self, found: Expected) -> dict[str, float]:
         """Of every target: "a, not b" where a is true, and of a value (value / error)^2 / 2; what is just of use counts
         as no more than enough."""
-        found = self.expected(planned)
         nats = {self._name(*pair): min(lead, ENOUGH * found.of_use[pair]) for pair, lead in found.nats.items()}
         for v in self.targets.values:
             nats[v.name] = 0.5 * (v.size / max(found.errors[v.name], 1e-300)) ** 2
@@ -63,12 +61,12 @@ class Measure(Expectation):
         names = [self.targets.explanations[i].name for i in (truth, rival)]
         return ", not ".join(apart(*names))
 
-    def told_apart(self, expected: Expected, a: int, b: int) -> float:
-        """Nats of the smaller direction of a pair; a direction that no motion identifies, or whose truth the logs
+    def told_apart(self, expected: Expected, a: int, b: int) -> tuple[int, int]:
+        """The direction of a pair in which there are fewer nats; one that no motion identifies, or whose truth the logs
         have ruled out, is not counted beside the other."""
-        found = {self._name(*p): expected.nats[p] for p in ((a, b), (b, a)) if p in expected.nats}
-        told = {name: nats for name, nats in found.items() if name in self.open}
-        return min((told or found).values())
+        found = [p for p in ((a, b), (b, a)) if p in expected.nats]
+        told = [p for p in found if self._name(*p) in self.open]
+        return min(told or found, key=lambda p: expected.nats[p])
 
     @cached_property
     def open(self) -> frozenset[str]:
@@ -100,9 +98,13 @@ class Measure(Expectation):
     def smallest(self, planned: Products) -> float:
         """Expected nats of the target that is identified least; of the catalogue's effects where there is no target."""
         if self.open:
-            nats = self.nats(planned)
-            return min(nats[name] for name in self.open)
+            return self.least(self.expected(planned))
         return float(min(self._shown(planned), default=0.0))
+
+    def least(self, expected: Expected) -> float:
+        """Nats of the target that is identified least."""
+        nats = self.nats(expected)
+        return min(nats[name] for name in self.open)
 
     def worth(self, planned: Products) -> float:
         """Logarithm of the smallest expected nats, as long as they are not plenty; a part of the mean one of those by
@@ -119,18 +121,6 @@ class Measure(Expectation):
     def _reached(self, products: Products) -> Array:
         size = self.reach.model.size
         return products.grams[-1, :size, :size]
-
-    def in_form_of(self, path: Path) -> Measure:
-        """The same, motions in the form that the log of this one will have, and with the rows of the logs that count
-        beside it."""
-        kept, found = self.open, copy(self)  # what counts is a matter of the logs as they were
-        plant, doubt = self.targets.explanations[0].fitted, self.targets.doubt
-        found.like, found.rows_of_logs = self.like.beside(self.search, plant, path, doubt)
-        if found.rows_of_logs is not self.rows_of_logs:
-            found.of_logs, found._before = found._of_logs(), self.of_logs
-            found.__dict__.pop("_left_now", None)
-        assert found.open == kept
-        return found
 
     def sized_by(self, motions: Sequence[Products]) -> Measure:
         """The same, the catalogue's effects as large as is of use in the motions with these inner products."""

@@ -17,6 +17,7 @@ from dsd_cli.identify.design.inverse import Path, command_for
 from dsd_cli.identify.design.limits import Limits, limits_of, noise_of_u, slowed, unvisited, used
 from dsd_cli.identify.design.measure import ENOUGH, Measure
 from dsd_cli.identify.design.motions import ROOM, Part, Room, generator_values
+from dsd_cli.identify.design.next_log import expected_of
 from dsd_cli.identify.design.optimise import TIMES, Sized, joined, library_of, optimised
 from dsd_cli.identify.design.results import Impossible, Motion, Plan, PlannedPair, PlannedValue, Stage
 from dsd_cli.identify.design.rows import LONGEST_STEP, planning_step
@@ -122,28 +123,35 @@ class _Asked:
         if not (measure.open or targets.unknown):
             return empty.plan(None, measure, measure.expected(measure.nothing), impossible)
         measure = measure.sized_by([one.products for one in library])
-        parts, cost = _enough(measure, room, wanted, library, report)
+        seconds, parts, cost = _enough(measure, room, wanted, library, report)
         report("under the loop", 0.8)
         loops = _loops(measure, self.observer, wanted, room)
-        return _verified(measure, empty, parts, (room, loops, wanted), (impossible, cost))
+        return _verified(measure, empty, parts, (room, loops, replace(wanted, seconds=(seconds,))), (impossible, cost))
 
 
 def _enough(
     measure: Measure, room: Room, wanted: Wanted, library: Sequence[Sized], report: Report
-) -> tuple[tuple[Part, ...], tuple[tuple[float, float], ...]]:
-    """(different parts of the first length that is enough, or of the last, (s, smallest nats) of all)."""
-    found, cost = [], []
+) -> tuple[float, tuple[Part, ...], dict[float, float]]:
+    """(first length that is enough, or the last; different parts of it; length -> smallest nats, of several)."""
+    found, cost = [], {}
     for i, seconds in enumerate(wanted.seconds):
         if i:  # parts are as long as the plan asks
             library = library_of(measure, room, seconds)
         parts = optimised(measure, room, seconds, library)
         path = Path.of(joined(TIMES * parts, room), room.step)
-        own = measure.in_form_of(path)  # as it will be said, but for the loops
         found.append(parts)
-        cost.append((seconds, own.smallest(own.of_paths({0: path}, room.limits.u))))
+        if len(wanted.seconds) > 1:
+            cost[seconds] = _smallest(
+                measure, {0: path}, room.limits.u, expected_of(measure, {0: path}, room.limits.u, 1)
+            )
         report("choosing the motion", 0.5 + 0.3 * (i + 1) / len(wanted.seconds))
-    enough = next((i for i, (_, nats) in enumerate(cost) if nats >= ENOUGH), len(cost) - 1)
-    return found[enough], tuple(cost)
+    enough = next((i for i, nats in enumerate(cost.values()) if nats >= ENOUGH), len(found) - 1)
+    return wanted.seconds[enough], found[enough], cost
+
+
+def _smallest(measure: Measure, paths: Mapping[int, Path], most: float, expected: Expected) -> float:
+    """Nats of what a motion identifies least; where nothing is asked for, of the catalogue."""
+    return measure.least(expected) if measure.open else measure.smallest(measure.of_paths(paths, most))
 
 
 def _loops(measure: Measure, observer: ObserverSettings, wanted: Wanted, room: Room) -> tuple[Loop, ...]:
@@ -161,7 +169,7 @@ def _verified(
     answer: _Answer,
     parts: tuple[Part, ...],
     how: tuple[Room, tuple[Loop, ...], Wanted],
-    said: tuple[list[Impossible], tuple[tuple[float, float], ...]],
+    said: tuple[list[Impossible], Mapping[float, float]],
 ) -> Plan:
     """The motion so small that every plant keeps the limits under the loop, scored by what they did there.
 
@@ -179,16 +187,16 @@ def _verified(
     whole = TIMES * kept.parts
     motion = _motion(measure, joined(whole, room), room, wanted)
     seen = used(answer.limits, motion.position, motion.velocity, motion.u)  # the search takes shapes of rivals by it
-    first = Measure(measure.search, targets, _DRAWS_SAID, measure.open, seen)
+    first = Measure(measure.search, targets, 1, measure.open, seen)
     paths = {i: run.path.resampled(room.step) for (i, draw, loop), run in kept.runs.items() if draw == loop == 0}
-    first = first.in_form_of(paths[0])
-    expected = first.expected(first.of_paths(paths, room.limits.u))
+    expected = expected_of(first, paths, room.limits.u, _DRAWS_SAID)
+    smallest = _smallest(measure, paths, room.limits.u, expected)
     found = answer.plan(motion, first, expected, said[0])
     counted = {e.name for e in targets.explanations} - set(kept.lost)
     return replace(
         found,
         stages=_stages(whole, room, _steps_of_delay(measure, room) * room.step),
-        cost=said[1],
+        cost=tuple(sorted({**said[1], wanted.seconds[0]: smallest}.items())),
         reached=_reached(list(kept.runs.values())),
         not_counted=tuple(name for name in answer.names if name not in counted),
         warnings=kept.unstable,
@@ -248,11 +256,13 @@ class _Answer:
             PlannedPair(
                 *apart(none[a], none[b]),
                 now[a, b] if (a, b) in now else -now[b, a],
-                measure.told_apart(expected, a, b),
+                expected.nats[way],
                 expected.nats.get((a, b), math.nan),
                 expected.nats.get((b, a), math.nan),
+                *expected.ranges.get(way, (math.nan, math.nan)),
             )
             for a, b in targets.pairs
+            for way in [measure.told_apart(expected, a, b)]
         )
         units = {} if not targets.values else self.search.problem.values(targets.explanations[0].fit).estimates
         values = tuple(

@@ -14,7 +14,8 @@ from dsd_cli.signals.units import Units
 @dataclass(frozen=True)
 class PlannedPair:
     """Two explanations; nats by which the logs prefer a to b, and by which logs and plan will prefer the true one: the
-    smaller of both ways, and if a, or b, is true; NaN where the other may be as good, having all of its effects."""
+    smaller of both ways, the least and the most of it over the plants that were simulated, and if a, or b, is true; NaN
+    where the other may be as good, having all of its effects."""
 
     a: str
     b: str
@@ -22,6 +23,8 @@ class PlannedPair:
     nats_expected: float
     nats_if_a: float = math.nan
     nats_if_b: float = math.nan
+    nats_low: float = math.nan
+    nats_high: float = math.nan
 
 
 @dataclass(frozen=True)

@@ -8,23 +8,18 @@ does so.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dsd_cli.effects import Role
-from dsd_cli.identify.fit.band import Band, band_of, own_bands
+from dsd_cli.identify.fit.band import Band, band_of
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, Term, Terms, columns_of, commands, has_friction, inputs_of
 from dsd_cli.identify.fit.equations import Equations, equations_of
-from dsd_cli.identify.fit.noise import ForceNoise, passed_variance, whitening
-from dsd_cli.identify.fit.noise_fit import levels_of
-from dsd_cli.identify.fit.row_weights import many_sure, uncertain
+from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Array, with_channels
 
@@ -32,9 +27,6 @@ from dsd_cli.signals.log import Array, with_channels
 _STEP = 0.02
 #: s between the samples of a planned motion, at most, while it is looked for.
 LONGEST_STEP = 0.005
-
-#: Levels of the noise of the acceleration in a band.
-Heard = Callable[[Band], ForceNoise]
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,58 +154,11 @@ class MotionRows:
         return self._shared[INERTIA][0]
 
 
-def own_form(search: Search, seen: Recording, heard: Heard, plant: tuple[float, float]) -> tuple[Band, Array]:
-    """(band, whitening) of the rows of a motion: as far up as it stands above the noise of its sensor (`fit.band`),
-    whitened by what is not known there, to the variance that a row of the logs has.
-
-    heard : rows of a band -> levels of the noise of the acceleration, as that sensor shows this motion.
-    plant : its inertia, and the density of forces that are not known, unit of u squared.
-    """
-    few = search.excerpt or search  # whose rows the noise is of
-    band, noise, (inertia, forces) = own_bands([*few.problem.recordings, seen])[-1], search.noise, plant
-    flat, sensor = heard(band)
-    levels = ForceNoise(forces + inertia**2 * flat, inertia**2 * sensor)
-    return band, np.sqrt(noise.variance * noise.inflation) * whitening(levels, band, seen.sensor.noise)
-
-
-def logs_beside(search: Search, seen: Recording) -> Equations:
-    """Rows of the logs in the bands that they have beside such a motion: no wider than those of what moves fast."""
-    few, known = search.excerpt or search, search.equations
-    bands = own_bands([*known.recordings, seen])[:-1]
-    if [b.hz for b in bands] == [b.hz for b in known.bands]:
-        return known
-    assert few.noise.rows is not None
-    levels, size = levels_of(few.equations, few.noise.rows), np.sqrt(search.noise.variance)
-    taps = [size * whitening(levels, b, r.sensor.noise) for b, r in zip(bands, known.recordings, strict=True)]
-    return equations_of(known.recordings, known.startup, bands).with_whitening(*taps)
-
-
-def forces_left(search: Search, inertia: float) -> float:
-    """Density of what the sensor's noise does not explain of the noise of the logs, where the axis surely moves: in a
-    crawl, or at rest, counts are no white noise, and friction any."""
-    search = search.excerpt or search  # whose rows the noise is of
-    known, rows = search.equations, search.noise.rows
-    assert rows is not None
-    sure = known.by_recording((uncertain(known) <= POLICY.unsure_share).astype(np.float64))
-    beyond, count = 0.0, 0.0
-    for noise, moves, band, recording in zip(
-        known.by_recording(rows), sure, known.bands, search.problem.recordings, strict=True
-    ):
-        weight, left = np.concatenate(moves), np.concatenate(noise)
-        heard = inertia**2 * passed_variance(np.ones(1), band, recording.sensor.noise)
-        beyond += float(weight @ (left**2 - heard)) / float(band.taps @ band.taps)
-        count += float(weight.sum())
-    return max(beyond, 0.0) / max(count, 1.0)
-
-
-def equations_like(
-    form: tuple[Band, Array], recording: Recording, delay: float, held: bool, surely: bool | None = None
-) -> Equations:
+def equations_like(form: tuple[Band, Array], recording: Recording, delay: float, held: bool) -> Equations:
     """Rows of a planned motion in a band, at the samples of the logs, and with that whitening.
 
     held : there may be friction: rows in which the direction is not sure say nothing. Where few are sure, as of a
         short part in a narrow band, all count: as in the search.
-    surely : whether the sure ones decide; None asks the motion alone.
     """
     (band, taps), step = form, recording.sample_time
     if not math.isclose(step, band.sample_time):
@@ -222,13 +167,8 @@ def equations_like(
     found = equations_of([recording], math.ceil(delay / step) + 3, band).with_whitening(taps)
     if not held or not found.stretches:
         return found
-    sure = many_sure(found) if surely is None else sure_of(found) if surely else None
+    sure = many_sure(found)
     return found if sure is None else replace(found, row_weight=sure.astype(np.float64))
-
-
-def sure_of(equations: Equations) -> NDArray[np.bool_]:
-    """Rows that count and in which the direction of friction is sure, shape (N,)."""
-    return np.asarray(equations.kept & (uncertain(equations) <= POLICY.unsure_share))
 
 
 def left(grams: Array, target: int) -> Array:

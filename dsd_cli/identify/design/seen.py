@@ -2,41 +2,39 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.design.inverse import Path
+from dsd_cli.identify.design.inverse import Path, as_recording
 from dsd_cli.identify.fit.band import Band
-from dsd_cli.identify.fit.noise import ForceNoise, fitted_noise, passed_variance
+from dsd_cli.identify.fit.noise import passed_variance
 from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.recordings.smoothing import encoder_step
 from dsd_cli.plant.model import ObserverSettings
-from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.log import Array, Log, with_channels
 
 #: Seed of the sensor's noise.
 _SEED = 20261123
-#: Rows from which on their spectrum is looked at.
-_FEWEST_ROWS = 16
 
 
-def as_seen(template: Recording, path: Path, u: Array, rest_speed: float) -> Recording | None:
+def as_seen(template: Recording, path: Path, u: Array, rest_speed: float, draw: int = 0) -> Recording | None:
     """The log of that motion at the samples of the template, prepared as every log is: how far its speed is known, and
     where the axis may rest or turn. None where the template had neither position nor speed, or its acceleration by a
-    logged d_hat, or the motion is too short.
+    logged d_hat, or the motion is too short. draw : of the sensor's noise.
     """
     if template.sensor.noise.kind == "d_hat":
         return None
-    step, random = template.sample_time, np.random.default_rng(_SEED)
+    step, random = template.sample_time, np.random.default_rng(_SEED + draw)
     count = int(path.times[-1] / step) + 1
     held = np.minimum((np.arange(count) * step / path.step + 1e-9).astype(int), len(u) - 1)
     channels = {"t": step * np.arange(count), "u": u[held]}
     if template.provenance.get("position") == "logged":
         channels["position"] = _counted(_at(path, path.position, channels["t"]), template, random)
-    noise = template.sensor.noise
-    if template.provenance.get("velocity") in ("logged", "smoothed") and noise.kind == "velocity":
-        heard = np.sqrt(noise.scale) * step * random.standard_normal(count)
+    if math.isfinite(template.logged_speed_noise):
+        heard = template.logged_speed_noise * random.standard_normal(count)
         channels["velocity"] = _at(path, path.velocity, channels["t"]) + heard
     if len(channels) == 2:
         return None
@@ -47,14 +45,16 @@ def as_seen(template: Recording, path: Path, u: Array, rest_speed: float) -> Rec
         return None
 
 
-def as_heard(template: Recording, path: Path, u: Array) -> Recording:
-    """The same by the noise of the template's acceleration alone."""
-    step = template.sample_time
-    t = step * np.arange(int(path.times[-1] / step) + 1)
-    velocity, acceleration = (np.interp(t, path.times, x) for x in (path.velocity, path.acceleration))
-    noise = template.sensor.noise.made(len(t), np.random.default_rng(_SEED))
-    channels = {"t": t, "u": np.interp(t, path.times, u), "velocity": velocity, "acceleration": acceleration + noise}
-    return replace(template, name="plan", pieces=(Log(channels, step, "plan"),))
+def as_logged(template: Recording, path: Path, u: Array, rest_speed: float, draw: int = 0) -> Recording:
+    """The same; what had no sensor of its own, by the noise of the template's acceleration alone."""
+    seen = as_seen(template, path, u, rest_speed, draw)
+    if seen is not None:
+        return seen
+    fine = path.resampled(template.sample_time)
+    log = as_recording(template, fine, np.interp(fine.times, path.times, u), rest_speed)
+    (piece,) = log.pieces
+    noise = template.sensor.noise.made(len(piece), np.random.default_rng(_SEED + draw))
+    return replace(log, pieces=(with_channels(piece, acceleration=piece["acceleration"] + noise),))
 
 
 def times_white(seen: Recording, path: Path, band: Band, whitening: Array) -> float:
@@ -68,12 +68,6 @@ def times_white(seen: Recording, path: Path, band: Band, whitening: Array) -> fl
         return 1.0
     white = np.convolve(rows, whitening, "same")
     return float(np.mean(white**2)) / max(passed_variance(whitening, band, seen.sensor.noise), 1e-300)
-
-
-def heard_in(seen: Recording, path: Path, band: Band) -> ForceNoise:
-    """Levels of the noise of the acceleration in a motion: white, and of the shape that its sensor has."""
-    rows = _noise_rows(seen, path, band)
-    return fitted_noise([([rows], band, seen.sensor.noise)]) if len(rows) >= _FEWEST_ROWS else ForceNoise(0.0, 1.0)
 
 
 def _noise_rows(seen: Recording, path: Path, band: Band) -> Array:
@@ -95,6 +89,8 @@ def _at(path: Path, x: Array, t: Array) -> Array:
 
 
 def _counted(q: Array, template: Recording, random: np.random.Generator) -> Array:
-    """A position by the template's encoder, or with the noise of its sensor."""
-    step = max(encoder_step(p["position"]) for p in template.pieces)
-    return step * np.round(q / step) if step > 0.0 else q + template.position_noise * random.standard_normal(len(q))
+    """A position by the template's encoder, its edges anywhere within a count, or with the noise of its sensor."""
+    if not (step := max(encoder_step(p["position"]) for p in template.pieces)) > 0.0:
+        return q + template.position_noise * random.standard_normal(len(q))
+    edge = random.uniform()
+    return np.asarray(step * (np.round(q / step + edge) - edge))

@@ -37,6 +37,7 @@ class Recording:
     pieces : each with t, u (held), d_hat (sign of eq. 13), the motion that could be had, and "acceleration": as
         measured, a mean over the interval that ends at each sample or, from position, over both intervals beside it.
     speed_noise, position_noise : standard deviation of the noise of the speed, and of the position.
+    logged_speed_noise : of a speed as logged, even where the position showed a quieter one; NaN where none was.
     walk : of a reconstructed speed, the standard deviation that noise of d_hat makes it wander by in 1 s; else 0.
     sensor : what the acceleration was measured by, and its noise.
     provenance : channel -> "logged", "smoothed", "from position", "reconstructed from u and d_hat" or "computed
@@ -55,6 +56,7 @@ class Recording:
     rest_speed: float
     speed_noise: float
     position_noise: float
+    logged_speed_noise: float
     walk: float
     sensor: Sensor
     pushed: tuple[str, float] | None = None
@@ -130,7 +132,8 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
     pieces = [with_channels(p, turning=_turning(p, observer, rest, margin)) for p in pieces]
     pieces = [with_channels(p, **_limits_of_rest(p["speed_noise"], noise, rest)) for p in pieces]
     position_noise = _position_noise(log, noise)
-    return Recording(log.source, tuple(pieces), provenance, missing, rest, noise, position_noise, walk, sensor)
+    logged = noise_of(log["velocity"]) if "velocity" in log else math.nan
+    return Recording(log.source, tuple(pieces), provenance, missing, rest, noise, position_noise, logged, walk, sensor)
 
 
 def _position_noise(log: Log, speed_noise: float) -> float:
