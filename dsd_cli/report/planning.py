@@ -65,6 +65,7 @@ def to_json(plan: Plan, experiments: Sequence[Experiment] = (), output: str = ""
                 "b": p.b,
                 "nats_before": p.nats_before,
                 "nats_expected": p.nats_expected,
+                "nats_range": None if math.isnan(p.nats_low) else [p.nats_low, p.nats_high],
                 "nats_if_a": number_or_none(p.nats_if_a),
                 "nats_if_b": number_or_none(p.nats_if_b),
             }
@@ -143,10 +144,12 @@ def _now(pair: PlannedPair) -> str:
 
 
 def _after(pair: PlannedPair) -> str:
-    """The smaller of both ways; both where that is less than now, as when the logs would have misled."""
+    """The smaller of both ways, least to most of what was simulated; both ways where that is less than now, as when the
+    logs would have misled."""
     ways = [(n, name) for n, name in ((pair.nats_if_a, pair.a), (pair.nats_if_b, pair.b)) if math.isfinite(n)]
     if len(ways) < 2 or pair.nats_expected >= abs(pair.nats_before):
-        return nats_text(pair.nats_expected)
+        ends = dict.fromkeys(map(nats_text, (pair.nats_low, pair.nats_high)))
+        return " to ".join(ends) if math.isfinite(pair.nats_low) else nats_text(pair.nats_expected)
     return "; ".join(f"{nats_text(nats)} if {name}" for nats, name in ways)
 
 

@@ -15,10 +15,9 @@ import numpy as np
 
 from dsd_cli.identify.design.cases import Case, Expected, cases_of, ranges_within
 from dsd_cli.identify.design.inverse import Path, command_for
-from dsd_cli.identify.design.like_logs import LikeLogs
 from dsd_cli.identify.design.limits import Limits
 from dsd_cli.identify.design.reach import Reach
-from dsd_cli.identify.design.rows import Model, MotionRows, Products, left, variance_of
+from dsd_cli.identify.design.rows import LikeLogs, Model, MotionRows, Products, left, variance_of
 from dsd_cli.identify.design.targets import Targets
 from dsd_cli.identify.fit.bank import INERTIA, has_friction
 from dsd_cli.identify.fit.direction import drowns, moved_by

@@ -106,12 +106,17 @@ def _draws(search: Search, fit: Fit, doubtful: bool, own: Collection[str]) -> tu
     return tuple(plants)
 
 
-def held(search: Search, one: Explanation) -> Explanation:
+def held(search: Search, one: Explanation, unexplained: float) -> Explanation:
     """An explanation that lacks something nobody can name, with the constant force that this is in the mean of the
-    logs: so the axis was held where they were. Elsewhere it may be half, or half as much again: so are the draws."""
+    logs: so the axis was held where they were. Elsewhere half of that may come or go, and what is left beside it may be
+    for long what it was for a moment, as in one valley of a cogging that has no mean: so are the draws.
+
+    unexplained : rms of what is left, unit of u; a sine of it goes as far as the root of 2 times that.
+    """
     lacks = -float(np.mean([_lacking(one.fitted, p) for r in search.problem.recordings for p in r.pieces]))
-    shares = [1.0, *np.linspace(1.0 - _WIDEST, 1.0 + _WIDEST, len(one.draws) - 1).tolist()]
-    return replace(one, draws=tuple(_pushed(plant, x * lacks) for plant, x in zip(one.draws, shares, strict=True)))
+    most = _WIDEST * abs(lacks) + math.sqrt(2.0) * unexplained
+    forces = [lacks, *np.linspace(lacks - most, lacks + most, len(one.draws) - 1).tolist()]
+    return replace(one, draws=tuple(_pushed(plant, x) for plant, x in zip(one.draws, forces, strict=True)))
 
 
 def _lacking(plant: PlantModel, piece: Log) -> float:

@@ -14,12 +14,15 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.effects import Role
+from dsd_cli.identify.design.inverse import Path, as_recording
+from dsd_cli.identify.design.seen import as_seen, times_white
 from dsd_cli.identify.fit.band import Band, band_of
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, Term, Terms, columns_of, commands, has_friction, inputs_of
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Array, with_channels
 
@@ -165,10 +168,40 @@ def equations_like(form: tuple[Band, Array], recording: Recording, delay: float,
         part = round(step / band.sample_time)
         band = replace(band_of(min(band.hz, POLICY.highest_share / step), step), step=max(band.step // part, 1))
     found = equations_of([recording], math.ceil(delay / step) + 3, band).with_whitening(taps)
-    if not held or not found.stretches:
+    if not (held and found.stretches and taps.any()):  # a sensor that shows nothing of it tells no direction either
         return found
     sure = many_sure(found)
     return found if sure is None else replace(found, row_weight=sure.astype(np.float64))
+
+
+@dataclass(frozen=True)
+class LikeLogs:
+    """How motions become rows.
+
+    template : a log of the axis. delay : s, the longest of all plants. held : whether there may be friction.
+    form : band and whitening, of that log which shows most.
+    """
+
+    template: Recording
+    rest_speed: float
+    delay: float
+    held: bool
+    form: tuple[Band, Array]
+
+    @classmethod
+    def of(cls, search: Search, delay: float, held: bool) -> LikeLogs:
+        """By the logs of a search."""
+        known, problem = search.equations, search.problem
+        form = known.band, known.whitening[known.bands.index(known.band)]
+        return cls(problem.recordings[0], problem.model.rest_speed, delay, held, form)
+
+    def equations(self, path: Path, u: Array) -> Equations:
+        """Rows of a motion; the axis rests before and after it."""
+        seen = as_seen(self.template, path, u, self.rest_speed)
+        recording = as_recording(self.template, path, u, self.rest_speed, seen)
+        band, taps = self.form
+        louder = 1.0 if seen is None else max(times_white(seen, path, band, taps), 1.0)
+        return equations_like((band, taps / np.sqrt(louder)), recording, self.delay, self.held)
 
 
 def left(grams: Array, target: int) -> Array:

@@ -73,7 +73,8 @@ def targets_of(
         explanation_of(search, name, made.fits[name], doubtful, _own(name, apart_from)) for name in names
     )
     if unknown:  # none of them stands: the limits are kept under each, and the motion is for the whole catalogue
-        first = held(search, explanations[0])
+        share = 0.0 if diagnosis is None else diagnosis.unexplained.share_of_u
+        first = held(search, explanations[0], 0.0 if math.isnan(share) else share * search.problem.errors.force)
         return Targets((first, *explanations[1:]), (), (), unknown=True, doubtful=True)
     places = tuple((names.index(a), names.index(b)) for a, b in pairs)
     values = [n for n in wanted if n in flat(explanations[0].fitted)] if wanted else None

@@ -47,5 +47,7 @@ def test_where_few_rows_are_sure_of_friction_all_count_as_in_the_search() -> Non
     known = pose([log], BELIEVED, Settings()).equations
     forms = ((known.band, known.whitening[0]), (band_of(2.0, log.sample_time), known.whitening[0]))
     many, few = (equations_like(form, log, BELIEVED.delay, held=True) for form in forms)
+    with np.errstate(all="raise"):  # a motion of less than a count shows nothing, its direction neither
+        assert equations_like((known.band, np.zeros(25)), log, BELIEVED.delay, held=True).row_weight is None
     assert few.counted == sum(few.lengths)
     assert many.counted == sum(uncertain(many)[many.kept] <= POLICY.unsure_share) < 0.8 * sum(many.lengths)
