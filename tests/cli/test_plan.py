@@ -5,17 +5,27 @@ import io
 import json
 import re
 import sys
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from dsd_cli.cli.plan_loop import misled
-from dsd_cli.cli.plan_request import Told, _possible
+from dsd_cli.cli.plan_loop import closed, command_words, misled
+from dsd_cli.cli.plan_request import Answer, Request, Told, _limit, _possible, told_by
+from dsd_cli.cli.plan_request import planned as planned_by
+from dsd_cli.errors import DataError, UsageError
+from dsd_cli.files.config import load_config
 from dsd_cli.files.motion_out import COLUMNS, motion_text
 from dsd_cli.identify.design.limits import Limits
+from dsd_cli.identify.design.plan import Wanted
 from dsd_cli.identify.design.results import Impossible, Motion, Plan, PlannedPair, PlannedValue, Stage
+from dsd_cli.identify.design.targets import Targets, apart, targets_of
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.results import Diagnosis
+from dsd_cli.identify.search.sets import Search
 from dsd_cli.report.planning import headline, print_table, to_json
 from tests.cli.rig import done, dsd, refused
 
@@ -60,7 +70,11 @@ def test_the_motion_has_the_columns_of_the_contract(folder: Path, planned: dict)
     np.testing.assert_allclose(np.gradient(motion["velocity"], 0.001)[5:-5], motion["acceleration"][5:-5], atol=0.2)
     assert planned["seconds"] >= 6.0 - 1e-9
     assert planned["pairs"]
-    assert all(p["nats_expected"] > 6.0 for p in planned["pairs"])
+    for pair in planned["pairs"]:
+        low, high = pair["nats_range"]
+        assert 6.0 < low <= pair["nats_expected"] <= high
+        if pair["a"] == "gravity":  # what the logs have told of it is not lost
+            assert pair["nats_if_a"] > pair["nats_before"] > 0.0
     assert -1.5 < planned["reached"]["position_low"] < planned["reached"]["position_high"] < 1.5
 
 
@@ -99,22 +113,18 @@ def test_dsd_simulate_follows_it(folder: Path, planned: dict) -> None:
     assert np.abs(log["position"] - log["reference"]).max() < 0.3
 
 
-def test_on_stdout_it_is_the_motion_alone(folder: Path) -> None:
-    ran = done(*PLAN, "--for", "inertia", "-o", "-", cwd=folder)
-    assert ran.stdout.startswith("t,position,velocity,acceleration,u_feedforward\n")
-
-
 @pytest.fixture(scope="module")
 def told(folder: Path) -> dict:
     return json.loads(done("diagnose", "small.csv", "-c", BARE, "--format", "json", cwd=folder).stdout)
 
 
 def test_a_diagnosis_in_a_file_asks_for_what_one_anew_does(folder: Path, planned: dict, told: dict) -> None:
+    """And on stdout it is the motion alone."""
+    assert planned["pairs"]
     (folder / "told.json").write_text(json.dumps(told))
-    arguments = ("--diagnosis", "told.json", "-o", "same.csv", "--format", "json")
-    same = json.loads(done(*PLAN, *arguments, cwd=folder).stdout)
-    assert same | {"output": "next.csv"} == planned
-    assert (folder / "same.csv").read_bytes() == (folder / "next.csv").read_bytes()
+    ran = done(*PLAN, "--diagnosis", "told.json", "-o", "-", cwd=folder)
+    assert ran.stdout.startswith("t,position,velocity,acceleration,u_feedforward\n")
+    assert ran.stdout.encode() == (folder / "next.csv").read_bytes()
 
 
 def test_what_the_logs_cannot_test_is_skipped() -> None:
@@ -125,22 +135,32 @@ def test_what_the_logs_cannot_test_is_skipped() -> None:
     assert line.startswith("other.json: load_friction is skipped: these logs cannot test it; u hardly changes")
 
 
-def test_of_another_diagnosis_what_is_no_effect_is_skipped(folder: Path, told: dict) -> None:
+def test_of_another_diagnosis_what_is_no_effect_is_skipped(
+    folder: Path, told: dict, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Rivals take the place of the member that they stand in for, beside all else that was found."""
     assert {"gravity", "coulomb_friction"} == set(told["found"])
     for one in told["ranking"]:
         if one["effect"] == "gravity":
             one["indistinguishable_from"] += ["viscous_friction", "rust"]
     (folder / "other.json").write_text(json.dumps(told))
-    ran = done(*PLAN, "--diagnosis", "other.json", "-o", "other.csv", "--format", "json", cwd=folder)
-    assert "other.json: rust is skipped: neither an effect nor a value" in ran.stderr
-    assert "--for" not in ran.stderr
-    pairs = {frozenset((p["a"], p["b"])): p for p in json.loads(ran.stdout)["pairs"]}
+    motion = Motion(0.001, *np.zeros((4, 1001)))
+    asked: list[tuple[Wanted, Targets]] = []
+
+    def plan_next(search: Search, whole: Fit, found: Diagnosis, _observer: object, wanted: Wanted, *_: object) -> Plan:
+        asked.append((wanted, targets_of(search, whole, found, wanted.names)))
+        return Plan(("small.csv",), found.verdict, motion, (), (), (), LIMITS)
+
+    monkeypatch.setattr("dsd_cli.identify.design.plan.plan_next", plan_next)
+    request = Request(Wanted(), told_by(folder / "other.json"))
+    answer = planned_by(load_config(BARE), [str(folder / "small.csv")], request, quiet=True)
+    ((wanted, targets),) = asked
+    assert any("other.json: rust is skipped: neither an effect nor a value" in line for line in answer.warnings)
+    assert "viscous_friction" in wanted.names
+    names = [one.name for one in targets.explanations]
+    pairs = {frozenset(apart(names[a], names[b])) for a, b in targets.pairs}
     assert frozenset(("coulomb_friction", "viscous_friction")) in pairs
     assert frozenset(("gravity", "viscous_friction")) not in pairs
-    for pair in pairs.values():  # what the logs have told of the machine's own effects is not lost
-        if pair["a"] in told["found"]:
-            assert pair["nats_if_a"] > pair["nats_before"] > 0.0
 
 
 def test_what_no_motion_tells_is_not_said_to_be_told() -> None:
@@ -181,14 +201,11 @@ def test_where_the_logs_may_have_misled_both_ways_are_said() -> None:
     [
         (("-o", "next.txt"), "unknown kind of file for a motion"),
         (("-o", "next.csv", "--limit", "speed=3"), "no limit 'speed'"),
-        (("-o", "next.csv", "--limit", "velocity=fast"), "not a number"),
-        (("-o", "next.csv", "--limit", "u=0"), "must be above 0"),
         (("-o", "next.csv", "--seconds", "60:5"), "--seconds 60:5"),
         (("-o", "next.csv", "--for", "rust"), "neither an effect nor a value"),
         (("-o", "next.csv", "--start", "9"), "plan.start = 9"),
         (("-o", "next.csv", "--diagnosis", "small.csv"), "no result of dsd diagnose"),
         (("-o", "next.csv", "--run-with", "echo {log}"), "has no {reference}"),
-        (("-o", "next.csv", "--run-with", "echo '{log} {reference}"), "close the quotes"),
         (("-o", "-", "--run-with", "echo {log} {reference}"), "--run-with needs a file"),
         (("-o", "-", "--format", "json"), "both need stdout"),
         (("-o", "small.csv"), "small.csv"),
@@ -196,6 +213,20 @@ def test_where_the_logs_may_have_misled_both_ways_are_said() -> None:
 )
 def test_what_is_refused(folder: Path, arguments: tuple[str, ...], text: str) -> None:
     refused(dsd("plan", "small.csv", "-c", BARE, *arguments, cwd=folder), 2, text)
+
+
+@pytest.mark.parametrize(
+    ("read", "text"),
+    [
+        (lambda: _limit("velocity=fast"), "not a number"),
+        (lambda: _limit("u=0"), "must be above 0"),
+        (lambda: command_words("echo '{log} {reference}"), "close the quotes"),
+    ],
+)
+def test_what_cannot_be_read_is_refused(read: Callable[[], object], text: str) -> None:
+    with pytest.raises(UsageError) as refusal:
+        read()
+    assert text in f"{refusal.value.message} {refusal.value.hint}"
 
 
 def test_the_gain_of_the_drive_takes_a_known_mass(folder: Path) -> None:
@@ -214,19 +245,15 @@ sys.exit(subprocess.call([sys.executable, "-m", "dsd_cli", "simulate", "-q", "-c
 """
 
 
-def test_the_loop_ends_when_nothing_is_left_open_and_goes_on_where_it_was(folder: Path) -> None:
+def test_the_loop_ends_when_nothing_is_left_open(folder: Path) -> None:
     (folder / "rig.py").write_text(RIG)
     command = f"{sys.executable} rig.py {{reference}} {{log}}"
-    loop = (*PLAN, "-o", "auto.csv", "--format", "json", "--run-with", command)
-    told = json.loads(done(*loop, cwd=folder).stdout)
+    told = json.loads(done(*PLAN, "-o", "auto.csv", "--format", "json", "--run-with", command, cwd=folder).stdout)
     last = told["experiments"][-1]
     assert (last["verdict"], last["left_open"]) == ("gravity", [])
     assert (folder / "auto-1.csv").is_file()
     assert (folder / "auto-1-log.csv").is_file()
-    runs = (folder / "runs.txt").read_text()
-    again = json.loads(done(*loop, cwd=folder).stdout)
-    assert again["experiments"] == told["experiments"]
-    assert (folder / "runs.txt").read_text() == runs  # logs that are there are not run again
+    assert len((folder / "runs.txt").read_text().splitlines()) == len(told["experiments"])
 
 
 def _said(verdict: str, *found: str, tied: tuple[str, ...] = ()) -> SimpleNamespace:
@@ -248,20 +275,65 @@ def test_a_log_that_says_all_alone_is_not_hidden_by_a_poor_one() -> None:
     assert not misled(_said("unknown"), _said("coulomb_friction", "coulomb_friction", tied=("stribeck_friction",)))
 
 
-def test_a_command_sees_words_and_no_shell(folder: Path) -> None:
-    words = f"{sys.executable} -c pass {{reference}} {{log}} ; touch pwned"
-    ran = dsd(*PLAN, "-o", "shell.csv", "--run-with", words, cwd=folder)
-    assert ran.returncode == 1
-    assert "left no shell-1-log.csv" in ran.stderr
-    assert not (folder / "pwned").exists()
+#: Moves nothing: leaves a log of an axis at 0.3, and says that it was run.
+STAND = """
+import sys
+open("runs.txt", "a").write(sys.argv[2] + chr(10))
+rows = [f"{k / 1000},{0.1 * (k % 2)},{0.3 - k // 100 / 1000}" for k in range(200)]
+open(sys.argv[2], "w").write(chr(10).join(["t,u,position", *rows]))
+"""
+LIMITS = Limits(-1.0, 1.0, 3.0, 20.0, 400.0, 1.0, 0.0)
 
 
-def test_a_broken_limit_ends_the_loop(folder: Path) -> None:
-    """An axis that begins beyond its range."""
-    (folder / "rig.py").write_text(RIG)
-    wild = "--set simulate.start=2.0"
-    command = f"{sys.executable} rig.py {{reference}} {{log}} {wild}"
-    ran = dsd(*PLAN, "-o", "wild.csv", "--run-with", command, cwd=folder)
-    assert ran.returncode == 1
-    assert "beyond its limit" in ran.stderr
-    assert (folder / "wild-1-log.csv").is_file()
+def closed_with(command: str, monkeypatch: pytest.MonkeyPatch, limits: Limits = LIMITS) -> tuple[Answer, list[int]]:
+    """(answer of a loop whose plans are always the same motion, number of logs of each): open until two logs are."""
+    plan = Plan(("small.csv",), "gravity", Motion(0.001, *np.zeros((4, 101))), (), (), (), limits)
+    asked: list[int] = []
+
+    def planned(_settings: object, logs: list[str], *_: object) -> Answer:
+        asked.append(len(logs))
+        said = _said("gravity", "gravity", tied=("stiffness",) if len(logs) < 3 else ())
+        said.probability = 0.9
+        return Answer(plan, said)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("dsd_cli.cli.plan_loop.planned", planned)
+    job = load_config(BARE), ["small.csv"], Request(Wanted()), True
+    return closed(job, command, "auto.csv", 3), asked
+
+
+def test_the_loop_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Logs that are there are not run again."""
+    monkeypatch.chdir(tmp_path)
+    Path("rig.py").write_text(STAND)
+    command = f"{sys.executable} rig.py {{reference}} {{log}}"
+    first, asked = closed_with(command, monkeypatch)
+    assert [one.left_open for one in first.experiments] == [("gravity or stiffness",), ()]
+    assert asked == [1, 2, 1, 3]  # the new log is asked alone, too, where something is open
+    runs = Path("runs.txt").read_text()
+    assert [Path(line).name for line in runs.splitlines()] == ["auto-1-log.csv", "auto-2-log.csv"]
+    again, _ = closed_with(command, monkeypatch)
+    assert again.experiments == first.experiments
+    assert Path("runs.txt").read_text() == runs
+
+
+def test_a_command_sees_words_and_no_shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(DataError, match=r"left no auto-1-log\.csv"):
+        closed_with(f"{sys.executable} -c pass {{reference}} {{log}} ; touch pwned", monkeypatch)
+    assert Path("auto-1.csv").read_text().startswith("t,position,velocity,acceleration,u_feedforward\n")
+    assert not Path("pwned").exists()
+
+
+def test_a_broken_limit_or_command_ends_the_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An axis that stands beyond its range; a command that says that it failed."""
+    monkeypatch.chdir(tmp_path)
+    Path("rig.py").write_text(STAND)
+    command = f"{sys.executable} rig.py {{reference}} {{log}}"
+    with pytest.raises(DataError, match="position went 20 % beyond its limit"):
+        closed_with(command, monkeypatch, replace(LIMITS, low=-0.6, high=0.15))
+    assert Path("auto-1-log.csv").is_file()
+    assert not Path("auto-2.csv").exists()
+    Path("auto-1-log.csv").unlink()
+    Path("rig.py").write_text(STAND + "sys.exit(3)\n")
+    with pytest.raises(DataError, match="ended with exit code 3"):
+        closed_with(command, monkeypatch)

@@ -108,13 +108,13 @@ def _draws(search: Search, fit: Fit, doubtful: bool, own: Collection[str]) -> tu
 
 def held(search: Search, one: Explanation, unexplained: float) -> Explanation:
     """An explanation that lacks something nobody can name, with the constant force that this is in the mean of the
-    logs: so the axis was held where they were. Elsewhere half of that may come or go, and what is left beside it may be
-    for long what it was for a moment, as in one valley of a cogging that has no mean: so are the draws.
+    logs: so the axis was held where they were. Elsewhere half of that may come or go, or what is left beside it is for
+    long what it was for a moment, as in one valley of a cogging that has no mean: so are the draws.
 
     unexplained : rms of what is left, unit of u; a sine of it goes as far as the root of 2 times that.
     """
     lacks = -float(np.mean([_lacking(one.fitted, p) for r in search.problem.recordings for p in r.pieces]))
-    most = _WIDEST * abs(lacks) + math.sqrt(2.0) * unexplained
+    most = max(_WIDEST * abs(lacks), math.sqrt(2.0) * unexplained)
     forces = [lacks, *np.linspace(lacks - most, lacks + most, len(one.draws) - 1).tolist()]
     return replace(one, draws=tuple(_pushed(plant, x) for plant, x in zip(one.draws, forces, strict=True)))
 

@@ -56,14 +56,15 @@ def verified(
     be: an axis that cogging has caught in another valley begins again from there.
 
     Where the explanations are doubtful, one that does so on any motion is not the axis that made the logs, and is not
-    counted. Nor is a draw whose loop is not stable; that is said.
+    counted. Nor is a draw whose loop is not stable or, where nobody knows what is missing, that stands beyond a limit
+    even at rest; that is said.
 
     Raises
     ------
     DataError : however small the motion, a plant breaks a limit; the loop is not stable with a plant that counts.
     """
     order = [k for i, k in enumerate(plants) if not any(k[2] == o[2] and plants[k] == plants[o] for o in [*plants][:i])]
-    wide, lost, unstable = parts, list[str](), list[str]()
+    wide, lost, unstable, names = parts, list[str](), list[str](), [e.name for e in targets.explanations]
     last = dict[Key, dict[int, tuple[float, float]]]()
     for _ in range(_SHRINKS * len(targets.explanations)):
         wanted, runs, why = _wanted(joined(TIMES * parts, room), room, loops[0]), dict[Key, Run](), ""
@@ -78,7 +79,7 @@ def verified(
             smaller = _smaller(parts, runs[key], room, allowed, last.setdefault(key, {}))
             runaway = any(now.scale < GENTLE * first.scale for now, first in zip(smaller, wide, strict=True))
         except UnstableLoopError as failure:
-            name = targets.explanations[key[0]].name
+            name = names[key[0]]
             if key[1]:  # a likely plant that the loop cannot hold is not the axis that made the logs in such a loop
                 order = [k for k in order if k != key]
                 unstable.append(f"{failure.message} with other likely values of {_called(name)}")
@@ -88,10 +89,14 @@ def verified(
         if not runaway:  # who broke a limit is asked first
             parts, order = smaller, [key, *(k for k in order if k != key)]
             continue
+        if key[1] and targets.unknown:  # it stands beyond a limit before it moves: no matter of the motion
+            parts, order, last = wide, [k for k in order if k != key], {}
+            unstable.append(f"no motion keeps the limits with other likely values of {_called(names[key[0]])}")
+            continue
         if key[0] == 0 or any(key[0] in pair for pair in targets.pairs):
             break
         parts, order, last = wide, [k for k in order if k[0] != key[0]], {}
-        lost.append(targets.explanations[key[0]].name)
+        lost.append(names[key[0]])
         unstable += [why] if why else []
     if why:
         raise DataError(why, "set [simulate.controller] to gains that hold this axis")

@@ -382,6 +382,25 @@ def test_an_unstable_loop_with_other_likely_values_ends_no_plan(tied: Asked, mon
     assert all(p.nats_expected > p.nats_before for p in plan.pairs)
 
 
+def test_what_stands_beyond_a_limit_before_it_moves_ends_no_plan_for_the_catalogue(
+    tied: Asked, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A force that may be there, and against which the simulated loop stands off, is no matter of the motion."""
+    targets = targets_of(tied.search, tied.whole, tied.diagnosis, doubted=True)
+    first = targets.explanations[0].draws
+
+    def runs(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits: Limits) -> Run:
+        run = run_loop(plant, loop, planned, limits)
+        off = 2.0 * (limits.high - limits.low) * (plant in first[1:])
+        return replace(run, path=replace(run.path, position=run.path.position + off))
+
+    monkeypatch.setattr("dsd_cli.identify.design.verified.run_loop", runs)
+    nobody = replace(tied.diagnosis, verdict=UNKNOWN)
+    plan = plan_next(tied.search, tied.whole, nobody, tied.observer, Wanted(limits=tied.limits, seconds=(3.0,)))
+    assert plan.motion is not None
+    assert "no motion keeps the limits with other likely values of the model alone" in plan.warnings
+
+
 def test_limits_hold_with_the_delay_of_the_model_too(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
     """A slow log may say that there is no delay; a loop that nobody described is as slow as the longest one asks."""
     seen: list[tuple[PlantModel, Loop]] = []
