@@ -25,7 +25,7 @@ from dsd_cli.cli.plan_loop import left_open, misled
 from dsd_cli.errors import DsdError
 from dsd_cli.identify.design.plan import Wanted, plan_next
 from dsd_cli.identify.design.results import Motion, Plan
-from dsd_cli.identify.design.targets import targets_of
+from dsd_cli.identify.design.targets import apart, targets_of
 from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.sets import Search
@@ -65,7 +65,7 @@ class Machine:
         self.model = PlantModel(beliefs["inertia"], beliefs["delay"], base)
         self.kept: list[tuple[Search, Any]] = []
         #: Of the last plan, the fits of both sides of each pair.
-        self.sets: list[tuple[Any, Any]] = []
+        self.sets: dict[tuple[str, str], tuple[Any, Any]] = {}
 
     def moved(self, t: Any, wanted: Any, take: int) -> tuple[Recording, Any]:
         """(recording, exact motion)."""
@@ -93,10 +93,9 @@ class Machine:
         """(plan within the machine's limits, s of CPU)."""
         begin = time.process_time()
         plan = plan_next(*self.kept[-1], said, self.observer, Wanted(limits=self.limits))
-        taken = time.process_time() - begin
-        targets = targets_of(*self.kept[-1], said)
-        fits = [e.fit for e in targets.explanations]
-        self.sets = [(fits[a], fits[b]) for a, b in targets.pairs] if plan.pairs else []
+        taken, targets = time.process_time() - begin, targets_of(*self.kept[-1], said)
+        named = [(e.name, e.fit) for e in targets.explanations]
+        self.sets = {apart(named[a][0], named[b][0]): (named[a][1], named[b][1]) for a, b in targets.pairs}
         return plan, taken
 
     @property
@@ -186,7 +185,8 @@ def _broken(plan: Plan, exact: Any) -> dict[str, float]:
 def _realised(machine: Machine, plan: Plan) -> list[tuple[float, float]]:
     """(expected, realised nats) of pairs with the truth in them, on both logs."""
     (search, whole), what, found = machine.kept[-1], machine.case.what[0], []
-    for pair, sets in zip(plan.pairs, machine.sets, strict=True):
+    for pair in plan.pairs:
+        sets = machine.sets[pair.a, pair.b]
         ways = zip((sets, sets[::-1]), (pair.nats_if_a, pair.nats_if_b), strict=True)
         for (truth, rival), expected in ways:
             named = [what in {t.id for t in fit.terms} for fit in (truth, rival)]

@@ -391,7 +391,7 @@ def test_what_stands_beyond_a_limit_before_it_moves_ends_no_plan_for_the_catalog
 
     def runs(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits: Limits) -> Run:
         run = run_loop(plant, loop, planned, limits)
-        off = 2.0 * (limits.high - limits.low) * (plant in first[1:])
+        off = 2.0 * (limits.high - limits.low) * (plant != first[0] and plant in first)
         return replace(run, path=replace(run.path, position=run.path.position + off))
 
     monkeypatch.setattr("dsd_cli.identify.design.verified.run_loop", runs)
