@@ -37,7 +37,8 @@ class Acting(NamedTuple):
 
 
 class Plant:
-    """Position (rad or m) and velocity of a plant, that is of its motor; `advance` moves it."""
+    """Position (rad or m) and velocity of a plant, that is of its motor; `advance` moves it. resonance : rad/s, of the
+    motor against the load that is stiffest, 0 without any."""
 
     def __init__(self, model: PlantModel, position: float = 0.0, velocity: float = 0.0) -> None:
         self.position = position
@@ -56,7 +57,7 @@ class Plant:
         self._varying = bool(self._applied or self._friction)
         self._with_memory = [acting for acting in (*self._applied, *self._friction) if acting.effect.memory]
         loads = [acting for acting in self._applied if acting.effect.role is Role.STRUCTURE]
-        self._resonance = max((_resonance(load, model) for load in loads), default=0.0)
+        self.resonance = max((_resonance(load, model) for load in loads), default=0.0)
         states, self._states = self._states, {}
         for acting in self._with_memory:
             now = Channels(0.0, 0.0, self.velocity, self.position)
@@ -92,7 +93,7 @@ class Plant:
     def _substeps(self, duration: float) -> int:
         if not self._with_memory:
             return SUBSTEPS
-        return max(SUBSTEPS_WITH_MEMORY, math.ceil(self._resonance * duration / RESONANCE_STEP))
+        return max(SUBSTEPS_WITH_MEMORY, math.ceil(self.resonance * duration / RESONANCE_STEP))
 
     def _remember(self, channels: Channels) -> None:
         for acting in self._with_memory:

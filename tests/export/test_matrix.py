@@ -7,6 +7,8 @@ import io
 import json
 import re
 import shutil
+from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -14,26 +16,35 @@ import pytest
 from dsd_cli.errors import UsageError
 from dsd_cli.export.base import Joint, Motion
 from dsd_cli.export.making import MOST_PERCENT, make, verify
-from dsd_cli.export.motion import built_in, simulated
+from dsd_cli.export.motion import Path, built_in, simulated
 from dsd_cli.export.targets import get_target, targets
+from dsd_cli.plant.model import PlantModel
 from dsd_cli.plant.motion import Plant
 from tests.export.cases import ALONE, TABLES, TOGETHER, joint, motion
 from tests.export.test_page import PROGRAMS
 from tests.oracle.matlab_text import StateEquation
-from tests.oracle.structured_text import blocks
+from tests.oracle.structured_text import Block, blocks
 
 GCC = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
 #: Targets that are run as joints, and those that are read back.
 JOINTS, VALUES = ("mjcf", "urdf"), ("parameters", "table")
 #: Every effect alone, and several together.
 MODELS = {name: (name,) for name in ALONE} | {f"{names[0]} and others": names for names in TOGETHER}
+#: Asked of what `TOGETHER` lacks: an FMU is the header of C with a description, a model of Modelica takes a second.
+SLOW = {"fmu": set(ALONE), "modelica": {name for names in TOGETHER for name in names}}
 #: What cannot be run here though it is written, and why.
 NOT_RUN = {("modelica", "backlash"): "rumoca has no loop within an if"}
 
 
+@cache
+def plc(text: str) -> dict[str, Callable[[], Block]]:
+    """Function blocks of a file, read once."""
+    return blocks(text)
+
+
 def structured_text(one: Joint, given: Motion) -> np.ndarray:
     """Speed of the axis' function block, called once a sample."""
-    axis = blocks(get_target("st").write(one).decode())["joint_Axis"]()
+    axis = plc(get_target("st").write(one).decode())["joint_Axis"]()
     return np.array([axis(u=u, q=given.position, v=given.velocity)[0] for u in given.u.tolist()])
 
 
@@ -49,20 +60,37 @@ def matlab(one: Joint, given: Motion) -> np.ndarray:
     return np.array(speeds)
 
 
+@pytest.fixture(autouse=True)
+def once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the simulator makes of a model and a motion is the same for every target."""
+    monkeypatch.setattr("dsd_cli.export.making.simulated", simulated_once)
+
+
+_KNOWN: dict[tuple[str, str, bytes], Path] = {}
+
+
+def simulated_once(model: PlantModel, given: Motion, *further: object) -> Path:
+    key = repr(model), repr(given), given.u.tobytes()
+    if further:
+        return simulated(model, given, *further)
+    if key not in _KNOWN:
+        _KNOWN[key] = simulated(model, given)
+    return _KNOWN[key]
+
+
 INTERPRETED = {"st": structured_text, "matlab": matlab}
 
 
 @GCC
 @pytest.mark.parametrize(
     ("model", "target"),
-    # an FMU is the header of C with a description: effects alone are asked of the header
-    [(model, target) for model in MODELS for target in PROGRAMS if target != "fmu" or model not in ALONE],
+    [(model, target) for model in MODELS for target in PROGRAMS if model not in SLOW.get(target, ())],
 )
 def test_each_model_in_each_program_is_that_of_the_simulator(model: str, target: str) -> None:
     one, given = joint(*MODELS[model]), motion(seconds=0.4)
     if target in INTERPRETED:
         found = INTERPRETED[target](one, given)
-        wanted = simulated(one.model, given).velocity
+        wanted = simulated_once(one.model, given).velocity
         assert np.abs(found - wanted).max() <= 1e-12 * np.abs(wanted).max()
         return
     if why := NOT_RUN.get((target, MODELS[model][0])):
@@ -118,20 +146,23 @@ def test_every_target_is_in_one_of_these() -> None:
     assert set(targets()) == {*PROGRAMS, *JOINTS, *VALUES, "sdf", "usd"}
 
 
-@pytest.mark.parametrize("block", ["Feedforward", "Compensation", "Friction"])
 @pytest.mark.parametrize("effect", ALONE)
-def test_what_a_plc_is_given_is_what_python_is(effect: str, block: str) -> None:
+def test_what_a_plc_is_given_is_what_python_is(effect: str) -> None:
     one = joint(effect)
     known: dict = {}
     exec(get_target("python").write(one).decode(), known)
-    law = getattr(known["Effects"](0.1, 0.0), block.lower())
-    there = blocks(get_target("st").write(one).decode())[f"joint_{block}"]()
-    rng = np.random.default_rng(3)
-    names = {"Feedforward": "tqva", "Compensation": ("t", "u", "q", "v", "direction"), "Friction": "tuqv"}[block]
-    for k in range(60):
-        v = 0.0 if k % 7 == 0 else float(np.sin(0.3 * k))
-        given = {"t": k * 2e-3, "u": rng.normal(), "q": 0.1, "v": v, "a": rng.normal(), "direction": rng.normal()}
-        begin = {"q": 0.1, "v": 0.0} if k == 0 else {}
-        values = {name: float((given | begin)[name]) for name in names}
-        (found,) = there(**values)
-        assert found == pytest.approx(law(**values), rel=1e-12, abs=1e-12)
+    axis = plc(get_target("st").write(one).decode())
+    for block, names in {
+        "Feedforward": "tqva",
+        "Compensation": ("t", "u", "q", "v", "direction"),
+        "Friction": "tuqv",
+    }.items():
+        law, there = getattr(known["Effects"](0.1, 0.0), block.lower()), axis[f"joint_{block}"]()
+        rng = np.random.default_rng(3)
+        for k in range(60):
+            v = 0.0 if k % 7 == 0 else float(np.sin(0.3 * k))
+            given = {"t": k * 2e-3, "u": rng.normal(), "q": 0.1, "v": v, "a": rng.normal(), "direction": rng.normal()}
+            begin = {"q": 0.1, "v": 0.0} if k == 0 else {}
+            values = {name: float((given | begin)[name]) for name in names}
+            (found,) = there(**values)
+            assert found == pytest.approx(law(**values), rel=1e-12, abs=1e-12), block

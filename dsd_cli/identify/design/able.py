@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,14 +15,17 @@ from dsd_cli.identify.design.motions import ROOM, Part, Room, position_of
 from dsd_cli.identify.design.targets import Targets, within_reach
 from dsd_cli.identify.design.verified import GENTLE
 from dsd_cli.plant.model import PlantModel
+from dsd_cli.plant.motion import Plant
 
 #: Places at which an axis is held.
 _PLACES = 50
 
 
-def able_to_move(targets: Targets, room: Room, believed: PlantModel) -> Targets:
+def able_to_move(targets: Targets, room: Room, believed: PlantModel, sample_time: float) -> Targets:
     """Without explanations by which u could not even begin to move the axis within its limit, or, where their values
-    are weak, could not hold it where the limits let it stand: forces that cancel out where a poor log has been.
+    are weak, could not hold it where the limits let it stand: forces that cancel out where a poor log has been. And
+    without those whose motor swings against its load more often than samples of the logs show, being next to nothing
+    of the inertia: no log speaks for that, and its simulation takes minutes.
 
     believed : the model of the user, which takes the place of its own fit where nobody knows what that lacks.
 
@@ -33,6 +37,8 @@ def able_to_move(targets: Targets, room: Room, believed: PlantModel) -> Targets:
     path, most = Path.of(gentle, room.step), room.limits.u
 
     def moves(one: Explanation) -> bool:
+        if Plant(one.fitted).resonance * sample_time > math.pi:
+            return False
         needs = float(np.abs(command_for(one.fitted, path, 3.0 * most)).max())
         return needs < ROOM * most and (not one.weak or _holding(one.fitted, room.limits) < most)
 

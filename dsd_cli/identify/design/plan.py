@@ -108,7 +108,8 @@ class _Asked:
         DataError : u cannot move the axis, or no motion keeps the limits.
         """
         search, wanted, room, limits = self.search, self.wanted, self.room, self.room.limits
-        names, targets = tuple(e.name for e in targets.explanations), able_to_move(targets, room, search.problem.model)
+        names, problem = tuple(e.name for e in targets.explanations), search.problem
+        targets = able_to_move(targets, room, problem.model, problem.recordings[0].sample_time)
         report("looking at motions", 0.1)
         impossible = list(not_by_motion(search, targets, self.diagnosis))
         measure = Measure(search, targets, _DRAWS_IN_SEARCH, limits=limits)

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError, UsageError
+from dsd_cli.identify.design.able import able_to_move
 from dsd_cli.identify.design.closed_loop import Loop, Run, UnstableLoopError, run_loop, usual_loops
 from dsd_cli.identify.design.impossible import not_by_motion, told_by_none
 from dsd_cli.identify.design.inverse import Path, command_for
 from dsd_cli.identify.design.limits import Limits, limits_of
 from dsd_cli.identify.design.measure import Measure
+from dsd_cli.identify.design.motions import Room
 from dsd_cli.identify.design.plan import Wanted, plan_next
 from dsd_cli.identify.design.results import Plan
 from dsd_cli.identify.design.targets import targets_of
@@ -322,6 +324,19 @@ def test_what_no_motion_of_all_that_were_tried_tells_is_said(tied: Asked) -> Non
 def test_a_u_that_cannot_hold_the_axis_is_refused(tied: Asked) -> None:
     with pytest.raises(DataError, match="does not move this axis"):
         tied.plan(limits={**tied.limits, "u": (0.0, 0.01)})
+
+
+def test_a_load_that_swings_faster_than_the_samples_is_no_plant(tied: Asked) -> None:
+    """A motor of a millionth of the inertia: a second of its simulation took a minute."""
+    targets = targets_of(tied.search, tied.whole, tied.diagnosis)
+    load = {"gap": 0.1, "load_share": 0.999999, "stiffness": 3e5}
+    swings = replace(tied.model, effects={**tied.model.effects, "backlash": load})
+    last = replace(targets.explanations[-1], name="backlash", draws=(swings,))
+    targets = replace(targets, explanations=(*targets.explanations[:-1], last), pairs=())
+    room = Room(limits_of([tied.recording], tied.limits, math.nan, 10.0), 10.0, 0.004)
+    able = able_to_move(targets, room, tied.model, 0.001).explanations
+    assert "backlash" not in {one.name for one in able}
+    assert targets.explanations[0] in able
 
 
 def likely_plants(asked: Asked) -> list[PlantModel]:
