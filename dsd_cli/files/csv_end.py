@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from dsd_cli.files.csv_cells import is_number
 from dsd_cli.files.csv_dialect import COMMENT, decode, fields_of
+
+_COMMENT = tuple(map(str.encode, COMMENT))
 
 
 def behind_rows(lines: Sequence[bytes], delimiter: str, width: int, row: Sequence[str]) -> tuple[int, list[str]]:
@@ -53,18 +55,43 @@ def _footer(lines: Sequence[bytes], delimiter: str, width: int, numeric: Sequenc
     return b"".join(reversed(cut[:rest]))
 
 
-def without_copies_of_head(content: bytes, skip: int) -> tuple[bytes, list[int], int] | None:
-    """A text in which blank lines stand for lines like the first `skip` ones that come again, the rows that follow
-    them, and the first such line, from 1; None: none comes again."""
+class Head:
+    """The lines above the rows of a text, which come again where its logger was started once more.
+
+    Every reader of text asks here. Rows without stamps are another recording from there on: nothing else says so.
+
+    Attributes
+    ----------
+    begins : how many rows came before each time.
+    """
+
+    def __init__(self, lines: Iterable[bytes]) -> None:
+        self._lines = {line.strip() for line in lines} - {b""}
+        self._first = 0
+        self.begins: list[int] = []
+
+    def comes_again(self, line: bytes, at: int, rows: int) -> bool:
+        """Whether line `at`, from 1, is one of them; `rows` came before it."""
+        if line.strip() not in self._lines:
+            return False
+        self._first = self._first or at
+        self.begins += [rows] if self.begins[-1:] != [rows] else []
+        return True
+
+    def said(self, stamped: bool) -> list[str]:
+        """What there is to say of it."""
+        then = "is left out" if stamped else "begins another recording"
+        again = f"its header comes again {len(self.begins)} time(s), first in line {self._first}, and {then}"
+        return [again] if self.begins else []
+
+
+def without_copies_of_head(content: bytes, skip: int) -> tuple[bytes, Head] | None:
+    """A text in which blank lines stand for lines like the first `skip` ones that come again, and for comments among
+    the rows; None: there are none."""
     lines = content.splitlines(keepends=True)
-    head = {line.strip() for line in lines[:skip] if line.strip()}
-    kept, rows, begins, first = lines[:skip], 0, list[int](), 0
-    for at, line in enumerate(lines[skip:], start=skip + 1):
-        if line.strip() in head:
-            kept.append(b"\n")
-            begins += [rows] if rows not in begins else []
-            first = first or at
-        else:
-            kept.append(line)
-            rows += bool(line.strip())
-    return (b"".join(kept), begins, first) if begins else None
+    head, rows, left = Head(lines[:skip]), 0, 0
+    for at, line in enumerate(lines[skip:], start=skip):
+        if head.comes_again(line, at + 1, rows) or line.lstrip().startswith(_COMMENT):
+            lines[at], left = b"\n", left + 1
+        rows += bool(lines[at].strip())
+    return (b"".join(lines), head) if left else None

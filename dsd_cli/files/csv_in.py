@@ -15,7 +15,7 @@ from dsd_cli.files import csv_dialect as dialects
 from dsd_cli.files.arrow_arrays import as_float64, is_number_type, numbers
 from dsd_cli.files.content import content_of, text_of
 from dsd_cli.files.csv_cells import Written
-from dsd_cli.files.csv_end import behind_rows, without_copies_of_head
+from dsd_cli.files.csv_end import Head, behind_rows, without_copies_of_head
 from dsd_cli.files.csv_factors import Scaling
 from dsd_cli.files.csv_failed import headless, why_unread
 from dsd_cli.files.csv_layout import CsvLayout, look
@@ -81,11 +81,12 @@ class CsvTable:
         self.unreadable = 0
         self.sample_time = sample_time_of(lines, found)
         self._end = self._without_footer()
-        self._begins: list[int] = []  # rows that are the first below a header that comes again
+        self._head: Head | None = None  # which comes again among the rows, as they were read with it
 
     @property
     def warnings(self) -> list[str]:
-        return [*self._notes, *self._scaling.said]
+        again = self._head.said("t" in self._places) if self._head else []
+        return [*self._notes, *again, *self._scaling.said]
 
     @property
     def units(self) -> dict[str, str]:
@@ -139,14 +140,15 @@ class CsvTable:
                     yield batch
                 return
             except (pa.ArrowException, OSError, ValueError) as error:  # the last of a stamp in words
-                if self._begins or not self._leave_headers_out():
+                if self._head or not self._leave_headers_out():
                     raise self._explain(rows, error) from None
 
     def _batches(self, after: int) -> Iterator[Batch]:
         """The rows after so many."""
         how, at = self._dialect.written, 0
         for whole in self._reader():
-            begins = [row for row in self._begins if "t" not in self._places and row >= after]  # else stamps say it
+            again = self._head.begins if self._head and "t" not in self._places else []  # else stamps say it
+            begins = [row for row in again if row >= after]
             end = at + whole.num_rows
             cuts = sorted({at, end, *(row for row in (after, *begins) if at < row < end)})
             for start, stop in pairwise(cuts):
@@ -161,13 +163,11 @@ class CsvTable:
             at = end
 
     def _leave_headers_out(self) -> bool:
-        """Whether its header comes again, as where a logger was started once more; from now on it is read without."""
+        """Whether its header comes again, or comments stand among its rows; from now on it is read without."""
         found = without_copies_of_head(text_of(self.name)[: self._end], self._dialect.skip)
         if found is None:
             return False
-        self._content, self._end, self._begins, line = found[0], None, found[1], found[2]
-        then = "is left out" if "t" in self._places else "begins another recording"
-        self._notes.append(f"its header comes again {len(self._begins)} time(s), first in line {line}, and {then}")
+        (self._content, self._head), self._end = found, None
         return True
 
     def _explain(self, rows: int, error: Exception) -> DataError:

@@ -11,6 +11,7 @@ from dsd_cli.files.csv_in import CsvTable
 from dsd_cli.files.formats.known import format_of, open_container
 from dsd_cli.files.formats.long_form import LongFile, long_form
 from dsd_cli.files.sample import sample
+from tests.files.test_factors import opened
 
 ROWS = 30
 T = 0.002 * np.arange(ROWS)
@@ -153,24 +154,26 @@ def test_a_recorder_with_signs_apart_and_milliseconds_beside_the_date(tmp_path: 
     assert read.units["CH1"] == "A"
 
 
-@pytest.mark.parametrize("before", [9, 1 << 18])
+@pytest.mark.parametrize(("kind", "before"), [("file", 9), ("file", 1 << 18), ("pipe", 9), ("followed", 9)])
 @pytest.mark.parametrize("units", [[], ["s,Nm,deg"]])
-def test_a_header_that_comes_again_is_left_out(units: list[str], before: int, tmp_path: Path) -> None:
+def test_a_header_that_comes_again_is_left_out(kind: str, units: list[str], before: int, tmp_path: Path) -> None:
     """Another recording of the same logger; without a clock nothing else would say so. One of them fills blocks."""
-    head = ["time,torque,angle" if units else NAMES, *units]
+    head = ["# a rig", "time,torque,angle" if units else NAMES, *units]
     rows = [[f"{t},{10 * k},2" for t in range(size)] for k, size in enumerate((before, 9, 4))]
-    (tmp_path / "log.csv").write_text("\n".join([*head, *rows[0], *head, *rows[1], "", *head, *rows[2]]) + "\n")
+    again = ["# started once more", *head[1:]]
+    content = "\n".join([*head, *rows[0], *again, *rows[1], "", *head, *rows[2]]) + "\n"
     torque = "torque" if units else "torque [Nm]"
-    for clock, begins in (({}, [before, before + 9]), ({"t": head[0].split(",")[0]}, [])):
-        read = CsvTable(str(tmp_path / "log.csv"), {**clock, "u": torque})
+    for clock, begins in (({}, [before, before + 9]), ({"t": head[1].split(",")[0]}, [])):
+        read = opened(kind, tmp_path, content, wanted={**clock, "u": torque})
         batches = list(read.batches())
         np.testing.assert_allclose(
             np.concatenate([one.columns["u"] for one in batches]), np.repeat([0, 10, 20], (before, 9, 4))
         )
         ends = np.cumsum([one.rows for one in batches])
         assert [int(end) - one.rows for end, one in zip(ends, batches, strict=True) if one.restart] == begins
-        line = before + 2 + len(units)
+        line = before + 4 + len(units)
         assert any(note.startswith(f"its header comes again 2 time(s), first in line {line}") for note in read.warnings)
+        assert read.unreadable == 0
 
 
 def test_a_bad_cell_below_a_header_that_comes_again_is_in_its_line(tmp_path: Path) -> None:

@@ -30,17 +30,17 @@ def read(table: object) -> dict[str, np.ndarray]:
     return {name: np.concatenate([batch.columns[name] for batch in batches]) for name in batches[0].columns}
 
 
-def opened(kind: str, folder: Path, content: str, scaled: bool | None = None) -> object:
+def opened(kind: str, folder: Path, content: str, scaled: bool | None = None, wanted: dict = WANTED) -> object:
     path, layout = folder / "log.csv", CsvLayout(scaled=scaled)
     path.write_text(content)
     if kind == "file":
-        return open_table(path, WANTED, layout=layout)
+        return open_table(path, wanted, layout=layout)
     if kind == "followed":
-        return LineStream(path, WANTED, idle_timeout=0.05, layout=layout)
+        return LineStream(path, wanted, idle_timeout=0.05, layout=layout)
     reading, writing = os.pipe()
     os.write(writing, content.encode())
     os.close(writing)
-    return LineStream(os.fdopen(reading, "rb"), WANTED, layout=layout)
+    return LineStream(os.fdopen(reading, "rb"), wanted, layout=layout)
 
 
 READERS = pytest.mark.parametrize("kind", ["file", "pipe", "followed"])
