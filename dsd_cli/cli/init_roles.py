@@ -17,10 +17,9 @@ from dsd_cli.files.recognise import (
     Recognised,
     is_command,
     is_current,
-    is_error,
     is_force,
     is_motion,
-    is_supply,
+    is_neither,
     is_voltage,
     quaternions,
     recognise,
@@ -227,7 +226,7 @@ def roles_of(look: FirstLook, table: Table, given: Mapping[str, str]) -> Roles:
     named = {role: one.column for role, one in look.found.items()}
     if "u" not in named and is_command(named.get("reference", "")):
         del named["reference"]  # only what it does says of what
-    neither = {one.name for one in table.channels if is_error(one.name) or is_supply(one.name)} - set(given.values())
+    neither = {one.name for one in table.channels if is_neither(one.name, one.unit)} - set(given.values())
     forces = neither | {one.name for one in table.channels if is_force(one.name, one.unit)} - set(given.values())
     u = look.found.get("u")
     if u is not None and u.equals and "u" not in given and not any(one in named for one in MOTION):
@@ -291,7 +290,8 @@ def _chosen(look: FirstLook, table: Table, roles: Roles) -> Chosen:
     likely = [name for name in roles.causes if name not in taken]
     rest = [one.name for one in table.channels if one.name not in taken and one.name not in likely]
     rest = [name for name in rest if roles.facts[name].moves and roles.facts[name].kind != "clock"]
-    candidates = tuple(name for name in (*likely, *rest) if missing != "u" or not is_motion(name, look.units[name]))
+    may = [name for name in (*likely, *rest) if not is_neither(name, look.units[name])]
+    candidates = tuple(name for name in may if missing != "u" or not is_motion(name, look.units[name]))
     return Chosen(found, roles.found, look.clock, table, (), missing, candidates if missing else ())
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from dsd_cli.files.first_look import FirstLook
-from dsd_cli.files.recognise import Recognised, is_motion, role_of_unit
+from dsd_cli.files.recognise import Recognised, is_motion, is_neither, role_of_unit
 from dsd_cli.files.sample import Table
 from dsd_cli.identify.roles import Channel, facts_of
 
@@ -33,7 +33,7 @@ def forces_in(tables: Sequence[Table], found: Mapping[str, Recognised]) -> tuple
     """Columns of all tables that are no motion, those whose unit is that of a force first."""
     taken = {one.column for one in found.values()}
     free = [(c.name, c.unit) for one in tables for c in one.channels if c.name not in taken and not is_clock(c)]
-    free = [(name, unit) for name, unit in free if not is_motion(name, unit)]
+    free = [(name, unit) for name, unit in free if not is_motion(name, unit) and not is_neither(name, unit)]
     return tuple(name for name, unit in sorted(free, key=lambda item: role_of_unit(item[1]) != "u"))
 
 

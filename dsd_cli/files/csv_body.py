@@ -41,7 +41,7 @@ class CsvLayout:
 class Body(NamedTuple):
     """Rows of numbers: what separates them, fields in each, which of these are numbers, line of the first (from 0).
 
-    `counted`: the first field may be the number of the row, and the last one is filled; `then_rises`: the second rises.
+    `counted`: the first field may be the number of the row, and the last one is filled; `rising`: fields that rise.
     """
 
     delimiter: str
@@ -49,7 +49,7 @@ class Body(NamedTuple):
     numeric: tuple[int, ...]
     start: int
     counted: bool = False
-    then_rises: bool = False
+    rising: tuple[int, ...] = ()
 
 
 def body_of(lines: Sequence[str], delimiters: Sequence[str], layout: CsvLayout) -> Body | None:
@@ -73,7 +73,9 @@ def body_of(lines: Sequence[str], delimiters: Sequence[str], layout: CsvLayout) 
             start = _start(lines, delimiter, width, numeric, by_label=not _filled(alike, 0))
             if start is not None:
                 of_rows = numeric[-1] == width - 1 and _is_counted([row[0].strip(' "') for row in alike])
-                best = score, Body(delimiter, width, numeric, start, of_rows, of_rows and _rises(alike))
+                below = [row for row in alike if is_data(row, width, numeric)]
+                rising = tuple(k for k in numeric if _rises(below, k))
+                best = score, Body(delimiter, width, numeric, start, of_rows, rising)
     return best[1] if best else None
 
 
@@ -91,9 +93,9 @@ def _is_counted(cells: Sequence[str]) -> bool:
     return all(after == before + 1 for before, after in pairwise(numbers))
 
 
-def _rises(rows: Sequence[Sequence[str]]) -> bool:
-    """Whether the second field does, from row to row."""
-    cells = [row[1].strip(' "') for row in rows]
+def _rises(rows: Sequence[Sequence[str]], place: int) -> bool:
+    """Whether a field does, from row to row."""
+    cells = [row[place].strip(' "') for row in rows]
     return all(map(is_number, cells)) and all(number(a) < number(b) for a, b in pairwise(cells))
 
 

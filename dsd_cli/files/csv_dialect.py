@@ -16,11 +16,12 @@ DELIMITERS = (",", ";", "\t")
 COMMENT = ("#", "%")
 #: What tables for the eye rule off their header with: `--- ---`, `|---|:--:|`, `+----+`; and `sep=;` for spreadsheets.
 RULER = re.compile(r"[\s|:+]*(?:[-=]{3,}[\s|:+]*)+|\"?sep=.\"?")
-#: Encodings of text, and what shows that it is one of them: kana, and what is measured in Chinese.
+#: Encodings of text, and what shows that it is one of them: kana, what is measured in Chinese, signs of Windows.
 _ENCODINGS = (
     ("utf-8", re.compile("")),
     ("cp932", re.compile("[\u3041-\u30fa]{2}")),
     ("gb18030", re.compile("[\u8f6c\u626d]\u77e9|\u901f\u5ea6|\u8f6c\u901f|\u4f4d\u7f6e|\u7535\u6d41")),
+    ("cp1252", re.compile("[^\0-\xff]")),
 )
 _UNIT = re.compile(r"\s*[-+]?[\d.,]+\s*([^\s\d.,'+-]\S*)\s*$", re.ASCII)
 _OTHER_FORMATS = {
@@ -89,7 +90,9 @@ def decode(line: bytes) -> str:
 
 
 def encoding_of(content: bytes) -> str:
-    """UTF-8, else one of two bytes a letter where that gives letters that are usual there, else Latin."""
+    """UTF-8, else one of two bytes a letter where that gives letters that are usual there, else Latin.
+
+    That of Windows, which has more signs (per mille, quotes), is it where one of these is there."""
     for encoding, usual in _ENCODINGS:
         with suppress(UnicodeDecodeError):
             if usual.search(content.decode(encoding)):

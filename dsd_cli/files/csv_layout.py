@@ -6,6 +6,7 @@ of units, and a preamble; [csv] says where these are when that is not so.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -67,7 +68,7 @@ def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
     rows = [row for row in _rows(lines, header.delimiter, skip, len(lines)) if not row.comment or _units_of(row, body)]
     plain = body.delimiter == header.delimiter and body.fields == len(header.names)
     above = [header.names, *(row.cells for row in rows if row.at < body.start)]
-    plain = plain and not any(map(kind_of, above))
+    plain = plain and not any(map(kind_of, above)) and _of_pairs(header.names, body) == header.names
     if not plain or _names_of_units(header.names) or _goes_on(header.names, rows[:1], body):
         return find_layout(source, lines, layout)
     if not any(is_data(row.cells, body.fields, body.numeric) for row in rows[:2]):
@@ -196,9 +197,10 @@ def _above(rows: Sequence[Row], body: Body) -> Found:
     rows = [row for row in rows if row not in each.values()]
     wide = _wide([row for row in rows if not row.comment or _units_of(row, body)], body)
     if all(row.comment or all(map(is_unit, row.cells)) for row in wide):  # no names but in a comment
-        said = [row for row in rows if row in wide or (row.comment and _could_name(row.cells, body))]
+        whole = [row for row in rows if len(row.cells) == body.fields and not any(map(is_number, row.cells))]
+        said = [row for row in rows if row in wide or (row.comment and row in whole)]  # `; Channels 1` names none
         wide = _wide(said, body) or wide
-    notes: list[str] = []
+    wide, notes = wide or _few(rows, body), list[str]()
     if len(wide) == 2 and not _names_of_units(wide[1].cells):
         named = wide[1]._replace(cells=in_groups(wide[1].cells, wide[0].cells))
         wide = wide if _describes(wide[0], wide[1], body) else [named]
@@ -220,6 +222,9 @@ def _above(rows: Sequence[Row], body: Body) -> Found:
                 name if is_unit(cell) or not cell else f"{name} {cell}"
                 for name, cell in zip(_fitted(names, body), below, strict=True)
             ]
+    names = _of_pairs(names, body)
+    if len(names) < body.fields - 1:
+        notes.append(f"line {at + 1} names {len(names)} of {body.fields} columns, the others are called by number")
     if comment:
         notes.append(_COMMENTED.format(at + 1))
     elif at > 0:
@@ -247,9 +252,23 @@ def _wide(rows: Sequence[Row], body: Body) -> list[Row]:
     return wide
 
 
-def _could_name(cells: Sequence[str], body: Body) -> bool:
-    """Whether a comment has a name for each field: `; Channels 1` has none."""
-    return len(cells) == body.fields and not any(map(is_number, cells))
+def _few(rows: Sequence[Row], body: Body) -> list[Row]:
+    """The row right above the numbers if it names some of the columns and says nothing else; not one of words."""
+    last = rows[-1] if rows else Row(-1, [], True)
+    names = [cell.strip() for cell in last.cells]
+    alone = last.at == body.start - 1 and not last.comment and body.delimiter != " " and not kind_of(names)
+    known = 1 < len(names) < body.fields and all(names) and differ(names)
+    known = known and not any(is_number(name) or re.search("[:=]", name) for name in names)
+    return [last._replace(cells=names)] * (alone and known)
+
+
+def _of_pairs(names: list[str], body: Body) -> list[str]:
+    """`a/time, a` where each name stands above a pair of columns, and the first of every pair rises: `a,,b,`; `a,b`."""
+    there, clocks = [name for name in names if name], range(0, body.fields, 2)
+    paired = 2 * len(there) == body.fields and set(clocks) <= set(body.rising) and len(body.rising) < body.fields
+    if not paired or any(is_time(name) or re.search("[:=]", name) for name in there):
+        return names
+    return [full for name in there for full in (f"{name}/time", name)]
 
 
 def _names_of_units(row: Sequence[str]) -> bool:
@@ -271,7 +290,7 @@ def _fitted(names: Sequence[str], body: Body) -> list[str]:
     first name is that of a count, or of a time that the second field cannot be.
     """
     short = body.counted and len(names) == body.fields - 1
-    if short and not is_count(names[0]) and (body.then_rises or not is_time(names[0])):
+    if short and not is_count(names[0]) and (1 in body.rising or not is_time(names[0])):
         return [ROW, *names]
     return [*names[: body.fields], *_numbered(body.fields)[len(names) :]]
 

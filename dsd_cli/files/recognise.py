@@ -16,13 +16,16 @@ from dsd_cli.files.words import (
     ELSE,
     ERRORS,
     GENERAL,
+    HEAT,
     IDLE,
     MEASURED,
     NAMED,
+    OF_HEAT,
     OF_U,
     OTHER_UNITS,
     PARTS,
     QUATERNIONS,
+    SHARES,
     SUPPLY,
     TIME_UNITS,
     WORDS,
@@ -116,13 +119,13 @@ def is_unit(text: str) -> bool:
 
 def is_force(name: str, unit: str) -> bool:
     """Whether name or unit say that it is a force, torque or current, and so no motion."""
-    return plain_unit(unit) in OF_U.keys() - {"v", "mv", "volt", "volts", "%"} or _score("u", name) > 0.0
+    return plain_unit(unit) in OF_U.keys() - {"v", "mv", "volt", "volts"} - SHARES or _score("u", name) > 0.0
 
 
 def role_of_unit(unit: str) -> str:
     """What a channel in that unit is: "u", "velocity", "position" or ""."""
     known = plain_unit(unit)
-    if known in OF_U.keys() - {"%"}:
+    if known in OF_U.keys() - SHARES:
         return "u"
     return next((role for role in ("velocity", "position") if known in NAMED[role]), "")
 
@@ -178,6 +181,12 @@ def is_motion(name: str, unit: str) -> bool:
 def is_error(name: str) -> bool:
     """Whether a name says that it is what is left to go, which a controller makes a control input of, and no motion."""
     return _has(name, ERRORS)
+
+
+def is_neither(name: str, unit: str) -> bool:
+    """Whether name or unit say that it neither moves the axis nor is its motion: a temperature, what is left to go."""
+    heat = _has(name.rpartition("/")[2], HEAT) or plain_unit(unit or unit_in(name, "")) in OF_HEAT
+    return heat or is_error(name) or is_supply(name)
 
 
 def is_supply(name: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 #: Channel -> words that name it, best first.
@@ -37,12 +38,14 @@ COMMANDS = {"cmd", "command", "demand"}
 #: Of what was measured.
 MEASURED = {"act", "actual", "meas", "measured", "ist", "fbk", "feedback", "real", "motor", "filtered", "filt", "实际"}
 #: Words that make a column of another thing whatever else it is called: errors, limits, other axes' business.
-ELSE = {"limit", "max", "min", "status", "temp", "temperature", "id", "index", "count", "mode", "true"}
+ELSE = {"limit", "max", "min", "status", "id", "index", "count", "mode", "true"}
 #: Of what a controller is to take away.
 ERRORS = {"error", "err", "deviation", "droop", "regelabweichung", "schleppabstand", "schleppfehler", "偏差"}
+#: Words and units of what neither moves an axis nor is its motion.
+HEAT, OF_HEAT = {"temp", "temperature", "temperatur", "temperatura"}, {"c", "°c", "degc", "°f", "degf", "k"}
 #: Words of what feeds a drive, which no motion follows.
 SUPPLY = {"battery", "batt", "bms", "bus", "vbus", "supply", "psu", "vcc", "vdc", "zwischenkreis"}
-ELSE |= ERRORS | SUPPLY
+ELSE |= ERRORS | SUPPLY | HEAT
 
 #: Words of a column that counts the rows.
 COUNTERS = {"n", "k", "i", "nr", "no", "row", "index", "idx", "count", "counter", "sample", "samples", "id", "cycle"}
@@ -74,8 +77,11 @@ OF_U: Mapping[str, tuple[str, float]] = {
     "a": ("A", 1.0), "ma": ("A", 1e-3), "nm": ("N m", 1.0), "n m": ("N m", 1.0), "n*m": ("N m", 1.0),
     "mnm": ("N m", 1e-3), "n": ("N", 1.0), "v": ("V", 1.0), "mv": ("V", 1e-3), "kn": ("N", 1e3), "knm": ("N m", 1e3),
     "volt": ("V", 1.0), "volts": ("V", 1.0), "amp": ("A", 1.0), "amps": ("A", 1.0),
-    "%": ("%", 1.0),
+    "%": ("%", 1.0), "‰": ("%", 0.1),
 }  # fmt: skip
+#: What says nothing of what it is a share of; `% of rated torque`, and `0.1 %` of a drive's own scale.
+SHARES = {"%", "‰"}
+_SHARE = re.compile(r"(%|‰|0[.,]1 ?%|per ?mille?|1/1000)( ?(of )?(the )?\(?(rated|nominal|max|peak|full|fs|nenn).*)?")
 #: Units of an encoder, whose resolution no log says.
 COUNTS = {"inc", "incr", "increments", "count", "counts", "cnt", "cts", "pulse", "pulses", "ticks", "inkr", "qc"}
 COUNTS |= {f"{one}/s" for one in COUNTS}
@@ -88,6 +94,11 @@ OTHER_UNITS = COUNTS | {
 
 
 def plain_unit(unit: str) -> str:
-    """A unit as the tables have it, whose key it may be: `N·m` and `N.m` are n*m, `µm` is um, `rad/sec` rad/s."""
+    """A unit as the tables have it, whose key it may be: `N·m` and `N.m` are n*m, `µm` is um, `rad/sec` rad/s.
+
+    `0.1 %` and `‰ of rated torque` are ‰.
+    """
     text = unit.strip().lower().replace("·", "*").replace("⋅", "*").replace("n.m", "n*m")
+    if share := _SHARE.fullmatch(text):
+        return "%" if share[1] == "%" else "‰"
     return text.replace("µ", "u").replace("μ", "u").replace("/sec", "/s")

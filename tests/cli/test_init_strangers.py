@@ -7,6 +7,7 @@ import os
 import pty
 import shlex
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from dsd_cli.cli.init_roles import by_names, choose, roles_of
 from dsd_cli.cli.init_units import units_of
 from dsd_cli.files.config import load_config
 from dsd_cli.files.recognise import Recognised, recognise, unit_in
-from dsd_cli.files.sample import Sample, Table
+from dsd_cli.files.sample import Sample, Table, sample
 from dsd_cli.identify.roles import Channel, guess_roles, slope_of
 from tests.cli.rig import DSD, done, dsd, refused
 from tests.files import strangers
@@ -152,6 +153,7 @@ def test_a_pointer_of_git_lfs_is_named(tmp_path: Path) -> None:
         ("drive/velocity/1", "velocity", ""),
         ("/Arm/VelocityRadPerSec", "velocity", "rad/s"),
         ("dwell [ms]/time", "time", ""),
+        ("Torque [% of rated torque]", "u", "% of rated torque"),
         ("dwell [ms]/time [s]", "time", "s"),
     ],
 )
@@ -274,6 +276,20 @@ def test_places_and_orientations_of_a_robot_are_no_u(tmp_path: Path) -> None:
     result = dsd("init", "a.csv", cwd=tmp_path)
     refused_with_a_question(result, tmp_path)
     assert "? none looks like it; dsd.toml has the rest" in result.stderr.splitlines()[-1]
+
+
+def test_shares_of_rated_torque_are_units_of_u_and_a_temperature_is_never_u(tmp_path: Path) -> None:
+    """In what Windows writes, whose per mille sign is a control character to Latin."""
+    for unit, scale in (("% of rated", 1.0), ("‰ of rated torque", 0.1), ("0.1 %", 0.1), ("‰", 0.1)):
+        names = f"t [s],M [{unit}],q [rad],Winding temp,Case [°C]"
+        rows = strangers.rows(AXIS, AXIS["t"], AXIS["u"] / scale, AXIS["q"], 20.0 + AXIS["t"], 30.0 + AXIS["u"])
+        (tmp_path / "log.csv").write_bytes("\n".join([names, *rows]).encode("cp1252"))
+        found = choose("log.csv", looked := sample(str(tmp_path / "log.csv")), {"u": f"M [{unit}]"}).found["u"]
+        assert (found.named, found.factor) == ("%", scale)
+    assert choose("log.csv", looked, {"position": "q [rad]"}).found["u"].column == "M [‰]"
+    without = replace(looked.tables[0], channels=tuple(c for c in looked.tables[0].channels if c.name[0] != "M"))
+    asked = choose("log.csv", Sample((without,)), {})
+    assert (asked.missing, asked.candidates) == ("u", ())
 
 
 def test_a_u_that_is_missing_is_named_with_set(tmp_path: Path) -> None:

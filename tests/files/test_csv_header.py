@@ -170,6 +170,25 @@ def test_groups_above_names_that_come_again_are_part_of_them(above: tuple[str, .
     assert seen(*above, *ROWS).header.names == names
 
 
+@pytest.mark.parametrize("line", [0, 1])
+@pytest.mark.parametrize(
+    ("header", "names"),
+    [
+        ("time,torque", ["time", "torque", "3", "4"]),
+        ("torque,angle", ["torque/time", "torque", "angle/time", "angle"]),
+        ("torque,,angle,", ["torque/time", "torque", "angle/time", "angle"]),
+        ("Test 4,24 V", ["1", "2", "3", "4"]),
+        ("Rate: 250,Mode: speed", ["1", "2", "3", "4"]),
+    ],
+)
+def test_names_of_some_columns_alone(header: str, names: list[str], line: int) -> None:
+    """A logger that names the first of them, or each pair of a time and a value: they were as good as no names."""
+    found = seen(*["# a rig"] * line, header, *(f"{k / 250},{0.5 - k % 3},{k / 250},{k % 5}" for k in range(12)))
+    assert found.header.names == names
+    few = f"line {line + 1} names 2 of 4 columns, the others are called by number"
+    assert (few in found.notes) == (names[0] == "time")
+
+
 @pytest.mark.parametrize("units", ["", "s,Nm,s,rad\n"])
 def test_one_clock_beside_each_channel_is_one(units: str, tmp_path: Path) -> None:
     rows = "".join(f"{k / 250},{k % 7},{k / 250},{k % 5}\n" for k in range(99))

@@ -109,15 +109,13 @@ def _leaning(parameters: Sequence[Parameter]) -> list[Finding]:
     """Where noise of the sensor comes back through the controller, and a fit takes that for the axis; a force that is
     missing bends both as well."""
     leaning = [p for p in parameters if p.leaning is not None and not (p.beside is not None and p.lacks_force)]
-    if not leaning:
-        return []
     texts = [
         f"{one.name} is {one.leaning:.3g} by least squares and {one.value:.3g} by the reference" for one in leaning
     ]
     what = f"{', '.join(texts)}: the controller answers noise of the sensor, which biases a fit of u on the motion"
     priors = [f"--prior {p.name}={max(p.value, 0.0):.4g}+-{p.std_error:.2g}" for p in leaning if p.identified != "not"]
     remedy = f"give what the reference says, with its error: {' '.join(priors)}" if priors else "a finer encoder"
-    return [Finding(what, "log", "warning", 0.9, remedy)]
+    return [Finding(what, "log", "warning", 0.9, remedy)] if leaning else []
 
 
 def _bent(parameters: Sequence[Parameter]) -> list[Finding]:
@@ -141,10 +139,9 @@ def _bent(parameters: Sequence[Parameter]) -> list[Finding]:
 
 def _not_told(parameters: Sequence[Parameter]) -> list[Finding]:
     names = [one.name for one in parameters if one.identified == "not" and one.beside is None]
-    if not names:
-        return []
-    remedy = "dsd diagnose: a missing force may hide this; else moves that show it"
-    return [Finding(f"not identifiable from this log: {', '.join(names)}", "log", "warning", 0.8, remedy)]
+    remedy = "dsd diagnose says whether a missing force hides it; if none does, record faster changes of u and speed"
+    what = f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'} not identifiable from this log"
+    return [Finding(what, "log", "warning", 0.8, remedy)] if names else []
 
 
 def _judged(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from dsd_cli.identify.checks.channels import degrees, power_of_two
 from dsd_cli.identify.checks.disturbance import Observed, culprit
 from dsd_cli.identify.checks.results import Finding
@@ -82,10 +84,11 @@ def _step_text(channel: str, step: float) -> str:
 
 
 def floor_of(view: View, model: PlantModel | None) -> float | None:
-    """rms of J a_noise within the band, in the unit of u; J is the model's, without one that of the log."""
+    """rms of J a_noise within the band, unit of u; None: unknown, or finer than 24 bits of u, which no sensor has."""
     fit = believable(view)
     inertia = model.inertia if model is not None else None if fit is None else fit.inertia
-    return None if view.band is None or inertia is None else inertia * view.band.acceleration_noise
+    floor = math.nan if view.band is None or inertia is None else inertia * view.band.acceleration_noise
+    return floor if floor > np.finfo(np.float32).eps * np.nanmax(np.abs(view.log["u"]), initial=0.0) else None
 
 
 #: An inertia below 0 is believed from `CLEAR` standard errors on, where it explains this share of what friction and

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.checks import check_log
+from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Log
 from tests.identify.checks.rig import COARSE, log_of, only_error, recordings, said, servo
 from tests.oracle.machine_motion import reference
@@ -93,6 +94,16 @@ def test_the_band_is_where_the_acceleration_stands_above_the_noise():
     expected = fine.truth.inertia * np.sqrt(density * (2.0 * np.pi) ** 4 * band**5 / 5.0)
     assert coarse[2**12].floor == pytest.approx(expected, rel=0.15)
     assert "4096 per turn" in said(coarse[2**12], "steps of")[0].what
+
+
+@pytest.mark.parametrize(("noise", "said"), [(0.0, False), (1e-10, False), (1e-5, True)])
+def test_a_noise_that_no_sensor_has_is_none(noise: float, said: bool) -> None:
+    """Of a simulation it was said as 3e-12 of a u of 20, which 24 bits do not resolve."""
+    t = T * np.arange(3000)
+    velocity = np.sin(9.0 * t) + 0.4 * np.sin(31.0 * t)
+    noisy = velocity + noise * np.random.default_rng(77).standard_normal(t.size)
+    floor = check_log(moving(noisy, np.gradient(velocity, T)), PlantModel(1.0, 0.0)).floor
+    assert (floor is not None) == said
 
 
 def test_a_position_of_a_few_steps_tells_no_value():
