@@ -107,16 +107,18 @@ def _period(names: Sequence[str]) -> int:
 
 
 def _in_turn(names: Sequence[str], many: int) -> bool:
+    named = len(names) >= 2 * many and len(names) % many == 0 and all(names)
+    if not named or any(map(is_number, names)):  # of most lines, and what a name says takes long to tell
+        return False
     clocks = {_NUMBERED.sub("", name) for name in names[::many]}
     others = [name for at, name in enumerate(names) if at % many]
     of_one = len(clocks) == 1 and (clocks == {_OF_A_PLOT} or not is_motion(names[0], ""))
     alike = many == 2 or (all(map(is_time, clocks)) and not any(map(is_time, others)))
     return (
-        len(names) >= 2 * many
-        and len(names) % many == 0
-        and alike
+        alike
         and (of_one or all(map(is_time, clocks)))
-        and all(name and not is_number(name) for name in (*clocks, *others))
+        and all(clocks)
+        and not any(map(is_number, clocks))
         and clocks.isdisjoint(_NUMBERED.sub("", name) for name in others)
     )
 
