@@ -8,14 +8,18 @@ matters before that, `run` starts `python -m dsd_cli` afresh. What a start itsel
 from __future__ import annotations
 
 import atexit
+import fcntl
 import gc
 import io
 import json
 import os
 import pkgutil
+import pty
 import socket
+import struct
 import subprocess
 import sys
+import termios
 import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -60,6 +64,14 @@ def run(
         env=env,
         timeout=timeout,
     )
+
+
+def on_terminal(*arguments: object, cwd: Path, columns: int, lines: int) -> bytes:
+    """What the command, which must succeed, writes where it is on a terminal of that size."""
+    master, slave = pty.openpty()
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
+    plain = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES", "NO_COLOR")}
+    return _SERVER.on_terminal([*map(str, arguments)], cwd, {**plain, "TERM": "xterm-256color"}, slave, master)
 
 
 def _lasting(env: Mapping[str, str]) -> dict[str, str]:
@@ -120,6 +132,23 @@ class _Server:
         text = not isinstance(stdin, bytes)
         out, err = (io.TextIOWrapper(io.BytesIO(x)).read() if text else x for x in said)
         return subprocess.CompletedProcess([*DSD, *words], code, out, err)
+
+    def on_terminal(self, words: Sequence[str], cwd: Path, env: Mapping[str, str], slave: int, master: int) -> bytes:
+        """All that a command that succeeds writes to a terminal, which is closed then."""
+        written = list[bytes]()
+        with self._lock:
+            server = self._started()
+            request = json.dumps({"words": words, "cwd": os.path.abspath(cwd), "env": dict(env)}).encode()
+            socket.send_fds(server, [request], [slave] * 3)
+            os.close(slave)
+            with suppress(OSError):  # what Linux says when nobody holds the other side any more
+                while part := os.read(master, 1 << 16):
+                    written.append(part)
+            os.close(master)
+            server.recv(64)
+            code = int(server.recv(64))
+        assert code == 0, b"".join(written).decode()
+        return b"".join(written)
 
 
 def _read(said: list[bytes], i: int, pipe: int) -> None:

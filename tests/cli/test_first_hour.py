@@ -8,12 +8,13 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+import pyte
 import pytest
 
 from dsd_cli.cli.lazy import COMMANDS
 from dsd_cli.effects import catalogue
+from tests import warm
 from tests.cli.rig import DSD, done, dsd, read_labels, same, write
-from tests.cli.terminal import terminal
 
 ROOT = Path(__file__).parents[2]
 SAMPLES = ROOT / "sample_logs"
@@ -66,9 +67,10 @@ def test_eighty_columns_cut_no_word(rig, command):
     )
     shown = []
     for columns in (80, 300):
-        with terminal(*command.split(), cwd=rig / "runs/today", columns=columns, lines=200) as screen:
-            assert screen.finish(120) == 0, screen.text
-            shown.append(re.sub(r"\d+\.\d+ s\b", "", screen.text))
+        screen = pyte.Screen(columns, 200)
+        written = warm.on_terminal(*command.split(), cwd=rig / "runs/today", columns=columns, lines=200)
+        pyte.Stream(screen).feed(written.decode())
+        shown.append(re.sub(r"\d+\.\d+ s\b", "", "\n".join(map(str.rstrip, screen.display))))
     assert not UNNAMED.search(shown[1])
     assert "…" not in shown[0]
     times = re.compile(r"\d+(\.\d+)?")  # of what takes how long, which differs from run to run

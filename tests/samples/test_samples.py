@@ -110,10 +110,17 @@ def test_config_of_the_servo_is_the_template() -> None:
 
 
 def test_demo_says_what_its_comments_say(tmp_path: Path) -> None:
-    """`make demo`: the hidden effects are found, with their values; then the change; its two checks hold and fail."""
+    """`make demo`: the hidden effects are found, with their values; then the change; its two checks hold and fail.
+
+    Its page and its planned motion are those of the tests of `report` and of the loop of `plan`: here they are asked
+    for with options that are there, and are not made.
+    """
     shutil.copytree(SAMPLES, tmp_path / "sample_logs")
     (tmp_path / "bin").mkdir()
-    (tmp_path / "bin/dsd").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m dsd_cli "$@"\n')
+    here = f'"{sys.executable}" -m dsd_cli'
+    made = 'report out/hidden.csv" | "plan out/short.csv'
+    told = f'case "$1 $2" in "{made}") printf "%s\\n" "$@" >> asked.txt; exit;; esac'
+    (tmp_path / "bin/dsd").write_text(f'#!/bin/sh\n{told}\nexec {here} "$@"\n')
     (tmp_path / "bin/dsd").chmod(0o755)
     path = os.pathsep.join([str(tmp_path / "bin"), os.environ["PATH"]])
     done = subprocess.run(
@@ -132,6 +139,10 @@ def test_demo_says_what_its_comments_say(tmp_path: Path) -> None:
     effects = tomllib.loads((tmp_path / "out/better.toml").read_text())["model"]["effects"]
     assert effects["coulomb_friction"]["level"] == pytest.approx(0.15, rel=0.02)
     assert effects["viscous_friction"]["coefficient"] == pytest.approx(0.01, rel=0.02)
+    asked = (tmp_path / "asked.txt").read_text().splitlines()
+    assert [word for word in asked if word in ("report", "plan")] == ["report", "plan"]
+    known = "".join(dsd(f"{command} --help", tmp_path).stdout for command in ("report", "plan"))
+    assert [word for word in asked if word.startswith("-") and word not in known] == []
     played = ("mujoco.png",) if importlib.util.find_spec("mujoco") else ()
     for name in ("compare.png", "diagnose.png", "improve.png", *played):
         assert (tmp_path / "out" / name).read_bytes().startswith(b"\x89PNG")
