@@ -41,7 +41,8 @@ class CsvLayout:
 class Body(NamedTuple):
     """Rows of numbers: what separates them, fields in each, which of these are numbers, line of the first (from 0).
 
-    `counted`: the first field may be the number of the row, and the last one is filled; `rising`: fields that rise.
+    `counted`: the first field may be the number of the row, and the last one is filled; `rising`: fields that rise;
+    `factors`: line of what counts are multiplied by where nothing but the counts says so, -1: there is none.
     """
 
     delimiter: str
@@ -50,6 +51,7 @@ class Body(NamedTuple):
     start: int
     counted: bool = False
     rising: tuple[int, ...] = ()
+    factors: int = -1
 
 
 def body_of(lines: Sequence[str], delimiters: Sequence[str], layout: CsvLayout) -> Body | None:
@@ -72,10 +74,11 @@ def body_of(lines: Sequence[str], delimiters: Sequence[str], layout: CsvLayout) 
         if best is None or score > best[0]:
             start = _start(lines, delimiter, width, numeric, by_label=not _filled(alike, 0))
             if start is not None:
+                first, start = start, start + _are_of_counts(lines[start:], delimiter, width)
                 of_rows = numeric[-1] == width - 1 and _is_counted([row[0].strip(' "') for row in alike])
                 below = [row for row in alike if is_data(row, width, numeric)]
                 rising = tuple(k for k in numeric if _rises(below, k))
-                best = score, Body(delimiter, width, numeric, start, of_rows, rising)
+                best = score, Body(delimiter, width, numeric, start, of_rows, rising, first if start > first else -1)
     return best[1] if best else None
 
 
@@ -120,6 +123,19 @@ def _start(
         if at in good and after in good and not _is_of_factors(*(cells[k] for k in (at, after, third))):
             return at
     return None
+
+
+def _are_of_counts(lines: Sequence[str], delimiter: str, width: int) -> bool:
+    """Whether a first row has what the rows below it are multiplied by: all above 0, and where it has fractions they
+    are whole, and of more than two numbers at one place at least."""
+    cells = fields_of(lines[0], delimiter)
+    first = [number(cell) for cell in cells if is_number(cell)]
+    broken = [k for k, x in enumerate(first) if x % 1.0]
+    if len(first) != width or not broken or not all(x > 0.0 for x in first):
+        return False
+    rows = [row for line in lines[1:] if len(row := fields_of(line, delimiter)) == width]
+    below = [{number(row[k]) if is_number(row[k]) else math.nan for row in rows} for k in broken]
+    return len(rows) > FEW // 2 and max(map(len, below)) > 2 and not any(x % 1.0 for values in below for x in values)
 
 
 def _is_of_factors(first: Sequence[str], second: Sequence[str], third: Sequence[str]) -> bool:

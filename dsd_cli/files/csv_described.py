@@ -30,6 +30,11 @@ def as_wide(cells: list[str], body: Body) -> list[str]:
     return cells if any(map(str.strip, cells[body.fields :])) else cells[: body.fields]
 
 
+def kind_in(row: Row, body: Body) -> str:
+    """What a row above the numbers says, see `kind_of`; of factors without a word the numbers say it."""
+    return "factor" if row.at == body.factors else kind_of(as_wide(row.cells, body))
+
+
 def without_descriptions(rows: Sequence[Row], body: Body) -> tuple[list[Row], list[str] | None]:
     """The rows without those that say something of each channel but its name, and the units that one of them says.
 
@@ -41,7 +46,7 @@ def without_descriptions(rows: Sequence[Row], body: Body) -> tuple[list[Row], li
     wide = [row for row in rows if len(row.cells) == body.fields and kind_of(row.cells) != "type"]
     for row in rows:
         cells = as_wide(row.cells, body)
-        kind = kind_of(cells)
+        kind = kind_in(row, body)
         if kind == "unit":
             units = [*map(of_unit, cells)] if len(cells) == body.fields else units
             continue

@@ -15,8 +15,7 @@ import numpy as np
 from dsd_cli.errors import DataError
 from dsd_cli.files.csv_body import Body
 from dsd_cli.files.csv_cells import MISSING, is_number, number
-from dsd_cli.files.csv_described import Row, as_wide
-from dsd_cli.files.csv_said import kind_of
+from dsd_cli.files.csv_described import Row, as_wide, kind_in
 from dsd_cli.signals.log import Array
 
 
@@ -40,7 +39,7 @@ def _last(rows: Sequence[Row], kind: str, body: Body) -> tuple[int, dict[int, fl
     found: tuple[int, dict[int, float]] = (-1, {})
     for row in rows:
         cells = as_wide(row.cells, body)
-        if kind_of(cells) == kind and len(cells) == body.fields:  # else it is a setting, of all of them
+        if kind_in(row, body) == kind and len(cells) == body.fields:  # else it is a setting, of all of them
             there = {k: cell for k, cell in enumerate(cells) if cell.strip() not in MISSING and is_number(cell)}
             found = row.at, {k: number(cell) for k, cell in there.items()}
     return found

@@ -66,7 +66,7 @@ def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
     except DataError:
         return find_layout(source, lines, layout)
     rows = [row for row in _rows(lines, header.delimiter, skip, len(lines)) if not row.comment or _units_of(row, body)]
-    plain = body.delimiter == header.delimiter and body.fields == len(header.names)
+    plain = body.delimiter == header.delimiter and body.fields == len(header.names) and body.factors < 0
     above = [header.names, *(row.cells for row in rows if row.at < body.start)]
     plain = plain and not any(map(kind_of, above)) and _of_pairs(header.names, body) == header.names
     if not plain or _names_of_units(header.names) or _goes_on(header.names, rows[:1], body):

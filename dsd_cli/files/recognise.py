@@ -42,6 +42,8 @@ _HEX = re.compile(r"0x[0-9a-fA-F]+")
 #: What the time of one channel is called below it.
 _CLOCK = "time"
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|°|[\u3041-\u30ff\u4e00-\u9fff]+")
+#: `quantity in unit`
+_IN = re.compile(r" in (\S+)\s*$")
 #: `quantity / unit`, as standards write it.
 _OVER = re.compile(r"\s/\s*(\S.*?)\s*$")
 #: Words written together: of languages without blanks the known ones, of German what it is that is asked for or is so.
@@ -215,6 +217,8 @@ def unit_in(name: str, channel: str) -> str:
         return ""
     name = _NUMBER.sub("", _plain(name))
     inside = [text for text in _IN_BRACKETS.findall(name) if not (text.isdigit() or _is_named(text))]  # r79[0] (Lage)
+    if (said := _IN.search(name)) and is_unit(said[1]):
+        return str(said[1])
     if inside:
         return str(inside[-1])
     if (over := _OVER.search(name)) and is_unit(over[1].partition(" ")[0]):
@@ -235,7 +239,9 @@ def unit_in(name: str, channel: str) -> str:
 def _is_named(text: str) -> bool:
     """Whether there is a word of a channel in it: `r63 (Drehzahlistwert)`."""
     words = {word for word in _words(text) if len(word) > 2}
-    return not is_unit(text) and any(not words.isdisjoint(WORDS[channel]) for channel in ("u", "velocity", "position"))
+    return not is_unit(text) and any(
+        not words.isdisjoint(WORDS[channel]) for channel in ("time", "u", "velocity", "position")
+    )
 
 
 def _plain(name: str) -> str:

@@ -77,6 +77,7 @@ OF_U: Mapping[str, tuple[str, float]] = {
     "a": ("A", 1.0), "ma": ("A", 1e-3), "nm": ("N m", 1.0), "n m": ("N m", 1.0), "n*m": ("N m", 1.0),
     "mnm": ("N m", 1e-3), "n": ("N", 1.0), "v": ("V", 1.0), "mv": ("V", 1e-3), "kn": ("N", 1e3), "knm": ("N m", 1e3),
     "volt": ("V", 1.0), "volts": ("V", 1.0), "amp": ("A", 1.0), "amps": ("A", 1.0),
+    "arms": ("A", 1.0), "apk": ("A", 1.0),
     "%": ("%", 1.0), "‰": ("%", 0.1),
 }  # fmt: skip
 #: What says nothing of what it is a share of; `% of rated torque`, and `0.1 %` of a drive's own scale.

@@ -154,6 +154,9 @@ def test_a_pointer_of_git_lfs_is_named(tmp_path: Path) -> None:
         ("/Arm/VelocityRadPerSec", "velocity", "rad/s"),
         ("dwell [ms]/time", "time", ""),
         ("Torque [% of rated torque]", "u", "% of rated torque"),
+        ("Time (relative) in ms", "time", "ms"),
+        ("r63[0]: Speed smoothed in rpm", "velocity", "rpm"),
+        ("RECPROBE1(Time)", "time", ""),
         ("dwell [ms]/time [s]", "time", "s"),
     ],
 )

@@ -258,3 +258,31 @@ def test_commas_that_tear_decimal_commas_are_named(head: str, row: str, tmp_path
     path.write_text("\n".join([head, *rows]) + "\n")
     with pytest.raises(DataError, match=r"log.csv: line 1 names 3 columns, .*: decimal commas between commas"):
         CsvTable(str(path), {})
+
+
+@pytest.mark.parametrize("form", ["stamped", "several", "bare"])
+def test_samples_for_teleplot(form: str, tmp_path: Path) -> None:
+    """`>name:ms:value§unit|flags`, a sample of one channel in a line, or several; texts and planes are none."""
+    lines = ["boot v3", ">log:1:started|t", ">xy:1:2:3|xy"]
+    if form == "several":
+        for begin in range(0, ROWS, 3):
+            part = slice(begin, begin + 3)
+            u, q = (";".join(f"{1000 * t:g}:{x:g}" for t, x in zip(T[part], y[part], strict=True)) for y in (U, Q))
+            lines += [f">u:{u}§Nm", f">q:{q};§deg|g"]
+    else:
+        stamps = [f"{1000 * t:g}:" if form == "stamped" else "" for t in T]
+        lines += [f">u:{t}{u:g}§Nm|g\n>q:{t}{q:g}§deg" for t, u, q in zip(stamps, U, Q, strict=True)]
+    (tmp_path / "log.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    kind = format_of(tmp_path / "log.txt", (tmp_path / "log.txt").read_bytes()[:4096])
+    assert kind is not None
+    file = open_container(tmp_path / "log.txt", kind)
+    found = {group.full(name): file.read(group, [name], 0, ROWS)[name] for group in file.groups for name in group.units}
+    units = {group.full(name): unit for group in file.groups for name, unit in group.units.items()}
+    of = "" if form == "bare" else "/value"
+    np.testing.assert_allclose(found[f"u{of}"], U)
+    np.testing.assert_allclose(found[f"q{of}"], Q)
+    assert (units[f"u{of}"], units[f"q{of}"]) == ("Nm", "deg")
+    if of:
+        np.testing.assert_allclose(found["q/time"], 1000 * T)
+        assert units["q/time"] == "ms"
+    assert file.notes[-1] == "3 line(s) that are no samples are left out"

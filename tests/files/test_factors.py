@@ -146,6 +146,22 @@ def test_powers_of_ten_above_the_numbers_are_factors_without_a_label(tmp_path: P
         assert any("line 3 says what whole numbers" in note for note in table.warnings)
 
 
+@pytest.mark.parametrize(("rest", "seen"), [(0, True), (500, True), (0, False)])
+def test_of_what_counts_are_multiplied_by_the_counts_say(rest: int, seen: bool, tmp_path: Path) -> None:
+    """A row of CiA 402's resolutions, without a word: no sample of counts has fractions. Of other numbers one may."""
+    factors = [2.0**-12, 360.0 / 2**16]
+    stamps, u, q = np.arange(ROWS + rest), np.append(np.zeros(rest), U), np.append(np.zeros(rest), Q + 0.5 * (not seen))
+    head = [NAMES, "s,Nm,deg", ",".join(map(repr, [0.002, *factors]))]
+    found = read(table := opened("file", tmp_path, text(head, stamps, u, q)))
+    if not seen:
+        assert (found["u"].size, found["position"][0]) == (ROWS + rest + 1, factors[1])
+        return
+    np.testing.assert_allclose(found["t"], 0.002 * stamps)
+    np.testing.assert_allclose(found["u"], factors[0] * u)
+    np.testing.assert_allclose(found["position"], factors[1] * q)
+    assert any("line 3 says what whole numbers are multiplied by: time 0.002, torque" in one for one in table.warnings)
+
+
 def test_a_first_sample_that_happens_to_be_of_tens_is_a_sample(tmp_path: Path) -> None:
     t = 0.01 * np.arange(1, ROWS + 1)
     u, q = U.copy(), Q.copy()

@@ -43,10 +43,11 @@ CODESYS = Format("a trace of CODESYS", "codesys", "CodesysTrace")
 OCTAVE = Format("text of Octave's save", "octave_text", "OctaveText")
 SCOPE = Format("text of a scope", "scope", "ScopeFile")
 PAIRS = Format("lines of names with values", "pairs", "PairsFile")
+TELEPLOT = Format("samples for Teleplot", "pairs", "TeleplotFile")
 #: What only the rows say, and so nobody asks until a column is missing.
 LONG = Format("a table with a row for each value", "long_form", "LongFile")
 
-FORMATS = (NUMPY, ARROW, MAT, NETCDF, MAT73, HDF5, MDF, TDMS, MCAP, BAG, JSON, CODESYS, OCTAVE, SCOPE, PAIRS)
+FORMATS = (NUMPY, ARROW, MAT, NETCDF, MAT73, HDF5, MDF, TDMS, MCAP, BAG, JSON, CODESYS, OCTAVE, SCOPE, PAIRS, TELEPLOT)
 
 _MAGIC = (
     (b"\x93NUMPY", NUMPY),
@@ -72,7 +73,7 @@ _BAGS = (".bag", ".db3")
 
 def format_of(path: str | Path, head: bytes) -> Format | None:
     """The format of a file that begins with `head` (`HEAD_BYTES`), or of a folder; None: none of these."""
-    from dsd_cli.files.formats.pairs import are_pairs
+    from dsd_cli.files.formats.pairs import are_pairs, is_teleplot
     from dsd_cli.files.formats.scope import is_scope
 
     if is_bag(path):
@@ -94,6 +95,8 @@ def format_of(path: str | Path, head: bytes) -> Format | None:
         return CODESYS
     if text[:1] in (b"{", b"[") and not text.startswith(b"{'"):  # the latter is how Python prints it
         return None if _is_units_first(text) else JSON
+    if is_teleplot(head):
+        return TELEPLOT
     if is_scope(path, head):
         return SCOPE
     return PAIRS if are_pairs(head) else None

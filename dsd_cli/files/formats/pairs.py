@@ -1,4 +1,7 @@
-"""Lines of names with their values, as firmware prints them: `u:0.52,pos:1.25`, `I (1250) axis: tau=0.52Nm q=1.25`."""
+"""Lines of names with their values, as firmware prints them: `u:0.52,pos:1.25`, `I (1250) axis: tau=0.52Nm q=1.25`.
+
+And `>u:1250:0.52§Nm` of Teleplot, one sample of one channel each.
+"""
 
 from __future__ import annotations
 
@@ -53,6 +56,40 @@ def are_pairs(head: bytes) -> bool:
     if b"\0" in head or not (b"=" in head or b":" in head):
         return False
     return bool(_names(decode(head).splitlines()[:-1]))
+
+
+#: `>torque:1250:0.5§Nm|g` of Teleplot: name, ms and value or several of these, unit, and how it is drawn.
+_PLOTTED = re.compile(r">([^:|]+):([-+\d.eE:;]+)(?:§([^|]*))?(?:\|(?!xy)[a-z,]*)?\s*")
+
+
+class TeleplotFile(InMemory):
+    """`name/time`, ms, and `name/value` for each channel, whose stamps are its own; without stamps a column each."""
+
+    def __init__(self, path: str) -> None:
+        rows: dict[str, list[list[float]]] = {}
+        units: dict[str, str] = {}
+        left = 0
+        for line in filter(str.strip, decode(text_of(path)).splitlines()):
+            found = _PLOTTED.fullmatch(line)
+            cells = [part.split(":") for part in found[2].strip(";").split(";")] if found else []
+            if found is None or not all(len(one) < 3 and all(map(is_number, one)) for one in cells):
+                left += 1
+                continue
+            units |= {f"{found[1]}/time": "ms", f"{found[1]}/value": found[3] or ""}
+            rows.setdefault(found[1], []).extend([*map(float, one)] for one in cells)
+        stamped = {name: np.array(one).T for name, one in rows.items() if {*map(len, one)} == {2}}
+        bare = {name: np.ravel(one) for name, one in rows.items() if {*map(len, one)} == {1}}
+        channels = {
+            f"{name}/{of}": x for name, one in stamped.items() for of, x in zip(("time", "value"), one, strict=True)
+        }
+        super().__init__(channels or bare, units=units if channels else {name: units[f"{name}/value"] for name in bare})
+        self.notes += [f"{left} line(s) that are no samples are left out"] if left else []
+
+
+def is_teleplot(head: bytes) -> bool:
+    """Whether most lines of a file that begins so are samples for Teleplot."""
+    lines = [line for line in decode(head).splitlines()[:-1] if line.strip()] if head.count(b"\n>") else []
+    return sum(_PLOTTED.fullmatch(line) is not None for line in lines) >= max(LINES, ALIKE * len(lines))
 
 
 def _names(lines: list[str]) -> tuple[str, ...]:
