@@ -85,6 +85,9 @@ def lines_of_each(rows: Sequence[Row]) -> dict[str, Row]:
     `CH1 = Motor Speed [rpm]` is one, too.
     """
     names = [cell.strip() for cell in rows[-1].cells] if rows else []
+    rows = [
+        row._replace(cells=[c for k, c in enumerate(row.cells) if any(map(str.strip, row.cells[k:]))]) for row in rows
+    ]
     rows = [row._replace(cells=_SAYS.split(row.cells[0], 1)) if len(row.cells) == 1 else row for row in rows]
     first = {row.cells[0].strip(): row for row in rows[:-1] if len(row.cells) in (2, 3)}
     told = {name: row for name, row in first.items() if name and names.count(name) == 1 and row.cells[1].strip()}
@@ -102,5 +105,5 @@ def with_lines(
     units = [
         next(filter(is_unit, reversed(said.get(name, []))), unit) for name, unit in zip(names, beside, strict=True)
     ]
-    more = {name: cells[0] for name, cells in said.items() if cells[0][0].isalpha() and not is_unit(cells[0])}
+    more = {name: cells[0] for name, cells in said.items() if not is_number(cells[0]) and not is_unit(cells[0])}
     return [f"{name} {more[name]}" if name in more else name for name in names], units

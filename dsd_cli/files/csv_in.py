@@ -106,7 +106,9 @@ class CsvTable:
         except StopIteration:
             return {}
         except (pa.ArrowException, OSError, UnicodeError) as error:
-            raise self._explain(0, error) from None
+            if self._head or not self._leave_headers_out():
+                raise self._explain(0, error) from None
+            return self.peek()
         found = {at: batch.column(at) for at in range(batch.num_columns) if names.index(names[at]) == at and names[at]}
         for at, how in self._dialect.written.items():
             if at in found and pa.types.is_string(found[at].type):

@@ -15,7 +15,7 @@ _INTERVAL, _RATE = (
     re.compile(names + _VALUE.format(units), re.IGNORECASE)
     for names, units in (
         (
-            r"(?:sampl\w*[ _]?(?:time|interval|period)|abtastzeit|trace period|delta_?x|h_?resolution|\binterval"
+            r"(?:sampl\w*[ _]?(?:time|interval|period|cycle)|abtastzeit|trace period|delta_?x|h_?resolution|\binterval"
             r"|\bsampling(?=\W+(?:[\d.,]+\s*)?(?:m|u|µ)?s\b))",
             "s|ms|us|µs",
         ),

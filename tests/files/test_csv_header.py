@@ -142,6 +142,7 @@ def test_names_that_are_units_too() -> None:
         ("Sampling: 2 kHz", 5e-4),
         ("Sampling: 2 A", None),
         ("Sampling(us),500", 5e-4),
+        ("Sampling cycle[us],500", 5e-4),
         ("Sampling;2 ms", 2e-3),
         ("# Sampling rate [kHz]: 2.5", 4e-4),
         ("# Abtastrate;250", 4e-3),
@@ -231,6 +232,10 @@ def test_a_preamble_with_a_line_for_each_channel() -> None:
     found = seen(*said, *(f"{k},{k / 8},{-k / 16}" for k in range(12)))
     assert found.header.names == ["No.", "Trace 1 Feedback Speed", "Trace 2 Torque Reference"]
     assert found.units == ["", "min-1", "%"]
+    objects = ["Trace 1,0x606C: Velocity,rpm,", "Trace 2,0x6077: Torque,%,", ",,,", "Time,Trace 1,Trace 2"]
+    found = seen("Rate,1 ms,,", *objects, *(f"{k},{k / 8},{-k / 16}" for k in range(12)))
+    assert found.header.names[1:] == ["Trace 1 0x606C: Velocity", "Trace 2 0x6077: Torque"]
+    assert found.units == ["", "rpm", "%"]
 
 
 def test_lines_of_a_unit_or_a_number_each_leave_the_names_as_they_are() -> None:

@@ -174,6 +174,8 @@ def test_a_header_that_comes_again_is_left_out(kind: str, units: list[str], befo
         line = before + 4 + len(units)
         assert any(note.startswith(f"its header comes again 2 time(s), first in line {line}") for note in read.warnings)
         assert read.unreadable == 0
+    if kind == "file":  # as `init` looks at it
+        assert [c.values.size for c in sample(str(tmp_path / "log.csv")).tables[0].channels] == [before + 13] * 3
 
 
 def test_a_bad_cell_below_a_header_that_comes_again_is_in_its_line(tmp_path: Path) -> None:

@@ -93,14 +93,6 @@ def test_strong_pushes_of_a_short_log_are_seen_in_what_the_model_as_given_leaves
     assert diagnosed(("external_force",), 51016, "enc40k", 3.0).verdict == "external_force"
 
 
-def test_a_law_that_is_hidden_behind_pushes_is_found_beside_them():
-    """The friction blurs the edges of the pushes, and they hide the friction: it was unknown, 90 %."""
-    found = diagnosed(("external_force", "viscous_friction"), 60000, "speed40k", 20.0)
-    assert (found.verdict, set(found.found)) == ("external_force", {"external_force", "viscous_friction"})
-    events = found.whole_model.effects["external_force"]["events"]
-    assert [e["start"] for e in events] == pytest.approx([1.649, 5.005, 9.144, 13.991, 17.075], abs=0.005)
-
-
 def test_pushes_are_looked_for_beside_a_law_that_hides_them():
     """Of steps: five pushes beside viscous friction were a dead zone and presliding friction, 90 %."""
     found = diagnosed(("external_force", "viscous_friction"), 64030, "speed40k", 20.0)
@@ -119,13 +111,6 @@ def test_pushes_that_leave_more_than_the_sensor_are_half_sure(what, seed, durati
 
 def test_pushes_that_leave_what_the_sensor_does_are_sure():
     assert diagnosed(("external_force",), 64740, "speed40k", 3.0).probability > 0.8
-
-
-def test_an_end_stop_behind_a_coarse_encoder_is_no_push():
-    """Six pushes, each while the axis is at the end of its travel: they were missing, 99 %."""
-    found = diagnosed(("end_stop",), 53101, "enc4096", 20.0)
-    assert found.verdict != "external_force"
-    assert found.probability <= 0.5 or found.verdict == "unknown"
 
 
 def test_pushes_beside_friction_that_a_wandering_speed_turns_round_are_half_sure():

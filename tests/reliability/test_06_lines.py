@@ -4,7 +4,7 @@ import resource
 
 import pytest
 
-from dsd_cli.files import csv_cells, line_stream
+from dsd_cli.files import csv_cells, growing_lines
 from tests.cli.rig import CONFIG, csv_text, dsd, json, make_log, refused, summary
 
 
@@ -56,7 +56,7 @@ def test_a_line_without_end_costs_its_length_and_no_more(rig):
     assert processor_time_of_children() - began < 20
     assert found["samples"] == 601
     assert {"reason": "unreadable line", "count": 1} in found["dropped"]
-    assert line_stream.LONGEST_LINE <= 1 << 20
+    assert growing_lines.LONGEST_LINE <= 1 << 20
 
 
 def test_a_sidecar_that_is_a_fifo_or_nested_is_none(rig):
@@ -84,7 +84,7 @@ def test_a_followed_file_that_was_cut_and_has_grown_past_its_old_size(tmp_path):
                 file.write("\n".join([text[0], *text[301:1201]]) + "\n")
         return state["turn"] > 2
 
-    stream = line_stream.LineStream(log, {"t": "t", "u": "u"}, stop=stop)
+    stream = growing_lines.LineStream(log, {"t": "t", "u": "u"}, stop=stop)
     batches = list(stream.batches())
     assert sum(batch.rows for batch in batches) == 300 + 900
     assert stream.unreadable == 0
