@@ -5,6 +5,7 @@ import resource
 import pytest
 
 from dsd_cli.files import csv_cells, growing_lines
+from dsd_cli.files.line_stream import LineStream
 from tests.cli.rig import CONFIG, csv_text, dsd, json, make_log, refused, summary
 
 
@@ -84,7 +85,7 @@ def test_a_followed_file_that_was_cut_and_has_grown_past_its_old_size(tmp_path):
                 file.write("\n".join([text[0], *text[301:1201]]) + "\n")
         return state["turn"] > 2
 
-    stream = growing_lines.LineStream(log, {"t": "t", "u": "u"}, stop=stop)
+    stream = LineStream(log, {"t": "t", "u": "u"}, stop=stop)
     batches = list(stream.batches())
     assert sum(batch.rows for batch in batches) == 300 + 900
     assert stream.unreadable == 0
