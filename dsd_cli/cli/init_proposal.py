@@ -64,7 +64,7 @@ def name_unit(channel: str, one: Recognised, out: Proposal) -> None:
     factor = one.factor or 1.0
     if factor != 1.0 and (channel == "u" or ("signals", f"{channel}_unit") not in out.values):
         out.put("signals", _SCALE_KEYS[channel], float(f"{factor:.6g}"), f'"{one.column}" is in {one.unit}')
-    if channel != "u" and not one.named:
+    if channel != "u" and one.factor is None:
         known = "is not said" if not one.unit else f'is "{one.unit}", which is not known'
         if counts := plain_unit(one.unit) in COUNTS:
             unit = "counts/s" if channel == "velocity" else "counts"

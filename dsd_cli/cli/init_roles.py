@@ -21,12 +21,11 @@ from dsd_cli.files.recognise import (
     is_motion,
     is_neither,
     is_voltage,
-    quaternions,
     recognise,
     unit_in,
 )
 from dsd_cli.files.sample import Channel, Sample, Table
-from dsd_cli.files.words import TIME_UNITS
+from dsd_cli.files.words import TIME_UNITS, quaternions
 from dsd_cli.identify.roles import Guess, Roles, facts_of, guess_roles
 from dsd_cli.signals.clock import TIME_SCALE
 from dsd_cli.signals.log import Array

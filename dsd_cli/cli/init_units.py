@@ -34,17 +34,17 @@ def units_of(table: Table | None, found: Mapping[str, Recognised], seconds: floa
     seconds : s per unit of the time column. step : s between rows without one.
     """
     p, w = found.get("position"), found.get("velocity")
-    if table is None or p is None or (w is not None and w.named and p.named):
+    if table is None or p is None or (w is not None and w.of_kind and p.of_kind):
         return Units({})
     scale = None if w is None else _scale(table, found, seconds, step)
-    turned = "" if p.unit or (w is not None and w.named) else _turned(table, p.column)
+    turned = "" if p.unit or (w is not None and w.of_kind) else _turned(table, p.column)
     if turned:
         why = f'"{p.column}" jumps by a turn of {TURNS[turned]:g}'
         beside = Units({}) if scale is None or w is None else _from_one(replace(p, unit=turned), w, scale)
         return Units({"position_unit": turned, **beside.keys}, f"{why}; {beside.why}" if beside.why else why)
     if scale is None or w is None:
         return Units({})
-    if p.named or w.named:
+    if p.of_kind or w.of_kind:
         return _from_one(p, w, scale)
     if _near(scale, 1.0):
         return Units({})
@@ -104,10 +104,11 @@ def step_of(table: Table | None, found: Mapping[str, Recognised]) -> tuple[float
 
 def _from_one(p: Recognised, w: Recognised, scale: float) -> Units:
     """The unit of one from that of the other."""
-    kinds = POSITION if p.named else VELOCITY
-    kind, known = kinds[p.named or w.named]
+    said = p.of_kind or w.of_kind
+    assert said is not None
+    kind, known = said
     what = f'"{w.column}" is {scale:.4g} times the slope of "{p.column}"'
-    if p.named:
+    if p.of_kind:
         fits = [name for name, (of, f) in VELOCITY.items() if of == kind and _near(scale, known / f)]
         if fits:
             return Units({"velocity_unit": fits[0]}, f"{what}: it is in {fits[0]}")

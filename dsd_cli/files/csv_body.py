@@ -117,10 +117,13 @@ def _start(
     rows = [at for at, line in enumerate(lines) if not is_comment(line)]
     cells = {at: fields_of(lines[at], delimiter) for at in rows}
     said = Counter(key_of(cells[at]) for at in rows if labelled(cells[at]))  # again and again is a mode of the axis
-    good = {at for at in rows if is_data(cells[at], width, numeric) and said[key_of(cells[at])] != 1}
-    good -= {at for at in good if by_label and cells[at][0].strip()}
+
+    def is_good(at: int) -> bool:
+        named = by_label and cells[at][0].strip()
+        return is_data(cells[at], width, numeric) and said[key_of(cells[at])] != 1 and not named
+
     for at, after, third in zip(rows, [*rows[1:], rows[-1]], [*rows[2:], *rows[-2:]], strict=False):
-        if at in good and after in good and not _is_of_factors(*(cells[k] for k in (at, after, third))):
+        if is_good(at) and is_good(after) and not _is_of_factors(*(cells[k] for k in (at, after, third))):
             return at
     return None
 

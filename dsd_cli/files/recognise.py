@@ -23,12 +23,12 @@ from dsd_cli.files.words import (
     OF_HEAT,
     OF_U,
     OTHER_UNITS,
-    PARTS,
     QUATERNIONS,
     SHARES,
     SUPPLY,
     TIME_UNITS,
     WORDS,
+    parts_of,
     plain_unit,
 )
 from dsd_cli.signals.units import POSITION, VELOCITY
@@ -76,8 +76,9 @@ class Recognised:
     @property
     def named(self) -> str:
         """Its unit as the config calls it, of u after its factor; "": the log does not say it, or it is not known."""
-        unit = plain_unit(self.unit)
-        return OF_U[unit][0] if self.channel == "u" and unit in OF_U else NAMED.get(self.channel, {}).get(unit, "")
+        if self.channel == "u":
+            return OF_U.get(plain_unit(parts_of(self.unit)[1]), ("", 0.0))[0]
+        return NAMED.get(self.channel, {}).get(plain_unit(self.unit), "")
 
     @property
     def spoken(self) -> str:
@@ -89,9 +90,17 @@ class Recognised:
     @property
     def factor(self) -> float | None:
         """What brings the column to SI; None: the unit is not said, or not known."""
+        times, unit = parts_of(self.unit)
         if self.channel == "u":
-            return OF_U.get(plain_unit(self.unit), (None, None))[1]
-        return _FACTORS[self.channel][self.named][1] if self.named else None
+            return times * OF_U[plain_unit(unit)][1] if plain_unit(unit) in OF_U else None
+        return self.of_kind[1] if self.of_kind else None
+
+    @property
+    def of_kind(self) -> tuple[str, float] | None:
+        """Of a motion, its kind and what brings it to SI; None: the unit is not said, or not known."""
+        times, unit = parts_of(self.unit)
+        named = NAMED[self.channel].get(plain_unit(unit))
+        return (_FACTORS[self.channel][named][0], times * _FACTORS[self.channel][named][1]) if named else None
 
 
 def recognise(columns: Sequence[str], units: Mapping[str, str] | None = None) -> dict[str, Recognised]:
@@ -114,7 +123,7 @@ def recognise(columns: Sequence[str], units: Mapping[str, str] | None = None) ->
 
 def is_unit(text: str) -> bool:
     """Whether a text is the name of a unit, in brackets or not."""
-    unit = plain_unit(text.strip().strip("[]()"))
+    unit = plain_unit(parts_of(text.strip().strip("[]()"))[1])
     known = (TIME_UNITS, OF_U, *NAMED.values(), OTHER_UNITS)
     return any(unit in table for table in known)
 
@@ -195,16 +204,6 @@ def is_supply(name: str) -> bool:
     """Whether a name says that it is what feeds the drive, which follows the motion and makes none."""
     own = name.rpartition("/")[2]
     return _has(own, SUPPLY) or (_has(own, {"pack"}) and _has(own, {"current", "voltage"}))
-
-
-def quaternions(names: Collection[str]) -> set[str]:
-    """Those that are the four numbers of an orientation, all of which are there: none is the angle of an axis."""
-    parts: dict[str, dict[str, str]] = {}
-    for name in names:
-        group, _, last = name.lower().rpartition("/")
-        if last in PARTS or (len(last) == 1 and last in "xyzw" and group.rpartition("/")[2] in QUATERNIONS):
-            parts.setdefault(group, {})[last[-1]] = name
-    return {name for part in parts.values() if len(part) == len(PARTS) for name in part.values()}
 
 
 def unit_in(name: str, channel: str) -> str:

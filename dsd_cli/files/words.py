@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 #: Channel -> words that name it, best first.
 WORDS: Mapping[str, tuple[str, ...]] = {
@@ -94,6 +94,16 @@ OTHER_UNITS = COUNTS | {
 }  # fmt: skip
 
 
+#: `0.1 r/min`, as drives call what they count in.
+_PART = re.compile(r"(0?[.,]\d+|1e-\d+)\s*\*?\s*([^\d\s].*)")
+
+
+def parts_of(unit: str) -> tuple[float, str]:
+    """What of which a unit is: 0.1 and r/min of `0.1 r/min`."""
+    found = _PART.fullmatch(unit.strip())
+    return (float(found[1].replace(",", ".")), found[2]) if found else (1.0, unit)
+
+
 def plain_unit(unit: str) -> str:
     """A unit as the tables have it, whose key it may be: `N·m` and `N.m` are n*m, `µm` is um, `rad/sec` rad/s.
 
@@ -103,3 +113,13 @@ def plain_unit(unit: str) -> str:
     if share := _SHARE.fullmatch(text):
         return "%" if share[1] == "%" else "‰"
     return text.replace("µ", "u").replace("μ", "u").replace("/sec", "/s")
+
+
+def quaternions(names: Collection[str]) -> set[str]:
+    """Those that are the four numbers of an orientation, all of which are there: none is the angle of an axis."""
+    parts: dict[str, dict[str, str]] = {}
+    for name in names:
+        group, _, last = name.lower().rpartition("/")
+        if last in PARTS or (len(last) == 1 and last in "xyzw" and group.rpartition("/")[2] in QUATERNIONS):
+            parts.setdefault(group, {})[last[-1]] = name
+    return {name for part in parts.values() if len(part) == len(PARTS) for name in part.values()}
