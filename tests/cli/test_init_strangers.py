@@ -223,20 +223,6 @@ def test_units_that_nobody_says_are_those_whose_ratio_the_channels_have(position
     assert units_of(table, found, 1.0, None).keys == {"position_unit": position, "velocity_unit": velocity}
 
 
-def test_tenths_of_a_unit_are_its_factor_and_say_what_counts_are(tmp_path: Path) -> None:
-    """A drive that counts in 0.1 r/min and 0.1 %, beside a line for each channel."""
-    head = ["CH1,Motor Speed,0.1 r/min", "CH2,Torque,0.1 %", "CH3,Motor position,pulse", "Time(ms),CH1,CH2,CH3"]
-    columns = (AXIS["v"] * 300.0 / np.pi, 1000.0 * AXIS["u"], AXIS["q"] / (2.0 * np.pi) * 1_280_000)
-    lines = strangers.rows(AXIS, 1e3 * AXIS["t"], *map(np.round, columns), form="{:.9g}")
-    strangers.text(tmp_path, "log.csv", [*head, *lines])
-    done("init", "log.csv", cwd=tmp_path)
-    config = load_config(tmp_path / "dsd.toml")
-    turn = {"velocity": np.pi / 300.0, "position": 2.0 * np.pi / 1_280_000, "u": 0.1}
-    found = config.signals.factors()
-    assert {name: found[name] for name in turn} == pytest.approx(turn, rel=1e-3)
-    assert config.model.inertia == pytest.approx(200.0, rel=0.02)  # per %, of an axis of 2 per unit of u
-
-
 def test_german_units_are_known(tmp_path: Path) -> None:
     turns = 60.0 / (2.0 * np.pi)
     lines = ["Zeit [s];Winkel [Grad];Drehzahl [U/min];Drehmoment [Nm]"]

@@ -84,6 +84,36 @@ def arrays(folder: Path, a: dict) -> Path:
     return text(folder, "states.csv", ["time,name,position,velocity,effort", *body])
 
 
+def tenths(folder: Path, a: dict) -> Path:
+    """A line for each channel, which counts in tenths of a unit, and pulses of which the speed says how many."""
+    head = ["CH1,Motor Speed,0.1 r/min", "CH2,Torque,0.1 %", "CH3,Motor position,pulse", "Time(ms),CH1,CH2,CH3"]
+    columns = (300.0 / np.pi * a["v"], 1000.0 * a["u"], 1_280_000 / (2.0 * np.pi) * a["q"])
+    return text(folder, "scope.csv", [*head, *rows(1e3 * a["t"], *map(np.round, columns), form="{:.9g}".format)])
+
+
+def resolutions(folder: Path, a: dict) -> Path:
+    """Counts below the resolutions of CiA 402, without a word that says what these are."""
+    steps = (2.0**-9, 360.0 / 2**22)
+    columns = (1e3 * a["t"], a["u"] / steps[0], np.degrees(a["q"]) / steps[1])
+    head = ["time,torque,position", "s,Nm,deg", f"0.001,{steps[0]!r},{steps[1]!r}"]
+    return text(folder, "counts.csv", [*head, *rows(*map(np.round, columns), form="{:.9g}".format)])
+
+
+def objects(folder: Path, a: dict) -> Path:
+    """Lines of the objects that were recorded, as wide as the rows; one is what the position is to be."""
+    head = ["Oscilloscope;;;", "Channel 1;0x6077: Torque actual value;% of rated;", "Channel 2;0x6064: Position;°;"]
+    head += ["Channel 3;0x6062: Position demand;°;", ";;;", "Time [s];Channel 1;Channel 2;Channel 3"]
+    columns = (a["t"], 100.0 * a["u"], np.degrees(a["q"]), np.degrees(a["r"]))
+    return text(folder, "scope.csv", [*head, *rows(*columns, by=";", form=german)])
+
+
+def teleplot(folder: Path, a: dict) -> Path:
+    """A sample of one channel in each line."""
+    columns = zip(1e3 * a["t"], a["u"], a["q"], strict=True)
+    lines = [f">torque:{t:.0f}:{u:.7g}§Nm|g\n>pos:{t:.0f}:{q:.7g}§rad" for t, u, q in columns]
+    return text(folder, "plot.txt", ["boot", *lines])
+
+
 #: Name -> (maker, u, position, what the position is multiplied by, unit of u in N or N m).
 MADE = {
     "scope_unscaled": (scope_unscaled, "MAIN.fTorque", "Axes.X.ActPos", 1e-3, 1.0),
@@ -99,5 +129,15 @@ MADE = {
     ),
     "two_drives": (two_drives, "drive_1/fTrq", "drive_1/fPos", 1.0, 1.0),
     "printed_again": (printed_again, "pwm", "angle_deg", np.pi / 180.0, 0.1),
+    "tenths": (tenths, "CH2 Torque", "CH3 Motor position", 2.0 * np.pi / 1_280_000, 0.01),
+    "resolutions": (resolutions, "torque", "position", np.pi / 180.0, 1.0),
+    "objects": (
+        objects,
+        "Channel 1 0x6077: Torque actual value",
+        "Channel 2 0x6064: Position",
+        np.pi / 180.0,
+        0.01,
+    ),
+    "teleplot": (teleplot, "torque/value", "pos/value", 1.0, 1.0),
     "arrays": (arrays, "effort/1", "position/1", 1.0, 1.0),
 }
