@@ -77,14 +77,30 @@ def tied() -> Asked:
     return poor("constant_load", "small", 70103)
 
 
-def test_a_tie_falls(tied: Asked) -> None:
+@pytest.fixture(scope="module")
+def settling(tied: Asked) -> Plan:
+    """Of that tie, by what the code says in full."""
+    return tied.plan()
+
+
+@pytest.fixture(scope="module")
+def for_inertia(tied: Asked) -> Plan:
+    return tied.plan(names=("inertia",), seconds=(3.0,))
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is expected, of one plant each: enough where it is no matter."""
+    monkeypatch.setattr("dsd_cli.identify.design.plan._DRAWS_SAID", 1)
+
+
+def test_a_tie_falls(tied: Asked, settling: Plan) -> None:
     (before,) = (c for c in tied.diagnosis.ranking if c.effect == "constant_load")
     assert "gravity" in before.indistinguishable_from
-    plan = tied.plan()
-    motion = plan.motion
+    plan, motion = settling, settling.motion
     assert motion is not None
     (pair,) = (p for p in plan.pairs if {p.a, p.b} == {"constant_load", "gravity"})
-    assert pair.nats_expected > 100.0 > 0.0
+    assert 100.0 < pair.nats_low < pair.nats_expected < pair.nats_high
     t = np.arange(len(motion.position)) * motion.step
     log, exact = follow(tied.case, tied.trial, t, (motion.position, motion.velocity, motion.u), take=1)
     assert exact.q.min() > plan.limits.low
@@ -101,10 +117,9 @@ def test_a_tie_falls(tied: Asked) -> None:
     assert not named.indistinguishable_from
 
 
-def test_the_motion_begins_with_the_u_that_holds_the_axis(tied: Asked) -> None:
+def test_the_motion_begins_with_the_u_that_holds_the_axis(tied: Asked, for_inertia: Plan) -> None:
     """What moves it at t = 0 would have to act a delay earlier, and held before that it would drive the axis away."""
-    plan = tied.plan(names=("inertia",), seconds=(3.0,))
-    motion = plan.motion
+    plan, motion = for_inertia, for_inertia.motion
     assert motion is not None
     fitted = targets_of(tied.search, tied.whole, tied.diagnosis, ("inertia",)).explanations[0].fitted
     rest = Path(motion.step, motion.position[:1], np.zeros(1), np.zeros(1))
@@ -177,8 +192,11 @@ def test_where_nobody_knows_what_is_missing_the_motion_is_for_the_whole_catalogu
     t = np.arange(len(plan.motion.position)) * plan.motion.step
     log, exact = follow(asked.case, asked.trial, t, (plan.motion.position, plan.motion.velocity, plan.motion.u), take=1)
     assert plan.limits.low < exact.q.min() < exact.q.max() < plan.limits.high
+    if kind == "small":
+        return
     next_log = prepare(Log(log, asked.case.sample_time, "next"), asked.observer)
-    after = diagnose([asked.recording, next_log], asked.model, asked.observer, Settings())
+    likely = (what, "coulomb_friction", "viscous_friction", "gravity", "cubic_stiffness", "cogging", "quadratic_drag")
+    after = diagnose([asked.recording, next_log], asked.model, asked.observer, Settings(effects=likely))
     assert after.found == (what,)
 
 
@@ -191,6 +209,7 @@ def test_where_nobody_knows_what_is_missing_the_motion_is_for_the_whole_catalogu
         ("stribeck_friction", "one way", 86028, "enc4096"),
     ],
 )
+@pytest.mark.usefixtures("quick")
 def test_forces_that_cancel_out_where_a_poor_log_has_been_are_not_planned_for(
     what: str, kind: str, seed: int, sensing: str
 ) -> None:
@@ -214,6 +233,7 @@ def test_forces_that_cancel_out_where_a_poor_log_has_been_are_not_planned_for(
         ("constant_load", "one way", 110031, "speed40k", "coulomb_friction", 0.5),
     ],
 )
+@pytest.mark.usefixtures("quick")
 def test_limits_hold_with_what_explains_the_poor_log_as_well(
     what: str, kind: str, seed: int, sensing: str, said: str, share: float
 ) -> None:
@@ -228,6 +248,7 @@ def test_limits_hold_with_what_explains_the_poor_log_as_well(
     assert np.abs(exact.u).max() < plan.limits.u
 
 
+@pytest.mark.usefixtures("quick")
 def test_with_unknown_the_limits_hold_under_each_effect_that_unseen_blocks_speak_for(
     tied: Asked, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -245,6 +266,7 @@ def test_with_unknown_the_limits_hold_under_each_effect_that_unseen_blocks_speak
     assert run >= {"constant_load", "gravity"}
 
 
+@pytest.mark.usefixtures("quick")
 def test_limits_hold_in_the_motion_as_often_as_it_is_made(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
     """An axis that cogging caught in another valley begins its second turn there: here five times as far."""
 
@@ -275,8 +297,8 @@ def test_where_nothing_is_missing_the_motion_goes_on_to_what_the_log_never_visit
     assert (after.verdict, after.found) == ("cubic_stiffness", ("cubic_stiffness",))
 
 
-def test_the_motion_begins_and_ends_at_rest_within_the_limits(tied: Asked) -> None:
-    plan = tied.plan(names=("inertia",), seconds=(3.0,))
+def test_the_motion_begins_and_ends_at_rest_within_the_limits(for_inertia: Plan) -> None:
+    plan = for_inertia
     motion, limits = plan.motion, plan.limits
     assert motion is not None
     assert 3.0 - 1e-9 <= motion.seconds < 3.1
@@ -345,6 +367,7 @@ def likely_plants(asked: Asked) -> list[PlantModel]:
     return [plant for one in targets for e in one.explanations if e.name != NONE for plant in e.draws]
 
 
+@pytest.mark.usefixtures("quick")
 def test_what_no_motion_can_be_planned_for_is_said(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
     """All that the model has not runs away on any motion: neither the verdict nor an explanation stands."""
     explained = likely_plants(tied)
@@ -364,6 +387,7 @@ def test_what_no_motion_can_be_planned_for_is_said(tied: Asked, monkeypatch: pyt
     assert plan.reached["u"] < plan.limits.u
 
 
+@pytest.mark.usefixtures("quick")
 def test_an_unstable_loop_ends_no_plan_while_nobody_knows_what_is_missing(
     tied: Asked, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -381,6 +405,7 @@ def test_an_unstable_loop_ends_no_plan_while_nobody_knows_what_is_missing(
     assert "the simulated loop is unstable (kp 3) with constant_load as the plant" in plan.warnings
 
 
+@pytest.mark.usefixtures("quick")
 def test_an_unstable_loop_with_other_likely_values_ends_no_plan(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
     """A draw is what the logs leave open; only the fitted plant must be held by the loop."""
     fitted = [e.fitted for e in targets_of(tied.search, tied.whole, tied.diagnosis).explanations]
@@ -416,6 +441,7 @@ def test_what_stands_beyond_a_limit_before_it_moves_ends_no_plan_for_the_catalog
     assert "no motion keeps the limits with other likely values of the model alone" in plan.warnings
 
 
+@pytest.mark.usefixtures("quick")
 def test_limits_hold_with_the_delay_of_the_model_too(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
     """A slow log may say that there is no delay; a loop that nobody described is as slow as the longest one asks."""
     seen: list[tuple[PlantModel, Loop]] = []
@@ -443,15 +469,15 @@ def test_in_doubt_the_delay_is_that_of_the_model(tied: Asked) -> None:
     assert {plant.delay for plant in doubted.draws} == {tied.model.delay}
 
 
+@pytest.mark.usefixtures("quick")
 def test_gains_that_hold_no_plant_are_named(tied: Asked) -> None:
     with pytest.raises(DataError, match=r"unstable \(kp 1e\+06, kd 2e\+06\) with the model alone as the plant"):
         tied.plan(seconds=(3.0,), controller=ControllerSettings("pd", Gains(1e6, 2e6), "error"))
 
 
-def test_what_one_half_shows_the_other_shows_again(tied: Asked) -> None:
+def test_what_one_half_shows_the_other_shows_again(settling: Plan) -> None:
     """The search judges by blocks that no fit saw: what is there once alone would be extrapolation."""
-    plan = tied.plan()
-    motion = plan.motion
+    plan, motion = settling, settling.motion
     assert motion is not None
     first, again = np.array_split(motion.position[round(plan.stages[0].start / motion.step) : -1], 2)
     assert again == pytest.approx(first, abs=1e-6 * float(np.ptp(motion.position)))
@@ -496,7 +522,7 @@ def test_nats_are_expected_in_the_band_and_the_form_of_both_logs(monkeypatch: py
     fits = {o.effect: o.fit for o in both.options(both.refit)}
     realised = by_the_search(both, fits["viscous_asymmetry"], fits["viscous_friction"])
     (pair,) = (p for p in plan.pairs if {p.a, p.b} == {"viscous_friction", "viscous_asymmetry"})
-    assert 0.5 < pair.nats_if_b / realised < 2.0
+    assert 0.8 < pair.nats_if_b / realised < 1.25
 
 
 def takes_of(friction: EffectValues, takes: int) -> tuple[Search, Fit, Fit]:
