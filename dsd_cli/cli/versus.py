@@ -42,11 +42,16 @@ def compare_configs(
         from dsd_cli.cli.progress import Progress
         from dsd_cli.cli.recordings import load_recording
         from dsd_cli.identify.compare.versus import versus
+        from dsd_cli.plant.beyond import held_beyond
 
         with Progress(not quiet) as progress:
             loaded = [load_recording(path, configs[0], progress=progress) for path in logs]
             progress.clear()
             warn(quiet, (f"{path}: {w}" for path, one in zip(logs, loaded, strict=True) for w in one.warnings))
+            for name in names[1:]:  # reading a log looks at the first model alone
+                pairs = zip(logs, loaded, strict=True)
+                beyond = ((path, held_beyond(models[name], one.recording.pieces)) for path, one in pairs)
+                warn(quiet, (f"{name}: {path}: {line}" for path, lines in beyond for line in lines))
             progress("comparing the models")
             found = versus([one.recording for one in loaded], models)
     differences = {name: _moved(configs[0], config) for name, config in zip(names[1:], configs[1:], strict=True)}

@@ -145,7 +145,8 @@ def print_learnt(report: LearnReport, file: Any) -> None:
     for note in result.notes:
         console.print(escaped(note))
     if result.verdict == LEARNT:
-        print_values(console, "values beside it", result.estimates, ())
+        beside = "the formula" if result.formula is not None and result.formula.replaces else "it"
+        print_values(console, f"values beside {beside}", result.estimates, ())
     if result.units.legend:
         console.print(result.units.legend)
 

@@ -85,15 +85,18 @@ def _with_the_set(result: Diagnosis, winner: Candidate) -> tuple[str, str]:
 def _nothing(result: Diagnosis, sure: str, held: str) -> str:
     """That nothing is missing; of logs that were held out, whether that holds for them as well."""
     unit, left = result.units.force, result.refitted.heldout_rmse
+    sure_enough = believed(result.probability)
+    said = f"{'nothing' if sure_enough else 'perhaps nothing'} is missing ({sure})"
+    noise = "is noise" if sure_enough else "may be noise"
     if result.at_stops:
         hidden = "what stops and creeping hide, where most of what the fit leaves is from"
-        return f"nothing is missing ({sure}) but {hidden}: {held} is {error(left)} ({unit})"
+        return f"{said} but {hidden}: {held} is {error(left)} ({unit})"
     own = result.refitted.rmse
     if not result.held_out or left <= POLICY.floor_factor * max(own, result.floor):
-        return f"nothing is missing ({sure}): {held}, {error(left)} ({unit}), is noise"
+        return f"{said}: {held}, {error(left)} ({unit}), {noise}"
     force, names = force_error(result.band_hz), listed(result.held_out)
     return (
-        f"nothing is missing ({sure}) in {listed(result.logs)}: the {force}, {error(own)} ({unit}), is noise;"
+        f"{said} in {listed(result.logs)}: the {force}, {error(own)} ({unit}), {noise};"
         f" in {names}, which no fit saw, it is {error(left)}: a value differs there,"
         f" or an effect shows"
     )

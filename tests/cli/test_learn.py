@@ -83,6 +83,13 @@ def test_the_law_goes_into_a_config_that_works_by_itself(spot, learnt):
     assert rmse(folder, "better.toml") < 0.1 * rmse(folder, "model.toml")
     assert rmse(folder, "better.toml", "other.csv") < 0.1 * rmse(folder, "model.toml", "other.csv")
     assert (folder / "law.png").read_bytes()[:4] == b"\x89PNG"
+    far = (folder / "other.csv").read_text().splitlines()
+    wide = [line.split(",") for line in far[1:]]
+    at = far[0].split(",").index("position")
+    rows = [",".join([*row[:at], str(3.0 * float(row[at])), *row[at + 1 :]]) for row in wide]
+    (folder / "far.csv").write_text("\n".join([far[0], *rows]))
+    both = done("compare", "far.csv", "-c", "model.toml", "-c", "better.toml", cwd=folder)
+    assert "better.toml: far.csv: friction_curve is known for position from" in both.stderr
     undone = done("improve", "-c", "better.toml", "--undo", "-o", "undone.toml", cwd=folder)
     assert "wrote undone.toml" in undone.stderr
     assert "friction_curve" not in (folder / "undone.toml").read_text()
@@ -151,6 +158,13 @@ def test_nothing_is_learnt_where_nothing_is_missing(tmp_path):
     assert (tmp_path / "same.toml").read_text() == (tmp_path / "model.toml").read_text()
     assert not (tmp_path / "law.csv").exists()
     assert "law.csv: not written, no law was learnt" in ran.stderr
+    assert "[model]" not in ran.stdout
+    right = (tmp_path / "model.toml").read_text()
+    level = right.rpartition("level = ")[2]
+    (tmp_path / "model.toml").write_text(right.replace(f"level = {level}", f"level = {0.2 * float(level)}"))
+    off = done("learn", "log.csv", "-c", "model.toml", cwd=tmp_path).stdout
+    assert off.startswith("none: ")
+    assert "values of [model] are off: as given it leaves" in off
 
 
 @pytest.mark.parametrize(

@@ -74,3 +74,13 @@ def test_the_noise_of_an_encoder_is_no_larger_where_rows_begin_to_count(seed):
     begin = int(np.argmax(noise > 1e-12))
     assert begin > 20
     assert np.max(noise[begin : begin + 8]) < np.max(noise[begin + 8 :])
+
+
+def test_rows_that_are_not_sure_count_by_the_variance_of_what_is_left_there():
+    balance = balance_of(pose([recorded(1, 8000)], PlantModel(0.1), Settings(effects=())))
+    hardly = balance.counts & ~balance.sure
+    assert 0 < hardly.sum() < balance.counts.sum()
+    left = np.where(hardly, 3.0, 1.0)
+    np.testing.assert_allclose(balance.weighed(left).weight[hardly], 1.0 / 9.0)
+    for none in (np.zeros(len(left)), 1.0 / left):  # also once they counted little
+        np.testing.assert_array_equal(balance.weighed(left).weighed(none).weight, balance.counts)

@@ -34,6 +34,10 @@ def test_the_verdict_is_one_sentence() -> None:
     assert verdict_line(NOTHING) == (
         "nothing is missing (probability 93 %): the held-out force error below 31.4 Hz, 0.113 (unit of u), is noise"
     )
+    assert verdict_line(replace(NOTHING, probability=0.43)) == (
+        "perhaps nothing is missing (probability 43 %): the held-out force error below 31.4 Hz, 0.113 (unit of u),"
+        " may be noise"
+    )
     assert verdict_line(replace(NOTHING, at_stops=True)) == (
         "nothing is missing (probability 93 %) but what stops and creeping hide, where most of what the fit leaves is"
         " from: the held-out force error below 31.4 Hz is 0.113 (unit of u)"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -69,8 +68,7 @@ def left_of(judge: Judge, fit: LawFit, rows: Mask | None = None, held_out: bool 
 
 def surely_left(judge: Judge, fit: LawFit) -> float:
     """Held-out rms of r, of all rows or of those where the direction is sure, if that is less; unit of u."""
-    sure = judge.balance.sure
-    return min(left_of(judge, fit), left_of(judge, fit, sure) if sure.any() else math.inf)
+    return min(left_of(judge, fit), left_of(judge, fit, judge.balance.sure))
 
 
 def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -> Choice:
@@ -285,9 +283,8 @@ def why_not(judge: Judge, before: LawFit, after: LawFit) -> str:
     least = POLICY.least_unknown * problem.errors.force
     if not all(_takes(judge, before, after, least, held_out=held_out) for held_out in (True, False)):
         return "what a function of the channels explains is too small to matter"
-    sure = judge.balance.sure
     noise = 0.0 if before.laws else sensed(problem, of_u=False)  # beside a law that is sure a small one may be
-    spread = not sure.any() or _takes(judge, before, after, noise, sure)
+    spread = _takes(judge, before, after, noise, judge.balance.sure)
     return "" if spread and is_shown(judge, after) else AT_STOPS
 
 

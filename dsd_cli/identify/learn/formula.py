@@ -82,11 +82,11 @@ class Formulas:
             following = self._best(found)
             if following is None:
                 break
-            following = self._without_needless(self._together(following))
+            following = self._plainer(self._without_needless(self._together(following)))
             if following == found or not worth(found, following):
                 break
             found = following
-        return self._plainer(found)
+        return found
 
     def _plainer(self, found: list[Term]) -> list[Term]:
         """Bases alone, where one or two of them leave hardly more than terms with shapes: those imitate them."""

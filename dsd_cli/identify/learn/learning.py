@@ -204,6 +204,15 @@ def _notes(problem: Problem, heldout: float, springs: bool) -> tuple[str, ...]:
     return tuple(notes)
 
 
+def _off(scores: Scores) -> tuple[str, ...]:
+    """That the values of the model are off, where a fit of them leaves clearly less: no law is asked for that."""
+    given, fitted, force = scores.given.rmse, scores.refitted.rmse, max(scores.problem.errors.force, 1e-300)
+    if not scores.problem.falls(given, fitted, scores.search.refit):
+        return ()
+    shares = f"as given it leaves {100.0 * given / force:.3g} % of u, fitted to the log {100.0 * fitted / force:.3g} %"
+    return (f"values of [model] are off: {shares}; dsd improve fits them",)
+
+
 def _nothing(chosen: Choice, scores: Scores) -> Learnt:
     """No law, and why."""
     problem, holdout = scores.problem, scores.holdout
@@ -237,5 +246,6 @@ def _nothing(chosen: Choice, scores: Scores) -> Learnt:
         band_hz=problem.equations.band.hz,
         floor=problem.floor,
         why=why,
+        notes=_off(scores),
         held_out=tuple(r.name for r in holdout),
     )

@@ -48,7 +48,8 @@ class Balance:
     delay : steps, also between, at which u acts. u, acceleration, later : drive, measured a, change of the drive over
         one more step; none where the delay is held.
     own : columns of the model's own effects; given : their coefficients in the model; names : effect of each.
-    sure : rows in which the direction of the motion is sure; all that count where there are few of them.
+    counts, sure : rows that are judged; those of them in which the direction of the motion is sure, or all where these
+        are few.
     weight : of each row. whitening : as of `Equations`. noise : variance that the sensor leaves in a whitened row of a.
     """
 
@@ -60,6 +61,7 @@ class Balance:
     own: tuple[Array, ...]
     given: Array
     names: tuple[str, ...]
+    counts: Mask
     sure: Mask
     weight: Array
     whitening: tuple[Array, ...]
@@ -170,9 +172,9 @@ class Balance:
         Not by the root of it, as noise would be: the direction of friction is left there, and would move all that is
         fitted. Where an axis sticks and slips it is a hundred times the noise, in half of each slip.
         """
-        hardly = (self.weight > 0.0) & ~self.sure
+        hardly = self.counts & ~self.sure
         left, more = (float(np.sum(residual[rows] ** 2)) / max(int(rows.sum()), 1) for rows in (self.sure, hardly))
-        return replace(self, weight=np.where(hardly, left / max(left, more, 1e-300), self.weight))
+        return replace(self, weight=np.where(hardly, left / more if more > left else 1.0, self.weight))
 
 
 def balance_of(problem: Problem, delay: float | None = None) -> Balance:
@@ -205,13 +207,13 @@ def balance_of(problem: Problem, delay: float | None = None) -> Balance:
     )
 
 
-def _rows(equations: Equations) -> tuple[Mask, Array]:
-    """(rows in which the direction of the motion is sure, weights: 0 at rest)."""
+def _rows(equations: Equations) -> tuple[Mask, Mask, Array]:
+    """(rows that are judged, those in which the direction of the motion is sure, weights to begin with)."""
     doubt = uncertain(equations, creeping=False)
     sure, counts = ((doubt <= most) & equations.kept for most in (_SURE, _HARDLY))
     if sure.sum() < LEAST_ROWS:
         sure = counts = equations.kept
-    return sure, counts.astype(np.float64)
+    return counts, sure, counts.astype(np.float64)
 
 
 def stacked(balance: Balance, rows: Sequence[Array]) -> Array:
