@@ -81,7 +81,7 @@ def to_json(plan: Plan, experiments: Sequence[Experiment] = (), output: str = ""
             {"kind": s.kind, "start": s.start, "end": s.end, "values": {k: list(v) for k, v in s.values.items()}}
             for s in plan.stages
         ],
-        "cost": [{"seconds": s, "nats": n} for s, n in plan.cost],
+        "cost": [{"seconds": s, "nats": number_or_none(n)} for s, n in plan.cost],
         "band_hz": number_or_none(plan.band_hz),
         "experiments": [{**asdict(one), "left_open": list(one.left_open)} for one in experiments],
         "warnings": list(plan.warnings),

@@ -17,8 +17,8 @@ from dsd_cli.identify.design.verified import GENTLE
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.plant.motion import Plant
 
-#: Places at which an axis is held.
-_PLACES = 50
+#: Places at which an axis is held; share of the inertia below which a motor beside its load is next to nothing.
+_PLACES, _NO_MOTOR = 50, 1e-3
 
 
 def able_to_move(targets: Targets, room: Room, believed: PlantModel, sample_time: float) -> Targets:
@@ -37,7 +37,8 @@ def able_to_move(targets: Targets, room: Room, believed: PlantModel, sample_time
     path, most = Path.of(gentle, room.step), room.limits.u
 
     def moves(one: Explanation) -> bool:
-        if Plant(one.fitted).resonance * sample_time > math.pi:
+        bare = one.fitted.motor_inertia < _NO_MOTOR * one.fitted.inertia
+        if bare and Plant(one.fitted).resonance * sample_time > math.pi:
             return False
         needs = float(np.abs(command_for(one.fitted, path, 3.0 * most)).max())
         return needs < ROOM * most and (not one.weak or _holding(one.fitted, room.limits) < most)

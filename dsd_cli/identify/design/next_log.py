@@ -8,6 +8,7 @@ noise, so that what hangs on either shows as a range.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -42,7 +43,8 @@ def expected_of(measure: Measure, paths: Mapping[int, Path], most: float, draws:
             if truth == 0 and errors:
                 told = search.problem.values(right).estimates
                 for name, found in errors.items():
-                    found.append(told[name].std_error)
+                    error = told[name].std_error
+                    found.append(math.inf if math.isnan(error) else error)
     return Expected(
         {pair: float(np.mean(found)) for pair, found in nats.items()},
         {pair: min(found) for pair, found in of_use.items()},

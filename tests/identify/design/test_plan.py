@@ -348,16 +348,19 @@ def test_a_u_that_cannot_hold_the_axis_is_refused(tied: Asked) -> None:
         tied.plan(limits={**tied.limits, "u": (0.0, 0.01)})
 
 
-def test_a_load_that_swings_faster_than_the_samples_is_no_plant(tied: Asked) -> None:
-    """A motor of a millionth of the inertia: a second of its simulation took a minute."""
+@pytest.mark.parametrize(("share", "plant"), [(0.999999, False), (0.5, True)])
+def test_a_motor_of_next_to_no_inertia_is_no_plant_and_a_stiff_contact_is_one(
+    tied: Asked, share: float, plant: bool
+) -> None:
+    """With a motor of a millionth of the inertia a second of its simulation took a minute."""
     targets = targets_of(tied.search, tied.whole, tied.diagnosis)
-    load = {"gap": 0.1, "load_share": 0.999999, "stiffness": 3e5}
+    load = {"gap": 0.1, "load_share": share, "stiffness": tied.model.inertia * share * (2.0 * math.pi * 600.0) ** 2}
     swings = replace(tied.model, effects={**tied.model.effects, "backlash": load})
     last = replace(targets.explanations[-1], name="backlash", draws=(swings,))
     targets = replace(targets, explanations=(*targets.explanations[:-1], last), pairs=())
     room = Room(limits_of([tied.recording], tied.limits, math.nan, 10.0), 10.0, 0.004)
     able = able_to_move(targets, room, tied.model, 0.001).explanations
-    assert "backlash" not in {one.name for one in able}
+    assert ("backlash" in {one.name for one in able}) == plant
     assert targets.explanations[0] in able
 
 
