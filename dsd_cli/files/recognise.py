@@ -30,6 +30,7 @@ from dsd_cli.files.words import (
     WORDS,
     parts_of,
     plain_unit,
+    whole_unit,
 )
 from dsd_cli.signals.units import POSITION, VELOCITY
 
@@ -77,7 +78,7 @@ class Recognised:
     def named(self) -> str:
         """Its unit as the config calls it, of u after its factor; "": the log does not say it, or it is not known."""
         if self.channel == "u":
-            return OF_U.get(plain_unit(parts_of(self.unit)[1]), ("", 0.0))[0]
+            return OF_U.get(whole_unit(self.unit), ("", 0.0))[0]
         return NAMED.get(self.channel, {}).get(plain_unit(self.unit), "")
 
     @property
@@ -123,19 +124,19 @@ def recognise(columns: Sequence[str], units: Mapping[str, str] | None = None) ->
 
 def is_unit(text: str) -> bool:
     """Whether a text is the name of a unit, in brackets or not."""
-    unit = plain_unit(parts_of(text.strip().strip("[]()"))[1])
+    unit = whole_unit(text.strip().strip("[]()"))
     known = (TIME_UNITS, OF_U, *NAMED.values(), OTHER_UNITS)
     return any(unit in table for table in known)
 
 
 def is_force(name: str, unit: str) -> bool:
     """Whether name or unit say that it is a force, torque or current, and so no motion."""
-    return plain_unit(unit) in OF_U.keys() - {"v", "mv", "volt", "volts"} - SHARES or _score("u", name) > 0.0
+    return whole_unit(unit) in OF_U.keys() - {"v", "mv", "volt", "volts"} - SHARES or _score("u", name) > 0.0
 
 
 def role_of_unit(unit: str) -> str:
     """What a channel in that unit is: "u", "velocity", "position" or ""."""
-    known = plain_unit(unit)
+    known = whole_unit(unit)
     if known in OF_U.keys() - SHARES:
         return "u"
     return next((role for role in ("velocity", "position") if known in NAMED[role]), "")
@@ -143,12 +144,12 @@ def role_of_unit(unit: str) -> str:
 
 def is_current(name: str, unit: str) -> bool:
     """Whether name or unit say that it is a current."""
-    return plain_unit(unit) in {"a", "ma", "amp", "amps"} or _has(name, {"current", "strom", "iq", "amps", "amp"})
+    return whole_unit(unit) in {"a", "ma", "amp", "amps"} or _has(name, {"current", "strom", "iq", "amps", "amp"})
 
 
 def is_voltage(name: str, unit: str) -> bool:
     """Whether name or unit say that it is a voltage."""
-    return plain_unit(unit) in {"v", "mv", "volt", "volts"} or _has(
+    return whole_unit(unit) in {"v", "mv", "volt", "volts"} or _has(
         name, {"voltage", "volts", "volt", "spannung", "voltaje"}
     )
 
@@ -185,7 +186,7 @@ def is_motion(name: str, unit: str) -> bool:
     """Whether name or unit say that it is a motion, asked for or measured, or a time, and so makes nothing move."""
     words = set(_words(name))
     said = any(_score(channel, name) > 0.0 for channel in ("time", "position", "velocity", "reference"))
-    in_units = any(plain_unit(unit) in NAMED[channel] for channel in NAMED)
+    in_units = any(whole_unit(unit) in NAMED[channel] for channel in NAMED)
     return (said or in_units or bool(words & IDLE)) and not _score("u", name) and not is_command(name)
 
 
@@ -196,7 +197,7 @@ def is_error(name: str) -> bool:
 
 def is_neither(name: str, unit: str) -> bool:
     """Whether name or unit say that it neither moves the axis nor is its motion: a temperature, what is left to go."""
-    heat = _has(name.rpartition("/")[2], HEAT) or plain_unit(unit or unit_in(name, "")) in OF_HEAT
+    heat = _has(name.rpartition("/")[2], HEAT) or whole_unit(unit or unit_in(name, "")) in OF_HEAT
     return heat or is_error(name) or is_supply(name)
 
 
@@ -217,7 +218,7 @@ def unit_in(name: str, channel: str) -> str:
     name = _NUMBER.sub("", _plain(name))
     inside = [text for text in _IN_BRACKETS.findall(name) if not (text.isdigit() or _is_named(text))]  # r79[0] (Lage)
     if (said := _IN.search(name)) and is_unit(said[1]):
-        return str(said[1])
+        return str(said[1]).strip("[]()")
     if inside:
         return str(inside[-1])
     if (over := _OVER.search(name)) and is_unit(over[1].partition(" ")[0]):

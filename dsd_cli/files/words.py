@@ -95,13 +95,20 @@ OTHER_UNITS = COUNTS | {
 
 
 #: `0.1 r/min`, as drives call what they count in.
-_PART = re.compile(r"(0?[.,]\d+|1e-\d+)\s*\*?\s*([^\d\s].*)")
+_PART = re.compile(r"(?:(0?[.,]\d+|1e-\d+)|1/(10+))\s*\*?\s*([^\d\s].*)")
 
 
 def parts_of(unit: str) -> tuple[float, str]:
-    """What of which a unit is: 0.1 and r/min of `0.1 r/min`."""
-    found = _PART.fullmatch(unit.strip())
-    return (float(found[1].replace(",", ".")), found[2]) if found else (1.0, unit)
+    """What of which a unit is: 0.1 and r/min of `0.1 r/min`, as of `1/10 r/min`."""
+    found = None if _SHARE.fullmatch(unit.strip().lower()) else _PART.fullmatch(unit.strip())
+    if found is None:
+        return 1.0, unit
+    return (1.0 / float(found[2]) if found[2] else float(found[1].replace(",", "."))), found[3]
+
+
+def whole_unit(unit: str) -> str:
+    """The unit of which this one is a part, as the tables have it."""
+    return plain_unit(parts_of(unit)[1])
 
 
 def plain_unit(unit: str) -> str:

@@ -3,6 +3,7 @@
 import datetime
 import json
 import math
+import math
 import os
 import pty
 import shlex
@@ -18,7 +19,7 @@ import pytest
 from dsd_cli.cli.init_roles import by_names, choose, roles_of
 from dsd_cli.cli.init_units import units_of
 from dsd_cli.files.config import load_config
-from dsd_cli.files.recognise import Recognised, recognise, unit_in
+from dsd_cli.files.recognise import Recognised, is_force, is_neither, recognise, role_of_unit, unit_in
 from dsd_cli.files.sample import Sample, Table, sample
 from dsd_cli.identify.roles import Channel, guess_roles, slope_of
 from tests.cli.rig import DSD, done, dsd, refused
@@ -155,6 +156,8 @@ def test_a_pointer_of_git_lfs_is_named(tmp_path: Path) -> None:
         ("dwell [ms]/time", "time", ""),
         ("Torque [% of rated torque]", "u", "% of rated torque"),
         ("Time (relative) in ms", "time", "ms"),
+        ("Position in [mm]", "position", "mm"),
+        ("Torque in (Nm)", "u", "Nm"),
         ("r63[0]: Speed smoothed in rpm", "velocity", "rpm"),
         ("RECPROBE1(Time)", "time", ""),
         ("dwell [ms]/time [s]", "time", "s"),
@@ -162,6 +165,16 @@ def test_a_pointer_of_git_lfs_is_named(tmp_path: Path) -> None:
 )
 def test_the_number_of_a_matrix_column_hides_no_unit(name: str, channel: str, unit: str) -> None:
     assert unit_in(name, channel) == unit
+
+
+def test_a_part_of_a_unit_is_of_what_the_unit_is_of() -> None:
+    """A case in tenths of a degree was proposed as u, and tenths of a turn a minute were taken as turns."""
+    assert is_neither("Case [0.1 °C]", "")
+    assert is_neither("Case", "0.1 °C")
+    assert is_force("x", "0.1 Nm")
+    assert role_of_unit("0.1 rpm") == "velocity"
+    assert recognise(["Speed (1/10 rpm)"])["velocity"].factor == pytest.approx(math.pi / 300.0)
+    assert recognise(["Torque [1/1000 of rated]"])["u"].factor == 0.1
 
 
 @pytest.mark.parametrize(
