@@ -138,6 +138,8 @@ def _are_of_counts(lines: Sequence[str], delimiter: str, width: int) -> bool:
         return False
     rows = [row for line in lines[1:] if len(row := fields_of(line, delimiter)) == width]
     below = [{number(row[k]) if is_number(row[k]) else math.nan for row in rows} for k in broken]
+    if any(first[k] == round(first[k]) and _is_even([cells[k], *(row[k] for row in rows[:FEW])]) for k in range(width)):
+        return False
     return len(rows) > FEW // 2 and max(map(len, below)) > 2 and not any(x % 1.0 for values in below for x in values)
 
 
@@ -145,8 +147,20 @@ def _is_of_factors(first: Sequence[str], second: Sequence[str], third: Sequence[
     """Whether a first row is of factors: powers of ten before numbers that are none, whose first is no step to them."""
     if not are_tens(first) or are_tens(second) or len(third) != len(first):
         return False
-    a, b, c = (number(row[0]) if is_number(row[0]) else math.nan for row in (first, second, third))
-    return not abs((b - a) - (c - b)) <= 0.5 * abs(c - b)
+    return not _goes_on(first[0], second[0], third[0])
+
+
+def _is_even(cells: Sequence[str]) -> bool:
+    """Whether numbers rise evenly, as those of a clock do."""
+    return all(number(a) < number(b) for a, b in pairwise(cells) if is_number(a) and is_number(b)) and all(
+        _goes_on(*three) for three in zip(cells, cells[1:], cells[2:], strict=False)
+    )
+
+
+def _goes_on(first: str, second: str, third: str) -> bool:
+    """Whether a number is a step to the next two, as that of a clock is."""
+    a, b, c = (number(cell) if is_number(cell) else math.nan for cell in (first, second, third))
+    return abs((b - a) - (c - b)) <= 0.5 * abs(c - b)
 
 
 def is_data(fields: Sequence[str], width: int, numeric: Sequence[int]) -> bool:

@@ -222,7 +222,9 @@ def _above(rows: Sequence[Row], body: Body) -> Found:
                 name if is_unit(cell) or not cell else f"{name} {cell}"
                 for name, cell in zip(_fitted(names, body), below, strict=True)
             ]
-    names = _of_pairs(names, body)
+    if (named := _of_pairs(names, body)) != names:
+        names = named
+        notes.append(f"line {at + 1} names pairs of columns, a time and a value each")
     if len(names) < body.fields - 1:
         notes.append(f"line {at + 1} names {len(names)} of {body.fields} columns, the others are called by number")
     if comment:
@@ -263,10 +265,14 @@ def _few(rows: Sequence[Row], body: Body) -> list[Row]:
 
 
 def _of_pairs(names: list[str], body: Body) -> list[str]:
-    """`a/time, a` where each name stands above a pair of columns, and the first of every pair rises: `a,,b,`; `a,b`."""
+    """`a/time, a` where each name stands above a pair of columns, and the first of every pair rises: `a,,b,`; `a,b`.
+
+    A header that blanks end names the first columns: `a,b,,`.
+    """
     there, clocks = [name for name in names if name], range(0, body.fields, 2)
     paired = 2 * len(there) == body.fields and set(clocks) <= set(body.rising) and len(body.rising) < body.fields
-    if not paired or any(is_time(name) or re.search("[:=]", name) for name in there):
+    paired = paired and there in (names, names[::2], names[1::2])
+    if not paired or any(is_time(name) or is_count(name) or re.search("[:=]", name) for name in there):
         return names
     return [full for name in there for full in (f"{name}/time", name)]
 

@@ -3,7 +3,6 @@
 import datetime
 import json
 import math
-import math
 import os
 import pty
 import shlex

@@ -177,6 +177,8 @@ def test_groups_above_names_that_come_again_are_part_of_them(above: tuple[str, .
     [
         ("time,torque", ["time", "torque", "3", "4"]),
         ("torque,angle", ["torque/time", "torque", "angle/time", "angle"]),
+        ("angle,torque,,", ["angle", "torque", "", ""]),
+        ("cycle,current", ["cycle", "current", "3", "4"]),
         ("torque,,angle,", ["torque/time", "torque", "angle/time", "angle"]),
         ("Test 4,24 V", ["1", "2", "3", "4"]),
         ("Rate: 250,Mode: speed", ["1", "2", "3", "4"]),
@@ -187,7 +189,9 @@ def test_names_of_some_columns_alone(header: str, names: list[str], line: int) -
     found = seen(*["# a rig"] * line, header, *(f"{k / 250},{0.5 - k % 3},{k / 250},{k % 5}" for k in range(12)))
     assert found.header.names == names
     few = f"line {line + 1} names 2 of 4 columns, the others are called by number"
-    assert (few in found.notes) == (names[0] == "time")
+    assert (few in found.notes) == (names[0] in ("time", "cycle"))
+    pairs = f"line {line + 1} names pairs of columns, a time and a value each"
+    assert (pairs in found.notes) == (names[0] == "torque/time")
 
 
 @pytest.mark.parametrize("units", ["", "s,Nm,s,rad\n"])

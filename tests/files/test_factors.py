@@ -169,6 +169,14 @@ def test_a_first_sample_that_happens_to_be_of_tens_is_a_sample(tmp_path: Path) -
     np.testing.assert_allclose(read(opened("file", tmp_path, text([NAMES], t, u, q)))["u"], u)
 
 
+def test_a_first_sample_with_a_fraction_that_a_clock_goes_on_from_is_a_sample(tmp_path: Path) -> None:
+    """The first sample was dropped, and all others multiplied by 12.5."""
+    u, q = U.copy(), 4000.0 + 3.0 * np.arange(ROWS)
+    u[0] = 12.5
+    content = text([NAMES], 10.0 * np.arange(1, ROWS + 1), u, q)
+    np.testing.assert_allclose(read(opened("file", tmp_path, content))["u"], u)
+
+
 @pytest.mark.parametrize(
     "above",
     [
