@@ -74,7 +74,7 @@ def body_of(lines: Sequence[str], delimiters: Sequence[str], layout: CsvLayout) 
         if best is None or score > best[0]:
             start = _start(lines, delimiter, width, numeric, by_label=not _filled(alike, 0))
             if start is not None:
-                first, start = start, start + _are_of_counts(lines[start:], delimiter, width)
+                first, start = start, start + are_of_counts(lines[start:], delimiter, width)
                 of_rows = numeric[-1] == width - 1 and _is_counted([row[0].strip(' "') for row in alike])
                 below = [row for row in alike if is_data(row, width, numeric)]
                 rising = tuple(k for k in numeric if _rises(below, k))
@@ -128,7 +128,7 @@ def _start(
     return None
 
 
-def _are_of_counts(lines: Sequence[str], delimiter: str, width: int) -> bool:
+def are_of_counts(lines: Sequence[str], delimiter: str, width: int) -> bool:
     """Whether a first row has what the rows below it are multiplied by: all above 0, and where it has fractions they
     are whole, and of more than two numbers at one place at least."""
     cells = fields_of(lines[0], delimiter)

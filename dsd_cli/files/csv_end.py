@@ -8,6 +8,8 @@ from dsd_cli.files.csv_cells import is_number
 from dsd_cli.files.csv_dialect import COMMENT, decode, fields_of
 
 _COMMENT = tuple(map(str.encode, COMMENT))
+#: Bytes in which the header ends.
+_HEAD = 1 << 16
 
 
 def behind_rows(lines: Sequence[bytes], delimiter: str, width: int, row: Sequence[str]) -> tuple[int, list[str]]:
@@ -88,10 +90,19 @@ class Head:
 def without_copies_of_head(content: bytes, skip: int) -> tuple[bytes, Head] | None:
     """A text in which blank lines stand for lines like the first `skip` ones that come again, and for comments among
     the rows; None: there are none."""
-    lines = content.splitlines(keepends=True)
-    head, rows, left = Head(lines[:skip]), 0, 0
-    for at, line in enumerate(lines[skip:], start=skip):
-        if head.comes_again(line, at + 1, rows) or line.lstrip().startswith(_COMMENT):
-            lines[at], left = b"\n", left + 1
-        rows += bool(lines[at].strip())
-    return (b"".join(lines), head) if left else None
+    above = content[:_HEAD].splitlines(keepends=True)[:skip]
+    head, rows, at, begin, whole = Head(above), 0, skip, sum(map(len, above)), memoryview(content)
+    ends = b"\n" if b"\n" in content[:_HEAD] else b"\r"
+    kept, copied = bytearray(), 0  # what is copied already
+    while begin < len(content):
+        end = content.find(ends, begin) + 1 or len(content)
+        line, at = content[begin:end], at + 1
+        if head.comes_again(line, at, rows) or line.lstrip().startswith(_COMMENT):
+            kept += whole[copied:begin]
+            kept += ends
+            copied = end
+        else:
+            rows += bool(line.strip())
+        begin = end
+    kept += whole[copied:] if copied else b""
+    return (bytes(kept), head) if copied else None

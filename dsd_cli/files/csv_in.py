@@ -106,13 +106,17 @@ class CsvTable:
         except StopIteration:
             return {}
         except (pa.ArrowException, OSError, UnicodeError) as error:
-            if self._head or not self._leave_headers_out():
+            if not self._read_otherwise(error):
                 raise self._explain(0, error) from None
             return self.peek()
         found = {at: batch.column(at) for at in range(batch.num_columns) if names.index(names[at]) == at and names[at]}
         for at, how in self._dialect.written.items():
             if at in found and pa.types.is_string(found[at].type):
                 found[at] = _spelt(found[at], how)
+        first = {at: cell for at, cell in enumerate(self._dialect.first) if cell.strip() not in cells.MISSING}
+        words = [at for at in found.keys() & first.keys() if pa.types.is_string(found[at].type)]
+        if any(_is_plain(first[at]) for at in words) and self._read_otherwise(None):
+            return self.peek()
         for at in found.keys() & self._scaling.places:
             if is_number_type(found[at].type):
                 found[at] = numbers(self._scaling.applied(at, as_float64(found[at])))
@@ -129,7 +133,9 @@ class CsvTable:
         try:
             return [text for batch in self._reader(kinds=kinds) for text in batch.column(0).to_pylist()]
         except (pa.ArrowException, OSError, UnicodeError) as error:
-            raise self._explain(0, error) from None
+            if not self._read_otherwise(error):
+                raise self._explain(0, error) from None
+            return self.texts(column)
 
     def batches(self) -> Iterator[Batch]:
         import pyarrow as pa
@@ -142,7 +148,7 @@ class CsvTable:
                     yield batch
                 return
             except (pa.ArrowException, OSError, ValueError) as error:  # the last of a stamp in words
-                if self._head or not self._leave_headers_out():
+                if not self._read_otherwise(error):
                     raise self._explain(rows, error) from None
 
     def _batches(self, after: int) -> Iterator[Batch]:
@@ -163,6 +169,13 @@ class CsvTable:
                         columns[stamped] = self._split.whole(columns[stamped], parts)
                     yield Batch(stop - start, columns, start in begins)
             at = end
+
+    def _read_otherwise(self, error: Exception | None) -> bool:
+        """Whether it may be read now: one byte far below its head may be none of Windows, all of them are of Latin."""
+        if isinstance(error, UnicodeError) and self._encoding == "cp1252":
+            self._encoding = "latin-1"
+            return True
+        return not self._head and self._leave_headers_out()
 
     def _leave_headers_out(self) -> bool:
         """Whether its header comes again, or comments stand among its rows; from now on it is read without."""
@@ -248,6 +261,14 @@ def _values(column: Any, how: Written | None) -> Array:
         return as_float64(column)
     read = cells.seconds if how is None else how.value
     return np.array([np.nan if text is None else read(text) for text in column.to_pylist()])
+
+
+def _is_plain(cell: str) -> bool:
+    """Whether it is a number and no date, nor a number with its unit."""
+    try:
+        return bool(np.isfinite(cells.plain_number(cell)))
+    except ValueError:
+        return False
 
 
 def _spelt(column: Any, how: Written) -> Any:

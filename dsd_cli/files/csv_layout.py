@@ -218,13 +218,10 @@ def _above(rows: Sequence[Row], body: Body) -> Found:
             notes.append(f"line {wide[1].at + 1} is taken as units, not data")
         else:
             units = [of_unit(cell) if is_unit(cell) else "" for cell in below]
-            names = [
-                name if is_unit(cell) or not cell else f"{name} {cell}"
-                for name, cell in zip(_fitted(names, body), below, strict=True)
-            ]
-    if (named := _of_pairs(names, body)) != names:
-        names = named
-        notes.append(f"line {at + 1} names pairs of columns, a time and a value each")
+            both = zip(_fitted(names, body), below, strict=True)
+            names = [name if is_unit(cell) or not cell else f"{name} {cell}" for name, cell in both]
+    before, names = names, _of_pairs(names, body)
+    notes += [f"line {at + 1} names pairs of columns, a time and a value each"] * (names != before)
     if len(names) < body.fields - 1:
         notes.append(f"line {at + 1} names {len(names)} of {body.fields} columns, the others are called by number")
     if comment:
@@ -265,10 +262,7 @@ def _few(rows: Sequence[Row], body: Body) -> list[Row]:
 
 
 def _of_pairs(names: list[str], body: Body) -> list[str]:
-    """`a/time, a` where each name stands above a pair of columns, and the first of every pair rises: `a,,b,`; `a,b`.
-
-    A header that blanks end names the first columns: `a,b,,`.
-    """
+    """`a/time, a` where each name is above a pair, whose first rises: `a,,b,`; `a,b`. Of `a,b,,` the first two are."""
     there, clocks = [name for name in names if name], range(0, body.fields, 2)
     paired = 2 * len(there) == body.fields and set(clocks) <= set(body.rising) and len(body.rising) < body.fields
     paired = paired and there in (names, names[::2], names[1::2])

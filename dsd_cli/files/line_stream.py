@@ -10,7 +10,7 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files import csv_dialect as dialects
-from dsd_cli.files.csv_body import Body
+from dsd_cli.files.csv_body import BODY, FEW, Body, are_of_counts
 from dsd_cli.files.csv_cells import is_number, plain_number, seconds
 from dsd_cli.files.csv_described import Row
 from dsd_cli.files.csv_end import Head
@@ -20,6 +20,8 @@ from dsd_cli.files.csv_said import key_of, kind_of, labelled
 from dsd_cli.files.formats.known import format_of
 from dsd_cli.files.growing_lines import GrowingLines
 from dsd_cli.files.table_source import Batch, choose_columns, read_sidecar
+
+_SAMPLE = "line {} is taken as a sample: if it is of factors, write it to a file first"
 
 
 class LineStream:
@@ -67,6 +69,7 @@ class LineStream:
         self.metadata = read_sidecar(self._path) if self._path is not None else {}
         self._notes: list[str] = []
         self._head = Head([])
+        self._begin: list[str] = []  # the first samples
         self._top: list[bytes] = []  # header and what is above it
         self._above: list[Row] = []  # lines that say something of the channels, or may do so
         self._scaling = Scaling(self.name, None, ())
@@ -155,10 +158,13 @@ class LineStream:
                 continue
             line = dialects.decode(raw)
             if dialects.is_comment(line) or self._line == self._layout.units_row:
+                self._top += [raw] if self._ahead else []
                 continue
             fields = dialects.fields_of(line, self._header.delimiter)
             samples = self._samples(fields) if self._ahead else [fields]
             self._top += [] if samples else [raw]
+            if samples and len(self._begin) < BODY:
+                self._note_factors(line)
             rows += [self._row(cells, line) for cells in samples]
         yield from self._batch(rows)
 
@@ -194,10 +200,22 @@ class LineStream:
         above = [row for row in self._above if not again or row.at < self._body.start]
         self._head = Head(self._top[: self._body.start] if again else self._top)
         self._scaling = Scaling(self.name, factors_in(above, self._body), self.column_names, self._layout.scaled)
+        self._begin = []
         if kind == "factor" and not again:
-            self._notes.append(f"line {self._line} is taken as a sample: if it is of factors, write it to a file first")
+            self._notes.append(_SAMPLE.format(self._line))
+        if any(map(str.strip, fields[self._body.fields :])):
+            what = f"line {self._line} has {len(fields)} fields where the header names {self._body.fields}"
+            raise DataError(f"{self.name}: {what}", "write it to a file first, or name all columns")
         self._refuse_spelt(fields)
         return [*(waiting if again else []), fields]
+
+    def _note_factors(self, line: str) -> None:
+        """Say it where the first sample is what a file takes for factors, for the rows behind it are of counts."""
+        self._begin.append(line)
+        ahead = self._line - len(self._begin) + 1
+        enough = len(self._begin) in (FEW // 2 + 2, BODY) and _SAMPLE.format(ahead) not in self._notes
+        if enough and are_of_counts(self._begin, self._body.delimiter, self._body.fields):
+            self._notes.append(_SAMPLE.format(ahead))
 
     def _row(self, fields: list[str], line: str) -> list[float]:
         """The values of a line, NaN throughout if it cannot be read."""

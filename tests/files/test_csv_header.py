@@ -283,3 +283,18 @@ def test_signals_in_rows_are_named_with_the_command_that_turns_them(tmp_path: Pa
 def test_text_behind_the_numbers_is_left_out(tail: str, tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text("t,u\n" + "".join(f"{k},{k % 7}\n" for k in range(99)) + tail)
     assert sum(batch.rows for batch in open_table(tmp_path / "log.csv", {"t": "t", "u": "u"}).batches()) == 99
+
+
+def test_a_header_that_comes_again_at_once_is_no_row_of_what_is_shown(tmp_path: Path) -> None:
+    half = "t,u\n" + "".join(f"{k},{k % 7}\n" for k in range(30))
+    (tmp_path / "log.csv").write_text(half + half)
+    table = open_table(tmp_path / "log.csv", {})
+    assert {name: len(column) for name, column in table.peek().items()} == {"t": 60, "u": 60}
+    assert any("its header comes again" in note for note in table.warnings)
+
+
+def test_a_byte_far_below_that_windows_has_not_is_one_of_latin(tmp_path: Path) -> None:
+    rows = "".join(f"{k},{k % 7},ok\n" for k in range(20000)).encode()
+    (tmp_path / "log.csv").write_bytes("t,u [‰],note\n".encode("cp1252") + rows + b"20000,1,\x81\n" + rows[-20:])
+    peeked = open_table(tmp_path / "log.csv", {}).peek()
+    assert len(peeked["u [‰]"]) > 20000

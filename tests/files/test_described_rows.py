@@ -265,7 +265,8 @@ def test_commas_that_tear_decimal_commas_are_named(head: str, row: str, tmp_path
 @pytest.mark.parametrize("form", ["stamped", "several", "bare"])
 def test_samples_for_teleplot(form: str, tmp_path: Path) -> None:
     """`>name:ms:value§unit|flags`, a sample of one channel in a line, or several; texts and planes are none."""
-    lines = ["boot v3", ">log:1:started|t", ">xy:1:2:3|xy"]
+    lines = ["boot v3", ">log:1:started|t", ">xy:1:2:3|xy", ">p:1:2|np,xy", ">u:1.2.3", ">u:-", ">u:1e"]
+    lines += [] if form == "bare" else [">q:3", ">w:5"]
     if form == "several":
         for begin in range(0, ROWS, 3):
             part = slice(begin, begin + 3)
@@ -287,4 +288,6 @@ def test_samples_for_teleplot(form: str, tmp_path: Path) -> None:
     if of:
         np.testing.assert_allclose(found["q/time"], 1000 * T)
         assert units["q/time"] == "ms"
-    assert file.notes[-1] == "3 line(s) that are no samples are left out"
+    assert file.notes[:1] == ["7 line(s) that are no samples are left out"]
+    said = [] if form == "bare" else ["samples without stamps beside others are left out: 1 of q, 1 of w"]
+    assert file.notes[1:] == said

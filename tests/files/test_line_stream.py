@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError
+from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.line_stream import LineStream
 
 WANTED = {"t": "t", "u": "u"}
@@ -125,3 +126,25 @@ def test_a_stream_with_units_in_its_cells_says_which_and_not_that_it_has_no_stam
     stream = LineStream(path.open("rb"), {"t": "t", "u": "u"}, name="<stdin>")
     with pytest.raises(DataError, match=r'line 2: column "u" is written as "0\.5 A", which is no number in a stream'):
         list(stream.batches())
+
+
+def test_a_row_that_a_file_takes_for_factors_is_said():
+    """Numbers with fractions above counts: the file multiplies by them, and in a pipe they went by already."""
+    rows = "".join(f"{k},{k * k % 11}\n" for k in range(30))
+    stream = LineStream(pipe_with(f"t,u\n0.002,0.5\n{rows}".encode()), WANTED)
+    assert len(rows_of(stream.batches())) == 31
+    assert "line 2 is taken as a sample: if it is of factors, write it to a file first" in stream.warnings
+    stream = LineStream(pipe_with(f"t,u\n0.5,0.5\n{rows.replace(chr(10), '.5' + chr(10))}".encode()), WANTED)
+    list(stream.batches())
+    assert not any("factors" in note for note in stream.warnings)
+
+
+def test_units_that_come_again_with_the_header_are_no_row():
+    text = b"t,u\n1,2\n0,1\n1,2.5\nt,u\n1,2\n0,3\n"
+    stream = LineStream(pipe_with(text), WANTED, layout=CsvLayout(units_row=2))
+    assert rows_of(stream.batches()) == [(0.0, 1.0), (1.0, 2.5), (0.0, 3.0)]
+
+
+def test_names_of_some_columns_of_a_stream_are_refused():
+    with pytest.raises(DataError, match="line 2 has 3 fields where the header names 2"):
+        list(LineStream(pipe_with(b"t,u\n0,1,2\n1,2,3\n"), WANTED).batches())

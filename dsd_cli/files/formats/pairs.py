@@ -6,6 +6,7 @@ And `>u:1250:0.52§Nm` of Teleplot, one sample of one channel each.
 from __future__ import annotations
 
 import re
+from array import array
 from collections import Counter
 
 import numpy as np
@@ -58,32 +59,57 @@ def are_pairs(head: bytes) -> bool:
     return bool(_names(decode(head).splitlines()[:-1]))
 
 
+#: Numbers of a sample with a stamp.
+STAMPED = 2
 #: `>torque:1250:0.5§Nm|g` of Teleplot: name, ms and value or several of these, unit, and how it is drawn.
-_PLOTTED = re.compile(r">([^:|]+):([-+\d.eE:;]+)(?:§([^|]*))?(?:\|(?!xy)[a-z,]*)?\s*")
+_PLOTTED = re.compile(r">([^:|]+):([-+\d.eE:;]+)(?:§([^|]*))?(?:\|(?![a-z,]*xy)[a-z,]*)?\s*")
 
 
 class TeleplotFile(InMemory):
-    """`name/time`, ms, and `name/value` for each channel, whose stamps are its own; without stamps a column each."""
+    """`name/time`, ms, and `name/value` for each channel, whose stamps are its own; without stamps a column each.
+
+    Of a channel what most of its samples are is kept, and of all of them those with stamps where there are such.
+    """
 
     def __init__(self, path: str) -> None:
-        rows: dict[str, list[list[float]]] = {}
+        rows: dict[str, dict[int, array[float]]] = {}
         units: dict[str, str] = {}
         left = 0
         for line in filter(str.strip, decode(text_of(path)).splitlines()):
-            found = _PLOTTED.fullmatch(line)
-            cells = [part.split(":") for part in found[2].strip(";").split(";")] if found else []
-            if found is None or not all(len(one) < 3 and all(map(is_number, one)) for one in cells):
+            try:
+                name, cells, unit = _sample(line)
+            except ValueError:
                 left += 1
                 continue
-            units |= {f"{found[1]}/time": "ms", f"{found[1]}/value": found[3] or ""}
-            rows.setdefault(found[1], []).extend([*map(float, one)] for one in cells)
-        stamped = {name: np.array(one).T for name, one in rows.items() if {*map(len, one)} == {2}}
-        bare = {name: np.ravel(one) for name, one in rows.items() if {*map(len, one)} == {1}}
+            units |= {f"{name}/time": "ms", f"{name}/value": unit}
+            for numbers in cells:
+                rows.setdefault(name, {1: array("d"), 2: array("d")})[len(numbers)].extend(numbers)
+        stamped = {
+            name: np.array(one[2]).reshape(-1, 2).T for name, one in rows.items() if len(one[2]) > 2 * len(one[1])
+        }
+        bare = {name: np.array(one[1]) for name, one in rows.items() if name not in stamped}
         channels = {
             f"{name}/{of}": x for name, one in stamped.items() for of, x in zip(("time", "value"), one, strict=True)
         }
         super().__init__(channels or bare, units=units if channels else {name: units[f"{name}/value"] for name in bare})
         self.notes += [f"{left} line(s) that are no samples are left out"] if left else []
+        many = {name: len(one[1]) if channels else len(one[2]) // 2 for name, one in rows.items()}
+        if said := ", ".join(f"{count} of {name}" for name, count in many.items() if count):
+            self.notes.append(f"samples {'without' if channels else 'with'} stamps beside others are left out: {said}")
+
+
+def _sample(line: str) -> tuple[str, list[list[float]], str]:
+    """Channel, the numbers of each sample of it, value alone or behind a stamp, and unit.
+
+    Raises
+    ------
+    ValueError : it is none.
+    """
+    found = _PLOTTED.fullmatch(line)
+    cells = [[*map(float, part.split(":"))] for part in found[2].strip(";").split(";")] if found else []
+    if found is None or any(len(one) > STAMPED for one in cells):
+        raise ValueError
+    return found[1], cells, found[3] or ""
 
 
 def is_teleplot(head: bytes) -> bool:
