@@ -92,7 +92,7 @@ def test_too_short_is_an_error_that_names_the_rows(lengths, gap):
     with pytest.raises(DataError) as error:
         lay_blocks(lengths, gap, "log.csv")
     assert "log.csv" in str(error.value)
-    assert f"{sum(lengths)} independent equations" in str(error.value)
+    assert f"{sum(lengths)} independent samples" in str(error.value)
     assert str(2 * POLICY.block_gaps * gap) in str(error.value)
     assert "\n" not in str(error.value)
 

@@ -103,7 +103,8 @@ def lay_blocks(lengths: Sequence[int], gap: int, name: str, shortest: int = 0) -
     usual = POLICY.block_gaps * gap
     if total < 2 * max(usual, shortest, 1):
         raise TooShort(
-            f"{name}: too short: {total} independent equations, held-out blocks need {2 * max(usual, shortest, 1)}",
+            f"{name}: the log is too short: it has {total} independent samples in the band,"
+            f" cross-validation needs {2 * max(usual, shortest, 1)}",
             "a longer log, or a finer sensor",
         )
     # as many as folds at least: of two halves one speeds up and the other slows down

@@ -122,9 +122,15 @@ class Information:
         prior = [row / spread for row, spread in priors] if weight > 0.0 else []
         pulls = np.array(prior).reshape(-1, len(size)) / size
         free = _free(np.array(held).reshape(-1, len(size)) / size, len(size))
-        data = np.asarray(free.T @ normal @ free)
+        data = _told(np.asarray(free.T @ normal @ free))
         pulled = free.T @ (pulls.T @ pulls) @ free
         return size, free, pulled, data, np.asarray(np.linalg.pinv(data + weight * pulled, rcond=1e-10, hermitian=True))
+
+
+def _told(data: Array) -> Array:
+    """With next to no information in a direction in which the sensor's noise was more than all: not less than none."""
+    told, vectors = np.linalg.eigh(data)
+    return data if told.min(initial=0.0) > -_RIDGE else (vectors * np.where(told > 0.0, told, _RIDGE)) @ vectors.T
 
 
 def _scaled(normal: Array) -> tuple[Array, Array]:

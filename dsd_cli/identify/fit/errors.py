@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -90,12 +91,13 @@ class Errors:
 
     def of_fit(self, fit: Fit, scale: Scale) -> Score:
         """Of a fit to everything, with the held-out error of the fits that held a fold out each."""
-        model = scale.model(fit)
+        model, weightless = scale.model(fit), scale.weightless(fit)
+        model = replace(model, inertia=scale.inertia) if weightless else model  # else u is explained by u
         errors, u = _errors(self.bank, model)
         if self._aside is not None:
             return _score(errors, _rms(_errors(self._aside, model)[0]), u)
         rows, theta = self.bank.design(fit.terms, fit.tap).rows, fit.folds[self._fold]
-        if not whole_inertia(fit) > 0.0:  # then the inertia as given is what is written
+        if weightless:
             theta[:, INERTIA] = scale.inertia
         held = rows[0] - np.einsum("ni,in->n", theta, np.stack(rows[1:]))
         return _score(errors, _rms(held[self._keep]), u)

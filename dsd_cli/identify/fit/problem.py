@@ -66,7 +66,8 @@ class Problem:
     @property
     def scale(self) -> Scale:
         """From coefficients to values."""
-        return Scale(self.solver.bank.tap_time, self.model.rest_speed, self.solver.known, self.model.inertia)
+        solver, least = self.solver, 0.0 if self.solver.inverse else POLICY.least_inertia * self.solver.inertia
+        return Scale(solver.bank.tap_time, self.model.rest_speed, solver.known, self.model.inertia, least)
 
     @cached_property
     def ranges(self) -> Ranges:

@@ -33,13 +33,18 @@ LEAST_INERTIA = 1e-99
 class Scale:
     """What turns coefficients into values: s of one step of delay, and what the fit does not change.
 
-    inertia : that of the model as given, which stays where a fit finds none.
+    inertia : that of the model as given, which stays where a fit finds none. least : below it a fit is weightless.
     """
 
     tap_time: float
     rest_speed: float
     known: PriorKnowledge = field(default_factory=PriorKnowledge)
     inertia: float = LEAST_INERTIA
+    least: float = 0.0
+
+    def weightless(self, fit: Fit) -> bool:
+        """Whether effects explain u by itself: friction of the size of u leaves nothing for J a, and so no error."""
+        return whole_inertia(fit) <= self.least
 
     def model(self, fit: Fit, fold: int | None = None) -> PlantModel:
         """The plant model of a fit (of the fit that holds `fold` out); values are kept within their bounds."""
@@ -177,11 +182,10 @@ def fitted_values(
 
 
 def _correlations(spread: Array, errors: Array, held: list[bool]) -> Array:
-    """Of values; those that are held have errors of rounding, if any."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        found = np.asarray(spread / np.maximum(np.outer(errors, errors), 1e-300))
-    found[held], found[:, held] = 0.0, 0.0
-    return found
+    """Of values; those that are held have errors of rounding, if any, and what has no error goes with nothing."""
+    size = np.where(held, 0.0, errors)
+    size = np.outer(size, size)
+    return np.asarray(np.clip(np.divide(spread, size, out=np.zeros_like(spread), where=size > 0.0), -1.0, 1.0))
 
 
 def _found_only(estimates: Mapping[str, Estimate], fit: Fit, known: PriorKnowledge) -> Mapping[str, Estimate]:
@@ -218,10 +222,8 @@ def _estimate(
 
 
 def _pull(value: float, prior: tuple[float, float], alone: float, share: float) -> float:
-    """Standard deviations by which the log alone is off a prior.
-
-    alone : standard error of the value without that prior. share : of the prior in the value.
-    """
+    """Standard deviations by which the log alone is off a prior. alone : standard error of the value without that
+    prior. share : of the prior in the value."""
     if share > 1.0 - POLICY.prior_share:
         return 0.0
     without = (value - share * prior[0]) / (1.0 - share)

@@ -8,7 +8,6 @@ from dataclasses import replace
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.direction import needs_acceleration
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.values import whole_inertia
 from dsd_cli.identify.missing import Missing
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
@@ -53,6 +52,8 @@ class Verdict:
         self.alone |= {o.effect: o for o in self._members_alone() if not self._better_known(o)}
         self.rising = ""  # the effect that would be named, if the held-out error did not rise with it
         self.named, self.sure = self.verdict()
+        most = self.surest if self.named != UNKNOWN else min(self.surest, POLICY.even)
+        self.missing = missing_of(search, whole, members, most, {self.named: self.sure})
         if self.named in self.alone:  # what is to be added takes the shapes of the model's own effects along
             fit = search.converged(self.alone[self.named].fit)
             self.alone[self.named] = Option(self.named, fit, search.evidence(fit))
@@ -117,7 +118,8 @@ class Verdict:
         """The one worth most alone of those that, or what ties with them, are rather there; of near ones a commoner."""
         likely = {n: probability_of(self.search, self.whole, m, m.place, self.surest) for n, m in self.members.items()}
         believed = [name for name in self.members if likely[name] >= POLICY.even and self._lowers(name)]
-        best = max(members := believed or [*self.members], key=self._worth)
+        members = believed or [max(likely, key=lambda name: (likely[name], self._worth(name)))]
+        best = max(members, key=self._worth)
         if best not in self.alone:
             return best
         limit = (1.0 + POLICY.nearly_the_same) * self.problem.errors.rmse(self.alone[best].fit)
@@ -126,8 +128,8 @@ class Verdict:
 
     def _weightless(self, fit: Fit) -> bool:
         """Whether effects explain u, which is not all friction, by itself (hardly any inertia is left) or J a so."""
-        s, errors = self.search.solver, self.problem.errors
-        return not s.inverse and (whole_inertia(fit) < POLICY.least_inertia * s.inertia or errors.shaken(fit))
+        scale, errors = self.problem.scale, self.problem.errors
+        return not self.search.solver.inverse and (scale.weightless(fit) or errors.shaken(fit))
 
     def _share_of_possible(self, before: float, after: float) -> float:
         """Explained share of the power that could be explained; 1 where nothing unknown remains."""
@@ -217,9 +219,7 @@ class Verdict:
             depends_on=self.beyond.on if unknown else (),
             held_out=tuple(r.name for r in problem.holdout),
             nearest=nearest,
-            missing=(Missing(verdict, self.sure),)
-            if one
-            else missing_of(self.search, self.whole, self.members, self.surest),
+            missing=(Missing(verdict, self.sure),) if one else self.missing,
             unexplained=unexplained_of(self.search, self.whole, self.beyond, certain),
         )
 
@@ -233,7 +233,7 @@ class Verdict:
         refit, best = self.search.refit, self.options[0]
         before, after = self.problem.errors.rmse(refit), self.problem.errors.rmse(best.fit)
         likely = best.evidence > self.search.evidence(refit) and after < (1.0 - POLICY.clear_fall) * before
-        return best.effect if likely else ""
+        return best.effect if likely and self._lowers(best.effect) else ""
 
     def _ranking(self, score: Score, refitted: Score) -> tuple[Candidate, ...]:
         found = [self._candidate(o, refitted) for o in self.alone.values()]
@@ -289,8 +289,8 @@ class Verdict:
         if self.limits.blocked:  # none is in an answer
             return 0.0
         if effect in self.members:
-            most = self.surest if self.named != UNKNOWN else POLICY.even
-            return min(self.members[effect].probabilities[effect], most)
+            return next(one.probability for one in self.missing if one.effect == effect)
         if not self.members:
-            return probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)
+            likely = probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)
+            return likely if self._lowers(effect) else 0.0
         return max(m.probabilities.get(effect, 0.0) for m in self.members.values())

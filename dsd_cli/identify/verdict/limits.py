@@ -159,12 +159,13 @@ _LEAST_IN_COMMON = 0.45
 class Limits:
     """common : share of u that the motion explains in parts of the log that were not fitted. idle : a part of u that
     did not act, without which all is asked again. time : whether u is late or smoothed. direction : share of the
-    samples in motion whose direction the sensor shows, 0 to 1."""
+    samples in motion whose direction the sensor shows, 0 to 1. constant : whether u is, in all logs."""
 
     common: float
     idle: UnactedCommand | None
     time: CommandTime
     direction: float
+    constant: bool = False
 
     @property
     def surest(self) -> float:
@@ -174,6 +175,8 @@ class Limits:
     @property
     def blocked(self) -> str:
         """What must be mended before anything that is missing can be identified; "" if nothing."""
+        if self.constant:
+            return "u is constant: a load of that size explains it, whatever moves the axis"
         if self.common < _LEAST_IN_COMMON:
             return "u and the motion have too little in common: u does not seem to drive this axis"
         if self.time.late:
@@ -184,7 +187,7 @@ class Limits:
     def said(self) -> tuple[str, ...]:
         """One sentence each."""
         found = []
-        if self.common < _LEAST_IN_COMMON:
+        if self.common < _LEAST_IN_COMMON and not self.constant:
             found.append(
                 f"{self.blocked} (fitted to one part of the log, the motion explains"
                 f" {100.0 * max(self.common, 0.0):.0f} % of u in the others). Is it the column of another axis, or from"
@@ -232,7 +235,8 @@ def limits_of(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
         common = in_common(search, whole)
     # where the log is against a value that was given, u was neither late nor smoothed with none given
     time = CommandTime() if settings.against else command_time(search, whole, settings)
-    return Limits(common, idle, time, direction)
+    u = np.concatenate([piece["u"] for one in search.problem.recordings for piece in one.pieces])
+    return Limits(common, idle, time, direction, constant=not np.ptp(u) > 0.0)
 
 
 def in_common(search: Search, whole: Fit) -> float:

@@ -185,12 +185,16 @@ def _size(search: Search, whole: Fit) -> int:
     return sum(len(t.shape["edges"]) if t.effect.listed else 1 + t.effect.searched for t in chosen)
 
 
-def missing_of(search: Search, whole: Fit, members: Mapping[str, Membership], surest: float) -> tuple[Missing, ...]:
-    """The effects of the set that was found, the surest first. surest : no probability is higher, for this log."""
-    found = [
-        Missing(name, probability_of(search, whole, member, member.probabilities.get(name, 0.0), surest))
+def missing_of(
+    search: Search, whole: Fit, members: Mapping[str, Membership], surest: float, said: Mapping[str, float]
+) -> tuple[Missing, ...]:
+    """The effects of the set that was found, the surest first. surest : no probability is higher, for this log.
+    said : effect -> probability of the verdict."""
+    likely = {
+        name: probability_of(search, whole, member, member.probabilities.get(name, 0.0), surest)
         for name, member in members.items()
-    ]
+    }
+    found = [Missing(name, said.get(name, p)) for name, p in likely.items()]
     return tuple(sorted(found, key=lambda one: -one.probability))
 
 
