@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.fit.covariance import Information
+from dsd_cli.identify.fit.values import _correlations
 
 BLOCKS, ROWS, LOGS = 12, 30, 2000
 
@@ -34,3 +35,13 @@ def test_an_interval_holds_the_truth_however_few_blocks_tell_it(telling, correla
     """With three blocks of twelve that move fast, the scatter of all twelve says little: 93 to 97 % and not below."""
     sizes = np.where(np.arange(BLOCKS) < telling, 1.0, 0.1)
     assert 0.93 < share_inside(sizes, correlated, telling) < 0.985
+
+
+def test_noise_beyond_all_information_leaves_a_value_open_and_no_variance_below_0():
+    """Of two values whose columns are nearly one, less the sensor's noise: correlations had 150 digits."""
+    normal = np.array([[1.0, 1.1], [1.1, 1.0]])
+    spread = Information(normal, normal[None], np.zeros((1, 2)), ()).covariance(1.0)
+    errors = np.sqrt(np.diag(spread))
+    assert errors.min() > 1e3
+    assert _correlations(spread, errors, [False, False]) == pytest.approx(np.array([[1.0, -1.0], [-1.0, 1.0]]))
+    assert not _correlations(np.full((2, 2), -1.0), np.zeros(2), [False, False]).any()

@@ -210,6 +210,22 @@ def test_one_level_of_u_a_direction_is_not_explained_by_friction_of_that_size(le
     dry = {"coulomb_friction", "constant_load"}
     assert all(one.probability < 0.9 for one in found.missing if one.effect in dry)
     assert found.verdict not in {*dry, "none"}
+    assert found.blocked.startswith("u is constant") == (len(levels) == 1)
+
+
+def test_what_leaves_nothing_of_u_explains_nothing_and_each_effect_has_one_probability():
+    """A step of a first-order motor: friction of the size of u left 6e-9 of it, by an inertia of 1e-13."""
+    random, t = np.random.default_rng(909), np.arange(283) * 0.01
+    on = t >= 1.2
+    speed = 187.0 * (1.0 - np.exp(-np.maximum(t - 1.2, 0.0) / 0.1)) + 0.7 * on * random.normal(size=t.size)
+    log = prepare(Log({"u": 0.2 * on, "velocity": speed}, 0.01, "log.csv"), ObserverSettings(0.01, 0.05))
+    found = diagnose([log], PlantModel(0.01, 0.0, {}), OBSERVER)
+    left = {one.effect: one.heldout_rmse_after for one in found.ranking if not one.untestable}
+    assert min(left, key=left.__getitem__) in {"viscous_friction", "viscous_asymmetry"}
+    assert min(left["load_friction"], left["coulomb_friction"]) > found.refitted.heldout_rmse / 2
+    likely = {one.effect: one.probability for one in found.ranking}
+    assert [one.effect for one in found.missing] == ["viscous_friction"]
+    assert all(likely[one.effect] == one.probability for one in found.missing)
 
 
 def test_a_command_that_is_one_ramp_leaves_no_delay_beyond_the_rows():

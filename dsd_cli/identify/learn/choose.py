@@ -73,7 +73,7 @@ def surely_left(judge: Judge, fit: LawFit) -> float:
 
 def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -> Choice:
     """The laws that stand beside the model's own effects."""
-    few = f"the log is too short: it has {balance.blocks.rows} independent equations, a curve needs {LEAST_ROWS}"
+    few = f"the log is too short: it has {balance.blocks.rows} independent samples, a curve needs {LEAST_ROWS}"
     constant = not float(np.ptp(np.concatenate([p["u"] for r in balance.problem.recordings for p in r.pieces]))) > 0.0
     if constant or balance.blocks.rows < LEAST_ROWS:
         base = (judge := Judge(balance)).fit(())

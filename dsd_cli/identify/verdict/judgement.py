@@ -228,7 +228,7 @@ class Verdict:
         if self.named == NONE:
             creeping = self._in_creeping()
             return creeping.effect if creeping is not None else ""
-        if self.named != UNKNOWN or not self.options or self.limits.blocked or self.beyond.of_gain:
+        if self.named != UNKNOWN or not self.options or self.limits.blocked or (self.beyond.of_gain and not self.members):
             return ""
         refit, best = self.search.refit, self.options[0]
         before, after = self.problem.errors.rmse(refit), self.problem.errors.rmse(best.fit)
