@@ -89,15 +89,9 @@ class Blocks:
 
 
 def lay_blocks(lengths: Sequence[int], gap: int, name: str, shortest: int = 0) -> Blocks:
-    """Blocks over stretches of that many rows each.
+    """Blocks over stretches of that many rows each; `gap` : rows between what is fitted and what is judged.
 
-    Parameters
-    ----------
-    gap : rows between what is fitted and what is judged.
-
-    Raises
-    ------
-    TooShort : too short for two folds.
+    Raises TooShort where they are too short for two folds.
     """
     total = sum(lengths)
     usual = POLICY.block_gaps * gap

@@ -183,8 +183,7 @@ def fitted_values(
 
 def _correlations(spread: Array, errors: Array, held: list[bool]) -> Array:
     """Of values; those that are held have errors of rounding, if any, and what has no error goes with nothing."""
-    size = np.where(held, 0.0, errors)
-    size = np.outer(size, size)
+    size = np.outer(free := np.where(held, 0.0, errors), free)
     return np.asarray(np.clip(np.divide(spread, size, out=np.zeros_like(spread), where=size > 0.0), -1.0, 1.0))
 
 

@@ -52,7 +52,7 @@ class Verdict:
         self.alone |= {o.effect: o for o in self._members_alone() if not self._better_known(o)}
         self.rising = ""  # the effect that would be named, if the held-out error did not rise with it
         self.named, self.sure = self.verdict()
-        most = self.surest if self.named != UNKNOWN else min(self.surest, POLICY.even)
+        most = min(self.surest, POLICY.even if self.named == UNKNOWN else 1.0)
         self.missing = missing_of(search, whole, members, most, {self.named: self.sure})
         if self.named in self.alone:  # what is to be added takes the shapes of the model's own effects along
             fit = search.converged(self.alone[self.named].fit)
@@ -228,7 +228,8 @@ class Verdict:
         if self.named == NONE:
             creeping = self._in_creeping()
             return creeping.effect if creeping is not None else ""
-        if self.named != UNKNOWN or not self.options or self.limits.blocked or (self.beyond.of_gain and not self.members):
+        alike = self.beyond.of_gain and not self.members  # u times something is no effect
+        if self.named != UNKNOWN or not self.options or self.limits.blocked or alike:
             return ""
         refit, best = self.search.refit, self.options[0]
         before, after = self.problem.errors.rmse(refit), self.problem.errors.rmse(best.fit)
@@ -291,6 +292,5 @@ class Verdict:
         if effect in self.members:
             return next(one.probability for one in self.missing if one.effect == effect)
         if not self.members:
-            likely = probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)
-            return likely if self._lowers(effect) else 0.0
+            return self._lowers(effect) * probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)
         return max(m.probabilities.get(effect, 0.0) for m in self.members.values())

@@ -190,11 +190,8 @@ def missing_of(
 ) -> tuple[Missing, ...]:
     """The effects of the set that was found, the surest first. surest : no probability is higher, for this log.
     said : effect -> probability of the verdict."""
-    likely = {
-        name: probability_of(search, whole, member, member.probabilities.get(name, 0.0), surest)
-        for name, member in members.items()
-    }
-    found = [Missing(name, said.get(name, p)) for name, p in likely.items()]
+    beliefs = [(m, m.probabilities.get(name, 0.0)) for name, m in members.items()]
+    found = [Missing(m.effect, said.get(m.effect, probability_of(search, whole, m, b, surest))) for m, b in beliefs]
     return tuple(sorted(found, key=lambda one: -one.probability))
 
 
