@@ -37,8 +37,6 @@ class Verdict(StrEnum):
 class Limit:
     """What a value may be.
 
-    Attributes
-    ----------
     within : largest change from the reference, in the value's unit; with `relative` a share of the reference.
     lower, upper : limits of the value itself.
     """
@@ -79,8 +77,6 @@ class Reading:
 class Judged:
     """A limit and the newest log.
 
-    Attributes
-    ----------
     low, high : what the limit allows. estimate : of the newest log.
     sigma : by how many standard errors of the difference the value has moved from its reference; NaN if not known.
     since : the first of the logs up to the newest of which none is within the limit; None where the newest is not

@@ -25,8 +25,6 @@ StepKind = Literal["given", "refit", "added", "taken back", "learnt"]
 class Estimate:
     """A fitted value; `unit` with {u}, {v}, {q} as in `Parameter`; std_error NaN where it cannot be given.
 
-    Attributes
-    ----------
     at_bound : the value stands on its bound, so neither it nor its error is reliable.
     held : the user fixed it; its standard error is 0.
     pull : standard deviations by which the log alone is off the prior; NaN without one.
@@ -69,8 +67,6 @@ class Score:
 class Candidate:
     """One effect (or inertia, delay), added to the model and fitted with all that is in it.
 
-    Attributes
-    ----------
     probability : that it is part of the final set, against whatever else could stand in its place; several effects
         can be missing at once, so these do not sum to 1.
     parameters : of this effect alone, by parameter name.
@@ -132,8 +128,6 @@ class LogLevels:
 class Diagnosis:
     """The answer of `dsd diagnose`.
 
-    Attributes
-    ----------
     verdict : an effect's id, "inertia", "delay", "none" or "unknown". probability : of the verdict.
     score : of the model as it stands; `refitted` with its own values fitted to the log.
     ranking : best first; untestable ones last.

@@ -24,8 +24,6 @@ from dsd_cli.signals.units import Units
 class Validation:
     """One log under one model.
 
-    Attributes
-    ----------
     rmse : of the balance of forces, nothing fitted, unit of u. rmse_with_levels : with `levels` (`Effect.varies`)
         fitted to this log; NaN where there are none.
     simulation : the free run; `not_simulated` : why there is none.

@@ -22,8 +22,6 @@ SURE = 3.0
 class Balance:
     """Band-limited rows of all stretches; u is kept at every sample, so that it can be read at any delay.
 
-    Attributes
-    ----------
     acceleration : shape (rows,).
     speed : shape (rows,).
     motion : basis of what else a force may depend on (speed, direction, position, 1), shape (rows, k), orthonormal.

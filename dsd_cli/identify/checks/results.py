@@ -16,8 +16,6 @@ Identified = Literal["identified", "weak", "not"]
 class Finding:
     """One thing that a log shows.
 
-    Attributes
-    ----------
     what : one sentence.
     channel : the channel of `Log` that it is about; "t" is the clock, "log" the whole.
     severity : "error": what is asked of this log would be answered wrongly, or not at all; "warning": some of it
@@ -60,8 +58,6 @@ def _key(channel: str, factor: float, applied: float) -> str:
 class Parameter:
     """Whether this log can identify a value of the model.
 
-    Attributes
-    ----------
     name : "inertia", "delay" or "<effect>.<parameter>".
     identified : by the relative standard error: below 10 %, below 50 %, or not.
     value : what a fit in the band gives; NaN where it gives nothing.
@@ -95,8 +91,6 @@ MOVES_PER_EFFECT = 3
 class Excitation:
     """What the axis did; None where no motion is logged.
 
-    Attributes
-    ----------
     moving : share of the time.
     forward, backward : moves of each direction between rests and reversals (of u about its mean without a motion).
     top_speed, travel : rad/s or m/s, rad or m.
@@ -125,8 +119,6 @@ class Excitation:
 class CheckResult:
     """Whether one log can answer.
 
-    Attributes
-    ----------
     log : its name.
     findings : gravest first.
     parameters : of the model; of inertia and delay alone where there is no model.

@@ -26,8 +26,6 @@ from dsd_cli.signals.log import Array
 class Force:
     """How far the balance of forces u_eff(t - L) = J a - sum f + r is off, within the band that the sensor allows.
 
-    Attributes
-    ----------
     rmse : rms of r, unit of u.
     fit_percent : 100 (1 - |r| / |u - mean u|), of u within the band; None if u is constant.
     relative_error_percent : 100 rms(r) / rms(u).

@@ -37,8 +37,6 @@ class LogAccuracy:
 class Comparison:
     """One model on one or more logs.
 
-    Attributes
-    ----------
     accuracy : over all logs; `by_log` for each. force : the balance of forces over all logs.
     holdout : accuracy on the log set aside, None without one.
     skipped : samples at the start of stretches that depend on unlogged u (`lead` s); excluded.

@@ -26,8 +26,6 @@ FEWEST = 50
 class Stretch:
     """One piece of a recording under the model; arrays of shape (n,), unit of u, over the whole piece.
 
-    Attributes
-    ----------
     log : the piece, with t, u, d_hat and the motion that could be had.
     model : with the rest speed of the recording.
     first : the rows before it depend on unlogged u; excluded.
@@ -88,8 +86,6 @@ class Evaluation:
 class Accuracy:
     """How far off, over the samples that count.
 
-    Attributes
-    ----------
     rmse, bias, max_error : of e = d_hat - predicted d_hat, unit of u; bias is the mean of e.
     fit_percent : 100 (1 - |e| / |y - mean y|) for y = d_hat; negative is worse than a constant; None if y is one.
     vaf_percent : 100 (1 - var e / var y).

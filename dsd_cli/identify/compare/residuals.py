@@ -25,8 +25,6 @@ _ORDER = 20
 class ResidualTests:
     """What the residual shows of structure.
 
-    Attributes
-    ----------
     white : the autocorrelation is that of white noise (Ljung-Box over all lags, level 1 %).
     independent_of_u : no correlation with u now or before (largest over all lags, level 1 %).
     samples, effective_samples : n, and the number of independent ones for the correlation with u (Bartlett's formula).

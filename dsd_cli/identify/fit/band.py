@@ -35,8 +35,6 @@ _FAST = 0.5
 class Band:
     """A low-pass without phase, and every how many samples a row is taken of what passes it.
 
-    Attributes
-    ----------
     hz : end of the band.
     step : samples from row to row.
     taps : impulse response, shape (2 half + 1,), symmetric, sum 1.

@@ -60,8 +60,6 @@ def has_friction(terms: Iterable[Term]) -> bool:
 class Design(NamedTuple):
     """What a fit of some effects at a whole-step delay solves: drive = columns x coefficients.
 
-    Attributes
-    ----------
     rows : the drive, then the columns: acceleration (J), change of the drive over one more step of delay (share of
         that step), then those of the effects; shape (N,) each.
     signed : of the columns, whether the coefficient must not be negative.

@@ -26,8 +26,6 @@ class Blocks:
     """Segments of consecutive rows, three to a block: head, core, tail (head and tail are `gap` rows long; in a block
     shorter than two gaps the core is what is within the gap of either neighbour).
 
-    Attributes
-    ----------
     starts : first row of each segment, shape (3 B,); a segment ends where the next begins.
     fold : of each block, shape (B,).
     before, after : whether the block before (after) is its neighbour in the same stretch, shape (B,).

@@ -40,8 +40,6 @@ _ROUNDS, _STRIDE, _SETTLED = 4, 0.1, 0.01
 class Information:
     """What the rows say of coefficients and logarithms of shapes (m unknowns).
 
-    Attributes
-    ----------
     normal : X'X less the sensor's noise, shape (m, m). normals : of each block, shape (B, m, m).
     scores : X'r of each block, shape (B, m).
     shapes : (term, shape name, value) of the unknowns behind the coefficients.

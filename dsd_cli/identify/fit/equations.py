@@ -34,8 +34,6 @@ _Kind = TypeVar("_Kind", bound=np.generic)
 class Equations:
     """All stretches of some recordings as rows.
 
-    Attributes
-    ----------
     bands : of each recording: what one of them does not show another may.
     startup : samples at the beginning of each stretch that depend on a u before the log; excluded.
     whitening : of each recording, taps over rows (`noise.whitening`); (1,) leaves rows in the unit of u.

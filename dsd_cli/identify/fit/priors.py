@@ -19,8 +19,6 @@ _PROBES = (0.3, 0.6)
 class PriorKnowledge:
     """Names are "inertia", "delay" or "<effect>.<parameter>"; effects need not be in the model.
 
-    Attributes
-    ----------
     fixed : values that no fit changes.
     bounds : smallest and largest value.
     priors : value and standard deviation: one more equation.

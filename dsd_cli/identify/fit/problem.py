@@ -33,8 +33,6 @@ from dsd_cli.plant.model import PlantModel
 class Problem:
     """Everything that a search for missing effects looks at.
 
-    Attributes
-    ----------
     base, before : effects that the model has, which stay; less those of a set that the climb has taken a part of.
     candidates, untestable : effects that may be added; effect -> why it cannot be tested on these recordings.
     solver, errors : on whitened rows; in the unit of u. most_tap, tap : steps of delay at most; those of the last fit.

@@ -39,8 +39,6 @@ _PRESSED = 1e-9
 class Fit:
     """Coefficients of a selection of effects; one fit is like another of the same effects, delay and form.
 
-    Attributes
-    ----------
     tap : whole steps of delay. The first coefficient is the motor's inertia, the second the share of a further step.
     total : coefficients fitted to all rows, inverse form, shape (p,).
     folds : with one fold held out each, shape (K, p).

@@ -82,8 +82,6 @@ _MEAN_OF_MIDDLES = np.array([1.0, 22.0, 1.0]) / 24.0
 class Stretch:
     """Arrays of shape (n,), per interval that ends at each sample.
 
-    Attributes
-    ----------
     owner : number of its recording among those of the equations.
     middle, mean : speed and position in the middle of each interval, and their means over the interval.
     sensed : what drives a load; `noisy` : with the synthetic noise of the sensor.

@@ -86,8 +86,6 @@ class View:
 class Learnt:
     """The answer of `dsd learn`.
 
-    Attributes
-    ----------
     channels : that the law depends on; "direction" is sgn v, "memory" the way since the last turns. family : in words.
     curves : one for each part of the law.
     score : of the model as given; refitted : with its own values fitted; after : with the law in it.

@@ -43,8 +43,6 @@ _ANSWERED = 0.3
 class Balance:
     """Rows in the unit of u, shape (N,) each, and how they are judged.
 
-    Attributes
-    ----------
     delay : steps, also between, at which u acts. u, acceleration, later : drive, measured a, change of the drive over
         one more step; none where the delay is held.
     own : columns of the model's own effects; given : their coefficients in the model; names : effect of each.

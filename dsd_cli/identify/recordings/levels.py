@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 class Deviations:
     """A value of an effect that differs between logs; the deviations add up to zero, each log counting once.
 
-    Attributes
-    ----------
     column : of the effect, that the parameter multiplies. by_log, errors : deviation of each log and its standard
         error, unit of the parameter. alike : effects whose levels would explain the logs as well in its place.
     """

@@ -32,8 +32,6 @@ from dsd_cli.signals.log import D_HAT_MAKER, Array, Log, with_channels
 class Recording:
     """One log, in stretches without gaps, on a regular clock.
 
-    Attributes
-    ----------
     pieces : each with t, u (held), d_hat (sign of eq. 13), the motion that could be had, and "acceleration": as
         measured, a mean over the interval that ends at each sample or, from position, over both intervals beside it.
     speed_noise, position_noise : standard deviation of the noise of the speed, and of the position.

@@ -38,8 +38,6 @@ PREFERENCE = {"position": 10.0, "velocity": 2.0, "d_hat": 1.0}
 class Sensor:
     """Where the acceleration of a recording is from.
 
-    Attributes
-    ----------
     noise : of the acceleration, by frequency.
     sure : the part of it that is no motion: what most samples show, too. Jolts reach as far up as noise does.
     two_intervals : each value is a mean over both intervals beside its sample, weighted by a hat (a second difference

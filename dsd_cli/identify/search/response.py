@@ -44,8 +44,6 @@ _ROUNDS, _MOST_MOVED, _NEAR = 5, 3.0, 0.3
 class Response:
     """What a look at the response came to.
 
-    Attributes
-    ----------
     seen : None where it shows no load for certain.
     rattles : play explains much of it, but no simulation follows the load well enough to be certain of it.
     line_hz : of a push at one frequency above the band, all along; NaN where there is none.

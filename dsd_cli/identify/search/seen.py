@@ -17,8 +17,6 @@ COUPLING, PLAY = "flexible_coupling", "backlash"
 class Seen:
     """An effect that the response shows for certain.
 
-    Attributes
-    ----------
     values : {parameter: (value, standard error)}. rivals : what explains the response as well.
     nats : gained over a rigid axis and over one behind a lag.
     fall : share of the whitened output error that it takes off. highest_hz : up to which frequency was looked.

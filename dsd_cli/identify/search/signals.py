@@ -39,8 +39,6 @@ _FINER = 8
 class Signals:
     """Net force and acceleration of some stretches at the full rate; lists hold one array of shape (n,) per stretch.
 
-    Attributes
-    ----------
     force, shift : F = u(t - L) + forces per interval, and its change over a sample of delay; unit of u.
     given : per coefficient of the other effects, what F loses with it. target : whitened J a, kept rows of all
         stretches. inertia : that J.
