@@ -95,7 +95,7 @@ def lay_blocks(lengths: Sequence[int], gap: int, name: str, shortest: int = 0) -
     usual = POLICY.block_gaps * gap
     if total < 2 * max(usual, shortest, 1):
         raise TooShort(
-            f"{name}: the log is too short: it has {total} independent samples in the band,"
+            f"{name}: too short: the log has {total} independent samples in the band,"
             f" cross-validation needs {2 * max(usual, shortest, 1)}",
             "a longer log, or a finer sensor",
         )
