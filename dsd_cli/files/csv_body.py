@@ -134,7 +134,7 @@ def are_of_counts(lines: Sequence[str], delimiter: str, width: int) -> bool:
     cells = fields_of(lines[0], delimiter)
     first = [number(cell) for cell in cells if is_number(cell)]
     broken = [k for k, x in enumerate(first) if x % 1.0]
-    if len(first) != width or not broken or not all(x > 0.0 for x in first):
+    if len(first) != width or not broken or not all(0.0 < x < math.inf for x in first):
         return False
     rows = [row for line in lines[1:] if len(row := fields_of(line, delimiter)) == width]
     below = [{number(row[k]) if is_number(row[k]) else math.nan for row in rows} for k in broken]

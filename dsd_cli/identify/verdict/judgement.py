@@ -292,5 +292,6 @@ class Verdict:
         if effect in self.members:
             return next(one.probability for one in self.missing if one.effect == effect)
         if not self.members:
-            return self._lowers(effect) * probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)
+            likely = probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)
+            return likely if self.named != UNKNOWN or self._lowers(effect) else 0.0
         return max(m.probabilities.get(effect, 0.0) for m in self.members.values())
