@@ -118,7 +118,7 @@ class Verdict:
         """The one worth most alone of those that, or what ties with them, are rather there; of near ones a commoner."""
         likely = {n: probability_of(self.search, self.whole, m, m.place, self.surest) for n, m in self.members.items()}
         believed = [name for name in self.members if likely[name] >= POLICY.even and self._lowers(name)]
-        members = believed or [max(likely, key=lambda name: (likely[name], self._worth(name)))]
+        members = believed or [max(likely, key=lambda n: (self._lowers(n), likely[n], self._worth(n)))]
         best = max(members, key=self._worth)
         if best not in self.alone:
             return best
