@@ -17,6 +17,11 @@ from dsd_cli.identify.recordings.recording import Recording, check_one_rate
 from dsd_cli.plant.model import PlantModel
 
 
+def constant_u(recordings: Sequence[Recording]) -> bool:
+    """Whether u is one number in all of them."""
+    return len({end for r in recordings for p in r.pieces for end in (float(p["u"].min()), float(p["u"].max()))}) < 2
+
+
 def ranges(equations: Equations) -> Ranges:
     """What the recordings contain, for starting shapes."""
     logs = [s.log for s in equations.stretches]

@@ -11,6 +11,7 @@ import numpy as np
 from dsd_cli.effects.general import HYSTERESIS
 from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.fit.problem import Problem
+from dsd_cli.identify.fit.testability import constant_u
 from dsd_cli.identify.learn.families import FAMILIES, INERTIA_OVER_TIME, MEMORY, Columns, Family, columns_of
 from dsd_cli.identify.learn.forgetting import is_hysteresis, where_known
 from dsd_cli.identify.learn.formula import AS_GOOD
@@ -74,8 +75,7 @@ def surely_left(judge: Judge, fit: LawFit) -> float:
 def choose(balance: Balance, report: Callable[[float], None] = lambda _: None) -> Choice:
     """The laws that stand beside the model's own effects."""
     few = f"the log is too short: it has {balance.blocks.rows} independent samples, a curve needs {LEAST_ROWS}"
-    constant = not float(np.ptp(np.concatenate([p["u"] for r in balance.problem.recordings for p in r.pieces]))) > 0.0
-    if constant or balance.blocks.rows < LEAST_ROWS:
+    if (constant := constant_u(balance.problem.recordings)) or balance.blocks.rows < LEAST_ROWS:
         base = (judge := Judge(balance)).fit(())
         return Choice(judge, base, base, (), base, base, CONSTANT if constant else few, undecided=True)
     look = _beside_the_best(balance, report)

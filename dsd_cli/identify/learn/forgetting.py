@@ -28,11 +28,10 @@ def forgetting(recordings: Sequence[Recording], problem: Problem) -> tuple[Recor
     """
     places = [p["position"] for r in problem.recordings for p in r.pieces if "position" in p]
     swing = 2.0 * RADII[1] * (max(map(np.max, places)) - min(map(np.min, places))) if places else 0.0
-    known = tuple(
-        replace(r, pieces=tuple(_cleared(p, swing, problem.equations.band.step) for p in r.pieces)) for r in recordings
-    )
+    step = problem.equations.band.step
+    known = tuple(replace(r, pieces=tuple(_cleared(p, swing, step) for p in r.pieces)) for r in recordings)
     clear = sum(float(p["clear"].sum()) for r in known for p in r.pieces if "clear" in p)
-    return known if clear >= LEAST_ROWS * problem.equations.band.step else tuple(recordings)
+    return known if clear >= LEAST_ROWS * step else tuple(recordings)
 
 
 def _cleared(piece: Log, swing: float, width: int) -> Log:

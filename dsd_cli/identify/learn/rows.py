@@ -46,8 +46,7 @@ class Balance:
     delay : steps, also between, at which u acts. u, acceleration, later : drive, measured a, change of the drive over
         one more step; none where the delay is held.
     own : columns of the model's own effects; given : their coefficients in the model; names : effect of each.
-    counts, sure : rows that are judged; those of them in which the direction of the motion is sure, or all where these
-        are few.
+    counts, sure : rows that are judged; those in which the direction of the motion is sure, or all where these are few.
     weight : of each row. whitening : as of `Equations`. noise : variance that the sensor leaves in a whitened row of a.
     """
 

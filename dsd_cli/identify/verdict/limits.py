@@ -18,7 +18,7 @@ from dsd_cli.identify.fit.bank import SHARE, Terms, has_friction
 from dsd_cli.identify.fit.freeform import freeform_fits
 from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.testability import Settings
+from dsd_cli.identify.fit.testability import Settings, constant_u
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.long_logs import posed
 from dsd_cli.identify.search.seen import Seen
@@ -235,8 +235,7 @@ def limits_of(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
         common = in_common(search, whole)
     # where the log is against a value that was given, u was neither late nor smoothed with none given
     time = CommandTime() if settings.against else command_time(search, whole, settings)
-    u = np.concatenate([piece["u"] for one in search.problem.recordings for piece in one.pieces])
-    return Limits(common, idle, time, direction, constant=not np.ptp(u) > 0.0)
+    return Limits(common, idle, time, direction, constant=constant_u(search.problem.recordings))
 
 
 def in_common(search: Search, whole: Fit) -> float:
