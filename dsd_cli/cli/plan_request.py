@@ -220,6 +220,7 @@ def plan_for(
     DataError, UsageError : as `planned`.
     """
     from dsd_cli.identify.design.plan import plan_next
+    from dsd_cli.identify.fit.testability import constant_u
     from dsd_cli.identify.verdict.diagnose import diagnose
 
     kept: list[tuple[Search, Fit]] = []
@@ -236,7 +237,7 @@ def plan_for(
     if told is not None and not told.same_as(found):
         names, skipped = _possible(told, kept[-1][0])
         wanted = replace(wanted, names=names)
-    if not wanted.names and found.blocked:
+    if not wanted.names and found.blocked and not constant_u(given.recordings):  # that a motion does mend
         raise UsageError("no motion mends this", found.blocked)
     plan = plan_next(*kept[-1], found, given.observer, wanted, progress)
     return replace(plan, units=given.settings.signals.units, warnings=(*plan.warnings, *skipped)), found

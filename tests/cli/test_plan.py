@@ -337,3 +337,14 @@ def test_a_broken_limit_or_command_ends_the_loop(tmp_path: Path, monkeypatch: py
     Path("rig.py").write_text(STAND + "sys.exit(3)\n")
     with pytest.raises(DataError, match="ended with exit code 3"):
         closed_with(command, monkeypatch)
+
+
+def test_a_u_that_was_constant_is_what_a_motion_mends(folder: Path) -> None:
+    t = 1e-3 * np.arange(2000)
+    rows = zip(t, np.full(2000, 0.5), 20.0 * t, 10.0 * t**2, strict=True)
+    lines = ["t,u,velocity,position", *(",".join(f"{x:.6g}" for x in row) for row in rows)]
+    (folder / "pushed.csv").write_text("\n".join(lines) + "\n")
+    model = ("-c", BARE, "--set", "signals.d_hat=", "--limit", "u=2")
+    ran = dsd("plan", "pushed.csv", *model, "--seconds", "4", "-o", "pushed-next.csv", cwd=folder)
+    assert "no motion mends this" not in ran.stderr
+    assert ran.stdout.startswith("pushed.csv: ")
