@@ -2,7 +2,7 @@
 
 Each log is drawn once and asked of every engine: `--engine old=../main --engine new=.`. Rows go to a JSONL file as
 they come and are not asked again. The table on stdout has for every engine the share right and wrong-and-sure, for two
-engines the discordant pairs as well. Tiers: tests/oracle/tiers_rig.py, tests/oracle/tiers_axes.py, and `--tiers-from
+engines the discordant pairs as well. Tiers: tests/oracle/tiers_rig.py, tiers_axes.py, tiers_logs.py, and `--tiers-from
 FILE.py`, which has `tiers() -> list[Tier]` (tests/oracle/questions.py).
 """
 
@@ -20,7 +20,7 @@ from typing import Any
 
 from bench.engines import ROOT, Asked, Engine
 from bench.paired_ask import Row, ask
-from tests.oracle import tiers_axes, tiers_rig
+from tests.oracle import tiers_axes, tiers_logs, tiers_rig
 from tests.oracle.questions import Tier
 
 RESULTS = Path(__file__).parent / "results" / "paired.jsonl"
@@ -98,7 +98,7 @@ def all_tiers(more: Path | None) -> list[Tier]:
     ------
     SystemExit : that file has no `tiers()`.
     """
-    own = [*tiers_rig.tiers(), *tiers_axes.tiers()]
+    own = [*tiers_rig.tiers(), *tiers_axes.tiers(), *tiers_logs.tiers()]
     if more is None:
         return own
     spec = importlib.util.spec_from_file_location("tiers_from", more)

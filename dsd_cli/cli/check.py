@@ -91,7 +91,7 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
     """
     from dsd_cli.cli.identification import warn
     from dsd_cli.cli.plan import as_logged, log_columns, made, naming, observer_settings, reading, window
-    from dsd_cli.cli.recordings import absent, believed_model, check_sizes
+    from dsd_cli.cli.recordings import absent, believed_model, by_updates, check_sizes
     from dsd_cli.files.logs import load_log
     from dsd_cli.identify.checks import check_log
     from dsd_cli.report.plots_check import Checked
@@ -103,7 +103,9 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
         loaded = load_log(path, columns, optional, **reading(config), watch=progress.watch)
     progress.clear()
     check_sizes(loaded.log.source, loaded)
-    warn(quiet, [f"{loaded.log.source}: {warning}" for warning in (*loaded.warnings, *absent(config, columns, loaded))])
+    lacking = absent(config, columns, loaded)
+    loaded = by_updates(loaded)
+    warn(quiet, [f"{loaded.log.source}: {warning}" for warning in (*loaded.warnings, *lacking)])
     progress(f"checking {PurePath(path).name}")
     result = check_log(
         loaded.log,

@@ -63,10 +63,14 @@ def load_recording(
         loaded = load_log(path, columns, optional, **how, watch=None if progress is None else progress.watch)
     if window:
         loaded = replace(loaded, log=replace(loaded.log, source=f"{loaded.log.source} ({window})"))
+    lacking = absent(config, columns, loaded)
+    loaded = by_updates(loaded)
     _check_channels(loaded.log.source, loaded)
     check_sizes(loaded.log.source, loaded)
     if progress is not None:
         progress(f"looking at {PurePath(path).name}")
+    checked = _checked(loaded, config, None)
+    loaded, late = _without_late(loaded, checked)
     try:
         recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)
     except TooShort as error:
@@ -75,27 +79,49 @@ def load_recording(
         raise
     dropped = {reason: count for reason, count in loaded.dropped.items() if count}
     beyond = held_beyond(plant_model(config, 1.0), recording.pieces) if config.model.effects else []
-    warnings = (*loaded.warnings, *absent(config, columns, loaded), *_wrong(loaded, config), *beyond)
+    warnings = (*loaded.warnings, *lacking, *late, *_wrong(loaded, config, checked), *beyond)
     if path == "-" and not loaded.log.channels.keys() & {"velocity", "position"}:
         warnings += half_said(config)
     return LoadedRecording(recording, dropped, warnings)
 
 
-def _wrong(loaded: LoadedLog, config: Config) -> list[str]:
-    """What must be said before anything that this log answers, and what mends it: sign, unit, a late u, a loop."""
+def by_updates(loaded: LoadedLog) -> LoadedLog:
+    """The log by the clock of its sensors, where it is written faster than they are read; the warnings say so."""
+    from dsd_cli.signals.updates import updated
+
+    found = updated(loaded.log, loaded.restarts)
+    said = (*loaded.warnings, found.said) if found.said else loaded.warnings
+    return replace(loaded, log=found.log, restarts=found.restarts, warnings=said)
+
+
+def _checked(loaded: LoadedLog, config: Config, model: PlantModel | None) -> CheckResult:
     from dsd_cli.cli.plan import observer_settings
-    from dsd_cli.identify.checks import biased_by_noise, check_log, to_mend_first
+    from dsd_cli.identify.checks import check_log
 
     factors, u_shift = config.signals.factors(), config.signals.u_shift
-    observer = observer_settings(config)
+    return check_log(loaded.log, model, observer_settings(config), loaded.restarts, factors=factors, u_shift=u_shift)
 
-    def checked(model: PlantModel | None) -> CheckResult:
-        return check_log(loaded.log, model, observer, loaded.restarts, factors=factors, u_shift=u_shift)
 
-    first: Sequence[Finding] = to_mend_first(checked(None))
+def _without_late(loaded: LoadedLog, checked: CheckResult) -> tuple[LoadedLog, list[str]]:
+    """(the log without the one of velocity and position that is later than the other, a sentence about it): both at
+    once would be a lag of the axis."""
+    late = next((one for one in checked.findings if one.late_channel), None)
+    if late is None or checked.errors:
+        return loaded, []
+    channels = {name: x for name, x in loaded.log.channels.items() if name != late.late_channel}
+    used = "position" if late.late_channel == "velocity" else "velocity"
+    return replace(loaded, log=replace(loaded.log, channels=channels)), [f"{late.what}; the {used} alone is used"]
+
+
+def _wrong(loaded: LoadedLog, config: Config, checked: CheckResult) -> list[str]:
+    """What must be said before anything that this log answers, and what mends it: sign, unit, a late u, a loop."""
+    from dsd_cli.identify.checks import biased_by_noise, to_mend_first
+
+    first: Sequence[Finding] = to_mend_first(checked)
     if not first and "reference" in loaded.log:
         given = known_values(config)
-        first = biased_by_noise(checked(_written_model(config)), given.fixed.keys() | given.priors.keys())
+        again = _checked(loaded, config, _written_model(config))
+        first = biased_by_noise(again, given.fixed.keys() | given.priors.keys())
     return [f"{one.what.rstrip('?')}: {one.remedy} (dsd check says more)" for one in first]
 
 

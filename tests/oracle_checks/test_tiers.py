@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from tests.oracle import axes, d_hat_makers, tiers_axes, tiers_rig
+from tests.oracle import axes, d_hat_makers, tiers_axes, tiers_logs, tiers_rig
 from tests.oracle.axes import Axis, moved, stamps
 from tests.oracle.questions import Question
 from tests.oracle.rig_sensors import observe
 
-TIERS = {t.name: t for t in (*tiers_axes.tiers(), *tiers_rig.tiers())}
+TIERS = {t.name: t for t in (*tiers_axes.tiers(), *tiers_rig.tiers(), *tiers_logs.tiers())}
 
 
 def test_no_tier_is_made_with_the_package_that_it_judges():
@@ -23,7 +23,9 @@ def test_no_tier_is_made_with_the_package_that_it_judges():
         assert not [n for n in names if n.startswith("dsd_cli")], path.name
 
 
-@pytest.mark.parametrize("name", ["geared joint", "crawl through cogging", "one direction", "small travel"])
+@pytest.mark.parametrize(
+    "name", ["geared joint", "crawl through cogging", "one direction", "small travel", "sensors read unevenly"]
+)
 def test_a_seed_gives_the_same_log_again_and_another_seed_another(name):
     first, again, other = (TIERS[name].draw(seed) for seed in (7, 7, 8))
     for channel in first.channels:

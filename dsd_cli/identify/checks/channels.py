@@ -108,12 +108,11 @@ def _late(slope: Slope, T: float) -> list[Finding]:
     clear = abs(slope.late) > max(LATE_SAMPLES * T, LATE_ERRORS * slope.late_error)
     if not clear or slope.agreement < AGREES_IN_SIGN:
         return []
-    text = f"{abs(slope.late) * 1e3:.3g} ms"
-    if slope.late > 0.0:
-        what = f"velocity is {text} later than the slope of position: it is filtered, or late"
-        return [Finding(what, "velocity", "warning", 0.95, 'signals.velocity = "" (the position alone is used)')]
-    what = f"position is {text} later than the velocity"
-    return [Finding(what, "position", "warning", 0.95, 'signals.position = "" (the velocity alone is used)')]
+    late, used = ("velocity", "position") if slope.late > 0.0 else ("position", "velocity")
+    than = "slope of position: it is filtered, or late" if slope.late > 0.0 else "velocity"
+    what = f"{late} is {abs(slope.late) * 1e3:.3g} ms later than the {than}"
+    remedy = f'signals.{late} = "" (the {used} alone is used)'
+    return [Finding(what, late, "warning", 0.95, remedy, late_channel=late)]
 
 
 def check_jumps(log: Log, restarts: Sequence[int]) -> list[Finding]:

@@ -1,0 +1,65 @@
+"""Logs that are written faster than their sensors are read, and speeds that a drive has filtered."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.paired_ask import write
+from tests.cli.rig import done
+from tests.oracle import tiers_logs
+from tests.oracle.questions import Question
+
+TIERS = {tier.name: tier for tier in tiers_logs.tiers()}
+#: A seed of 230000 on is one of each of `tiers_logs.FROM`, in turn.
+DRAG, NOTHING = 230004, 230005
+
+
+def asked(folder: Path, question: Question, command: str = "diagnose") -> tuple[dict, str]:
+    write(question, folder)
+    ran = done(command, "log.parquet", "-c", "dsd.toml", "--format", "json", cwd=folder)
+    return json.loads(ran.stdout), ran.stderr
+
+
+@pytest.mark.parametrize("tier", ["sensors read in every fifth row", "sensors read unevenly"])
+@pytest.mark.parametrize(("seed", "missing"), [(DRAG, "quadratic_drag"), (NOTHING, "none")])
+def test_what_is_missing_is_found_on_the_rows_with_new_values(tmp_path, tier, seed, missing):
+    question = TIERS[tier].draw(seed)
+    assert question.hidden == (() if missing == "none" else (missing,))
+    said, warnings = asked(tmp_path, question)
+    assert (said["verdict"], said["probability"] > 0.9) == (missing, True)
+    assert "each value for " in " ".join(warnings.split())
+    assert said["estimates"]["inertia"]["value"] == pytest.approx(question.truth["inertia"], rel=3e-3)
+
+
+def test_a_check_says_so_and_looks_at_those_rows(tmp_path):
+    question = TIERS["sensors read in every fifth row"].draw(DRAG)
+    write(question, tmp_path)
+    ran = done("check", "log.parquet", "-c", "dsd.toml", cwd=tmp_path)
+    assert "position repeats each value for 5 rows" in " ".join(ran.stderr.split())
+    assert f"{question.channels['u'].size // 5 + 1:,} samples, 5 ms apart" in ran.stdout
+
+
+@pytest.fixture(scope="module")
+def delayed() -> Question:
+    """Speed and position behind a delay that nobody told."""
+    question = TIERS["speed averaged over 20 rows"].draw(230006)
+    assert question.hidden == ("delay",)
+    return question
+
+
+def test_a_speed_that_is_late_is_not_used_beside_the_position(tmp_path, delayed):
+    said, warnings = asked(tmp_path, delayed)
+    assert "the position alone is used" in " ".join(warnings.split())
+    assert "no column" not in warnings
+    assert said["estimates"]["delay"]["value"] == pytest.approx(delayed.truth["delay"], abs=2e-4)  # with it 9.5 ms more
+
+
+def test_a_position_that_is_late_is_not_used_beside_the_speed(tmp_path, delayed):
+    q = delayed.channels["position"]
+    late = {"position": np.concatenate([np.full(25, q[0]), q[:-25]]), "velocity": np.gradient(q, delayed.channels["t"])}
+    said, warnings = asked(tmp_path, replace(delayed, channels={**delayed.channels, **late}))
+    assert "later than the velocity; the velocity alone is used" in " ".join(warnings.split())
+    assert said["estimates"]["delay"]["value"] == pytest.approx(delayed.truth["delay"], abs=1e-3)  # with it 25 ms more

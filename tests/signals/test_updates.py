@@ -1,0 +1,103 @@
+"""A log that is written faster than its sensors are read, made here by writing old values again."""
+
+import numpy as np
+import pytest
+
+from dsd_cli.signals.log import Log
+from dsd_cli.signals.updates import updated
+
+ROWS, STEP = 4000, 0.001
+
+
+def motion(seed: int = 3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """t, position and speed of moves to and fro, exact, with rests between."""
+    rng = np.random.default_rng(seed)
+    t = STEP * np.arange(ROWS)
+    speed = np.sin(2.0 * np.pi * t * rng.uniform(0.6, 0.9)) * 3.0
+    speed = np.where(np.abs(speed) < 0.6, 0.0, speed)
+    return t, np.cumsum(speed) * STEP, speed
+
+
+def counted(x: np.ndarray, counts: int) -> np.ndarray:
+    return np.round(x * counts / (2.0 * np.pi)) * 2.0 * np.pi / counts
+
+
+def written_again(x: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """The value of the last of the rows `at`, in every row."""
+    return np.array([x[at[at <= k][-1]] for k in range(x.size)])
+
+
+def log_of(**channels: np.ndarray) -> Log:
+    return Log(channels, STEP)
+
+
+def test_only_rows_with_news_are_taken_and_u_is_its_mean_between_them():
+    t, q, v = motion()
+    at = np.arange(0, ROWS, 5)
+    u = np.random.default_rng(1).normal(size=ROWS)
+    noisy = v + np.random.default_rng(2).normal(scale=0.01, size=ROWS)
+    found = updated(log_of(t=t, u=u, position=written_again(q, at), velocity=written_again(noisy, at)))
+    assert "repeat each value for 5 rows" in found.said
+    assert found.log.sample_time == pytest.approx(0.005)
+    np.testing.assert_allclose(found.log["t"], t[at], atol=1e-12)
+    np.testing.assert_allclose(found.log["velocity"], noisy[at], atol=1e-12)
+    np.testing.assert_allclose(found.log["u"], u.reshape(-1, 5).mean(axis=1), atol=1e-12)
+
+
+def test_a_pace_that_varies_and_rests_in_which_nothing_is_new():
+    t, q, _ = motion()
+    at = np.cumsum(np.random.default_rng(5).integers(2, 6, size=ROWS))
+    at = np.concatenate([[0], at[at < ROWS]])
+    position = written_again(counted(q, 400_000), at)
+    found = updated(log_of(t=t, u=np.ones(ROWS), position=position))
+    moves = np.flatnonzero(np.diff(position)) + 1
+    assert set(moves) <= set(np.rint(found.log["t"] / STEP).astype(int))  # every new value is there
+    assert np.diff(found.log["t"]).max() < 0.008  # rests are not holes
+    assert 2.0 <= ROWS / len(found.log) <= 5.0  # no faster than the sensor, no slower
+
+
+@pytest.mark.parametrize("counts", [1000, 4096, 40_000])
+def test_an_encoder_that_stands_still_between_counts_is_left_as_it_is(counts):
+    t, q, v = motion()
+    log = log_of(t=t, u=v, position=counted(q, counts))
+    assert updated(log).said == ""
+    assert updated(log).log is log
+
+
+@pytest.mark.parametrize("steps", [0.5, 1.0, 3.0, 10.0])
+def test_noise_that_happens_to_repeat_is_left_as_it_is(steps):
+    """A speed in whole rpm with noise of so many of them."""
+    t, _, v = motion()
+    rpm = 2.0 * np.pi / 60.0
+    noisy = np.round(v / rpm + np.random.default_rng(8).normal(scale=steps, size=ROWS)) * rpm
+    assert updated(log_of(t=t, u=v, velocity=noisy)).said == ""
+
+
+def test_a_slow_speed_is_left_out_beside_a_position_that_is_read_in_every_row():
+    t, q, v = motion()
+    slow = written_again(v + np.random.default_rng(2).normal(scale=0.01, size=ROWS), np.arange(0, ROWS, 20))
+    found = updated(log_of(t=t, u=v, position=counted(q, 400_000), velocity=slow))
+    assert "velocity repeats each value for 20 rows" in found.said
+    assert "velocity" not in found.log
+    assert len(found.log) == ROWS
+
+
+def test_pieces_begin_where_they_began():
+    t, q, v = motion()
+    at = np.concatenate([np.arange(0, 1502, 4), np.arange(1502, ROWS, 4)])
+    noisy = v + np.random.default_rng(2).normal(scale=0.01, size=ROWS)
+    found = updated(log_of(t=t, u=v, velocity=written_again(noisy, at), position=written_again(q, at)), [1502])
+    (begins,) = found.restarts
+    assert found.log["t"][begins] == pytest.approx(t[1502])
+
+
+def test_a_drives_own_d_hat_in_every_row_stays_beside_a_slow_position():
+    t, q, v = motion()
+    d_hat = np.random.default_rng(4).normal(size=ROWS)
+    log = log_of(t=t, u=v, d_hat=d_hat, position=written_again(q, np.arange(0, ROWS, 5)))
+    assert updated(log).log is log
+
+
+def test_an_axis_that_never_moves_says_nothing():
+    log = log_of(t=STEP * np.arange(ROWS), u=np.ones(ROWS), position=np.zeros(ROWS))
+    assert updated(log).said == ""
