@@ -71,6 +71,7 @@ def load_recording(
         progress(f"looking at {PurePath(path).name}")
     checked = _checked(loaded, config, None)
     loaded, late = _without_late(loaded, checked)
+    loaded, noisy = _on_its_clock(loaded)
     try:
         recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)
     except TooShort as error:
@@ -79,7 +80,7 @@ def load_recording(
         raise
     dropped = {reason: count for reason, count in loaded.dropped.items() if count}
     beyond = held_beyond(plant_model(config, 1.0), recording.pieces) if config.model.effects else []
-    warnings = (*loaded.warnings, *lacking, *late, *_wrong(loaded, config, checked), *beyond)
+    warnings = (*loaded.warnings, *lacking, *noisy, *late, *_wrong(loaded, config, checked), *beyond)
     if path == "-" and not loaded.log.channels.keys() & {"velocity", "position"}:
         warnings += half_said(config)
     return LoadedRecording(recording, dropped, warnings)
@@ -111,6 +112,16 @@ def _without_late(loaded: LoadedLog, checked: CheckResult) -> tuple[LoadedLog, l
     channels = {name: x for name, x in loaded.log.channels.items() if name != late.late_channel}
     used = "position" if late.late_channel == "velocity" else "velocity"
     return replace(loaded, log=replace(loaded.log, channels=channels)), [f"{late.what}; the {used} alone is used"]
+
+
+def _on_its_clock(loaded: LoadedLog) -> tuple[LoadedLog, list[str]]:
+    """(the log on an even clock, if its stamps are rather noise on one, a sentence about it)."""
+    from dsd_cli.identify.checks.clock import evened
+
+    log = evened(loaded.log, loaded.restarts)
+    said = f"the motion is smoother on an even clock than at its stamps: {log.sample_time * 1e3:.4g} ms are taken"
+    as_logged = log is loaded.log or bool((log["t"] == loaded.log["t"]).all())
+    return replace(loaded, log=log), [] if as_logged else [said]
 
 
 def _wrong(loaded: LoadedLog, config: Config, checked: CheckResult) -> list[str]:

@@ -134,7 +134,7 @@ def of_log(
     DataError : it is too short, or lacks u or d_hat.
     """
     if "velocity" in log or "position" in log:
-        found = maker_by_motion(cut(log, restarts, True), observer, makers)
+        found = maker_by_motion(cut(log, restarts), observer, makers)
         return None if found is None else found.maker
     recording = prepare(log, observer, restarts, model.rest_speed)
     return likeliest(OpenLog((recording,), model, replace(observer, sign=1), tuple(makers))).best

@@ -1,4 +1,4 @@
-"""Logs that are written faster than their sensors are read, and speeds that a drive has filtered."""
+"""Logs that are written faster than their sensors are read, speeds that a drive has filtered, stamps on arrival."""
 
 import json
 from dataclasses import replace
@@ -63,3 +63,11 @@ def test_a_position_that_is_late_is_not_used_beside_the_speed(tmp_path, delayed)
     said, warnings = asked(tmp_path, replace(delayed, channels={**delayed.channels, **late}))
     assert "later than the velocity; the velocity alone is used" in " ".join(warnings.split())
     assert said["estimates"]["delay"]["value"] == pytest.approx(delayed.truth["delay"], abs=1e-3)  # with it 25 ms more
+
+
+@pytest.mark.parametrize("seed", [230002, 230003, 230005])
+def test_stamps_on_arrival_are_not_taken_for_those_of_the_samples(tmp_path, seed):
+    question = TIERS["stamped on arrival"].draw(seed)
+    said, warnings = asked(tmp_path, question)
+    assert "the motion is smoother on an even clock than at its stamps" in " ".join(warnings.split())
+    assert (said["verdict"], said["probability"] > 0.9) == ((*question.hidden, "none")[0], True)

@@ -1,4 +1,5 @@
-"""Tiers of what loggers do to the logs of the other tiers: values written again until the next comes, filtered speeds.
+"""Tiers of what loggers do to the logs of the other tiers: values written again until the next comes, filtered speeds,
+stamps of another clock.
 
 u stays as it acted; what a sensor said stands in the row in which it came, and again in those after it.
 """
@@ -66,6 +67,13 @@ def _averaged(channels: Channels, rng: Rng) -> Channels:
     return {"velocity": np.convolve(padded, np.full(AVERAGED, 1.0 / AVERAGED), "valid")}
 
 
+def _by_a_pc(channels: Channels, rng: Rng) -> Channels:
+    """Even samples that a computer stamps when they arrive, late by 0.4 of a sample (a half normal)."""
+    t = channels["t"]
+    late = 0.4 * float(np.median(np.diff(t))) * np.abs(rng.standard_normal(t.size))
+    return {"t": np.sort(t + late)}
+
+
 def _logged(seed: int, how: Callable[[Channels, Rng], Channels]) -> Question:
     base = {tier.name: tier for tier in (*tiers_rig.tiers(), *tiers_axes.tiers())}
     question = base[FROM[seed % len(FROM)]].draw(seed)
@@ -80,5 +88,6 @@ def tiers() -> list[Tier]:
         "sensors read unevenly": partial(_together, pace=unevenly),
         "position and speed in turn": _in_turn,
         "speed averaged over 20 rows": _averaged,
+        "stamped on arrival": _by_a_pc,
     }
     return [Tier(name, partial(_logged, how=how), 0.5) for name, how in ways.items()]

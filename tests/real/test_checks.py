@@ -101,7 +101,7 @@ def test_dfki_by_its_reference_in_any_band():
 
 
 def _parameters(log, hz):
-    return check_parameters(replace(look(log, (), True), cutoff=hz), PENDULUM, None)
+    return check_parameters(replace(look(log, ()), cutoff=hz), PENDULUM, None)
 
 
 def test_emps_has_no_noise_that_comes_back():

@@ -63,10 +63,9 @@ def check_log(
     factors, u_shift : of [signals], that are in the log already, for remedies that name these keys.
     maker : of [observer] filter and u, whose d_hat has been turned into that of this package; None is as here.
     """
-    true = clock.stamps_are_true(log, restarts)
-    view = look(log, restarts, true > -clock.CLEAR)
+    view = look(clock.evened(log, restarts), restarts)
     did = excitation(view.stretches, view.band, view.cutoff)
-    found = [*clock.check_clock(log, restarts, true), *clock.check_rows(dropped or {}, len(log))]
+    found = [*clock.check_clock(log, restarts), *clock.check_rows(dropped or {}, len(log))]
     found += [*check_jumps(log, restarts), *_unusable(view)]
     found += check_excitation(did, view.stretches, 0 if model is None else len(model.effects))
     if not _fails(found):

@@ -14,7 +14,7 @@ from dsd_cli.identify.checks.stretches import stamps_of
 from dsd_cli.identify.recordings.regular import continuous
 from dsd_cli.signals.cleaning import BEYOND
 from dsd_cli.signals.clock import suspicious
-from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.log import Array, Log, with_channels
 
 #: Jitter of the steps (standard deviation over T) from which it is worth a word: less is no noise beside a sensor's.
 JITTERY = 0.02
@@ -27,7 +27,6 @@ MANY = 0.01
 #: Of jitter below this share of a step, steps of one sample and of two are apart.
 APART = 0.15
 _OfStamps = Callable[[Array], Array]
-_AS_LOGGED: _OfStamps = lambda t: t  # noqa: E731
 _ORDER = 2  # samples to either side that foretell one
 
 
@@ -47,16 +46,27 @@ def seconds_of(log: Log, restarts: Sequence[int]) -> float:
     return sum(span * n / (n - 1) if n > 1 else log.sample_time for span, n in spans)
 
 
-def stamps_are_true(log: Log, restarts: Sequence[int]) -> float:
-    """By how many standard errors the position (or velocity) is smoother over the stamps than over an even clock.
-
-    Above 0: the samples were taken at their stamps; below: evenly, and the stamps are noise; about 0: not identifiable.
-    """
-    return _smoother(*(_roughness(log, restarts, clock) for clock in (_AS_LOGGED, _even)))
+def evened(log: Log, restarts: Sequence[int]) -> Log:
+    """On an even clock (with holes) if the motion is smoother on it than at uneven stamps, else by the usual step."""
+    usual, share = jitter(log, restarts)
+    if share <= JITTERY:
+        return log
+    logged, even, holed = _roughnesses(log, restarts)
+    holes, pieces = _smoother(holed, even) > CLEAR, _pieces(stamps_of(log), restarts)
+    if not _smoother(holed if holes else even, logged) > 0.0:
+        return replace(log, sample_time=usual)
+    t = np.concatenate([t if t.size < 2 else _with_holes(t)[0] if holes else _even(t) for t in pieces])
+    return replace(with_channels(log, t=t), sample_time=float(np.median(np.diff(t))))
 
 
 def _even(t: Array) -> Array:
     return t[0] + (t[-1] - t[0]) * np.arange(t.size) / (t.size - 1)
+
+
+def _roughnesses(log: Log, restarts: Sequence[int]) -> list[Array]:
+    """`_roughness` over the stamps as logged, an even clock, and one with holes."""
+    clocks: tuple[_OfStamps, ...] = (lambda t: t, _even, lambda t: _with_holes(t)[0])
+    return [_roughness(log, restarts, clock) for clock in clocks]
 
 
 def _roughness(log: Log, restarts: Sequence[int], clock: _OfStamps) -> Array:
@@ -74,7 +84,7 @@ def _roughness(log: Log, restarts: Sequence[int], clock: _OfStamps) -> Array:
 
 
 def _smoother(one: Array, other: Array) -> float:
-    """As `stamps_are_true`, of one clock than of another, by their `_roughness`; 0 where there are none."""
+    """Standard errors by which the motion is smoother over one clock than over another; 0 where it does not say."""
     gain = other - one
     return float(np.mean(gain) / max(np.std(gain) / np.sqrt(gain.size), 1e-12)) if np.any(gain) else 0.0
 
@@ -124,8 +134,8 @@ def _blocks(squares: Array) -> Array:
     return np.maximum(np.add.reduceat(squares, starts), 1e-300)
 
 
-def check_clock(log: Log, restarts: Sequence[int], true: float) -> list[Finding]:
-    """Findings about the stamps; `true` is `stamps_are_true`."""
+def check_clock(log: Log, restarts: Sequence[int]) -> list[Finding]:
+    """Findings about the stamps."""
     found = []
     if doubt := suspicious(log.sample_time):
         what, _, remedy = doubt.partition(": ")
@@ -138,15 +148,14 @@ def check_clock(log: Log, restarts: Sequence[int], true: float) -> list[Finding]
             return [*found, Finding(what, "t", "warning" if missing > MANY * len(log) else "note", 1.0, remedy)]
         mean = seconds_of(log, restarts) / max(len(log), 1)
         plain = abs(mean / log.sample_time - 1.0) < ROUNDED
-        clocks: tuple[_OfStamps, ...] = (lambda t: _with_holes(t)[0], _AS_LOGGED, _even)
-        holed, *others = (_roughness(log, restarts, clock) for clock in clocks)
-        against = [_smoother(holed, other) for other in others]
+        logged, even, holed = _roughnesses(log, restarts)
+        against = [_smoother(holed, logged), _smoother(holed, even)]
         if missing and (clean < APART or min(against) > CLEAR):  # an even clock for all rows would be none
             one = _jittery(apart, apart, clean, -against[0])
             what = f"{one.what}, and {missing} samples are missing"
             found.append(replace(one, what=what, remedy=one.remedy and remedy))
         else:
-            found.append(_jittery(log.sample_time if plain else mean, usual, share, true))
+            found.append(_jittery(log.sample_time if plain else mean, usual, share, _smoother(logged, even)))
     return found
 
 

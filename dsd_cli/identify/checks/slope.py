@@ -68,8 +68,6 @@ def _lateness(v: Array, s: Array, step: float) -> tuple[float, float, float]:
 
     By least squares v = f s + f late ds/dlag + offset: in a ramp a lag is an offset, and its error is infinite.
 
-    Parameters
-    ----------
     s : slopes at three lags, `step` s apart, shape (rows, 3).
     """
     columns = np.column_stack([s[:, 1], (s[:, 2] - s[:, 0]) / (2.0 * step), np.ones(v.size)])

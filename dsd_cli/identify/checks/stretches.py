@@ -97,16 +97,10 @@ class Stretch:
     turn: float = 0.0
 
 
-def cut(log: Log, restarts: Sequence[int], true_stamps: bool) -> list[Stretch]:
-    """The stretches of a log that are long enough.
-
-    Parameters
-    ----------
-    restarts : samples that do not continue the one before.
-    true_stamps : irregular stamps say when the samples were taken; else they are noise on a regular clock.
-    """
+def cut(log: Log, restarts: Sequence[int]) -> list[Stretch]:
+    """The stretches of a log that are long enough; restarts : samples that do not continue the one before."""
     _, edges = in_pieces(log, restarts)
-    return [_stretch(log, a, b, true_stamps) for a, b in pairwise(edges) if b - a >= SHORTEST]
+    return [_stretch(log, a, b) for a, b in pairwise(edges) if b - a >= SHORTEST]
 
 
 def stamps_of(log: Log) -> Array:
@@ -116,13 +110,13 @@ def stamps_of(log: Log) -> Array:
     return np.arange(len(log), dtype=np.float64) * log.sample_time
 
 
-def _stretch(log: Log, a: int, b: int, true_stamps: bool) -> Stretch:
+def _stretch(log: Log, a: int, b: int) -> Stretch:
     channels = {name: np.array(log[name][a:b]) for name in _CHANNELS if name in log}
     t, T = stamps_of(log)[a:b], log.sample_time
     wraps, turn = 0, 0.0
     if "position" in channels:
         channels["position"], wraps, turn, *_ = continuous(channels["position"])
-    if true_stamps and irregular_stamps(log) is not None:
+    if irregular_stamps(log) is not None:
         T = float(np.mean(np.diff(t)))
         grid = t[0] + T * np.arange(int((t[-1] - t[0]) / T) + 1)
         channels = {name: _on_grid(x, t, grid, T, name == "u" and log.u_hold == "held") for name, x in channels.items()}

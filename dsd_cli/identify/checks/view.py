@@ -44,9 +44,9 @@ class View:
     work: Work | None
 
 
-def look(log: Log, restarts: Sequence[int], true_stamps: bool) -> View:
-    """The view of a log; `true_stamps`: its irregular stamps are those of the samples."""
-    stretches = cut(log, restarts, true_stamps)
+def look(log: Log, restarts: Sequence[int]) -> View:
+    """The view of a log."""
+    stretches = cut(log, restarts)
     band = find_band(stretches) if stretches else None
     if band is None:
         cutoff = min(HIGHEST, FALLBACK / (stretches[0].T if stretches else log.sample_time))
