@@ -40,6 +40,8 @@ def read(signals: dict[str, str], log: Path) -> dict[str, Array]:
 def _columns(case: Recorded, log: Path) -> dict[str, Array]:
     """t, u, position, velocity on a regular clock."""
     raw = read(case.regress_signals or case.signals, log)
+    whole = np.all([np.isfinite(x) for x in raw.values()], axis=0)
+    raw = {k: x[whole] for k, x in raw.items()}
     step = float(np.median(np.diff(raw["time"])))
     clock = np.arange(raw["time"][0], raw["time"][-1], step)
     found = {k: np.interp(clock, raw["time"], x) for k, x in raw.items()}
@@ -57,7 +59,7 @@ def _rows(case: Recorded, of: dict[str, Array], delay: float) -> Array:
     step = float(of["time"][1] - of["time"][0])
     low = butter(4, case.regress_hz, fs=1.0 / step, output="sos")
     speed = sosfiltfilt(low, of["velocity"])
-    sign = np.tanh(speed / (_SLOW * np.std(speed)))
+    sign = np.tanh(speed / max(_SLOW * float(np.std(speed)), 1e-300))
     made = {
         "inertia": np.gradient(of["velocity"], step),
         "viscous_friction.coefficient": of["velocity"],
