@@ -88,11 +88,12 @@ def load_recording(
 
 def by_updates(loaded: LoadedLog) -> LoadedLog:
     """The log by the clock of its sensors, where it is written faster than they are read; the warnings say so."""
-    from dsd_cli.signals.updates import updated
+    from dsd_cli.signals.updates import summed, updated
 
     found = updated(loaded.log, loaded.restarts)
-    said = (*loaded.warnings, found.said) if found.said else loaded.warnings
-    return replace(loaded, log=found.log, restarts=found.restarts, warnings=said)
+    whole = summed(found.log, found.restarts)
+    said = (*loaded.warnings, *(one.said for one in (found, whole) if one.said))
+    return replace(loaded, log=whole.log, restarts=found.restarts, warnings=said)
 
 
 def _checked(loaded: LoadedLog, config: Config, model: PlantModel | None) -> CheckResult:

@@ -1,4 +1,4 @@
-"""Rows in which a sensor says something new, of a log that is written faster than its sensors are read.
+"""What a sensor was read of: rows in which it says something new, and a speed that was made of a position.
 
 A bus, a logger or a table joined from several sources writes the last value again until the next one comes. A row that
 repeats a value while the axis moves is no measurement: its differences are 0 for some rows and then those of several,
@@ -106,3 +106,31 @@ def _mean_u(log: Log, t: Array, rows: _Rows) -> Array:
     after = np.append(log["u"][1:], log["u"][-1])
     level = log["u"] if log.u_hold == "held" else 0.5 * (log["u"] + after)
     return np.asarray(np.add.reduceat(level * steps, rows) / np.add.reduceat(steps, rows))
+
+
+#: Noise of a speed is read from this share of half the sample rate on, and is that of a difference by so many nats.
+_NOISE_FROM, _NATS = 0.25, 10.0
+#: Metadata of a log whose position is the sum of its speed.
+SUMMED = "position_summed"
+
+
+def summed(log: Log, restarts: tuple[int, ...] = ()) -> Updated:
+    """The log with the position of which its speed is the difference, where it has no other and the speed's noise is
+    that of a difference: by the likelihood (Whittle) of its spectrum, white or proportional to 2 - 2 cos w T."""
+    if "velocity" not in log or "position" in log or "d_hat" in log:
+        return Updated(log, restarts)
+    v = log["velocity"]
+    angle = np.pi * np.arange(1, v.size // 2) / (v.size // 2)
+    power = np.abs(np.fft.rfft(np.diff(v, prepend=v[:1]) * np.hanning(v.size)))[1 : angle.size + 1] ** 2
+    above = (angle > _NOISE_FROM * np.pi) & (power > 0.0)
+    if not np.any(above):
+        return Updated(log, restarts)
+    of_one = 2.0 - 2.0 * np.cos(angle[above])
+    white, differenced = (float(np.log(np.mean(power[above] / of_one**n))) for n in (1, 2))
+    if not np.count_nonzero(above) * (white - differenced - float(np.mean(np.log(of_one)))) > _NATS:
+        return Updated(log, restarts)
+    channels = {name: x for name, x in log.channels.items() if name != "velocity"}
+    channels["position"] = np.cumsum(v) * log.sample_time
+    said = "velocity has the noise of a difference of positions: their sum is taken, its zero is not known"
+    made = replace(log, channels=channels, metadata={**log.metadata, SUMMED: "velocity"})
+    return Updated(made, restarts, said)

@@ -71,3 +71,11 @@ def test_stamps_on_arrival_are_not_taken_for_those_of_the_samples(tmp_path, seed
     said, warnings = asked(tmp_path, question)
     assert "the motion is smoother on an even clock than at its stamps" in " ".join(warnings.split())
     assert (said["verdict"], said["probability"] > 0.9) == ((*question.hidden, "none")[0], True)
+
+
+@pytest.mark.parametrize("seed", [230004, 230005, 230006])
+def test_a_speed_by_differences_of_counts_is_as_good_as_their_position(tmp_path, seed):
+    question = TIERS["speed by differences of counts"].draw(seed)
+    said, warnings = asked(tmp_path, question)
+    assert "velocity has the noise of a difference of positions" in " ".join(warnings.split())
+    assert (said["verdict"], said["probability"] > 0.9) == ((*question.hidden, "none")[0], True)

@@ -74,11 +74,20 @@ def _by_a_pc(channels: Channels, rng: Rng) -> Channels:
     return {"t": np.sort(t + late)}
 
 
-def _logged(seed: int, how: Callable[[Channels, Rng], Channels]) -> Question:
+def _differenced(channels: Channels, rng: Rng) -> Channels:
+    """A drive that takes its speed as the difference of its encoder's counts, and logs no position."""
+    q, t = channels["position"], channels["t"]
+    return {"velocity": np.diff(q, prepend=q[:1]) / float(np.median(np.diff(t)))}
+
+
+def _logged(seed: int, how: Callable[[Channels, Rng], Channels], without: str = "") -> Question:
     base = {tier.name: tier for tier in (*tiers_rig.tiers(), *tiers_axes.tiers())}
     question = base[FROM[seed % len(FROM)]].draw(seed)
     spoiled = how(dict(question.channels), np.random.default_rng([seed, 20261126]))
-    return replace(question, channels={**question.channels, **spoiled})
+    channels = {name: x for name, x in {**question.channels, **spoiled}.items() if name != without}
+    # over a position without a zero what is believed of places is wrong as well
+    also = tuple(set(question.believed["effects"]) & {"gravity", "cogging", "stiffness"}) if without else ()
+    return replace(question, channels=channels, also=(*question.also, *also))
 
 
 def tiers() -> list[Tier]:
@@ -90,4 +99,5 @@ def tiers() -> list[Tier]:
         "speed averaged over 20 rows": _averaged,
         "stamped on arrival": _by_a_pc,
     }
-    return [Tier(name, partial(_logged, how=how), 0.5) for name, how in ways.items()]
+    found = [Tier(name, partial(_logged, how=how), 0.5) for name, how in ways.items()]
+    return [*found, Tier("speed by differences of counts", partial(_logged, how=_differenced, without="position"), 0.5)]

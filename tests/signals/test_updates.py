@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.signals.log import Log
-from dsd_cli.signals.updates import updated
+from dsd_cli.signals.updates import SUMMED, summed, updated
 
 ROWS, STEP = 4000, 0.001
 
@@ -101,3 +101,32 @@ def test_a_drives_own_d_hat_in_every_row_stays_beside_a_slow_position():
 def test_an_axis_that_never_moves_says_nothing():
     log = log_of(t=STEP * np.arange(ROWS), u=np.ones(ROWS), position=np.zeros(ROWS))
     assert updated(log).said == ""
+
+
+@pytest.mark.parametrize("counts", [1000, 4096, 40_000])
+def test_a_speed_that_is_the_difference_of_counts_is_summed(counts):
+    t, q, v = motion()
+    position = counted(q, counts)
+    speed = np.diff(position, prepend=position[:1]) / STEP
+    found = summed(log_of(t=t, u=v, velocity=speed))
+    np.testing.assert_allclose(found.log["position"], position - position[0], atol=1e-9)
+    assert "velocity" not in found.log
+    assert found.log.metadata[SUMMED] == "velocity"
+    assert "noise of a difference" in found.said
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("noise", [0.0, 1e-3, 0.05])
+def test_a_speed_of_its_own_sensor_stays(seed, noise):
+    t, _, v = motion(seed)
+    white = noise * np.random.default_rng(seed).normal(size=ROWS)
+    log = log_of(t=t, u=v, velocity=v + white)
+    assert summed(log).log is log
+
+
+def test_beside_a_position_or_a_drives_d_hat_nothing_is_summed():
+    t, q, v = motion()
+    speed = np.diff(counted(q, 4096), prepend=0.0) / STEP
+    for other in ({"position": q}, {"d_hat": v}):
+        log = log_of(t=t, u=v, velocity=speed, **other)
+        assert summed(log).log is log

@@ -26,6 +26,7 @@ from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import D_HAT_MAKER, Array, Log, with_channels
+from dsd_cli.signals.updates import SUMMED
 
 
 @dataclass(frozen=True)
@@ -113,14 +114,13 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
             provenance["d_hat"] = f"logged, made with {log.metadata[D_HAT_MAKER]}"
         if observer.sign < 0:
             pieces = [with_channels(piece, d_hat=-piece["d_hat"]) for piece in pieces]
-    else:
-        settings = replace(observer, sign=1)
-        pieces = [observe_log(piece, settings) for piece in pieces]
-        provenance["d_hat"] = f"computed from {pieces[0].d_hat_source}"
-    if "d_hat" in log:
         check_signs(pieces, replace(observer, sign=1), log.source)
+    else:
+        pieces = [observe_log(piece, replace(observer, sign=1)) for piece in pieces]
+        provenance["d_hat"] = f"computed from {pieces[0].d_hat_source}"
     pieces, sensor = with_acceleration(pieces, observer)
     pieces, noise, margin, missing = _with_motion(pieces, parts, observer, provenance)
+    provenance |= {"position": "integrated from velocity"} if SUMMED in log.metadata else {}
     creep = POLICY.creep_share * max(
         (float(np.sqrt(np.mean(p["velocity"] ** 2))) for p in pieces if "velocity" in p), default=0.0
     )
