@@ -1,4 +1,5 @@
-"""Logs that are written faster than their sensors are read, speeds that a drive has filtered, stamps on arrival."""
+"""Logs that are written faster than their sensors are read, or slower than u moves; speeds that a drive has filtered or
+taken as differences; stamps on arrival."""
 
 import json
 from dataclasses import replace
@@ -9,7 +10,7 @@ import pytest
 
 from bench.paired_ask import write
 from tests.cli.rig import done
-from tests.oracle import tiers_logs
+from tests.oracle import tiers_logs, tiers_rig
 from tests.oracle.questions import Question
 
 TIERS = {tier.name: tier for tier in tiers_logs.tiers()}
@@ -79,3 +80,12 @@ def test_a_speed_by_differences_of_counts_is_as_good_as_their_position(tmp_path,
     said, warnings = asked(tmp_path, question)
     assert "velocity has the noise of a difference of positions" in " ".join(warnings.split())
     assert (said["verdict"], said["probability"] > 0.9) == ((*question.hidden, "none")[0], True)
+
+
+def test_half_a_sample_of_delay_may_be_how_u_was_logged(tmp_path):
+    """Every fifth row of a loop at 1 kHz: u is sampled, and the log has nothing else that is wrong."""
+    base = {tier.name: tier for tier in tiers_rig.tiers()}["speed and 40,000 counts"].draw(230006)
+    rows = {name: x[::5] for name, x in base.channels.items()}
+    said, warnings = asked(tmp_path, replace(base, channels=rows, believed=base.truth))
+    assert (said["verdict"], said["probability"] <= 0.5) == ("delay", True)
+    assert "is signals.u_hold right?" in " ".join(warnings.split())

@@ -25,6 +25,7 @@ from dsd_cli.plant.model import PlantModel
 FOLLOWS_NOISE = (
     "the load of the model is not followed: its values, fitted again, would be nearly all of the inertia or none of it"
 )
+HALF_A_SAMPLE = "a u that was sampled, taken as held, is half a sample of delay, {:.3g} ms: is signals.u_hold right?"
 #: Golden section steps.
 STEPS = 30
 
@@ -96,6 +97,8 @@ def _fitted_values(search: Search) -> ParameterCheck:
     if wrong == DELAY and (late := _late_effects(search)):
         candidates = tuple(replace(c, indistinguishable_from=late if c.effect == DELAY else ()) for c in candidates)
     sure_of_it = min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), POLICY.surest)
+    if wrong == DELAY and 2.0 * abs(values[DELAY].value - believed.delay) < (step := problem.equations.sample_time):
+        sure_of_it, said = min(sure_of_it, POLICY.even), (*said, HALF_A_SAMPLE.format(500.0 * step))
     if wrong not in (INERTIA, DELAY):
         candidates = (_all_of_an_effect(search, wrong, score, refitted), *candidates)
     candidates = tuple(replace(c, probability=sure_of_it if c.effect == wrong else 0.0) for c in candidates)
@@ -118,10 +121,7 @@ def _at_the_logs_zero(search: Search) -> tuple[PlantModel, tuple[str, ...]]:
             if p.whole_turn and name in refitted:
                 effects[name][p.name] = refitted[name][p.name]
                 said.append(f"{name}.{p.name}")
-    names = " and ".join(said)
-    why = (
-        f"{names}: the position was put together from u and d_hat, so its zero is not known and the log's own is taken"
-    )
+    why = f"{' and '.join(said)}: the position was put together from u and d_hat, and its zero is not known"
     return replace(problem.model, effects=effects), (why,) if said else ()
 
 
