@@ -75,6 +75,8 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
     tables = [usable(table, given.values()) for table in sample.tables]
     if given:
         tables = [one for one in tables if set(given.values()) <= {c.name for c in one.channels}] or tables
+    else:
+        tables = [one for one in tables if not any(_is_part(one, other) for other in tables)]
     looks = [(by_names(table, given), table) for table in tables]
     best, table = max(looks, key=lambda item: _worth(*item))
     if not _whole(best.found):
@@ -91,20 +93,28 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
     return _completed(best, table, given, tuple(said))
 
 
+def _is_part(table: Table, other: Table) -> bool:
+    """Whether a table is one of the tests that another has one after the other."""
+    names = {one.name for one in other.channels}
+    return bool(table.name and not other.name) and names >= {
+        one.name.removeprefix(f"{table.name}/") for one in table.channels
+    }
+
+
 #: Share of itself that a supply's voltage keeps, which never changes its sign.
 _SAGS = 0.75
 
 
 def usable(table: Table, given: Collection[str] = ()) -> Table:
     """Without what never changes, is yes or no, or no number, supplies, and orientations in space, but for what is
-    asked for: a step or a relay has two levels as well."""
+    asked for; two levels may be a step or a relay, which are u."""
     turned = quaternions([one.name for one in table.channels]) - set(given)
 
     def kept(one: Channel) -> bool:
         facts = facts_of(one)
         levels = facts.kind == "boolean" and not one.boolean and (facts.low, facts.high) != (0.0, 1.0)
-        asked = one.name in given or (levels and "u" in recognise([one.name], {one.name: one.unit}))
-        idle = ("empty", "text") if asked else ("empty", "text", "constant", "boolean")
+        asked = one.name in given
+        idle = ("empty", "text") if asked else ("empty", "text", "constant", *(() if levels else ("boolean",)))
         supply = not asked and is_voltage(one.name, one.unit) and facts.low > _SAGS * facts.high
         return facts.kind not in idle and one.name not in turned and not supply
 
@@ -288,7 +298,7 @@ def _chosen(look: FirstLook, table: Table, roles: Roles) -> Chosen:
     taken = {one.column for one in found.values()}
     likely = [name for name in roles.causes if name not in taken]
     rest = [one.name for one in table.channels if one.name not in taken and one.name not in likely]
-    rest = [name for name in rest if roles.facts[name].moves and roles.facts[name].kind != "clock"]
+    rest = [name for name in rest if roles.facts[name].kind in ("signal", "drift", "boolean")]
     may = [name for name in (*likely, *rest) if not is_neither(name, look.units[name])]
     candidates = tuple(name for name in may if missing != "u" or not is_motion(name, look.units[name]))
     return Chosen(found, roles.found, look.clock, table, (), missing, candidates if missing else ())

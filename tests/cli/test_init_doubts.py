@@ -1,5 +1,6 @@
 """Names of an unknown log that what its channels do speaks against: turned back, doubted, or no motion at all."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from dsd_cli.files.config import load_config
 from dsd_cli.identify.roles import Channel, guess_roles
-from tests.cli.rig import done
+from tests.cli.rig import done, dsd
 from tests.files import strangers
 
 AXIS = strangers.axis()
@@ -95,3 +96,66 @@ def test_of_two_channels_without_names_none_is_u_where_each_explains_the_other(i
         v[k + 1] = v[k] + 2e-3 * (force[k] - 0.5 * v[k]) / inertia
     found = guess_roles([Channel("t", t), Channel("CH1", force), Channel("CH2", v)], {"time": "t"}).found
     assert (found["u"].column if "u" in found else None) == u
+
+
+def sysid_tests() -> dict[str, list[list[float]]]:
+    """Two tests of a motor under a step of voltage, as FRC teams log them without names: stamp, voltage, position and
+    velocity; rows of 5 ms, an encoder that is read every 20 ms and whose velocity is a mean of the last 100."""
+    found = {}
+    for name, begin, place, volts in (("forward", 68.0, 690.0, 7.0), ("backward", 79.0, 1050.0, -7.0)):
+        t = 5e-3 * np.arange(194)
+        since = np.maximum(t - 0.02, 0.0)
+        travel = 8.0 * volts * (since - 0.05 * (1.0 - np.exp(-since / 0.05)))
+        read = np.floor(t / 0.02) * 0.02
+        q = place + np.interp(read, t, travel)
+        v = (np.interp(read, t, travel) - np.interp(read - 0.1, t, travel)) / 0.1
+        rows = np.column_stack([begin + t, np.where(t > 0.0, volts, 0.0), q, v])
+        found[name] = np.round(rows, 6).tolist()
+    return found
+
+
+def test_of_two_tests_without_names_u_is_asked_for_and_then_the_rest_is_found(tmp_path: Path) -> None:
+    """The velocity, late and in steps, is no cause of the position; all tests count, not the last one alone."""
+    (tmp_path / "log.json").write_text(json.dumps(sysid_tests()))
+    result = dsd("init", "log.json", cwd=tmp_path)
+    assert result.returncode == 1
+    assert "which column is the control input (torque, force, current, voltage)? 2, 3, 4;" in result.stderr
+    done("init", "log.json", "--force", "--u", "2", cwd=tmp_path)
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.time, signals.u, signals.position, signals.velocity) == ("1", "2", "3", "4")
+
+
+def test_a_step_of_one_test_is_among_what_u_may_be(tmp_path: Path) -> None:
+    np.savetxt(tmp_path / "log.csv", sysid_tests()["backward"], "%.6f", ",")
+    result = dsd("init", "log.csv", cwd=tmp_path)
+    assert result.returncode == 1
+    listed = result.stderr.partition("voltage)? ")[2].partition(";")[0]
+    assert sorted(listed.split(", ")) == ["2", "3", "4"]
+
+
+@pytest.mark.parametrize("many", [2, 5, 12])
+def test_what_averages_u_is_neither_its_motion_nor_preferred_to_it(many: int) -> None:
+    """A moving mean has less noise, so that the motion explains more of it, and it explains u as a motion would."""
+    rng = np.random.default_rng(3)
+    t = 4e-3 * np.arange(3000)
+    v = np.sin(1.7 * t) + 0.5 * np.sin(5.1 * t)
+    u = 0.3 * np.gradient(v, t) + 0.4 * v + 0.2 * np.sign(v) + 0.35 * rng.standard_normal(t.size)
+    mean = np.convolve(u, np.ones(many) / many)[: t.size]
+    named = [Channel("t", t), Channel("v", v), Channel("mean", mean), Channel("raw", u)]
+    assert guess_roles(named, {"time": "t", "velocity": "v"}).found["u"].column == "raw"
+    rng.shuffle(v)
+    assert not {"u", "velocity", "position"} & guess_roles([named[0], *named[2:]], {"time": "t"}).found.keys()
+
+
+def test_the_speed_of_a_step_response_without_a_clock_is_no_position(tmp_path: Path) -> None:
+    """What the friction of a speed asks for is what a spring would ask for at that place."""
+    rng = np.random.default_rng(5)
+    u = np.repeat([5.0, 9.0, 6.0, 11.0, 8.0, 12.0, 7.0], 60)
+    w = np.zeros(u.size)
+    for k in range(u.size - 1):
+        w[k + 1] = w[k] + 0.1 * (28.0 * u[k] - w[k])
+    measured = w + 2.0 * rng.standard_normal(u.size)
+    np.savetxt(tmp_path / "log.csv", np.column_stack([u, measured]), "%.3f", ",", header="input,output", comments="")
+    done("init", "log.csv", "--set", "signals.sample_time=0.01", cwd=tmp_path)
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.u, signals.velocity) == ("input", "output")

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.identify.roles.facts import lag_of
+from dsd_cli.identify.roles.facts import SPANS, lag_of, slope_of
 from dsd_cli.signals.log import Array
 
 #: Blocks of rows that are averaged into one, at most so many of them; two such sizes are tried.
@@ -21,17 +21,23 @@ PARTS = 10
 ROWS_PER_COLUMN = 8
 #: A later lag, or another cause, is the better one from this much more of the variance on.
 BETTER = 0.005
+#: Nearer than this to another share it could be that one as well.
+AS_WELL = 0.05
 #: A channel of which one column of the motion alone leaves less than this is that column in another unit.
 SAME = 0.015
-_CONSTANT = 3  # among the columns of the motion
+_CONSTANT, _FREE = 3, 4  # among the columns of the motion; those before have no place
 
 
 class Cause(NamedTuple):
-    """`share` of the channel's variance that the motion explains in rows held out; `alone`: by one column alone."""
+    """`share` of the channel's variance that the motion explains in rows held out; `alone`: by one column alone.
+
+    `placed` : without the place the motion explains less.
+    """
 
     share: float
     alone: float
     lag: int
+    placed: bool = False
 
 
 def motion_columns(dt: float, x: Array, kind: str, size: int) -> Array:
@@ -71,7 +77,7 @@ def cause_of(dt: float, x: Array, kind: str, u: Array) -> Cause:
             share = _held_out(columns, y)
             if share > best.share + BETTER:
                 alone = max(_held_out(columns[:, [k, _CONSTANT]], y) for k in range(columns.shape[1]) if k != _CONSTANT)
-                best = Cause(share, alone, lag)
+                best = Cause(share, alone, lag, _held_out(columns[:, :_FREE], y) < share - AS_WELL)
     return best
 
 
@@ -98,6 +104,9 @@ def _held_out(columns: Array, y: Array) -> float:
 TWINS = 0.05
 #: And their variances are alike within this factor.
 ALIKE = 2.0
+#: An average over some samples is compared with that of another channel where the log has so many of them one after the
+#: other: both in the same numbers, these are not alike by chance.
+WINDOWS = 5
 #: Longest time by which a measured position comes after the one that was asked for, samples.
 LONGEST = 200
 AS_TOLD, ONLY_CAUSE = "as you say", "only what makes it move says so"
@@ -123,7 +132,8 @@ class Motion(NamedTuple):
 class Look:
     """What is known so far: values without holes, on steps of `dt` (1 where there is no clock).
 
-    `rivals` : columns that could be u as well as the one that is called so.
+    `rivals` : columns that could be u as well as the one that is called so. `steps` : those of two levels, which no
+    motion explains, and one of which may be u.
     """
 
     values: dict[str, Array]
@@ -133,6 +143,7 @@ class Look:
     never_motion: frozenset[str] = frozenset()
     never_cause: frozenset[str] = frozenset()
     rivals: frozenset[str] = frozenset()
+    steps: frozenset[str] = frozenset()
     causes: dict[str, Cause] = field(default_factory=dict)
 
     def free(self) -> list[str]:
@@ -150,9 +161,23 @@ def lead_of(x: Array, y: Array) -> int | None:
     return lag if float(np.mean((b - a) ** 2)) < TWINS * power else None
 
 
+def averages(x: Array, y: Array) -> bool:
+    """Whether y is x with its noise averaged over the samples before: what is slow in both is the same."""
+    if not float(np.var(y)) < float(np.var(x)):
+        return False
+    sums = [np.concatenate([[0.0], np.cumsum(one - x[0])]) for one in (x, y)]
+    for span in SPANS:
+        if x.size < WINDOWS * span:
+            return False
+        lead = lead_of(*((one[span:] - one[:-span]) / span for one in sums))
+        if lead is not None:
+            return lead >= 0
+    return False
+
+
 #: A channel makes an axis move from this share of it on that the motion explains; below the second it is a guess to ask
-#: about; nearer than the third to the next best it could be that one as well.
-IS_CAUSE, CLEARLY, AS_WELL = 0.3, 0.7, 0.05
+#: about.
+IS_CAUSE, CLEARLY = 0.3, 0.7
 
 
 def find_cause(look: Look) -> None:
@@ -169,24 +194,55 @@ def find_cause(look: Look) -> None:
     if not known:
         kinds = ("velocity", "position")
         motions = [Motion(name, kind) for name in look.free() for kind in kinds if name not in look.never_motion]
+    best = _best(look, motions, candidates, known)
+    if best is None or best[0] < (IS_CAUSE if known else CLEARLY):
+        return
+    if not known and "u" not in found and _as_likely(look, *best):
+        return
+    _take(look, *_raw(look, *best, candidates))
+
+
+def _best(
+    look: Look, motions: Sequence[Motion], candidates: Sequence[str], known: bool
+) -> tuple[float, Motion, str] | None:
+    """What is explained best, how well, and by which motion; `known`: there is no doubt that these are motions."""
     best: tuple[float, Motion, str] | None = None
+    of_speed: dict[tuple[str, str], float] = {}
     for motion in motions:
+        x = look.values[motion.column]
         for name in candidates:
-            if name == motion.column or lead_of(look.values[motion.column], look.values[name]) is not None:
+            y = look.values[name]
+            if name == motion.column or lead_of(x, y) is not None:
                 continue
-            cause = cause_of(look.dt, look.values[motion.column], motion.kind, look.values[name])
+            if not known and (averages(x, y) or averages(y, x)):
+                continue
+            cause = cause_of(look.dt, x, motion.kind, y)
             if cause.alone > 1.0 - SAME:  # the motion itself in another unit
                 continue
             if cause.share > look.causes.get(name, Cause(0.0, 0.0, 0)).share:
                 look.causes[name] = cause
+            simpler = max(cause.alone, of_speed.setdefault((motion.column, name), cause.share))
             if best is None or cause.share > best[0] + BETTER:
-                best = cause.share, motion, name
-    if best is None or best[0] < (IS_CAUSE if known else CLEARLY):
-        return
-    turned = look.causes.get(best[1].column, Cause(0.0, 0.0, 0)).share > best[0] - AS_WELL
-    if not known and "u" not in found and (turned or _as_well(look, *best)):
-        return  # neither the motion nor what causes it is known, and others, or these two turned, do as well: ask
-    _take(look, *best)
+                speed = not known and cause.placed and simpler > cause.share - AS_WELL  # whose friction it is
+                best = cause.share, motion._replace(kind="velocity") if speed else motion, name
+    return best
+
+
+def _as_likely(look: Look, share: float, motion: Motion, name: str) -> bool:
+    """Whether, where neither the motion nor what causes it is known, others do as well: these two turned, another u,
+    or these two as position and velocity with one of the others for u."""
+    turned = look.causes.get(motion.column, Cause(0.0, 0.0, 0)).share > share - AS_WELL
+    others = {*look.free(), *look.steps} - look.never_cause - {motion.column, name}
+    slope = slope_of(look.t, look.values[motion.column], look.values[name], WINDOWS)
+    return bool(turned or (others and slope.share > share - AS_WELL) or _as_well(look, share, motion, name))
+
+
+def _raw(look: Look, share: float, motion: Motion, name: str, candidates: Sequence[str]) -> tuple[float, Motion, str]:
+    """The same with the channel that was averaged to make what is explained best: that is late, and no cause."""
+    mine = look.values[name]
+    raw = [one for one in candidates if one not in (name, motion.column) and averages(look.values[one], mine)]
+    best = max(raw, key=lambda one: look.causes[one].share if one in look.causes else 0.0, default=name)
+    return (share, motion, name) if best == name else (look.causes[best].share, motion, best)
 
 
 def _doubt_cause(look: Look, motions: Sequence[Motion]) -> None:

@@ -90,6 +90,8 @@ LAGS = 40
 BETTER_SLOPE = 1e-3
 #: No axis goes through more than this share of its travel from one row to the next: there its position wraps.
 WRAPS = 0.5
+#: Rows farther apart than this many of the usual steps are of two recordings, one after the other.
+PAUSE = 10.0
 
 
 class Slope(NamedTuple):
@@ -101,18 +103,18 @@ class Slope(NamedTuple):
     span: int
 
 
-def slope_of(t: Array, p: Array, w: Array) -> Slope:
+def slope_of(t: Array, p: Array, w: Array, fewest: int = FEWEST) -> Slope:
     """How well `w` is the slope of `p`: over spans of samples the mean of w is the increase of p by their length.
 
     Parameters
     ----------
-    t : s (or any unit: the scale is per that), rising, shape (n,); p, w : finite, shape (n,).
+    t : s (or any unit: the scale is per that), rising, shape (n,); p, w : finite, shape (n,). fewest : windows of a span.
     """
     best = Slope(0.0, 0.0, 0, 1)
-    p = _unwrapped(p)
+    t, p = _continued(t, p)
     area = np.concatenate([[0.0], np.cumsum(0.5 * (w[1:] + w[:-1]) * np.diff(t))])
     for span in SPANS:
-        if t.size < FEWEST * span:
+        if t.size < fewest * span:
             break
         length = t[span:] - t[:-span]
         slope = (p[span:] - p[:-span]) / length
@@ -129,14 +131,17 @@ def slope_of(t: Array, p: Array, w: Array) -> Slope:
     return best
 
 
-def _unwrapped(p: Array) -> Array:
-    """The same with the steps of the rows around it where it wraps, or where a value is none of the axis's."""
-    steps = np.diff(p)
-    far = np.abs(steps) > WRAPS * np.ptp(p)
+def _continued(t: Array, p: Array) -> tuple[Array, Array]:
+    """The same with the steps of the rows around it where the position wraps, where a value is none of the axis's,
+    and between two recordings."""
+    steps, apart = np.diff(p), np.diff(t)
+    far = (np.abs(steps) > WRAPS * np.ptp(p)) | (apart > PAUSE * np.median(apart))
     if far.all():
-        return p
-    steps[far] = np.interp(np.flatnonzero(far), np.flatnonzero(~far), steps[~far])
-    return np.concatenate([p[:1], p[0] + np.cumsum(steps)])
+        return t, p
+    near = np.flatnonzero(~far)
+    for change in (steps, apart):
+        change[far] = np.interp(np.flatnonzero(far), near, change[near])
+    return t[0] + np.concatenate([[0.0], np.cumsum(apart)]), p[0] + np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def lag_of(x: Array, y: Array, longest: int) -> int:

@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.identify.roles.control_input import AS_TOLD, ONLY_CAUSE, Guess, Look, find_cause, lead_of
-from dsd_cli.identify.roles.facts import BETTER_SLOPE, Channel, Facts, facts_of, slope_of
+from dsd_cli.identify.roles.facts import BETTER_SLOPE, Channel, Facts, Slope, facts_of, slope_of
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.rounding import ROUNDING
 
 #: A channel is the slope of another from this share of its square on.
 IS_SLOPE = 0.98
+#: Beside a u that is known it is from this one on: it is not the force that an acceleration asks for.
+IS_SLOPE_BESIDE_U = 0.9
 #: And wholly that from this share on.
 WHOLLY = 0.995
 #: Rows and channels that are looked at.
@@ -66,7 +68,8 @@ def guess_roles(
     if "time" not in found and (clock := _clock(facts)) is not None:
         found["time"] = clock
     look = _looked(by_name, facts, found, scale)
-    look = Look(look.values, look.t, look.dt, found, forces, motions, rivals)
+    steps = frozenset(name for name, one in facts.items() if one.kind == "boolean" and (one.low, one.high) != (0.0, 1.0))
+    look = Look(look.values, look.t, look.dt, found, forces, motions, rivals, steps)
     if look.t.size >= FEWEST:
         _find_motion(look)
         _doubt_reference(look)
@@ -144,7 +147,9 @@ def _find_motion(look: Look) -> None:
             if one == other:
                 continue
             slope = slope_of(look.t, look.values[one], look.values[other])
-            if slope.share > IS_SLOPE and (best is None or slope.share > best[0] + BETTER_SLOPE):
+            if slope.share <= IS_SLOPE and not ("u" in found and _swings(look, one, other, slope)):
+                continue
+            if best is None or slope.share > best[0] + BETTER_SLOPE:
                 best = slope.share, one, other, slope.lag, slope.span
     if best is None:
         return
@@ -155,6 +160,15 @@ def _find_motion(look: Look) -> None:
         found["position"] = Guess(one, f"{other} is its slope{averaged}")
     if not w:
         found["velocity"] = Guess(other, f"it is the slope of {one}{averaged}", doubt)
+
+
+def _swings(look: Look, p: str, w: str, slope: Slope) -> bool:
+    """Whether w is the slope of p beside a u that is known, without what any constant is to any drift."""
+    if slope.share <= IS_SLOPE_BESIDE_U:
+        return False
+    mean = float(look.values[w].mean())
+    swing = slope_of(look.t, look.values[p] - mean / slope.scale * look.t, look.values[w] - mean)
+    return swing.share > IS_SLOPE_BESIDE_U
 
 
 def _doubt_motion(look: Look, p: str, w: str, free: Sequence[str]) -> None:
