@@ -49,7 +49,8 @@ def columns(
 
 def _described(table: Table) -> list[Column]:
     """The channels of a table, with what each may be."""
-    from dsd_cli.cli.init_roles import by_names, roles_of, usable
+    from dsd_cli.cli.init_roles import by_names, roles_of
+    from dsd_cli.cli.init_union import usable
     from dsd_cli.identify.roles import Guess, facts_of
     from dsd_cli.report.columns import Column
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from dsd_cli.cli.init_stamps import with_even_stamps
-from dsd_cli.cli.init_union import by_units, clock_of, forces_in, is_clock, union_of
+from dsd_cli.cli.init_union import by_units, clock_of, forces_in, is_clock, is_part, union_of, usable
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.first_look import FirstLook, time_unit_of
 from dsd_cli.files.joints import joint_that_moves
@@ -24,8 +24,8 @@ from dsd_cli.files.recognise import (
     recognise,
     unit_in,
 )
-from dsd_cli.files.sample import Channel, Sample, Table
-from dsd_cli.files.words import TIME_UNITS, quaternions
+from dsd_cli.files.sample import Sample, Table
+from dsd_cli.files.words import TIME_UNITS
 from dsd_cli.identify.roles import Guess, Roles, facts_of, guess_roles
 from dsd_cli.signals.clock import TIME_SCALE
 from dsd_cli.signals.log import Array
@@ -76,7 +76,7 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
     if given:
         tables = [one for one in tables if set(given.values()) <= {c.name for c in one.channels}] or tables
     else:
-        tables = [one for one in tables if not any(_is_part(one, other) for other in tables)]
+        tables = [one for one in tables if not any(is_part(one, other) for other in tables)]
     looks = [(by_names(table, given), table) for table in tables]
     best, table = max(looks, key=lambda item: _worth(*item))
     if not _whole(best.found):
@@ -91,34 +91,6 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
     best, said = _joint(path, sample, best) if not given else (best, [])
     table = replace(table, channels=tuple(one for one in table.channels if one.name in best.columns))
     return _completed(best, table, given, tuple(said))
-
-
-def _is_part(table: Table, other: Table) -> bool:
-    """Whether a table is one of the tests that another has one after the other."""
-    names = {one.name for one in other.channels}
-    return bool(table.name and not other.name) and names >= {
-        one.name.removeprefix(f"{table.name}/") for one in table.channels
-    }
-
-
-#: Share of itself that a supply's voltage keeps, which never changes its sign.
-_SAGS = 0.75
-
-
-def usable(table: Table, given: Collection[str] = ()) -> Table:
-    """Without what never changes, is yes or no, or no number, supplies, and orientations in space, but for what is
-    asked for; two levels may be a step or a relay, which are u."""
-    turned = quaternions([one.name for one in table.channels]) - set(given)
-
-    def kept(one: Channel) -> bool:
-        facts = facts_of(one)
-        levels = facts.kind == "boolean" and not one.boolean and (facts.low, facts.high) != (0.0, 1.0)
-        asked = one.name in given
-        idle = ("empty", "text") if asked else ("empty", "text", "constant", *(() if levels else ("boolean",)))
-        supply = not asked and is_voltage(one.name, one.unit) and facts.low > _SAGS * facts.high
-        return facts.kind not in idle and one.name not in turned and not supply
-
-    return replace(table, channels=tuple(filter(kept, table.channels)))
 
 
 def _joint(path: str, sample: Sample, look: FirstLook) -> tuple[FirstLook, list[str]]:

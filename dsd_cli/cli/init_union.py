@@ -1,17 +1,47 @@
-"""Channels that are in several tables, each with its clock: what units and names say, as nothing else can be said."""
+"""Tables, and what of them is looked at: usable channels; those in several tables, each with its clock, of which units
+and names say what they are, as nothing else can be said."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from dsd_cli.files.first_look import FirstLook
-from dsd_cli.files.recognise import Recognised, is_motion, is_neither, role_of_unit
+from dsd_cli.files.recognise import Recognised, is_motion, is_neither, is_voltage, role_of_unit
 from dsd_cli.files.sample import Table
-from dsd_cli.identify.roles import Channel, facts_of
+from dsd_cli.files.words import quaternions
+from dsd_cli.signals.facts import Channel, facts_of
 
 #: How evenly a clock rises that has another name.
 EVEN = 1e-3
+
+
+def is_part(table: Table, other: Table) -> bool:
+    """Whether a table is one of the tests that another has one after the other."""
+    names = {one.name for one in other.channels}
+    return bool(table.name and not other.name) and names >= {
+        one.name.removeprefix(f"{table.name}/") for one in table.channels
+    }
+
+
+#: Share of itself that a supply's voltage keeps, which never changes its sign.
+_SAGS = 0.75
+
+
+def usable(table: Table, given: Collection[str] = ()) -> Table:
+    """Without what never changes, is yes or no, or no number, supplies, and orientations in space, but for what is
+    asked for; two levels may be a step or a relay, which are u."""
+    turned = quaternions([one.name for one in table.channels]) - set(given)
+
+    def kept(one: Channel) -> bool:
+        facts = facts_of(one)
+        levels = facts.kind == "boolean" and not one.boolean and (facts.low, facts.high) != (0.0, 1.0)
+        asked = one.name in given
+        idle = ("empty", "text") if asked else ("empty", "text", "constant", *(() if levels else ("boolean",)))
+        supply = not asked and is_voltage(one.name, one.unit) and facts.low > _SAGS * facts.high
+        return facts.kind not in idle and one.name not in turned and not supply
+
+    return replace(table, channels=tuple(filter(kept, table.channels)))
 
 
 def union_of(tables: Sequence[Table]) -> Table:

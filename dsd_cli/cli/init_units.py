@@ -10,7 +10,7 @@ import numpy as np
 
 from dsd_cli.files.recognise import Recognised
 from dsd_cli.files.sample import Table
-from dsd_cli.identify.roles import slope_of
+from dsd_cli.signals.facts import slope_of
 from dsd_cli.signals.units import POSITION, VELOCITY
 
 #: The velocity is the slope of the position from this share of its square on; two scales nearer than that are the same.

@@ -15,7 +15,7 @@ from dsd_cli.files.formats.long_form import ROWS, long_form, peeked
 from dsd_cli.files.parquet_in import ParquetTable
 from dsd_cli.files.table_source import read_head
 from dsd_cli.files.tables_in import is_stream, open_table
-from dsd_cli.identify.roles import Channel
+from dsd_cli.signals.facts import Channel
 from dsd_cli.signals.log import Array
 
 #: Channels of a table that are looked at.

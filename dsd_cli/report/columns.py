@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.identify.roles import Channel, Facts
 from dsd_cli.report.head import head
 from dsd_cli.report.live import BLOCKS, PLAIN, sparkline
 from dsd_cli.report.terminal import console as terminal
 from dsd_cli.report.terminal import escaped
+from dsd_cli.signals.facts import Channel, Facts
 
 #: First values that are shown, and characters of the line that shows how a channel runs.
 FIRST, WIDTH = 3, 24

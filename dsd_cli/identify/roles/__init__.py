@@ -3,7 +3,7 @@
 found = guess_roles(channels, named)     # named: roles that names and units have given already
 """
 
-from dsd_cli.identify.roles.facts import Channel, Facts, Slope, facts_of, slope_of
 from dsd_cli.identify.roles.guess import Guess, Roles, guess_roles
+from dsd_cli.signals.facts import Channel, Facts, Slope, facts_of, slope_of
 
 __all__ = ["Channel", "Facts", "Guess", "Roles", "Slope", "facts_of", "guess_roles", "slope_of"]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.identify.roles.facts import SPANS, lag_of, slope_of
+from dsd_cli.signals.facts import SPANS, lag_of, slope_of
 from dsd_cli.signals.log import Array
 
 #: Blocks of rows that are averaged into one, at most so many of them; two such sizes are tried.

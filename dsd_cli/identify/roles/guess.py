@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.identify.roles.control_input import AS_TOLD, ONLY_CAUSE, Guess, Look, find_cause, lead_of
-from dsd_cli.identify.roles.facts import BETTER_SLOPE, Channel, Facts, Slope, facts_of, slope_of
+from dsd_cli.signals.facts import BETTER_SLOPE, Channel, Facts, Slope, facts_of, slope_of
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.rounding import ROUNDING
 
@@ -68,7 +68,7 @@ def guess_roles(
     if "time" not in found and (clock := _clock(facts)) is not None:
         found["time"] = clock
     look = _looked(by_name, facts, found, scale)
-    steps = frozenset(name for name, one in facts.items() if one.kind == "boolean" and (one.low, one.high) != (0.0, 1.0))
+    steps = frozenset(n for n, one in facts.items() if one.kind == "boolean" and (one.low, one.high) != (0.0, 1.0))
     look = Look(look.values, look.t, look.dt, found, forces, motions, rivals, steps)
     if look.t.size >= FEWEST:
         _find_motion(look)

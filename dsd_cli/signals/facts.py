@@ -108,7 +108,8 @@ def slope_of(t: Array, p: Array, w: Array, fewest: int = FEWEST) -> Slope:
 
     Parameters
     ----------
-    t : s (or any unit: the scale is per that), rising, shape (n,); p, w : finite, shape (n,). fewest : windows of a span.
+    t : s (or any unit: the scale is per that), rising, shape (n,); p, w : finite, shape (n,).
+    fewest : windows of a span.
     """
     best = Slope(0.0, 0.0, 0, 1)
     t, p = _continued(t, p)
