@@ -99,15 +99,16 @@ def _asked(named: dict[str, str], override: list[str], quiet: bool) -> Asked:
     from dsd_cli.errors import UsageError
     from dsd_cli.files.config import parse_config
     from dsd_cli.files.config.overrides import with_values
+    from dsd_cli.files.config.signals import COLUMNS
 
     tables = with_values({}, override)
     values = {(section, key): value for section, keys in tables.items() for key, value in dict(keys).items()}
     if any(isinstance(value, dict) for value in values.values()):
         raise UsageError("--set of init takes SECTION.KEY=VALUE", "write deeper keys into the config itself")
-    csv = parse_config("").override([text for text in override if text.startswith("csv.")]).csv
+    csv = parse_config("").override([text for text in override if text.startswith(("csv.", "signals."))]).csv
     person = not quiet and sys.stdin.isatty() and sys.stderr.isatty()
-    columns = {role: values[("signals", role)] for role in _NAMED if isinstance(values.get(("signals", role)), str)}
-    named = {role: column for role, column in columns.items() if column} | named
+    columns = {role: str(values[("signals", role)]) for role in COLUMNS if values.get(("signals", role))}
+    named = columns | named
     return Asked(named, values, csv.layout, _question if person else None)
 
 

@@ -14,13 +14,13 @@ from dsd_cli.cli.init_proposal import (
     UNITS,
     Proposal,
     answer_unit,
+    as_told,
     drop_open,
     factors_of,
     is_open,
     name_unit,
     questions,
     settle_units,
-    with_units,
 )
 from dsd_cli.cli.init_questions import column_question, step_question, without_coarse_stamps
 from dsd_cli.cli.init_roles import Chosen, choose
@@ -86,7 +86,7 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
         answer = asked.ask(chosen.missing, chosen.candidates)
         asked = asked._replace(given={**asked.given, chosen.missing: answer})
         chosen = choose(source_name(name), looked, asked.given)
-    chosen = with_units(without_coarse_stamps(chosen), asked.values)
+    chosen = without_coarse_stamps(as_told(chosen, asked.values))
     out.said += chosen.said
     _name_columns(chosen, out)
     if "dsd_version" in metadata_of(path):  # our own logs are in SI

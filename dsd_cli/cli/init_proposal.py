@@ -45,11 +45,14 @@ class Proposal:
             self.said.append(f"{key} = {self.values[section, key]}: {why}")
 
 
-def with_units(chosen: Chosen, values: Mapping[tuple[str, str], object]) -> Chosen:
-    """With the units that the user gave for position and velocity."""
-    found = dict(chosen.found)
-    for role in ("position", "velocity"):
-        unit = values.get(("signals", f"{role}_unit"))
+def as_told(chosen: Chosen, values: Mapping[tuple[str, str], object]) -> Chosen:
+    """With the units that the user gave, and without what he says is not to be looked for."""
+    told = {key: value for (section, key), value in values.items() if section == "signals"}
+    if "sample_time" in told and not told.get("time"):
+        told["time"] = ""
+    found = {role: one for role, one in chosen.found.items() if told.get(role) != ""}
+    for role in ("time", "position", "velocity"):
+        unit = told.get(f"{role}_unit")
         if role in found and isinstance(unit, str) and unit != UNKNOWN:
             found[role] = replace(found[role], unit=unit)
     return replace(chosen, found=found)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.cli.init_roles import Chosen, Coarse, step_in
+from dsd_cli.cli.init_roles import GIVEN, Chosen, Coarse, step_in
 from dsd_cli.cli.init_units import step_of
 from dsd_cli.errors import printable
 from dsd_cli.files.first_look import time_unit_of
@@ -58,8 +58,8 @@ def step_question(path: str, chosen: Chosen, given: Mapping[str, str], text: str
         velocity, position = (chosen.found[role].column for role in ("velocity", "position"))
         what += f'; {value} if "{velocity}" and "{position}" are in units that belong together (rad/s and rad)'
     text = with_value(text, "signals", "sample_time", "0.0", "# <- MISSING: s from row to row")
-    options = " ".join(f"--{role} {shlex.quote(column)}" for role, column in given.items())
-    command = f"dsd init {shlex.quote(path)} --force {options + ' ' * bool(options)}--set signals.sample_time={value}"
+    options = _options({role: column for role, column in given.items() if role in GIVEN})
+    command = f"dsd init {shlex.quote(path)} --force {options}--set signals.sample_time={value}"
     return Question(text, what, command)
 
 
@@ -71,10 +71,14 @@ def column_question(path: str, chosen: Chosen, given: Mapping[str, str], text: s
         text, "signals", chosen.missing, '""', printable(f"# <- MISSING: {what}{listed and f'; one of {listed}'}")
     )
     moves = any(one in chosen.found for one in ("d_hat", "velocity", "position"))
-    named = {role: column for role, column in given.items() if role != "u"}
+    named = {role: column for role, column in given.items() if role in GIVEN and role != "u"}
     named = {"u": given.get("u", chosen.found["u"].column if "u" in chosen.found else "NAME"), **named}
     if not moves:
         named.setdefault("position", "NAME")
-    options = " ".join(f"--{role} {shlex.quote(column)}" for role, column in named.items())
-    command = f"dsd init {shlex.quote(path)} --force {options}"
-    return Question(text, f"which column is {what}? {listed or 'none looks like it'}", command)
+    command = f"dsd init {shlex.quote(path)} --force {_options(named)}".rstrip()
+    speed = " (--velocity NAME, if it is a speed)" * (chosen.missing != "u")
+    return Question(text, f"which column is {what}{speed}? {listed or 'none looks like it'}", command)
+
+
+def _options(named: Mapping[str, str]) -> str:
+    return "".join(f"--{role} {shlex.quote(column)} " for role, column in named.items())

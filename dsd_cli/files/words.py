@@ -57,7 +57,7 @@ IDLE = {"pose", "translation", "stamp"}
 #: Unit of a time -> its name in the config.
 TIME_UNITS = {
     "s": "s", "sec": "s", "second": "s", "seconds": "s", "milliseconds": "ms",
-    "ms": "ms", "msec": "ms", "millis": "ms", "micros": "us", "us": "us", "ns": "ns",
+    "ms": "ms", "msec": "ms", "millis": "ms", "micros": "us", "us": "us", "ns": "ns", "100ns": "100ns",
 }  # fmt: skip
 #: Channel -> unit in a log -> what the config calls it; of u with what its column is multiplied by.
 NAMED: Mapping[str, Mapping[str, str]] = {

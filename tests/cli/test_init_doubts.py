@@ -8,7 +8,7 @@ import pytest
 
 from dsd_cli.files.config import load_config
 from dsd_cli.identify.roles import Channel, guess_roles
-from tests.cli.rig import done, dsd
+from tests.cli.rig import done, dsd, refused
 from tests.files import strangers
 
 AXIS = strangers.axis()
@@ -159,3 +159,34 @@ def test_the_speed_of_a_step_response_without_a_clock_is_no_position(tmp_path: P
     done("init", "log.csv", "--set", "signals.sample_time=0.01", cwd=tmp_path)
     signals = load_config(tmp_path / "dsd.toml").signals
     assert (signals.u, signals.velocity) == ("input", "output")
+
+
+def told(folder: Path, *values: str) -> tuple[str, object]:
+    """What `init` says of a log whose stamps are tenths of microseconds, where these are told, and its [signals]."""
+    t = 1e-3 * np.arange(3000)
+    v = np.sin(3.0 * t) + 0.5 * np.sin(11.0 * t)
+    q, a = np.cumsum(v) * 1e-3, np.gradient(v, t)
+    u = 0.02 * a + 0.1 * v + 0.05 * np.sign(v)
+    table = np.column_stack([np.round(1e7 * t), u, q, v, 0.01 * a - u])
+    np.savetxt(folder / "log.csv", table, "%.8g", ",", header="ticks,torque,pos,vel,zz", comments="")
+    options = [word for value in values for word in ("--set", f"signals.{value}")]
+    said = done("init", "log.csv", "--force", *options, cwd=folder).stderr
+    return said, load_config(folder / "dsd.toml").signals
+
+
+def test_what_is_set_of_the_signals_is_seen_while_the_rest_is_guessed(tmp_path: Path) -> None:
+    said, _ = told(tmp_path)
+    assert "steps of 10000 are taken as us" in said  # no name says it, and a servo may have 10 ms as well
+    said, signals = told(tmp_path, "time_unit=100ns")
+    assert "sample time 0.001 s" in said
+    assert "velocity_scale" not in said
+    said, signals = told(tmp_path, "sample_time=0.001")
+    assert (signals.time, signals.sample_time) == (None, 0.001)
+    assert "sample time 0.001 s" in said
+    said, signals = told(tmp_path, "velocity=", "time_unit=100ns")
+    assert 'velocity = "vel"' not in said
+    assert (signals.velocity, signals.position) == (None, "pos")
+    for name in ("zz", "5"):
+        said, signals = told(tmp_path, f"d_hat={name}", "time_unit=100ns")
+        assert 'd_hat = "zz": as you say' in said
+    refused(dsd("init", "log.csv", "--force", "--set", "signals.d_hat=nix", cwd=tmp_path), 2, 'no column "nix"')

@@ -30,7 +30,7 @@ def with_values(written: Mapping[str, Any], texts: Iterable[str]) -> dict[str, A
             raise UsageError(f"--set {text}", "write KEY=VALUE, such as model.inertia=0.7")
         if len(parts) > DEEPEST:
             raise UsageError(f"--set {parts[0]}...", f"a key of {len(parts)} levels; a config has at most five")
-        column = parts[0] == "signals" and parts[1:] in ([name] for name in COLUMNS)
+        column = parts[0] == "signals" and (parts[1:] in ([name] for name in COLUMNS) or dotted.endswith("_unit"))
         _put(tables, parts, _value(value, f"--set {text}", column), f"--set {text}")
     return tables
 
@@ -77,12 +77,12 @@ def _put(tables: dict[str, Any], parts: list[str], value: Any, option: str) -> N
 
 def _value(text: str, option: str, column: bool = False) -> Any:
     """A TOML value; a bare word, which TOML would want quoted, is a text, and so is nothing at all; of a `column` any
-    words are, as "Voltaje (V)"."""
+    words are, as "Voltaje (V)", and its number."""
     text = text.strip() or '""'
     try:
         parsed = tomllib.loads(f"value = {text}")
         if len(parsed) == 1:
-            return parsed["value"]
+            return text if column and type(parsed["value"]) is int else parsed["value"]
     except RecursionError:
         raise UsageError(option.partition("=")[0], "its value is nested too deeply") from None
     except tomllib.TOMLDecodeError:
