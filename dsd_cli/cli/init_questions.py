@@ -76,8 +76,8 @@ def column_question(path: str, chosen: Chosen, given: Mapping[str, str], text: s
     if not moves:
         named.setdefault("position", "NAME")
     command = f"dsd init {shlex.quote(path)} --force {_options(named)}".rstrip()
-    speed = " (--velocity NAME, if it is a speed)" * (chosen.missing != "u")
-    return Question(text, f"which column is {what}{speed}? {listed or 'none looks like it'}", command)
+    speed = " (--velocity NAME, if it is a speed)" * bool(listed and chosen.missing != "u")
+    return Question(text, f"which column is {what}? {listed or 'none looks like it'}{speed}", command)
 
 
 def _options(named: Mapping[str, str]) -> str:

@@ -96,6 +96,10 @@ class CsvTable:
         beside |= {self._split.name: "s"} if self._split else {}
         return beside if units is None else dict(zip(header.names, units, strict=False)) | beside
 
+    @property
+    def delimiter(self) -> str:
+        return self._dialect.header.delimiter
+
     def peek(self) -> dict[str, Any]:
         """Column -> Arrow array of about its first megabytes, of what Arrow takes it for; none without rows."""
         import pyarrow as pa

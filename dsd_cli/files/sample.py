@@ -12,6 +12,7 @@ from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.formats.base import Container, Group
 from dsd_cli.files.formats.known import HEAD_BYTES, LONG, format_of, is_bag, open_container
 from dsd_cli.files.formats.long_form import ROWS, long_form, peeked
+from dsd_cli.files.label_runs import split_note
 from dsd_cli.files.parquet_in import ParquetTable
 from dsd_cli.files.table_source import read_head
 from dsd_cli.files.tables_in import is_stream, open_table
@@ -61,9 +62,11 @@ def sample(path: str, layout: CsvLayout | None = None) -> Sample:
     if long_form(table, first) is not None:
         return _of_container(open_container(path, LONG))
     if isinstance(table, ParquetTable):
-        return Sample((Table("", tuple(_of_arrow(first, {})), table.rows),))
+        notes = filter(None, [split_note(path, first)])
+        return Sample((Table("", tuple(_of_arrow(first, {})), table.rows),), tuple(notes))
     channels = tuple(_of_arrow(first, table.units))
-    return Sample((Table("", channels, None),), tuple(table.warnings), table.sample_time)
+    notes = filter(None, [*table.warnings, split_note(path, first, table.delimiter)])
+    return Sample((Table("", channels, None),), tuple(notes), table.sample_time)
 
 
 def _of_container(file: Container) -> Sample:

@@ -1,6 +1,7 @@
 """Names of an unknown log that what its channels do speaks against: turned back, doubted, or no motion at all."""
 
 import json
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -190,3 +191,32 @@ def test_what_is_set_of_the_signals_is_seen_while_the_rest_is_guessed(tmp_path: 
         said, signals = told(tmp_path, f"d_hat={name}", "time_unit=100ns")
         assert 'd_hat = "zz": as you say' in said
     refused(dsd("init", "log.csv", "--force", "--set", "signals.d_hat=nix", cwd=tmp_path), 2, 'no column "nix"')
+
+
+def runs_of_motors(folder: Path) -> Path:
+    """Steps of motors one after the other, with the motor and its direction beside them, as test benches log them."""
+    lines = ["time,motor,pwm,direction,speed"]
+    for motor, gain in (("M1", 2.0), ("M2", 2.4)):
+        for pwm, way in ((10, "FWD"), (-10, "REV")):
+            t = 0.02 * np.arange(60)
+            v = gain * pwm * (1.0 - np.exp(-t / 0.15))
+            lines += [f"{a:.3f},{motor},{pwm},{way},{b:.5f}" for a, b in zip(t, v, strict=True)]
+    return strangers.text(folder, "bench.csv", lines)
+
+
+def test_words_beside_runs_name_no_channels_and_the_command_that_keeps_one_axis_does(tmp_path: Path) -> None:
+    said = done("init", runs_of_motors(tmp_path).name, cwd=tmp_path).stderr
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.time, signals.u, signals.velocity) == ("time", "pwm", "speed")
+    assert "motor (M1, M2) and direction (FWD, REV) split its rows into 4 recordings, read as of one axis" in said
+    command = said.partition("of one axis alone: ")[2].splitlines()[0]
+    subprocess.run(command, shell=True, check=True, cwd=tmp_path)
+    kept = (tmp_path / "one.csv").read_text(encoding="utf-8").splitlines()
+    assert (len(kept), {line.split(",")[1] for line in kept[1:]}) == (121, {"M1"})
+
+
+def test_modes_of_one_recording_split_nothing(tmp_path: Path) -> None:
+    lines = runs_of_motors(tmp_path).read_text(encoding="utf-8").splitlines()
+    rows = [f"{0.02 * k:.3f},{line.partition(',')[2]}" for k, line in enumerate(lines[1:])]
+    strangers.text(tmp_path, "modes.csv", [lines[0], *rows])
+    assert "split its rows" not in done("init", "modes.csv", cwd=tmp_path).stderr

@@ -16,7 +16,7 @@ from dsd_cli.files.csv_cells import MISSING, is_number, number, stamps_in
 from dsd_cli.files.csv_in import CsvTable
 from dsd_cli.files.formats.base import InMemory, check_size
 from dsd_cli.files.parquet_in import ParquetTable
-from dsd_cli.files.recognise import is_time, is_unit
+from dsd_cli.files.recognise import is_time, is_unit, recognise
 from dsd_cli.signals.log import Array
 
 #: Rows that are looked at.
@@ -124,11 +124,11 @@ def form_of(columns: Mapping[str, Any]) -> Long | None:
     numbers = {name: as_float64(column) for name, column in columns.items() if is_number_type(column.type)}
     said = {name: texts_of(column) for name, column in columns.items()}
     texts = {name: [cell or "" for cell in cells] for name, cells in said.items() if cells and not _measured(cells)}
-    if any(map(_names, texts.values())):
+    if any(map(are_names, texts.values())):
         spelt = {name: stamps_in(cells) for name, cells in said.items() if cells and name not in texts}  # 0,5 and dates
         worded = {name: _with_words(said[name] or []) for name, x in spelt.items() if x is None}
         return form_by_texts({n: x for n, x in {**spelt, **worded, **numbers}.items() if x is not None}, texts)
-    whole = (name for name, x in numbers.items() if np.all(x == np.round(x)) and _names(x.tolist()))
+    whole = (name for name, x in numbers.items() if np.all(x == np.round(x)) and are_names(x.tolist()))
     for name in whole:
         codes = np.unique(numbers[name], return_inverse=True)[1]
         form = _form((name,), codes, numbers)
@@ -139,13 +139,13 @@ def form_of(columns: Mapping[str, Any]) -> Long | None:
 
 def form_by_texts(numbers: Mapping[str, Array], texts: Mapping[str, list[str]]) -> Long | None:
     """The same, of channels whose names are texts, of columns with as many rows each."""
-    names = tuple(name for name, cells in texts.items() if _names(cells))
+    names = tuple(name for name, cells in texts.items() if are_names(cells))
     if not names:
         return None
     return _form(names, np.unique(_joined([texts[name] for name in names]), return_inverse=True)[1], numbers)
 
 
-def _names(cells: list[Any]) -> bool:
+def are_names(cells: list[Any]) -> bool:
     """Whether they come again, and are not blank by and large: a text that stands in some rows only is a remark."""
     return 0 < AGAIN * len(set(cells)) <= len(cells) and 2 * cells.count("") < len(cells)
 
@@ -195,7 +195,8 @@ def _form(names: tuple[str, ...], codes: NDArray[np.int64], numbers: Mapping[str
         return None
     time = max(clocks, key=is_time)
     stamps = {time, *filter(is_time, steps)}
-    values = tuple(name for name, step in steps.items() if name not in stamps and np.any(np.abs(step) > 0.0))
+    told = {one.column for one in recognise(list(steps)).values()}  # that stays within a name: pwm of a run
+    values = tuple(n for n, step in steps.items() if n not in stamps and (n in told or np.any(np.abs(step) > 0.0)))
     alternate = np.mean(np.diff(codes) != 0) >= ALTERNATE
     return Long(time, names, values) if len(values) == 1 or (values and alternate) else None
 
