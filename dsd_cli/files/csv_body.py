@@ -77,7 +77,7 @@ def body_of(lines: Sequence[str], delimiters: Sequence[str], layout: CsvLayout) 
                 first, start = start, start + are_of_counts(lines[start:], delimiter, width)
                 of_rows = numeric[-1] == width - 1 and _is_counted([row[0].strip(' "') for row in alike])
                 below = [row for row in alike if is_data(row, width, numeric)]
-                rising = tuple(k for k in numeric if _rises(below, k))
+                rising = tuple(k for k in numeric if _rises([row[k].strip(' "') for row in below]))
                 best = score, Body(delimiter, width, numeric, start, of_rows, rising, first if start > first else -1)
     return best[1] if best else None
 
@@ -94,12 +94,6 @@ def _is_counted(cells: Sequence[str]) -> bool:
         return False
     numbers = [int(cell) for cell in cells]
     return all(after == before + 1 for before, after in pairwise(numbers))
-
-
-def _rises(rows: Sequence[Sequence[str]], place: int) -> bool:
-    """Whether a field does, from row to row."""
-    cells = [row[place].strip(' "') for row in rows]
-    return all(map(is_number, cells)) and all(number(a) < number(b) for a, b in pairwise(cells))
 
 
 def _filled(rows: Sequence[Sequence[str]], place: int) -> float:
@@ -137,8 +131,9 @@ def are_of_counts(lines: Sequence[str], delimiter: str, width: int) -> bool:
     if len(first) != width or not broken or not all(0.0 < x < math.inf for x in first):
         return False
     rows = [row for line in lines[1:] if len(row := fields_of(line, delimiter)) == width]
-    below = [{number(row[k]) if is_number(row[k]) else math.nan for row in rows} for k in broken]
-    if any(first[k] == round(first[k]) and _is_even([cells[k], *(row[k] for row in rows[:FEW])]) for k in range(width)):
+    below = [{_number(row[k]) for row in rows} for k in broken]
+    stamps = (k for k in range(width) if first[k] == round(first[k]))
+    if any(_rises([cells[k], *(row[k] for row in rows[:FEW])], True) for k in stamps):
         return False
     return len(rows) > FEW // 2 and max(map(len, below)) > 2 and not any(x % 1.0 for values in below for x in values)
 
@@ -147,19 +142,22 @@ def _is_of_factors(first: Sequence[str], second: Sequence[str], third: Sequence[
     """Whether a first row is of factors: powers of ten before numbers that are none, whose first is no step to them."""
     if not are_tens(first) or are_tens(second) or len(third) != len(first):
         return False
-    return not _goes_on(first[0], second[0], third[0])
+    return not _goes_on(*(_number(row[0]) for row in (first, second, third)))
 
 
-def _is_even(cells: Sequence[str]) -> bool:
-    """Whether numbers rise evenly, as those of a clock do."""
-    return all(number(a) < number(b) for a, b in pairwise(cells) if is_number(a) and is_number(b)) and all(
-        _goes_on(*three) for three in zip(cells, cells[1:], cells[2:], strict=False)
-    )
+def _rises(cells: Sequence[str], evenly: bool = False) -> bool:
+    """Whether all are numbers that do, `evenly` as those of a clock do."""
+    x = list(map(_number, cells))
+    rise = all(a < b for a, b in pairwise(x))
+    return rise and not (evenly and any(not _goes_on(*three) for three in zip(x, x[1:], x[2:], strict=False)))
 
 
-def _goes_on(first: str, second: str, third: str) -> bool:
+def _number(cell: str) -> float:
+    return number(cell) if is_number(cell) else math.nan
+
+
+def _goes_on(a: float, b: float, c: float) -> bool:
     """Whether a number is a step to the next two, as that of a clock is."""
-    a, b, c = (number(cell) if is_number(cell) else math.nan for cell in (first, second, third))
     return abs((b - a) - (c - b)) <= 0.5 * abs(c - b)
 
 
