@@ -134,8 +134,7 @@ class LineStream:
         header = dialects.live_header(self.name, self._comment, line, told.delimiter, told.header == 0)
         self._header = header._replace(names=dialects.numbered(header.names, self._wanted.values()))
         self.column_names = self._header.names
-        self.columns = choose_columns(self.name, self.column_names, self._wanted, self._optional)
-        self._places = [(c, self.column_names.index(column)) for c, column in self.columns.items()]
+        self._place_columns()
         self._line -= self._header.line_is_data
         del self._top[self._line :]
         width = len(self.column_names)
@@ -143,6 +142,32 @@ class LineStream:
         self._ahead, self._has_units = True, False
         self._scaling = Scaling(self.name, None, ())
         return True
+
+    def _place_columns(self) -> None:
+        """Where the channels are: those of the first header, by each that comes after it.
+
+        Raises
+        ------
+        DataError : the first one lacks a needed column. Below a later one that does, no line can be read.
+        """
+        first = not self.columns
+        wanted, optional = (self._wanted, self._optional) if first else ({c: self._wanted[c] for c in self.columns}, ())
+        try:
+            self.columns = choose_columns(self.name, self.column_names, wanted, optional)
+        except DataError as error:
+            if first:
+                raise
+            self._notes.append(f"line {self._line} is a header with which no line below can be read: {error.message}")
+            self._places = []
+            return
+        self._places = [(c, self.column_names.index(column)) for c, column in self.columns.items()]
+
+    def _is_header(self, cells: list[str]) -> bool:
+        """Whether these are names, those that are needed or most of them as above, of other columns or in another
+        order."""
+        names = [cell.strip(' "') for cell in cells]
+        known = 2 * len(set(names) & set(self.column_names)) > len(names)
+        return (known or set(self.columns.values()) <= set(names)) and not any(map(is_number, names))
 
     def _parse(self, lines: list[bytes]) -> Iterator[Batch]:
         rows: list[list[float]] = []
@@ -161,6 +186,13 @@ class LineStream:
                 self._top += [raw] if self._ahead else []
                 continue
             fields = dialects.fields_of(line, self._header.delimiter)
+            if not self._ahead and self._is_header(fields):
+                yield from self._batch(rows)
+                rows, self._restart = [], self._restart or "t" not in self.columns
+                self._notes.append(f"line {self._line} is a header of other columns: what is below it is read by it")
+                self._line, self._top, self._above = self._line - 1, [], []
+                self._take_header(raw)
+                continue
             samples = self._samples(fields) if self._ahead else [fields]
             self._top += [] if samples else [raw]
             if samples and len(self._begin) < BODY:
@@ -173,7 +205,8 @@ class LineStream:
             return
         self._rows += len(rows)
         table = np.array(rows, dtype=np.float64).T
-        columns = {c: self._scaling.applied(at, table[i].copy()) for i, (c, at) in enumerate(self._places)}
+        columns = {c: x.copy() for c, x in zip(self.columns, table, strict=True)}
+        columns |= {c: self._scaling.applied(at, columns[c]) for c, at in self._places}
         restart, self._restart = self._restart, False
         yield Batch(len(rows), columns, restart)
 
@@ -203,10 +236,11 @@ class LineStream:
         self._begin = []
         if kind == "factor" and not again:
             self._notes.append(_SAMPLE.format(self._line))
-        if any(map(str.strip, fields[self._body.fields :])):
+        if not self._rows and any(map(str.strip, fields[self._body.fields :])):
             what = f"line {self._line} has {len(fields)} fields where the header names {self._body.fields}"
             raise DataError(f"{self.name}: {what}", "write it to a file first, or name all columns")
-        self._refuse_spelt(fields)
+        if not self._rows:
+            self._refuse_spelt(fields)
         return [*(waiting if again else []), fields]
 
     def _note_factors(self, line: str) -> None:
@@ -220,14 +254,14 @@ class LineStream:
     def _row(self, fields: list[str], line: str) -> list[float]:
         """The values of a line, NaN throughout if it cannot be read."""
         try:
-            if len(fields) != len(self.column_names):
+            if len(fields) != len(self.column_names) or not self._places:
                 raise ValueError
             return [(seconds if c == "t" else plain_number)(fields[at]) for c, at in self._places]
         except ValueError:
             if not self.unreadable:
                 self._notes.append(f'line {self._line} cannot be read: "{line.strip()[:60]}"')
             self.unreadable += 1
-            return [np.nan] * len(self._places)
+            return [np.nan] * len(self.columns)
 
     def _refuse_spelt(self, fields: list[str]) -> None:
         for c, at in self._places:

@@ -148,3 +148,37 @@ def test_units_that_come_again_with_the_header_are_no_row():
 def test_names_of_some_columns_of_a_stream_are_refused():
     with pytest.raises(DataError, match="line 2 has 3 fields where the header names 2"):
         list(LineStream(pipe_with(b"t,u\n0,1,2\n1,2,3\n"), WANTED).batches())
+
+
+def test_a_header_of_other_columns_is_what_the_rows_below_it_are_read_by():
+    stream = LineStream(pipe_with(b"t,u,note\n0,1,9\n1,2,9\nu,t\n3,2\nu,t,note,more\n4,3,7,7\n"), WANTED)
+    assert rows_of(stream.batches()) == [(0.0, 1.0), (1.0, 2.0), (2.0, 3.0), (3.0, 4.0)]
+    assert stream.unreadable == 0
+    assert "line 4 is a header of other columns: what is below it is read by it" in stream.warnings
+
+
+def test_below_a_header_that_lacks_a_column_no_line_is_read_until_one_has_it():
+    """The logger was started once more with another list; the run goes on, as with any line that cannot be read."""
+    stream = LineStream(pipe_with(b"t,u,q\n0,1,5\nt,q\n1,5\n2,5\nt,u,q\n3,4,5\n"), WANTED)
+    rows = rows_of(stream.batches())
+    assert np.isnan(rows[1:3]).all()
+    assert [rows[0], *rows[3:]] == [(0.0, 1.0), (3.0, 4.0)]
+    assert stream.unreadable == 2
+    assert any('no line below can be read: <stdin>: no column "u"; it has t, q' in note for note in stream.warnings)
+
+
+def test_a_file_that_was_replaced_by_one_with_fewer_names_does_not_end_following(tmp_path):
+    path = tmp_path / "live.csv"
+    path.write_text("t,u,q\n0,1,5\n1,2,5\n")
+
+    def rotate(text):
+        def step():
+            path.rename(tmp_path / "old.csv")
+            path.write_text(text)
+
+        return step
+
+    batches = follow(path, [rotate("t,q\n0,5\n"), rotate("t,u\n0,7,1\n"), rotate("t,u\n0,8\n")])
+    rows = rows_of(batches)
+    assert np.isnan(rows[2:4]).all()
+    assert [*rows[:2], *rows[4:]] == [(0.0, 1.0), (1.0, 2.0), (0.0, 8.0)]
