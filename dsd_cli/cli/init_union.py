@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from dsd_cli.files.first_look import FirstLook
-from dsd_cli.files.recognise import Recognised, is_motion, is_neither, is_voltage, role_of_unit
+from dsd_cli.files.recognise import Recognised, is_motion, is_neither, is_voltage, recognise, role_of_unit
 from dsd_cli.files.sample import Table
 from dsd_cli.files.words import quaternions
 from dsd_cli.signals.facts import Channel, facts_of
@@ -42,6 +42,14 @@ def usable(table: Table, given: Collection[str] = ()) -> Table:
         return facts.kind not in idle and one.name not in turned and not supply
 
     return replace(table, channels=tuple(filter(kept, table.channels)))
+
+
+def constants(tables: Sequence[Table], missing: str) -> list[str]:
+    """What to say of columns whose names make them what is missing, and which nothing changes."""
+    roles = {"u": ("u",), "position": ("position", "velocity")}.get(missing, ())
+    still = [c for one in tables for c in one.channels if facts_of(c).kind == "constant"]
+    called = [c for c in still if not {*roles}.isdisjoint(recognise([c.name], {c.name: c.unit}))]
+    return [f'"{c.name}" is {facts_of(c).low:g} in all rows: a log in which it changes is needed' for c in called[:3]]
 
 
 def union_of(tables: Sequence[Table]) -> Table:

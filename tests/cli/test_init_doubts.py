@@ -220,3 +220,18 @@ def test_modes_of_one_recording_split_nothing(tmp_path: Path) -> None:
     rows = [f"{0.02 * k:.3f},{line.partition(',')[2]}" for k, line in enumerate(lines[1:])]
     strangers.text(tmp_path, "modes.csv", [lines[0], *rows])
     assert "split its rows" not in done("init", "modes.csv", cwd=tmp_path).stderr
+
+
+def test_a_column_that_is_called_u_and_never_changes_is_named_in_the_question(tmp_path: Path) -> None:
+    rows = strangers.rows(AXIS, AXIS["t"], AXIS["q"], AXIS["v"], np.full(AXIS["t"].size, 999.0))
+    strangers.text(tmp_path, "log.csv", ["t,pos,vel,duty", *rows])
+    result = dsd("init", "log.csv", cwd=tmp_path)
+    assert result.returncode == 1
+    assert '"duty" is 999 in all rows: a log in which it changes is needed' in result.stderr
+
+
+def test_a_setpoint_of_two_levels_is_no_second_speed(tmp_path: Path) -> None:
+    asked = np.where(AXIS["t"] < 2.0, 40.0, 60.0)
+    rows = strangers.rows(AXIS, AXIS["t"], AXIS["v"], AXIS["u"], asked)
+    strangers.text(tmp_path, "log.csv", ["t,speed,torque,speed_sp", *rows])
+    assert "could be speed_sp" not in done("init", "log.csv", cwd=tmp_path).stderr

@@ -5,7 +5,7 @@ Each name is a channel; several columns of values give `name/column`. Values tha
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,6 +31,10 @@ RISES = 0.97
 #: they may be trials, or states of one axis. Where names are numbers, stamps stand still in that share, too, or values
 #: change within a name by less than that share of their change from row to row: else they may be counters.
 ALTERNATE = 0.5
+
+
+#: What a channel beside the time may be.
+SIGNALS = ("u", "d_hat", "velocity", "position")
 
 
 class Long(NamedTuple):
@@ -142,7 +146,8 @@ def form_by_texts(numbers: Mapping[str, Array], texts: Mapping[str, list[str]]) 
     names = tuple(name for name, cells in texts.items() if are_names(cells))
     if not names:
         return None
-    return _form(names, np.unique(_joined([texts[name] for name in names]), return_inverse=True)[1], numbers)
+    told = {one.column for role, one in recognise(list(numbers)).items() if role in SIGNALS}
+    return _form(names, np.unique(_joined([texts[name] for name in names]), return_inverse=True)[1], numbers, told)
 
 
 def are_names(cells: list[Any]) -> bool:
@@ -185,7 +190,10 @@ def _change(steps: Array) -> float:
     return float(there.mean()) if there.size else 0.0
 
 
-def _form(names: tuple[str, ...], codes: NDArray[np.int64], numbers: Mapping[str, Array]) -> Long | None:
+def _form(
+    names: tuple[str, ...], codes: NDArray[np.int64], numbers: Mapping[str, Array], told: Collection[str] = ()
+) -> Long | None:
+    """`told` : columns that are a value though they stay within a name, as the pwm of a run of a motor."""
     order = np.argsort(codes, kind="stable")
     inside = np.diff(codes[order]) == 0
     steps = {name: np.diff(x[order])[inside] for name, x in numbers.items()}
@@ -195,7 +203,6 @@ def _form(names: tuple[str, ...], codes: NDArray[np.int64], numbers: Mapping[str
         return None
     time = max(clocks, key=is_time)
     stamps = {time, *filter(is_time, steps)}
-    told = {one.column for one in recognise(list(steps)).values()}  # that stays within a name: pwm of a run
     values = tuple(n for n, step in steps.items() if n not in stamps and (n in told or np.any(np.abs(step) > 0.0)))
     alternate = np.mean(np.diff(codes) != 0) >= ALTERNATE
     return Long(time, names, values) if len(values) == 1 or (values and alternate) else None
