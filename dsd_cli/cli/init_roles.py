@@ -15,6 +15,7 @@ from dsd_cli.files.first_look import FirstLook, time_unit_of
 from dsd_cli.files.joints import joint_that_moves
 from dsd_cli.files.recognise import (
     Recognised,
+    is_asked,
     is_command,
     is_current,
     is_force,
@@ -218,7 +219,10 @@ def roles_of(look: FirstLook, table: Table, given: Mapping[str, str]) -> Roles:
     others = () if u is None or "u" in given else u.others
     rivals = frozenset(one for one in others if u is not None and _kind(look, one) == _kind(look, u.column))
     sure = (frozenset(forces), frozenset(moved))
-    return guess_roles(table.channels, named, *sure, told=given, rivals=rivals, scale=_seconds(look, table))
+    asked = frozenset({one.name for one in table.channels if is_asked(one.name)} - set(given.values()))
+    return guess_roles(
+        table.channels, named, *sure, told=given, rivals=rivals, asked=asked, scale=_seconds(look, table)
+    )
 
 
 def _kind(look: FirstLook, name: str) -> tuple[bool, bool]:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.files.recognise import is_unit
+from dsd_cli.files.names_in import is_unit
 from dsd_cli.signals.log import Array
 
 #: What loggers write where there is no value; "nan" and "inf" are numbers to both parsers.

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from dsd_cli.files.csv_body import Body
 from dsd_cli.files.csv_cells import is_number
 from dsd_cli.files.csv_said import key_of, kind_of, labelled, of_unit
-from dsd_cli.files.recognise import is_unit
+from dsd_cli.files.names_in import is_unit
 
 #: What stands between a channel and what it is.
 _SAYS = re.compile(r"\s*[=:]\s*")

@@ -26,7 +26,8 @@ from dsd_cli.files.csv_described import (
 from dsd_cli.files.csv_dialect import Header, fields_of, find_header, is_comment, uncommented
 from dsd_cli.files.csv_factors import Factors, factors_in
 from dsd_cli.files.csv_said import KEYS, key_of, kind_of, of_unit
-from dsd_cli.files.recognise import is_count, is_time, is_unit
+from dsd_cli.files.names_in import is_unit
+from dsd_cli.files.recognise import is_count, is_time
 
 #: First cells of the rows of a preamble that has one column for each channel.
 NAME_KEYS = (

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from dsd_cli.files.csv_cells import MISSING, is_number, number
-from dsd_cli.files.recognise import is_unit
+from dsd_cli.files.names_in import is_unit
 
 #: What a row says of each channel -> what it, or each of its cells, is called.
 KEYS: Mapping[str, tuple[str, ...]] = {

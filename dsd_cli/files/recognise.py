@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import dropwhile
 
+from dsd_cli.files.names_in import HEX, IN_BRACKETS, OVER, bracketed, is_named, plain_name, unit_in, words_in
 from dsd_cli.files.words import (
     ASKED,
     COMMANDS,
     COUNTERS,
-    COUNTS,
     ELSE,
     ERRORS,
     GENERAL,
@@ -22,7 +21,6 @@ from dsd_cli.files.words import (
     NAMED,
     OF_HEAT,
     OF_U,
-    OTHER_UNITS,
     QUATERNIONS,
     SHARES,
     SUPPLY,
@@ -35,25 +33,6 @@ from dsd_cli.files.words import (
 from dsd_cli.signals.units import POSITION, VELOCITY
 
 _FACTORS = {"position": POSITION, "velocity": VELOCITY}
-_IN_BRACKETS = re.compile(r"[\[(<]\s*([^\])>]*?)\s*[\])>]")
-_NUMBER = re.compile(r"(?:/\d+|\s*[\[(]\d+[\])])+$")
-#: What a simulator of circuits calls a voltage or current that stands for something else: V(torque).
-_PROBE = re.compile(r"[VI]\(([A-Za-z_]\w*)\)")
-_HEX = re.compile(r"0x[0-9a-fA-F]+")
-#: What the time of one channel is called below it.
-_CLOCK = "time"
-_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|°|[\u3041-\u30ff\u4e00-\u9fff]+")
-#: `quantity in unit`
-_IN = re.compile(r" in (\S+)\s*$")
-#: `quantity / unit`, as standards write it.
-_OVER = re.compile(r"\s/\s*(\S.*?)\s*$")
-#: Words written together: of languages without blanks the known ones, of German what it is that is asked for or is so.
-_TOGETHER = re.compile(
-    "|".join(word for words in (*WORDS.values(), ASKED, MEASURED, ELSE) for word in words if not word.isascii())
-)
-_COMPOUND = re.compile(
-    r"(ist|soll)?\w*?(drehmoment|kraft|strom|drehzahl|geschwindigkeit|winkel|position|lage|zeit)(?:(ist|soll)wert)?"
-)
 
 
 @dataclass(frozen=True)
@@ -122,16 +101,10 @@ def recognise(columns: Sequence[str], units: Mapping[str, str] | None = None) ->
     return found
 
 
-def is_unit(text: str) -> bool:
-    """Whether a text is the name of a unit, in brackets or not."""
-    unit = whole_unit(text.strip().strip("[]()"))
-    known = (TIME_UNITS, OF_U, *NAMED.values(), OTHER_UNITS)
-    return any(unit in table for table in known)
-
-
 def is_force(name: str, unit: str) -> bool:
     """Whether name or unit say that it is a force, torque or current, and so no motion."""
-    return whole_unit(unit) in OF_U.keys() - {"v", "mv", "volt", "volts"} - SHARES or _score("u", name) > 0.0
+    volts = {"v", "mv", "volt", "volts"}
+    return _unit_of(name, unit) in OF_U.keys() - volts - SHARES or _score("u", name) > 0.0
 
 
 def role_of_unit(unit: str) -> str:
@@ -155,16 +128,7 @@ def is_voltage(name: str, unit: str) -> bool:
 
 
 def _has(name: str, words: Collection[str]) -> bool:
-    return not set(words).isdisjoint(_words(name))
-
-
-def _words(name: str) -> list[str]:
-    """The words in a name, small."""
-    found: list[str] = []
-    for word in map(str.lower, _WORD.findall(name)):
-        parts = _COMPOUND.fullmatch(word)
-        found += _TOGETHER.findall(word) or ([part for part in parts.groups() if part] if parts else [word])
-    return found
+    return not set(words).isdisjoint(words_in(name))
 
 
 def is_time(name: str) -> bool:
@@ -179,15 +143,25 @@ def is_count(name: str) -> bool:
 
 def is_command(name: str) -> bool:
     """Whether a name says that it is a command, and not of what: a motion that was asked for, or u."""
-    return bool(words := set(_words(name))) and words <= COMMANDS
+    return bool(words := set(words_in(name))) and words <= COMMANDS
 
 
 def is_motion(name: str, unit: str) -> bool:
     """Whether name or unit say that it is a motion, asked for or measured, or a time, and so makes nothing move."""
-    words = set(_words(name))
+    words = set(words_in(name))
     said = any(_score(channel, name) > 0.0 for channel in ("time", "position", "velocity", "reference"))
-    in_units = any(whole_unit(unit) in NAMED[channel] for channel in NAMED)
+    in_units = any(_unit_of(name, unit) in NAMED[channel] for channel in NAMED)
     return (said or in_units or bool(words & IDLE)) and not _score("u", name) and not is_command(name)
+
+
+def is_asked(name: str) -> bool:
+    """Whether a name says that it was asked for, and so is no motion that was measured."""
+    return _has(name.rpartition("/")[2], ASKED)
+
+
+def _unit_of(name: str, unit: str) -> str:
+    """The unit of a column, which may be in brackets in its name, as the tables have it."""
+    return whole_unit(unit or (bracketed(name) or [""])[-1])
 
 
 def is_error(name: str) -> bool:
@@ -207,59 +181,16 @@ def is_supply(name: str) -> bool:
     return _has(own, SUPPLY) or (_has(own, {"pack"}) and _has(own, {"current", "voltage"}))
 
 
-def unit_in(name: str, channel: str) -> str:
-    """The unit at the end of a name: in brackets, or as its last words; empty without one.
-
-    The number of a column of a matrix is no part of it: pos_deg/1, pos_deg[1]; nor is the unit of a channel that of
-    its clock: torque [Nm]/time.
-    """
-    if channel == "time" and name.endswith(f"/{_CLOCK}"):
-        return ""
-    name = _NUMBER.sub("", _plain(name))
-    inside = [text for text in _IN_BRACKETS.findall(name) if not (text.isdigit() or _is_named(text))]  # r79[0] (Lage)
-    if (said := _IN.search(name)) and is_unit(said[1]):
-        return str(said[1]).strip("[]()")
-    if inside:
-        return str(inside[-1])
-    if (over := _OVER.search(name)) and is_unit(over[1].partition(" ")[0]):
-        return str(over[1]).partition(" ")[0]
-    moves = COUNTS | NAMED.get(channel, {}).keys()
-    known: Collection[str] = TIME_UNITS if channel == "time" else OF_U if channel == "u" else moves
-    last = name.rpartition("/")[2]
-    *before, unit = re.split(r"[_\s]", last)
-    if channel == "u" and any(before) and unit.lower() in OF_U:
-        return unit.lower()  # mNm is one word
-    words = [word for word in _words(last) if word != "per"]
-    for many in (2, 1):
-        if len(words) > many and (last := plain_unit("/".join(words[-many:]))) in known:  # RadPerSec
-            return last
-    return words[-1] if words and words[-1] == "rpm" and channel == "velocity" else ""
-
-
-def _is_named(text: str) -> bool:
-    """Whether there is a word of a channel in it: `r63 (Drehzahlistwert)`."""
-    words = {word for word in _words(text) if len(word) > 2}
-    return not is_unit(text) and any(
-        not words.isdisjoint(WORDS[channel]) for channel in ("time", "u", "velocity", "position")
-    )
-
-
-def _plain(name: str) -> str:
-    """The name, of a probe of a circuit what is probed."""
-    probe = _PROBE.fullmatch(name.strip())
-    return probe[1] if probe and not is_unit(probe[1]) else name
-
-
 def _score(channel: str, column: str) -> float:
     """How well the name fits; 0 where it does not."""
-    column = _OVER.sub(" ", _plain(column))
-    text = _IN_BRACKETS.sub(" ", column)
-    if not _is_named(text):
-        text = _IN_BRACKETS.sub(lambda one: f" {one[1]} " if _is_named(one[1]) else " ", column)
-    group, _, last = _HEX.sub(" ", text).rpartition("/")
-    words = _words(last)
+    column = OVER.sub(" ", plain_name(column))
+    text = IN_BRACKETS.sub(" ", column)
+    if not is_named(text):
+        text = IN_BRACKETS.sub(lambda one: f" {one[1]} " if is_named(one[1]) else " ", column)
+    group, _, last = HEX.sub(" ", text).rpartition("/")
+    words = words_in(last)
     joined = "".join(words)
-    around = set(_words(group))
+    around = set(words_in(group))
     moves = any(_word_score(one, words, joined) > 0.0 for one in ("velocity", "position"))
     if moves and set(words) & GENERAL:
         words = [word for word in words if word not in GENERAL] if channel == "u" else [*words, "setpoint"]

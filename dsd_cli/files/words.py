@@ -36,7 +36,21 @@ GENERAL = {"u", "control", "input"}
 #: Those of them that by themselves may be u as well.
 COMMANDS = {"cmd", "command", "demand"}
 #: Of what was measured.
-MEASURED = {"act", "actual", "meas", "measured", "ist", "fbk", "feedback", "real", "motor", "filtered", "filt", "实际"}
+MEASURED = {
+    "act",
+    "actual",
+    "meas",
+    "measured",
+    "ist",
+    "fb",
+    "fbk",
+    "feedback",
+    "real",
+    "motor",
+    "filtered",
+    "filt",
+    "实际",
+}
 #: Words that make a column of another thing whatever else it is called: errors, limits, other axes' business.
 ELSE = {"limit", "max", "min", "status", "id", "index", "count", "mode", "true"}
 #: Of what a controller is to take away.
@@ -77,7 +91,7 @@ OF_U: Mapping[str, tuple[str, float]] = {
     "a": ("A", 1.0), "ma": ("A", 1e-3), "nm": ("N m", 1.0), "n m": ("N m", 1.0), "n*m": ("N m", 1.0),
     "mnm": ("N m", 1e-3), "n": ("N", 1.0), "v": ("V", 1.0), "mv": ("V", 1e-3), "kn": ("N", 1e3), "knm": ("N m", 1e3),
     "volt": ("V", 1.0), "volts": ("V", 1.0), "amp": ("A", 1.0), "amps": ("A", 1.0),
-    "arms": ("A", 1.0), "apk": ("A", 1.0),
+    "ampere": ("A", 1.0), "amperes": ("A", 1.0), "arms": ("A", 1.0), "apk": ("A", 1.0),
     "%": ("%", 1.0), "‰": ("%", 0.1),
 }  # fmt: skip
 #: What says nothing of what it is a share of; `% of rated torque`, and `0.1 %` of a drive's own scale.

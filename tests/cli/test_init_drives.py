@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from dsd_cli.files.config import load_config
-from dsd_cli.files.recognise import recognise
+from dsd_cli.files.recognise import recognise, unit_in
 from tests.cli.rig import done
 from tests.files import drives
 from tests.files.strangers import ROWS, STEP, axis
@@ -36,3 +36,12 @@ def test_a_speed_per_second_is_no_time_and_a_word_in_brackets_no_unit() -> None:
     assert (found["time"].column, found["time"].others) == ("Timestamp", ())
     assert (found["u"].column, found["velocity"].column) == ("r80 (Torque)", "VelocityRadPerSec")
     assert (found["position"].column, found["position"].unit, found["velocity"].others) == ("r482 (Position)", "", ())
+
+
+def test_a_name_of_an_object_is_no_unit() -> None:
+    """Nor is an address of a controller, or the number of a servo ahead of what it does."""
+    assert unit_in("Motor[1].IqCmd.a", "u") == ""
+    assert unit_in("[ID:001] Present Position", "position") == ""
+    assert unit_in("Velocity actual value [0x606C]", "velocity") == ""
+    assert unit_in("Position Feedback [X] (mm)", "position") == "mm"
+    assert recognise(["Current Feedback [X] (Amperes)"])["u"].named == "A"

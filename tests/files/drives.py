@@ -114,6 +114,15 @@ def teleplot(folder: Path, a: dict) -> Path:
     return text(folder, "plot.txt", ["boot", *lines])
 
 
+def loops(folder: Path, a: dict) -> Path:
+    """Loops by their letters, commanded beside fed back; what the columns hold is in brackets alone."""
+    head = ["drive, 192.168.0.104", "Time (ms),PL.CMD (deg),PL.FB (deg),VL.CMD (rpm),VL.FB (rpm),IL.CMD (N),IL.FB (N)"]
+    places = (np.degrees(a["r"]), np.degrees(a["q"]))
+    speeds = (30.0 / np.pi * np.gradient(a["r"], a["t"]), 30.0 / np.pi * a["v"])
+    noise = 0.02 * np.random.default_rng(7).standard_normal(a["u"].size)
+    return text(folder, "scope.csv", [*head, *rows(1e3 * a["t"], *places, *speeds, a["u"], a["u"] + noise)])
+
+
 #: Name -> (maker, u, position, what the position is multiplied by, unit of u in N or N m).
 MADE = {
     "scope_unscaled": (scope_unscaled, "MAIN.fTorque", "Axes.X.ActPos", 1e-3, 1.0),
@@ -139,5 +148,6 @@ MADE = {
         0.01,
     ),
     "teleplot": (teleplot, "torque/value", "pos/value", 1.0, 1.0),
+    "loops": (loops, "IL.CMD (N)", "PL.FB (deg)", np.pi / 180.0, 1.0),
     "arrays": (arrays, "effort/1", "position/1", 1.0, 1.0),
 }

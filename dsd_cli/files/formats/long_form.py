@@ -15,8 +15,9 @@ from dsd_cli.files.arrow_arrays import as_float64, is_number_type, texts_of
 from dsd_cli.files.csv_cells import MISSING, is_number, number, stamps_in
 from dsd_cli.files.csv_in import CsvTable
 from dsd_cli.files.formats.base import InMemory, check_size
+from dsd_cli.files.names_in import is_unit
 from dsd_cli.files.parquet_in import ParquetTable
-from dsd_cli.files.recognise import is_time, is_unit, recognise
+from dsd_cli.files.recognise import is_time, recognise
 from dsd_cli.signals.log import Array
 
 #: Rows that are looked at.

@@ -21,7 +21,8 @@ from dsd_cli.files.csv_end import behind_rows
 from dsd_cli.files.csv_factors import Scaling
 from dsd_cli.files.csv_layout import CsvLayout, Found, look
 from dsd_cli.files.formats.base import InMemory
-from dsd_cli.files.recognise import is_motion, is_time, is_unit
+from dsd_cli.files.names_in import is_unit
+from dsd_cli.files.recognise import is_motion, is_time
 from dsd_cli.files.table_source import read_head
 from dsd_cli.signals.log import Array
 

@@ -133,7 +133,7 @@ class Look:
     """What is known so far: values without holes, on steps of `dt` (1 where there is no clock).
 
     `rivals` : columns that could be u as well as the one that is called so. `steps` : those of two levels, which no
-    motion explains, and one of which may be u.
+    motion explains, and one of which may be u. `asked` : what was asked for, by its name.
     """
 
     values: dict[str, Array]
@@ -144,11 +144,16 @@ class Look:
     never_cause: frozenset[str] = frozenset()
     rivals: frozenset[str] = frozenset()
     steps: frozenset[str] = frozenset()
+    asked: frozenset[str] = frozenset()
     causes: dict[str, Cause] = field(default_factory=dict)
 
     def free(self) -> list[str]:
         taken = {guess.column for guess in self.found.values()}
         return [name for name in self.values if name not in taken]
+
+    def movable(self) -> list[str]:
+        """Those of them that may be a motion that was measured."""
+        return [name for name in self.free() if name not in self.never_motion | self.asked]
 
 
 def lead_of(x: Array, y: Array) -> int | None:
@@ -193,7 +198,7 @@ def find_cause(look: Look) -> None:
     candidates = [name for name in candidates if name not in look.never_cause]
     if not known:
         kinds = ("velocity", "position")
-        motions = [Motion(name, kind) for name in look.free() for kind in kinds if name not in look.never_motion]
+        motions = [Motion(name, kind) for name in look.movable() for kind in kinds]
     best = _best(look, motions, candidates, known)
     if best is None or best[0] < (IS_CAUSE if known else CLEARLY):
         return

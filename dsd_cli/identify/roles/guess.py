@@ -49,6 +49,7 @@ def guess_roles(
     *,
     told: Collection[str] = (),
     rivals: frozenset[str] = frozenset(),
+    asked: frozenset[str] = frozenset(),
     scale: float = 1.0,
 ) -> Roles:
     """What the channels of one table are.
@@ -60,6 +61,7 @@ def guess_roles(
     forces : columns whose name or unit says that they are no motion. motions : that they are one, and so not u.
     told : roles of `named` that the user named: these are beyond doubt.
     rivals : columns whose names make them u as well, of the same kind of force.
+    asked : columns whose names say that they were asked for: none is a motion that was measured.
     scale : s per unit of the time column.
     """
     facts = {one.name: facts_of(one) for one in channels}
@@ -69,7 +71,7 @@ def guess_roles(
         found["time"] = clock
     look = _looked(by_name, facts, found, scale)
     steps = frozenset(n for n, one in facts.items() if one.kind == "boolean" and (one.low, one.high) != (0.0, 1.0))
-    look = Look(look.values, look.t, look.dt, found, forces, motions, rivals, steps)
+    look = Look(look.values, look.t, look.dt, found, forces, motions, rivals, steps, asked)
     if look.t.size >= FEWEST:
         _find_motion(look)
         _doubt_reference(look)
@@ -134,7 +136,7 @@ def _filled(t: Array, x: Array) -> Array:
 def _find_motion(look: Look) -> None:
     """Velocity and position: what is the slope of what."""
     found = look.found
-    free = [name for name in look.free() if name not in look.never_motion]
+    free = look.movable()
     p, w = (found[role].column if role in found else "" for role in ("position", "velocity"))
     if any(c and c not in look.values for c in (p, w)):
         return

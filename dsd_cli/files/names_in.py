@@ -1,0 +1,110 @@
+"""The words and the unit in the name of a column."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+
+from dsd_cli.files.words import (
+    ASKED,
+    COUNTS,
+    ELSE,
+    MEASURED,
+    NAMED,
+    OF_U,
+    OTHER_UNITS,
+    TIME_UNITS,
+    WORDS,
+    plain_unit,
+    whole_unit,
+)
+
+IN_BRACKETS = re.compile(r"[\[(<]\s*([^\])>]*?)\s*[\])>]")
+_NUMBER = re.compile(r"(?:/\d+|\s*[\[(]\d+[\])])+$")
+#: What a simulator of circuits calls a voltage or current that stands for something else: V(torque).
+_PROBE = re.compile(r"[VI]\(([A-Za-z_]\w*)\)")
+HEX = re.compile(r"0x[0-9a-fA-F]+")
+#: What the time of one channel is called below it.
+_CLOCK = "time"
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|°|[\u3041-\u30ff\u4e00-\u9fff]+")
+#: `quantity in unit`
+_IN = re.compile(r" in (\S+)\s*$")
+#: `quantity / unit`, as standards write it.
+OVER = re.compile(r"\s/\s*(\S.*?)\s*$")
+#: Words written together: of languages without blanks the known ones, of German what it is that is asked for or is so.
+_TOGETHER = re.compile(
+    "|".join(word for words in (*WORDS.values(), ASKED, MEASURED, ELSE) for word in words if not word.isascii())
+)
+_COMPOUND = re.compile(
+    r"(ist|soll)?\w*?(drehmoment|kraft|strom|drehzahl|geschwindigkeit|winkel|position|lage|zeit)(?:(ist|soll)wert)?"
+)
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is the name of a unit, in brackets or not."""
+    unit = whole_unit(text.strip().strip("[]()"))
+    known = (TIME_UNITS, OF_U, *NAMED.values(), OTHER_UNITS)
+    return any(unit in table for table in known)
+
+
+def words_in(name: str) -> list[str]:
+    """The words in a name, small."""
+    found: list[str] = []
+    for word in map(str.lower, _WORD.findall(name)):
+        parts = _COMPOUND.fullmatch(word)
+        found += _TOGETHER.findall(word) or ([part for part in parts.groups() if part] if parts else [word])
+    return found
+
+
+def unit_in(name: str, channel: str) -> str:
+    """The unit at the end of a name: in brackets, or as its last words; empty without one.
+
+    The number of a column of a matrix is no part of it: pos_deg/1, pos_deg[1]; nor is the unit of a channel that of
+    its clock: torque [Nm]/time.
+    """
+    if channel == "time" and name.endswith(f"/{_CLOCK}"):
+        return ""
+    name = _NUMBER.sub("", plain_name(name))
+    inside = bracketed(name)
+    if (said := _IN.search(name)) and is_unit(said[1]):
+        return str(said[1]).strip("[]()")
+    if inside:
+        return str(inside[-1])
+    if (over := OVER.search(name)) and is_unit(over[1].partition(" ")[0]):
+        return str(over[1]).partition(" ")[0]
+    moves = COUNTS | NAMED.get(channel, {}).keys()
+    known: Collection[str] = TIME_UNITS if channel == "time" else OF_U if channel == "u" else moves
+    last = name.rpartition("/")[2]
+    if re.search(r"\.\w$", last):
+        return ""  # IqCmd.a of a controller is an address
+    *before, unit = re.split(r"[_\s]", last)
+    if channel == "u" and any(before) and unit.lower() in OF_U:
+        return unit.lower()  # mNm is one word
+    words = [word for word in words_in(last) if word != "per"]
+    for many in (2, 1):
+        if len(words) > many and (last := plain_unit("/".join(words[-many:]))) in known:  # RadPerSec
+            return last
+    return words[-1] if words and words[-1] == "rpm" and channel == "velocity" else ""
+
+
+def bracketed(name: str) -> list[str]:
+    """What may be a unit of what stands in brackets: no number, no word, no object, and nothing ahead of a name.
+
+    r79[0] (Lage); [0x6077]; [ID:001] Present Position.
+    """
+    found = [one for one in IN_BRACKETS.finditer(name) if one.start() > 0 or one.end() == len(name)]
+    return [one[1] for one in found if not (one[1].isdigit() or is_named(one[1]) or HEX.match(one[1]))]
+
+
+def is_named(text: str) -> bool:
+    """Whether there is a word of a channel in it: `r63 (Drehzahlistwert)`."""
+    words = {word for word in words_in(text) if len(word) > 2}
+    return not is_unit(text) and any(
+        not words.isdisjoint(WORDS[channel]) for channel in ("time", "u", "velocity", "position")
+    )
+
+
+def plain_name(name: str) -> str:
+    """The name, of a probe of a circuit what is probed."""
+    probe = _PROBE.fullmatch(name.strip())
+    return probe[1] if probe and not is_unit(probe[1]) else name
