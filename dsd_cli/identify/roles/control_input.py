@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -105,8 +106,8 @@ TWINS = 0.05
 #: And their variances are alike within this factor.
 ALIKE = 2.0
 #: An average over some samples is compared with that of another channel where the log has so many of them one after the
-#: other: both in the same numbers, these are not alike by chance.
-WINDOWS = 5
+#: other: both in the same numbers, these are not alike by chance. Rows that are looked at for that.
+WINDOWS, COMPARED = 5, 16_000
 #: Longest time by which a measured position comes after the one that was asked for, samples.
 LONGEST = 200
 AS_TOLD, ONLY_CAUSE = "as you say", "only what makes it move says so"
@@ -168,6 +169,7 @@ def lead_of(x: Array, y: Array) -> int | None:
 
 def averages(x: Array, y: Array) -> bool:
     """Whether y is x with its noise averaged over the samples before: what is slow in both is the same."""
+    x, y = x[:COMPARED], y[:COMPARED]
     if not float(np.var(y)) < float(np.var(x)):
         return False
     sums = [np.concatenate([[0.0], np.cumsum(one - x[0])]) for one in (x, y)]
@@ -213,13 +215,13 @@ def _best(
     """What is explained best, how well, and by which motion; `known`: there is no doubt that these are motions."""
     best: tuple[float, Motion, str] | None = None
     of_speed: dict[tuple[str, str], float] = {}
+    some = {} if known else {name: look.values[name] for name in {*candidates, *(one.column for one in motions)}}
+    copies = {frozenset((a, b)) for a, b in permutations(some, 2) if averages(some[a], some[b])}
     for motion in motions:
         x = look.values[motion.column]
         for name in candidates:
             y = look.values[name]
-            if name == motion.column or lead_of(x, y) is not None:
-                continue
-            if not known and (averages(x, y) or averages(y, x)):
+            if name == motion.column or {motion.column, name} in copies or lead_of(x, y) is not None:
                 continue
             cause = cause_of(look.dt, x, motion.kind, y)
             if cause.alone > 1.0 - SAME:  # the motion itself in another unit
