@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.files.config import load_config
-from dsd_cli.identify.roles import Channel, guess_roles
+from dsd_cli.identify.roles import Channel, guess_roles, slope_of
 from tests.cli.rig import done, dsd, refused
 from tests.files import strangers
 
@@ -235,3 +235,34 @@ def test_a_setpoint_of_two_levels_is_no_second_speed(tmp_path: Path) -> None:
     rows = strangers.rows(AXIS, AXIS["t"], AXIS["v"], AXIS["u"], asked)
     strangers.text(tmp_path, "log.csv", ["t,speed,torque,speed_sp", *rows])
     assert "could be speed_sp" not in done("init", "log.csv", cwd=tmp_path).stderr
+
+
+def test_a_velocity_is_the_slope_of_the_position_in_two_recordings_one_after_the_other() -> None:
+    """The axis was moved between them, for a minute, and what it did then is in no row."""
+    t = 1e-3 * np.arange(2000)
+    p, w = np.sin(5.0 * t), 5.0 * np.cos(5.0 * t)
+    slope = slope_of(np.concatenate([t, 60.0 + t]), np.concatenate([p, p + 0.4]), np.concatenate([w, w]))
+    assert slope.share > 0.999
+    assert slope.scale == pytest.approx(1.0, abs=1e-3)
+
+
+def test_of_tests_one_after_the_other_none_alone_is_the_log(tmp_path: Path) -> None:
+    """That the position is at another place in each hides what moves it in all of them together."""
+    t = 5e-3 * np.arange(400)
+    v = np.sin(4.0 * t) + 0.5 * np.sin(11.0 * t)
+    u, q = 0.3 * np.gradient(v, t) + 0.1 * v + 0.2 * np.sign(v), np.cumsum(v) * 5e-3
+    tests = {name: np.column_stack([at + t, u, at + q]).tolist() for name, at in (("a", 0.0), ("b", 300.0))}
+    (tmp_path / "log.json").write_text(json.dumps(tests))
+    dsd("init", "log.json", cwd=tmp_path)
+    assert '"a/' not in (tmp_path / "dsd.toml").read_text(encoding="utf-8")
+    done("init", "log.json", "--force", "--u", "2", "--position", "3", cwd=tmp_path)
+    done("init", "log.json", "--force", "--u", "a/2", "--position", "a/3", cwd=tmp_path)
+
+
+def test_a_constant_speed_is_not_the_slope_of_whatever_drifts() -> None:
+    """A stamp whose steps vary, beside a speed that varies less than it is."""
+    rng = np.random.default_rng(11)
+    w = 12.0 + 2.5 * np.convolve(rng.standard_normal(1230), np.ones(30) / 30**0.5, "valid")[:1200]
+    u = 0.3 * np.gradient(w) + 0.1 * w
+    channels = [Channel("u", u), Channel("stamp", np.cumsum(rng.uniform(0.2, 1.8, w.size))), Channel("w", w)]
+    assert "position" not in guess_roles(channels, {"u": "u"}).found
