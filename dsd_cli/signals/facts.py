@@ -90,8 +90,6 @@ LAGS = 40
 BETTER_SLOPE = 1e-3
 #: No axis goes through more than this share of its travel from one row to the next: there its position wraps.
 WRAPS = 0.5
-#: Rows farther apart than this many of the usual steps are of two recordings, one after the other.
-PAUSE = 10.0
 
 
 class Slope(NamedTuple):
@@ -112,7 +110,7 @@ def slope_of(t: Array, p: Array, w: Array, fewest: int = FEWEST) -> Slope:
     fewest : windows of a span.
     """
     best = Slope(0.0, 0.0, 0, 1)
-    t, p = _continued(t, p)
+    p = _unwrapped(p)
     area = np.concatenate([[0.0], np.cumsum(0.5 * (w[1:] + w[:-1]) * np.diff(t))])
     for span in SPANS:
         if t.size < fewest * span:
@@ -132,17 +130,14 @@ def slope_of(t: Array, p: Array, w: Array, fewest: int = FEWEST) -> Slope:
     return best
 
 
-def _continued(t: Array, p: Array) -> tuple[Array, Array]:
-    """The same with the steps of the rows around it where the position wraps, where a value is none of the axis's,
-    and between two recordings."""
-    steps, apart = np.diff(p), np.diff(t)
-    far = (np.abs(steps) > WRAPS * np.ptp(p)) | (apart > PAUSE * np.median(apart))
+def _unwrapped(p: Array) -> Array:
+    """The same with the steps of the rows around it where it wraps, or where a value is none of the axis's."""
+    steps = np.diff(p)
+    far = np.abs(steps) > WRAPS * np.ptp(p)
     if far.all():
-        return t, p
-    near = np.flatnonzero(~far)
-    for change in (steps, apart):
-        change[far] = np.interp(np.flatnonzero(far), near, change[near])
-    return t[0] + np.concatenate([[0.0], np.cumsum(apart)]), p[0] + np.concatenate([[0.0], np.cumsum(steps)])
+        return p
+    steps[far] = np.interp(np.flatnonzero(far), np.flatnonzero(~far), steps[~far])
+    return np.concatenate([p[:1], p[0] + np.cumsum(steps)])
 
 
 def lag_of(x: Array, y: Array, longest: int) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.files.config import load_config
-from dsd_cli.identify.roles import Channel, guess_roles, slope_of
+from dsd_cli.identify.roles import Channel, guess_roles
 from tests.cli.rig import done, dsd, refused
 from tests.files import strangers
 
@@ -235,15 +235,6 @@ def test_a_setpoint_of_two_levels_is_no_second_speed(tmp_path: Path) -> None:
     rows = strangers.rows(AXIS, AXIS["t"], AXIS["v"], AXIS["u"], asked)
     strangers.text(tmp_path, "log.csv", ["t,speed,torque,speed_sp", *rows])
     assert "could be speed_sp" not in done("init", "log.csv", cwd=tmp_path).stderr
-
-
-def test_a_velocity_is_the_slope_of_the_position_in_two_recordings_one_after_the_other() -> None:
-    """The axis was moved between them, for a minute, and what it did then is in no row."""
-    t = 1e-3 * np.arange(2000)
-    p, w = np.sin(5.0 * t), 5.0 * np.cos(5.0 * t)
-    slope = slope_of(np.concatenate([t, 60.0 + t]), np.concatenate([p, p + 0.4]), np.concatenate([w, w]))
-    assert slope.share > 0.999
-    assert slope.scale == pytest.approx(1.0, abs=1e-3)
 
 
 def test_of_tests_one_after_the_other_none_alone_is_the_log(tmp_path: Path) -> None:
