@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from dsd_cli.files.config import load_config
-from dsd_cli.files.recognise import recognise, unit_in
+from dsd_cli.files.recognise import is_force, is_motion, recognise, unit_in
 from tests.cli.rig import done
 from tests.files import drives
 from tests.files.strangers import ROWS, STEP, axis
@@ -45,3 +45,10 @@ def test_a_name_of_an_object_is_no_unit() -> None:
     assert unit_in("Velocity actual value [0x606C]", "velocity") == ""
     assert unit_in("Position Feedback [X] (mm)", "position") == "mm"
     assert recognise(["Current Feedback [X] (Amperes)"])["u"].named == "A"
+
+
+def test_a_unit_in_brackets_says_what_a_column_is() -> None:
+    assert is_motion("VL.FB (rpm)", "")
+    assert is_force("IL.FB (Arms)", "")
+    assert not is_force("VL.FB (rpm)", "")
+    assert not is_motion("[rpm] Torque", "")
