@@ -88,6 +88,7 @@ def settle_units(units: Units, out: Proposal) -> None:
         follows = key == "velocity_scale" and is_open(out, "position")
         if is_open(out, channel) and not follows:
             del out.values["signals", f"{channel}_unit"]
+        out.said = [line for line in out.said if not line.startswith(f"{key} = ")]
         out.put("signals", key, value, units.why if at == 0 else "")
         out.asked.pop(channel, None)
 

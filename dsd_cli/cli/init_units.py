@@ -34,9 +34,11 @@ def units_of(table: Table | None, found: Mapping[str, Recognised], seconds: floa
     seconds : s per unit of the time column. step : s between rows without one.
     """
     p, w = found.get("position"), found.get("velocity")
-    if table is None or p is None or (w is not None and w.of_kind and p.of_kind):
+    if table is None or p is None or (w is not None and w.of_kind and p.of_kind and w.of_kind[0] == p.of_kind[0]):
         return Units({})
     scale = None if w is None else _scale(table, found, seconds, step)
+    if w is not None and w.of_kind and p.of_kind:  # the motor turns and its slide moves: the screw is in the factor
+        return Units({}) if scale is None else _scaled(w, p, w.of_kind[1] * scale, scale)
     turned = "" if p.unit or (w is not None and w.of_kind) else _turned(table, p.column)
     if turned:
         why = f'"{p.column}" jumps by a turn of {TURNS[turned]:g}'
@@ -116,7 +118,13 @@ def _from_one(p: Recognised, w: Recognised, scale: float) -> Units:
     fits = [name for name, (of, f) in POSITION.items() if of == kind and _near(scale, f / known)]
     if fits:
         return Units({"position_unit": fits[0]}, f"{what}: that is in {fits[0]}")
-    return Units({"position_scale": float(f"{known * scale:.6g}")}, f"{what}, which makes this its factor")
+    return _scaled(w, p, known * scale, scale)
+
+
+def _scaled(w: Recognised, p: Recognised, factor: float, scale: float) -> Units:
+    """The position in what the velocity is the slope of."""
+    what = f'"{w.column}" is {scale:.4g} times the slope of "{p.column}"'
+    return Units({"position_scale": float(f"{factor:.6g}")}, f"{what}, which makes this its factor")
 
 
 def _near(scale: float, other: float) -> bool:

@@ -96,7 +96,8 @@ OF_U: Mapping[str, tuple[str, float]] = {
 }  # fmt: skip
 #: What says nothing of what it is a share of; `% of rated torque`, and `0.1 %` of a drive's own scale.
 SHARES = {"%", "‰"}
-_SHARE = re.compile(r"(%|‰|0[.,]1 ?%|per ?mille?|1/1000)( ?(of )?(the )?\(?(rated|nominal|max|peak|full|fs|nenn).*)?")
+_OF_RATED = r"( ?(of )?(the )?\(?(rated|nominal|max|peak|full|fs|nenn|in\b|mn\b).*)?"
+_SHARE = re.compile(r"(%|‰|0[.,]1 ?%|per ?mille?|1/1000)" + _OF_RATED)
 #: Units of an encoder, whose resolution no log says.
 COUNTS = {"inc", "incr", "increments", "count", "counts", "cnt", "cts", "pulse", "pulses", "ticks", "inkr", "qc"}
 COUNTS |= {f"{one}/s" for one in COUNTS}

@@ -3,13 +3,14 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from dsd_cli.files.config import load_config
 from dsd_cli.files.recognise import is_force, is_motion, recognise, unit_in
 from tests.cli.rig import done
 from tests.files import drives
-from tests.files.strangers import ROWS, STEP, axis
+from tests.files.strangers import ROWS, STEP, axis, rows, text
 
 AXIS = axis()
 
@@ -52,3 +53,16 @@ def test_a_unit_in_brackets_says_what_a_column_is() -> None:
     assert is_force("IL.FB (Arms)", "")
     assert not is_force("VL.FB (rpm)", "")
     assert not is_motion("[rpm] Torque", "")
+
+
+def test_a_motor_that_turns_and_its_slide_that_moves_have_a_screw_between_them(tmp_path: Path) -> None:
+    """5 mm to a radian: the speed is the motor's, and the place of the slide is read as the motor's, too."""
+    columns = (AXIS, AXIS["t"], 100.0 * AXIS["u"], 5.0 * AXIS["q"], 30.0 / np.pi * AXIS["v"])
+    text(tmp_path, "cnc.csv", ["Time(s),TCMD1(% In),POSF1(mm),SPEED1(1/min)", *rows(*columns)])
+    said = done("init", "cnc.csv", cwd=tmp_path).stderr
+    assert said.count("position_scale = ") == 1
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.u, signals.u_unit) == ("TCMD1(% In)", "%")
+    assert signals.factors()["position"] == pytest.approx(0.2, rel=1e-3)
+    answer = json.loads(done("check", "cnc.csv", "--format", "json", cwd=tmp_path).stdout)
+    assert [one["what"] for one in answer["findings"] if one["severity"] == "error"] == []

@@ -115,7 +115,7 @@ def test_a_log_with_other_names_and_units_becomes_a_config_that_is_right(tmp_pat
         ("V", "rad", "rad/s", ("V", "rad", "rad/s"), {}),
         ("Nm", "mrad", "mrad/s", ("N m", "mrad", "mrad/s"), {"position": 1e-3, "velocity": 1e-3}),
         ("N", "cm", "cm/s", ("N", "cm", "cm/s"), {"position": 1e-2, "velocity": 1e-2}),
-        ("A", "deg", "m/s", ("A", "", "m/s"), {"position": math.pi / 180}),  # a belt: not two kinds in one config
+        ("A", "deg", "m/s", ("A", "", "m/s"), {}),  # a belt: the place is read in what the speed is the slope of
         ("A", "furlong", "rpm", ("A", "", "rpm"), {"velocity": math.pi / 30, "position": math.pi / 30}),
     ],
 )
@@ -129,7 +129,7 @@ def test_units_of_the_log_are_named_in_the_config(u, position, velocity, named, 
     assert (signals.u_unit, signals.position_unit, signals.velocity_unit) == named
     scales = {name: value for name, value in signals.factors().items() if name not in ("d_hat", "reference")}
     assert scales == {name: pytest.approx(value, rel=1e-5) for name, value in factors.items()}
-    assert ("which makes this its factor" in said) == (position == "furlong")
+    assert ("which makes this its factor" in said) == ((position, velocity) in (("furlong", "rpm"), ("deg", "m/s")))
     assert "it is taken as" not in said  # a unit that nobody knows has its factor by the other one: nothing is open
 
 
