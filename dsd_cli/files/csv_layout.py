@@ -70,9 +70,8 @@ def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
     plain = body.delimiter == header.delimiter and body.fields == len(header.names) and body.factors < 0
     above = [header.names, *(row.cells for row in rows if row.at < body.start)]
     plain = plain and not any(map(kind_of, above)) and _of_pairs(header.names, body) == header.names
+    plain = plain and any(is_data(row.cells, body.fields, body.numeric) for row in rows[:2])
     if not plain or _names_of_units(header.names) or _goes_on(header.names, rows[:1], body):
-        return find_layout(source, lines, layout)
-    if not any(is_data(row.cells, body.fields, body.numeric) for row in rows[:2]):
         return find_layout(source, lines, layout)
     at, first, _ = rows[0]
     if not is_data(first, body.fields, body.numeric) and (_is_text(first) or _names_of_units(first)):
@@ -122,9 +121,9 @@ def find_layout(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
     DataError : there are no rows of numbers, or [csv] points to lines that are none.
     """
     skipped = layout.skip_rows or 0
-    if max(skipped, layout.header or 0, layout.units_row or 0) >= max(len(lines), 1):
-        raise DataError(f"{source}: [csv] names a line that the file does not have", f"it has {len(lines)}")
     above = max(skipped, layout.header or 0, layout.units_row or 0)
+    if above >= max(len(lines), 1):
+        raise DataError(f"{source}: [csv] names a line that the file does not have", f"it has {len(lines)}")
     body = body_of(lines[above:], DELIMITERS, layout)
     if body is None:
         raise DataError(
@@ -159,8 +158,7 @@ def _torn(names: Sequence[str], body: Body, lines: Sequence[str]) -> bool:
 def _as_told(lines: Sequence[str], layout: CsvLayout, body: Body) -> Found:
     units = None
     if layout.units_row:
-        shown = fields_of(uncommented(lines[layout.units_row - 1]), body.delimiter)
-        units = [*map(of_unit, shown)]
+        units = [*map(of_unit, fields_of(uncommented(lines[layout.units_row - 1]), body.delimiter))]
     names = _numbered(body.fields)
     if layout.header:
         names = _fitted([text.strip() for text in fields_of(lines[layout.header - 1], body.delimiter)], body)
@@ -225,6 +223,8 @@ def _above(rows: Sequence[Row], body: Body) -> Found:
     notes += [f"line {at + 1} names pairs of columns, a time and a value each"] * (names != before)
     if len(names) < body.fields - 1:
         notes.append(f"line {at + 1} names {len(names)} of {body.fields} columns, the others are called by number")
+    elif any(map(str.strip, names[body.fields :])):
+        notes.append(f"line {at + 1} names {len(names)} columns, the rows have {body.fields}: the last is left out")
     if comment:
         notes.append(_COMMENTED.format(at + 1))
     elif at > 0:

@@ -31,6 +31,12 @@ def test_a_sentence_above_a_header_is_none(comment: str, header: str, rows: list
     assert (below.header.names, below.units) == (TIME, None)
 
 
+def test_a_header_that_names_more_than_the_rows_have_is_doubted() -> None:
+    """The name of a clock that was never written moves all others by one; a delimiter at its end does nothing."""
+    assert "line 1 names 5 columns, the rows have 4: the last is left out" in seen("t,u,q,v,w", *ROWS).notes
+    assert seen("t,u,q,v,", *ROWS).notes == []
+
+
 COUNTED = [f"{k} {row}" for k, row in enumerate(LOOSE, start=1)]
 
 
