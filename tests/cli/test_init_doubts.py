@@ -144,6 +144,8 @@ def test_what_averages_u_is_neither_its_motion_nor_preferred_to_it(many: int) ->
     mean = np.convolve(u, np.ones(many) / many)[: t.size]
     named = [Channel("t", t), Channel("v", v), Channel("mean", mean), Channel("raw", u)]
     assert guess_roles(named, {"time": "t", "velocity": "v"}).found["u"].column == "raw"
+    drowned = Channel("raw", mean + 60.0 * rng.standard_normal(t.size))  # what is left of it explains nothing
+    assert guess_roles([*named[:3], drowned], {"time": "t", "velocity": "v"}).found["u"].column == "mean"
     rng.shuffle(v)
     assert not {"u", "velocity", "position"} & guess_roles([named[0], *named[2:]], {"time": "t"}).found.keys()
 

@@ -246,10 +246,10 @@ def _as_likely(look: Look, share: float, motion: Motion, name: str) -> bool:
 
 def _raw(look: Look, share: float, motion: Motion, name: str, candidates: Sequence[str]) -> tuple[float, Motion, str]:
     """The same with the channel that was averaged to make what is explained best: that is late, and no cause."""
-    mine = look.values[name]
-    raw = [one for one in candidates if one not in (name, motion.column) and averages(look.values[one], mine)]
-    best = max(raw, key=lambda one: look.causes[one].share if one in look.causes else 0.0, default=name)
-    return (share, motion, name) if best == name else (look.causes[best].share, motion, best)
+    may = {one: look.causes[one].share for one in candidates if one in look.causes and one != motion.column}
+    raw = [one for one in may if may[one] > IS_CAUSE and averages(look.values[one], look.values[name])]
+    best = max(raw, key=lambda one: may[one], default=name)
+    return may.get(best, share), motion, best
 
 
 def _doubt_cause(look: Look, motions: Sequence[Motion]) -> None:
