@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from dsd_cli.identify.checks import check_log
-from dsd_cli.identify.checks.clock import check_rows, jitter, seconds_of
+from dsd_cli.identify.checks.clock import check_rows, evened, jitter, seconds_of
 from dsd_cli.signals.log import Log
 from tests.identify.checks.rig import log_of, recordings, said, servo
 
@@ -31,6 +31,23 @@ def test_noisy_stamps_of_an_even_clock_are_told_from_uneven_samples(sensing):
         taken["position"] = np.rint(taken["position"] / step) * step
     (true,) = said(check_log(log_of(servo(sensing), t=t, **taken)), "samples were taken at them")
     assert (true.severity, true.remedy) == ("note", "")
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3])
+def test_a_log_that_was_stamped_late_is_put_on_its_even_clock(share):
+    c = servo("velocity").channels
+    found = evened(log_of(servo("velocity"), t=jittered(c["t"], share)), ())
+    np.testing.assert_allclose(found["t"], c["t"], atol=share * T)
+    assert np.ptp(np.diff(found["t"])) < 1e-9
+
+
+def test_steps_that_add_up_are_no_noise_of_stamps():
+    """However smooth the motion is over the rows: a clock whose steps wander leads away from an even one."""
+    c = servo("velocity").channels
+    steps = T * (1.0 + 0.2 * np.random.default_rng(7).standard_normal(c["t"].size))
+    log = log_of(servo("velocity"), t=np.cumsum(steps))
+    assert evened(log, ()) is log
+    assert said(check_log(log), "the stamps are noise") == []
 
 
 @pytest.mark.parametrize("lost", [0.01, 0.05])
