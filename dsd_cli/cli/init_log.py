@@ -26,6 +26,7 @@ from dsd_cli.cli.init_questions import column_question, step_question, without_c
 from dsd_cli.cli.init_roles import Chosen, choose
 from dsd_cli.cli.init_union import constants
 from dsd_cli.cli.init_units import step_of, units_of
+from dsd_cli.cli.recordings import by_updates, on_its_clock
 from dsd_cli.errors import DsdError, source_name
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.first_look import time_unit_of
@@ -184,11 +185,14 @@ def _read(
 
 
 def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal) -> None:
+    rows, warned = len(loaded.log), len(loaded.warnings)
+    loaded, noisy = on_its_clock(by_updates(loaded))
+    out.said += [*loaded.warnings[warned:], *noisy]
     log = loaded.log
     step = log.sample_time
     _doubt_time_unit(step, out)
     clock = "regular" if loaded.regular else "irregular stamps"
-    out.said.append(f"sample time {step:g} s ({clock}), from the first {len(log):,} rows, {len(log) * step:.3g} s")
+    out.said.append(f"sample time {step:g} s ({clock}), from the first {rows:,} rows, {len(log) * step:.3g} s")
     out.put("observer", "time_constant", float(f"{5 * step:.3g}"), "5 samples; take your observer's if d_hat is logged")
     window = int(np.clip(round(WINDOW / step), FEWEST, MOST))
     out.put("detector", "window", window, f"{window * step:.3g} s")

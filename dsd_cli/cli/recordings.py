@@ -71,7 +71,7 @@ def load_recording(
         progress(f"looking at {PurePath(path).name}")
     checked = _checked(loaded, config, None)
     loaded, late = _without_late(loaded, checked)
-    loaded, noisy = _on_its_clock(loaded)
+    loaded, noisy = on_its_clock(loaded)
     try:
         recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)
     except TooShort as error:
@@ -115,7 +115,7 @@ def _without_late(loaded: LoadedLog, checked: CheckResult) -> tuple[LoadedLog, l
     return replace(loaded, log=replace(loaded.log, channels=channels)), [f"{late.what}; the {used} alone is used"]
 
 
-def _on_its_clock(loaded: LoadedLog) -> tuple[LoadedLog, list[str]]:
+def on_its_clock(loaded: LoadedLog) -> tuple[LoadedLog, list[str]]:
     """(the log on an even clock, if its stamps are rather noise on one, a sentence about it)."""
     from dsd_cli.identify.checks.clock import evened
 

@@ -89,3 +89,13 @@ def test_half_a_sample_of_delay_may_be_how_u_was_logged(tmp_path):
     said, warnings = asked(tmp_path, replace(base, channels=rows, believed=base.truth))
     assert (said["verdict"], said["probability"] <= 0.5) == ("delay", True)
     assert "is signals.u_hold right?" in " ".join(warnings.split())
+
+
+def test_init_proposes_for_the_rows_with_new_values(tmp_path):
+    channels = TIERS["sensors read in every fifth row"].draw(DRAG).channels
+    names = {"t": "time", "u": "torque", "position": "pos"}
+    rows = np.column_stack([channels[name] for name in names])
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=",".join(names.values()), comments="")
+    said = done("init", "log.csv", cwd=tmp_path).stderr
+    assert "position repeats each value for 5 rows" in " ".join(said.split())
+    assert "time_constant = 0.025" in (tmp_path / "dsd.toml").read_text()  # five samples of 5 ms
