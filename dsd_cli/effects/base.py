@@ -256,6 +256,8 @@ def amplitude_and_phase(a: float, b: float) -> tuple[float, float]:
 
 def sinc(x: Any) -> Any:
     """`np.sinc`; where no row lasts (x is 0 throughout) 1, which spares a sine of each."""
+    if isinstance(x, float) and 0.0 < abs(x) < math.inf:  # in a simulation, sample by sample
+        return math.sin(math.pi * x) / (math.pi * x)
     return np.sinc(x) if np.any(x) else 1.0
 
 

@@ -75,7 +75,7 @@ def searched_with(
     recordings, holdout = both_driven(recordings, holdout, found)
     parts = excerpts(recordings)
     search = Search(pose(parts, model, settings, holdout, near=found.delay))
-    terms, tap = terms_of(found), search.refit.tap
+    terms, tap = terms_of(found), round(found.delay / search.solver.bank.tap_time)
     search = Search(search.problem.measured_again(search.fit(terms, tap)))
     whole = search.fit(terms, tap)
     if _all_of(recordings, parts):
