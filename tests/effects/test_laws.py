@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.effects import Channels, get_effect
+from dsd_cli.effects.base import sinc
 
 RNG = np.random.default_rng(3)
 T = 1e-3
@@ -73,3 +74,11 @@ def test_a_bell_that_is_nowhere_in_the_log_is_no_force_at_all():
     assert not column.any()
     (column,) = get_effect("stribeck_friction").columns(speeds, {"velocity": 30.0})
     np.testing.assert_allclose(column, np.exp(-((speeds.velocity / 30.0) ** 2)), atol=1e-15)
+
+
+def test_a_sine_of_one_sample_is_that_of_many() -> None:
+    """A simulation that diverges asks for one of infinity."""
+    x = np.array([-2.5, -0.3, 0.0, 1e-9, 0.7])
+    assert [float(sinc(float(a))) for a in x] == pytest.approx(sinc(x).tolist(), abs=1e-12)
+    with np.errstate(invalid="ignore"):
+        assert not np.isfinite(sinc(math.inf))

@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dsd_cli.effects import Role, get_effect
 from dsd_cli.errors import DataError
 from dsd_cli.identify.design.inverse import Path, command_for
 from dsd_cli.identify.design.limits import Limits
 from dsd_cli.plant.controllers import ControllerSettings, Gains
 from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.plant.motion import Plant
 from dsd_cli.plant.references import Planned
 from dsd_cli.plant.simulation import SimulationSettings, simulate
 from dsd_cli.signals.log import Array
@@ -21,17 +23,20 @@ from dsd_cli.signals.log import Array
 _PHASE, _SLOWEST, _FASTEST, _POSITION, _INTEGRAL = 0.3, 3.0, 40.0, 0.25, 0.05
 #: s that the axis is held at the start before the motion begins; s over which an acceleration counts.
 SETTLE, _ACCELERATION_OVER = 1.5, 0.02
+#: Times the rate of a loop, from where on a load that swings on its motor moves with it.
+_AS_ONE = 10.0
 
 
 @dataclass(frozen=True)
 class Loop:
     """The loop that the motion is run in; step : s, of its samples. settled : whether what holds the axis at the start
-    stands in its integral before the motion begins."""
+    stands in its integral before the motion begins. described : by the user; else his may be stiffer."""
 
     controller: ControllerSettings
     observer: ObserverSettings
     step: float
     settled: bool = False
+    described: bool = False
 
 
 class UnstableLoopError(DataError):
@@ -77,7 +82,7 @@ def run_loop(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits:
         rest = Path.of(path.position[:before], loop.step)
         added = added + (command_for(plant, rest)[0] - added[0])
     settings = SimulationSettings(
-        model=plant,
+        model=_simulated(plant, loop),
         duration=len(added) * loop.step,
         sample_time=loop.step,
         observer=loop.observer,
@@ -94,6 +99,17 @@ def run_loop(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits:
         raise UnstableLoopError(
             f"the simulated loop is unstable (kp {gains.kp:.3g}, kd {gains.kd:.3g})", "lower its gains"
         )
-    velocity = log["velocity"]
+    velocity, u = log["velocity"], log["u"]
+    if not loop.described:  # one so stiff that the axis follows, whose friction or inertia holds it up in this one
+        followed = command_for(plant, path, 3.0 * limits.u)
+        u = np.where(np.abs(followed) > np.abs(u), followed, u)
     slope = np.diff(velocity, prepend=velocity[:1]) / loop.step
-    return Run(Path(loop.step, *(x[before:] for x in (log["position"], velocity, slope))), log["u"][before:])
+    return Run(Path(loop.step, *(x[before:] for x in (log["position"], velocity, slope))), u[before:])
+
+
+def _simulated(plant: PlantModel, loop: Loop) -> PlantModel:
+    """What moves in that loop as the plant does, in a few stretches of constant forces a sample: late by whole samples,
+    a load without play that swings far faster than the loop answers one with its motor."""
+    fast = Plant(plant).resonance > _AS_ONE * loop.controller.gains.kd / plant.inertia
+    one = {n: v for n, v in plant.effects.items() if v.get("gap") or get_effect(n).role is not Role.STRUCTURE}
+    return replace(plant, delay=round(plant.delay / loop.step) * loop.step, effects=one if fast else plant.effects)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dsd_cli.effects import Role, catalogue, get_effect
-from dsd_cli.identify.design.inverse import Path, command_for
 from dsd_cli.identify.design.rows import Model, shapes_of
 from dsd_cli.identify.fit.bank import FIXED, SHARE
 from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
@@ -20,7 +19,7 @@ from dsd_cli.identify.grades import Grade
 from dsd_cli.identify.results import DELAY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import PlantModel
-from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.log import Array
 
 #: Draws of the values of an explanation: one more goes beyond all of them less often than once in a hundred. Their
 #: seed; standard errors to what may be; share by which a value changes at most.
@@ -67,10 +66,10 @@ def explanation_of(search: Search, name: str, fit: Fit, doubtful: bool, own: Col
     model = Model(fit.terms, fit.tap * bank.tap_time, bank.tap_time, fit.total, fit.widths)
     told = search.problem.values(fit).estimates.items()
     weak = any(e.grade in ("weak", "not") and not e.held for n, e in told if "." in n)
-    return Explanation(name, fit, model, _draws(search, fit, doubtful, own), weak)
+    return Explanation(name, fit, model, tuple(draws_of(search, fit, doubtful, own)), weak)
 
 
-def _draws(search: Search, fit: Fit, doubtful: bool, own: Collection[str]) -> tuple[PlantModel, ...]:
+def draws_of(search: Search, fit: Fit, doubtful: bool, own: Collection[str]) -> Iterator[PlantModel]:
     """The plant of a fit, and others that the logs leave as likely: normal, but within what the values allow.
 
     What the logs do not identify stays what the model says; in doubt also what they hardly do, and the delay: beside
@@ -99,33 +98,27 @@ def _draws(search: Search, fit: Fit, doubtful: bool, own: Collection[str]) -> tu
     mean, linear = left.mean.copy(), len(fit.total)
     mean[linear:] = np.clip(mean[linear:], -_WIDEST, _WIDEST)
     middle, spread = _changed(fit, mean), root_of(left.covariance)
-    plants = [scale.model(middle).with_values(given)]
+    yield scale.model(middle).with_values(given)
     for _ in range(DRAWS - 1):
         change = left.within(spread @ random.standard_normal(len(spread)), middle)
-        plants.append(scale.model(_changed(middle, change)).with_values(given))
-    return tuple(plants)
+        yield scale.model(_changed(middle, change)).with_values(given)
 
 
-def held(search: Search, one: Explanation, unexplained: float) -> Explanation:
+def held(search: Search, one: Explanation, found: Fit, unexplained: float) -> Explanation:
     """An explanation that lacks something nobody can name, with the constant force that this is in the mean of the
     logs: so the axis was held where they were. Elsewhere half of that may come or go, or what is left beside it is for
     long what it was for a moment, as in one valley of a cogging that has no mean: so are the draws.
 
-    unexplained : rms of what is left, unit of u; a sine of it goes as far as the root of 2 times that.
+    unexplained : share of u that what was found leaves beyond the noise. This one lacks that, and what was found; a
+    sine goes as far as the root of 2 times its rms.
     """
-    lacks = -float(np.mean([_lacking(one.fitted, p) for r in search.problem.recordings for p in r.pieces]))
-    most = max(_WIDEST * abs(lacks), math.sqrt(2.0) * unexplained)
+    errors = search.problem.errors
+    left = errors.rows_of_model(one.fitted)
+    beside = max(float(np.var(left)) - errors.rmse(found) ** 2 + (unexplained * errors.force) ** 2, 0.0)
+    lacks = -float(np.mean(left))
+    most = max(_WIDEST * abs(lacks), math.sqrt(2.0 * beside))
     forces = [lacks, *np.linspace(lacks - most, lacks + most, len(one.draws) - 1).tolist()]
     return replace(one, draws=tuple(_pushed(plant, x) for plant, x in zip(one.draws, forces, strict=True)))
-
-
-def _lacking(plant: PlantModel, piece: Log) -> float:
-    """Mean of u beyond what a plant needs for the motion of a log."""
-    if "velocity" not in piece:
-        return 0.0
-    step, velocity = piece.sample_time, piece["velocity"]
-    position = piece["position"] if "position" in piece else np.cumsum(velocity) * step
-    return float(np.mean(piece["u"] - command_for(plant, Path.moving(position, velocity, step))))
 
 
 def _pushed(plant: PlantModel, force: float) -> PlantModel:

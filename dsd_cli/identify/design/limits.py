@@ -12,6 +12,8 @@ from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.recordings.smoothing import encoder_step
+from dsd_cli.signals.answers import largest_answer
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.spread import robust_deviation
 
@@ -23,6 +25,10 @@ _RISE = 0.5
 _REACHED = 0.999
 #: Times what the logs reached, from where on a limit leaves room for what they have not seen.
 _FAR = 2.0
+
+
+class TooNarrowError(DataError):
+    """What explains the logs does not keep the limits, and need not: the logs reached more than they allow."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +102,13 @@ def unvisited(limits: Limits, recordings: Sequence[Recording]) -> tuple[str, ...
     return tuple(name for name, far in room.items() if far)
 
 
+def or_reached(limits: Limits, recordings: Sequence[Recording]) -> Limits:
+    """The same, or as far as the logs reached where that is more; of the position it is their way that counts."""
+    way = 0.5 * float(np.nan_to_num(np.diff(_visited(recordings))[0]))
+    sizes = {name: max(x, getattr(limits, name)) for name, x in _reached(recordings).items()}
+    return replace(limits, low=min(limits.low, limits.start - way), high=max(limits.high, limits.start + way), **sizes)
+
+
 def _visited(recordings: Sequence[Recording]) -> tuple[float, float]:
     """Ends of the position in the logs, NaN where they have none."""
     places = [p["position"] for r in recordings for p in r.pieces if "position" in p]
@@ -131,11 +144,13 @@ def noise_of_u(known: Equations, seconds: float) -> float:
     """What noise adds to u in so many s, unit of u: the controller's answer to that of the sensor, above the band, as
     large as the largest of so many samples is expected to be (normal: sqrt(2 ln n) deviations), but no larger than it
     was in the logs: the answer to counts has an end. By its median in the logs, so that jumps of u, as under relays,
-    are none."""
+    are none. Where counts pass so seldom that most samples hear none, it is the answer to one."""
     most = math.sqrt(2.0 * math.log(max(seconds / known.sample_time, 2.0)))
     size = 0.0
     for stretch, band in zip(known.stretches, known.bands_of_stretches, strict=True):
         u = stretch.log["u"]
         rest = u[band.half : len(u) - band.half] - np.convolve(u, band.taps, "valid")
-        size = max(size, min(most * robust_deviation(rest), float(np.abs(rest).max())))
+        count = encoder_step(stretch.log["position"]) if "position" in stretch.log else 0.0
+        counted = largest_answer(u, stretch.log["position"] / count) if count > 0.0 else 0.0
+        size = max(size, counted, min(most * robust_deviation(rest), float(np.abs(rest).max())))
     return size

@@ -9,12 +9,15 @@ reversals play and presliding; a chirp a second mass, and a lag against a delay.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.identify.design.limits import Limits
+from dsd_cli.identify.design.limits import Limits, noise_of_u, or_reached, slowed
+from dsd_cli.identify.design.rows import planning_step
+from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.runs import runs
 
@@ -41,11 +44,18 @@ class Part:
 
 @dataclass(frozen=True)
 class Room:
-    """Limits that a reference keeps, the end of the band in Hz, and s between samples."""
+    """Limits that a reference keeps, the end of the band in Hz, s between samples, and what logs reached beyond."""
 
     limits: Limits
     band_hz: float
     step: float
+    reached: Limits | None = None
+
+    @classmethod
+    def within(cls, limits: Limits, known: Equations, recordings: Sequence[Recording], seconds: float) -> Room:
+        """Of these limits for so many s, less the noise that u has in the logs."""
+        left = replace(limits, u=max(limits.u - noise_of_u(known, seconds), 0.0))
+        return cls(left, known.band.hz, planning_step(known.band), or_reached(slowed(left, ROOM), recordings))
 
     @property
     def half(self) -> float:

@@ -39,12 +39,14 @@ def expected_of(measure: Measure, paths: Mapping[int, Path], most: float, draws:
             for rival, shapes in rivals.items():
                 fit = search.converged(min((search.fit(s, right.tap) for s in shapes), key=lambda f: float(f.loss)))
                 nats.setdefault((truth, rival), []).append(search.nats(fit.loss) - search.nats(right.loss))
-                of_use.setdefault((truth, rival), []).append(_of_use(search, right, fit))
+                was, now = (search.problem.errors.rmse(one) for one in (fit, right))
+                more = (was**2 - now**2) / search.problem.least_of_use(fit) ** 2
+                of_use.setdefault((truth, rival), []).append(more)
             if truth == 0 and errors:
                 told = search.problem.values(right).estimates
-                for name, found in errors.items():
-                    error = told[name].std_error
-                    found.append(math.inf if math.isnan(error) else error)
+                for value in measure.targets.values:  # one log more tells no less: beyond that the estimate scatters
+                    error = float(np.fmin(told[value.name].std_error, value.error))
+                    errors[value.name].append(math.inf if math.isnan(error) else error)
     return Expected(
         {pair: float(np.mean(found)) for pair, found in nats.items()},
         {pair: min(found) for pair, found in of_use.items()},
@@ -65,13 +67,8 @@ def _shapes(measure: Measure) -> dict[int, dict[int, list[Terms]]]:
 def _searched(search: Search, plant: PlantModel, path: Path, most: float, draw: int) -> tuple[Search, Fit]:
     """(search on the logs and that of a plant's motion, the set of effects of that plant)."""
     logs, model = search.problem.recordings, search.problem.model
+    path = path.resampled(logs[0].sample_time)  # u between samples of the log would be no word of the delay's
     log = as_logged(logs[0], path, command_for(plant, path, most), model.rest_speed, draw)
     asked = Settings(effects=search.problem.candidates, known=search.solver.known)
     both, fit = searched_with((*logs, log), plant, model, asked, ())
     return both, both.converged(fit)
-
-
-def _of_use(search: Search, right: Fit, fit: Fit) -> float:
-    """Power that a fit leaves beyond the right one, over the least that is of use."""
-    was, now = search.problem.errors.rmse(fit), search.problem.errors.rmse(right)
-    return (was**2 - now**2) / search.problem.least_of_use(fit) ** 2

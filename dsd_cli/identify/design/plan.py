@@ -14,15 +14,16 @@ from dsd_cli.identify.design.cases import Expected
 from dsd_cli.identify.design.closed_loop import Loop, Run, usual_loops
 from dsd_cli.identify.design.impossible import not_by_motion, told_by_none
 from dsd_cli.identify.design.inverse import Path, command_for
-from dsd_cli.identify.design.limits import Limits, limits_of, noise_of_u, slowed, unvisited, used
+from dsd_cli.identify.design.limits import Limits, TooNarrowError, limits_of, slowed, unvisited, used
 from dsd_cli.identify.design.measure import ENOUGH, Measure
 from dsd_cli.identify.design.motions import ROOM, Part, Room, generator_values
 from dsd_cli.identify.design.next_log import expected_of
 from dsd_cli.identify.design.optimise import TIMES, Sized, joined, library_of, optimised
 from dsd_cli.identify.design.results import Impossible, Motion, Plan, PlannedPair, PlannedValue, Stage
-from dsd_cli.identify.design.rows import LONGEST_STEP, planning_step
+from dsd_cli.identify.design.rows import LONGEST_STEP
+from dsd_cli.identify.design.seen import as_logged
 from dsd_cli.identify.design.targets import Targets, apart, targets_of
-from dsd_cli.identify.design.verified import GENTLE, plants_of, verified
+from dsd_cli.identify.design.verified import plants_of, verified
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.sets import Search
@@ -71,9 +72,9 @@ def plan_next(
     ------
     UsageError : limits or names that make no sense. DataError : the axis cannot be held within the limit of u.
     """
-    band = search.equations.band
-    limits = limits_of(search.problem.recordings, wanted.limits, wanted.start, band.hz)
-    asked = _Asked(search, observer, wanted, Room(limits, band.hz, planning_step(band)), diagnosis)
+    limits = limits_of(search.problem.recordings, wanted.limits, wanted.start, search.equations.band.hz)
+    room = Room.within(limits, search.equations, search.problem.recordings, max(wanted.seconds))
+    asked = _Asked(search, observer, wanted, room, limits, diagnosis)
     targets = targets_of(search, whole, diagnosis, wanted.names)
     further = unvisited(limits, search.problem.recordings) if targets.nothing and not wanted.names else ()
     if further:
@@ -81,6 +82,8 @@ def plan_next(
     else:
         try:
             return asked.planned(targets, report)
+        except TooNarrowError:
+            raise
         except DataError:
             if diagnosis is None or wanted.names or targets.unknown:
                 raise
@@ -92,12 +95,13 @@ def plan_next(
 
 @dataclass(frozen=True)
 class _Asked:
-    """What a plan is made of, but for its targets."""
+    """What a plan is made of, but for its targets. limits : that were asked for; in the room without the noise of u."""
 
     search: Search
     observer: ObserverSettings
     wanted: Wanted
     room: Room
+    limits: Limits
     diagnosis: Diagnosis | None
 
     def planned(self, targets: Targets, report: Report) -> Plan:
@@ -107,152 +111,78 @@ class _Asked:
         ------
         DataError : u cannot move the axis, or no motion keeps the limits.
         """
-        search, wanted, room, limits = self.search, self.wanted, self.room, self.room.limits
-        names, problem = tuple(e.name for e in targets.explanations), search.problem
+        search, wanted, room = self.search, self.wanted, self.room
+        names, problem = [e.name for e in targets.explanations], search.problem
         targets = able_to_move(targets, room, problem.model, problem.recordings[0].sample_time)
         report("looking at motions", 0.1)
         impossible = list(not_by_motion(search, targets, self.diagnosis))
-        measure = Measure(search, targets, _DRAWS_IN_SEARCH, limits=limits)
-        empty = _Answer(search, targets, limits, self.diagnosis, names)
+        measure = Measure(search, targets, _DRAWS_IN_SEARCH, limits=self.limits)
         if targets.nothing:
-            return empty.plan(None, measure, measure.expected(measure.nothing), impossible)
+            return self._answer(None, measure, measure.expected(measure.nothing), impossible)
         library = library_of(measure, room, wanted.seconds[0], lambda x: report("looking at motions", 0.1 + 0.4 * x))
         if not library:
-            raise DataError("no motion keeps the limits", "widen them; holding the axis may need more u than allowed")
+            said = "no motion keeps the limits", "widen them; holding the axis may need more u than allowed"
+            raise (TooNarrowError if room.reached and room.reached.u > self.limits.u else DataError)(*said)
         more, measure = told_by_none(measure, library)
         impossible += more
         if not (measure.open or targets.unknown):
-            return empty.plan(None, measure, measure.expected(measure.nothing), impossible)
+            return self._answer(None, measure, measure.expected(measure.nothing), impossible)
         measure = measure.sized_by([one.products for one in library])
         seconds, parts, cost = _enough(measure, room, wanted, library, report)
         report("under the loop", 0.8)
-        loops = _loops(measure, self.observer, wanted, room)
-        return _verified(measure, empty, parts, (room, loops, replace(wanted, seconds=(seconds,))), (impossible, cost))
+        found, smallest, lost = self._verified(measure, parts, impossible)
+        counted = {e.name for e in targets.explanations} - set(lost)
+        return replace(
+            found,
+            cost=tuple(sorted({**cost, seconds: smallest}.items())),
+            not_counted=tuple(name for name in names if name not in counted),
+        )
 
+    def _loops(self, measure: Measure) -> tuple[Loop, ...]:
+        """The loop that is described, or usual ones."""
+        if self.wanted.controller is None:
+            first, *others = (measure.targets.explanations[i].fitted for i in {0, *measure.likely})
+            slowest = max(self.search.problem.model.delay, first.delay, *(plant.delay for plant in others))
+            step = self.room.step * max(int(LONGEST_STEP / self.room.step), 1)  # slow: no motion needs finer ones
+            return usual_loops(replace(first, delay=slowest), self.observer, step)
+        return (Loop(self.wanted.controller, replace(self.observer, sign=1), self.room.step, described=True),)
 
-def _enough(
-    measure: Measure, room: Room, wanted: Wanted, library: Sequence[Sized], report: Report
-) -> tuple[float, tuple[Part, ...], dict[float, float]]:
-    """(first length that is enough, or the last; different parts of it; length -> smallest nats, of several)."""
-    found, cost = [], {}
-    for i, seconds in enumerate(wanted.seconds):
-        if i:  # parts are as long as the plan asks
-            library = library_of(measure, room, seconds)
-        parts = optimised(measure, room, seconds, library)
-        path = Path.of(joined(TIMES * parts, room), room.step)
-        found.append(parts)
-        if len(wanted.seconds) > 1:
-            cost[seconds] = _smallest(
-                measure, {0: path}, room.limits.u, expected_of(measure, {0: path}, room.limits.u, 1)
-            )
-        report("choosing the motion", 0.5 + 0.3 * (i + 1) / len(wanted.seconds))
-    enough = next((i for i, nats in enumerate(cost.values()) if nats >= ENOUGH), len(found) - 1)
-    return wanted.seconds[enough], found[enough], cost
+    def _verified(
+        self, measure: Measure, parts: tuple[Part, ...], impossible: Sequence[Impossible]
+    ) -> tuple[Plan, float, Sequence[str]]:
+        """(the motion so small that every plant keeps the limits under the loop, scored by what they did there; its
+        smallest nats; explanations that are none).
 
+        Raises
+        ------
+        DataError : however small, a plant breaks a limit.
+        """
+        room, loops, targets, most = self.room, self._loops(measure), measure.targets, self.room.limits.u
+        allowed = room.limits if self.wanted.controller else slowed(room.limits, ROOM)  # other gains answer differently
+        plants = plants_of(targets, measure.likely, joined(parts, room), room, loops)
+        kept = verified(targets, plants, parts, room, loops, allowed)
+        whole, first = TIMES * kept.parts, kept.runs[0, 0, 0]
+        like = measure.like
+        if not as_logged(like.template, first.path, first.u, like.rest_speed).pieces[0]["velocity"].any():
+            raise TooNarrowError("within the limits a motion is so small that no sensor shows it", "widen them")
+        motion = _motion(measure, joined(whole, room), room, self.wanted)
+        seen = used(self.limits, motion.position, motion.velocity, motion.u)  # the search takes shapes of rivals by it
+        told = Measure(self.search, targets, 1, measure.open, seen)
+        paths = {i: run.path.resampled(room.step) for (i, draw, loop), run in kept.runs.items() if draw == loop == 0}
+        expected = expected_of(told, paths, most, _DRAWS_SAID)
+        found = replace(
+            self._answer(motion, told, expected, impossible),
+            stages=_stages(whole, room, _steps_of_delay(measure, room) * room.step),
+            reached=_reached(list(kept.runs.values())),
+            warnings=kept.unstable,
+        )
+        return found, _smallest(measure, paths, most, expected), kept.lost
 
-def _smallest(measure: Measure, paths: Mapping[int, Path], most: float, expected: Expected) -> float:
-    """Nats of what a motion identifies least; where nothing is asked for, of the catalogue."""
-    return measure.least(expected) if measure.open else measure.smallest(measure.of_paths(paths, most))
-
-
-def _loops(measure: Measure, observer: ObserverSettings, wanted: Wanted, room: Room) -> tuple[Loop, ...]:
-    """The loop that is described, or usual ones."""
-    if wanted.controller is None:
-        first, *others = (measure.targets.explanations[i].fitted for i in {0, *measure.likely})
-        slowest = max(measure.search.problem.model.delay, first.delay, *(plant.delay for plant in others))
-        step = room.step * max(int(LONGEST_STEP / room.step), 1)  # these are slow: no motion needs finer ones
-        return usual_loops(replace(first, delay=slowest), observer, step)
-    return (Loop(wanted.controller, replace(observer, sign=1), room.step),)
-
-
-def _verified(
-    measure: Measure,
-    answer: _Answer,
-    parts: tuple[Part, ...],
-    how: tuple[Room, tuple[Loop, ...], Wanted],
-    said: tuple[list[Impossible], Mapping[float, float]],
-) -> Plan:
-    """The motion so small that every plant keeps the limits under the loop, scored by what they did there.
-
-    Raises
-    ------
-    DataError : however small, a plant breaks a limit.
-    """
-    room, loops, wanted = how
-    seconds = sum(part.seconds for part in TIMES * parts)
-    allowed = room.limits if wanted.controller else slowed(room.limits, ROOM)  # other gains answer differently
-    allowed = replace(allowed, u=max(allowed.u - noise_of_u(measure.known, seconds), GENTLE * allowed.u))
-    targets, delay = measure.targets, measure.search.problem.model.delay
-    plants = plants_of(targets, measure.likely, joined(parts, room), room, loops, delay)
-    kept = verified(targets, plants, parts, room, loops, allowed)
-    whole = TIMES * kept.parts
-    motion = _motion(measure, joined(whole, room), room, wanted)
-    seen = used(answer.limits, motion.position, motion.velocity, motion.u)  # the search takes shapes of rivals by it
-    first = Measure(measure.search, targets, 1, measure.open, seen)
-    paths = {i: run.path.resampled(room.step) for (i, draw, loop), run in kept.runs.items() if draw == loop == 0}
-    expected = expected_of(first, paths, room.limits.u, _DRAWS_SAID)
-    smallest = _smallest(measure, paths, room.limits.u, expected)
-    found = answer.plan(motion, first, expected, said[0])
-    counted = {e.name for e in targets.explanations} - set(kept.lost)
-    return replace(
-        found,
-        stages=_stages(whole, room, _steps_of_delay(measure, room) * room.step),
-        cost=tuple(sorted({**said[1], wanted.seconds[0]: smallest}.items())),
-        reached=_reached(list(kept.runs.values())),
-        not_counted=tuple(name for name in answer.names if name not in counted),
-        warnings=kept.unstable,
-    )
-
-
-def _motion(measure: Measure, position: Array, room: Room, wanted: Wanted) -> Motion:
-    """The reference at the samples of the user's controller: at rest until u can act, so that it begins with the u that
-    holds the axis there."""
-    step = measure.like.template.sample_time if math.isnan(wanted.rate) else wanted.rate
-    position = np.pad(position, (_steps_of_delay(measure, room), 0), mode="edge")
-    path = Path.of(position, room.step).resampled(step)
-    u = np.clip(command_for(measure.targets.explanations[0].fitted, path), -room.limits.u, room.limits.u)
-    return Motion(step, path.position, path.velocity, np.gradient(path.velocity, step), u)
-
-
-def _steps_of_delay(measure: Measure, room: Room) -> int:
-    return math.ceil(measure.longest_delay / room.step) + 3  # of a speed by differences two steps more are at rest
-
-
-def _stages(parts: Sequence[Part], room: Room, at: float) -> tuple[Stage, ...]:
-    found = []
-    for part in parts:
-        end = at + part.samples(room.step) * room.step
-        found.append(Stage(part.kind, at, end, generator_values(part, room)))
-        at = end
-    return tuple(found)
-
-
-def _reached(runs: Sequence[Run]) -> dict[str, float]:
-    return {
-        "position_low": min(float(r.path.position.min()) for r in runs),
-        "position_high": max(float(r.path.position.max()) for r in runs),
-        "velocity": max(float(np.abs(r.path.velocity).max()) for r in runs),
-        "u": max(float(np.abs(r.u).max()) for r in runs),
-    }
-
-
-@dataclass(frozen=True)
-class _Answer:
-    """What all answers have; `names` : of all explanations, with those that cannot move the axis."""
-
-    search: Search
-    targets: Targets
-    limits: Limits
-    diagnosis: Diagnosis | None
-    names: tuple[str, ...]
-
-    def plan(
+    def _answer(
         self, motion: Motion | None, measure: Measure, expected: Expected, impossible: Sequence[Impossible]
     ) -> Plan:
         """With what is expected of the motion."""
-        targets, none = self.targets, [e.name for e in self.targets.explanations]
-        before = Measure(self.search, targets, 1)
-        now = before.now
+        targets, none, now = measure.targets, [e.name for e in measure.targets.explanations], measure.now
         pairs = tuple(
             PlannedPair(
                 *apart(none[a], none[b]),
@@ -281,3 +211,55 @@ class _Answer:
             impossible=tuple(impossible),
             band_hz=self.search.equations.band.hz,
         )
+
+
+def _enough(
+    measure: Measure, room: Room, wanted: Wanted, library: Sequence[Sized], report: Report
+) -> tuple[float, tuple[Part, ...], dict[float, float]]:
+    """(first length that is enough, or the last; different parts of it; length -> smallest nats, of several)."""
+    found, cost = [], {}
+    for i, seconds in enumerate(wanted.seconds):
+        if i:  # parts are as long as the plan asks
+            library = library_of(measure, room, seconds)
+        parts = optimised(measure, room, seconds, library)
+        paths, most = {0: Path.of(joined(TIMES * parts, room), room.step)}, room.limits.u
+        found.append(parts)
+        if len(wanted.seconds) > 1:
+            cost[seconds] = _smallest(measure, paths, most, expected_of(measure, paths, most, 1))
+        report("choosing the motion", 0.5 + 0.3 * (i + 1) / len(wanted.seconds))
+    enough = next((i for i, nats in enumerate(cost.values()) if nats >= ENOUGH), len(found) - 1)
+    return wanted.seconds[enough], found[enough], cost
+
+
+def _smallest(measure: Measure, paths: Mapping[int, Path], most: float, expected: Expected) -> float:
+    """Nats of what a motion identifies least; where nothing is asked for, of the catalogue."""
+    return measure.least(expected) if measure.open else measure.smallest(measure.of_paths(paths, most))
+
+
+def _motion(measure: Measure, position: Array, room: Room, wanted: Wanted) -> Motion:
+    """The reference at the samples of the user's controller: at rest until u can act, so that it begins with the u that
+    holds the axis there."""
+    step = measure.like.template.sample_time if math.isnan(wanted.rate) else wanted.rate
+    position = np.pad(position, (_steps_of_delay(measure, room), 0), mode="edge")
+    path = Path.of(position, room.step).resampled(step)
+    u = np.clip(command_for(measure.targets.explanations[0].fitted, path), -room.limits.u, room.limits.u)
+    return Motion(step, path.position, path.velocity, np.gradient(path.velocity, step), u)
+
+
+def _steps_of_delay(measure: Measure, room: Room) -> int:
+    return math.ceil(measure.longest_delay / room.step) + 3  # of a speed by differences two steps more are at rest
+
+
+def _stages(parts: Sequence[Part], room: Room, at: float) -> tuple[Stage, ...]:
+    ends = (at + room.step * np.cumsum([0, *(part.samples(room.step) for part in parts)])).tolist()
+    each = zip(parts, ends, ends[1:], strict=False)
+    return tuple(Stage(part.kind, start, end, generator_values(part, room)) for part, start, end in each)
+
+
+def _reached(runs: Sequence[Run]) -> dict[str, float]:
+    return {
+        "position_low": min(float(r.path.position.min()) for r in runs),
+        "position_high": max(float(r.path.position.max()) for r in runs),
+        "velocity": max(float(np.abs(r.path.velocity).max()) for r in runs),
+        "u": max(float(np.abs(r.u).max()) for r in runs),
+    }

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
+import numpy as np
+
 from dsd_cli.effects import Role, find_effect, get_effect
 from dsd_cli.errors import UsageError
-from dsd_cli.identify.design.explanations import Explanation, Value, explanation_of, held, values_of
+from dsd_cli.identify.design.explanations import Explanation, Value, draws_of, explanation_of, held, values_of
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import flat
+from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Diagnosis
 from dsd_cli.identify.search.sets import Option, Search
+from dsd_cli.plant.model import PlantModel
 
 #: A value of the config that no motion identifies while all forces are per unit of u.
 GAIN = "gain"
@@ -26,12 +29,14 @@ _AS_GOOD = 3
 
 @dataclass(frozen=True)
 class Targets:
-    """explanations : each once. pairs : of their places, to be distinguished. values : of the first explanation.
+    """explanations : each once; believed : the first with what the logs say little of, and the delay, as the model has
+    it. pairs : of their places, to be distinguished. values : of the first explanation.
     asked : names that the user gave. unknown : the motion is for the whole catalogue. doubtful : what is missing may be
     none of the explanations, so that more of them are there to keep the limits. doubt : probability that what the logs
     leave beyond the noise is a force."""
 
     explanations: tuple[Explanation, ...]
+    believed: PlantModel
     pairs: tuple[tuple[int, int], ...]
     values: tuple[Value, ...]
     asked: tuple[str, ...] = ()
@@ -69,19 +74,16 @@ def targets_of(
     as_good = [] if unknown else made.as_good()
     names = list(dict.fromkeys([NONE if unknown else made.name_of(whole), *names, *as_good]))
     apart_from = [*pairs, *((name, NONE) for name in as_good)]
-    explanations = tuple(
-        explanation_of(search, name, made.fits[name], doubtful, _own(name, apart_from)) for name in names
-    )
+    own, left = {name: _own(name, apart_from) for name in names}, diagnosis.unexplained if diagnosis else Unexplained()
+    explanations = tuple(explanation_of(search, name, made.fits[name], doubtful, own[name]) for name in names)
     if unknown:  # none of them stands: the limits are kept under each, and the motion is for the whole catalogue
-        share = 0.0 if diagnosis is None else diagnosis.unexplained.share_of_u
-        first = held(search, explanations[0], 0.0 if math.isnan(share) else share * search.problem.errors.force)
-        return Targets((first, *explanations[1:]), (), (), unknown=True, doubtful=True)
+        first = held(search, explanations[0], whole, float(np.nan_to_num(left.share_of_u)))
+        return Targets((first, *explanations[1:]), first.fitted, (), (), unknown=True, doubtful=True)
     places = tuple((names.index(a), names.index(b)) for a, b in pairs)
     values = [n for n in wanted if n in flat(explanations[0].fitted)] if wanted else None
-    doubt = math.nan if diagnosis is None else diagnosis.unexplained.probability
-    found = values_of(search, explanations[0], values)
-    doubt = 1.0 if math.isnan(doubt) else doubt
-    return Targets(explanations, places, found, tuple(wanted), doubtful=doubtful, doubt=doubt)
+    doubt, found = float(np.fmin(left.probability, 1.0)), values_of(search, explanations[0], values)
+    believed = next(draws_of(search, made.fits[names[0]], doubtful=True, own=own[names[0]]))
+    return Targets(explanations, believed, places, found, tuple(wanted), doubtful=doubtful, doubt=doubt)
 
 
 def _own(name: str, pairs: Sequence[tuple[str, str]]) -> set[str]:

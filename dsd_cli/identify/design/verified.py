@@ -10,7 +10,7 @@ import numpy as np
 from dsd_cli.errors import DataError
 from dsd_cli.identify.design.closed_loop import SETTLE, Loop, Run, UnstableLoopError, run_loop
 from dsd_cli.identify.design.inverse import Path, command_for
-from dsd_cli.identify.design.limits import Limits
+from dsd_cli.identify.design.limits import Limits, TooNarrowError
 from dsd_cli.identify.design.motions import FADES, Part, Room
 from dsd_cli.identify.design.optimise import TIMES, joined
 from dsd_cli.identify.design.targets import Targets
@@ -29,8 +29,8 @@ _COARSE = 0.02
 #: Place of an explanation, of one of its draws, and of a loop. The first loop runs the fitted plant (0) and the draw
 #: that needs most u; the last one that and the draw for which the feedforward lacks most.
 Key = tuple[int, int, int]
-#: Of the first explanation the fitted plant with the delay of the model, of which a slow log says little.
-_OTHER_DELAY = (0, -1, 0)
+#: The draw that is the first explanation as its owner believes it, where the logs say little (`Targets.believed`).
+_BELIEVED = -1
 
 
 @dataclass(frozen=True)
@@ -55,20 +55,22 @@ def verified(
     """Parts shrink until no plant (`plants_of`) breaks a limit in any of the loops, the motion made as often as it will
     be: an axis that cogging has caught in another valley begins again from there.
 
-    Where the explanations are doubtful, one that does so on any motion is not the axis that made the logs, and is not
-    counted. Nor is a draw whose loop is not stable or, where nobody knows what is missing, that stands beyond a limit
-    even at rest; that is said.
+    Where the explanations are doubtful, one that goes on any motion beyond what the logs reached, too, is not the
+    axis that made them, and is not counted. Nor is a draw whose loop is not stable or, where nobody knows what is
+    missing, that does so even at rest; that is said.
 
     Raises
     ------
     DataError : however small the motion, a plant breaks a limit; the loop is not stable with a plant that counts.
+    TooNarrowError : it does what the logs did.
     """
     order = [k for i, k in enumerate(plants) if not any(k[2] == o[2] and plants[k] == plants[o] for o in [*plants][:i])]
     wide, lost, unstable, names = parts, list[str](), list[str](), [e.name for e in targets.explanations]
     last = dict[Key, dict[int, tuple[float, float]]]()
     for _ in range(_SHRINKS * len(targets.explanations)):
-        wanted, runs, why = _wanted(joined(TIMES * parts, room), room, loops[0]), dict[Key, Run](), ""
-        planned = wanted, command_for(targets.explanations[0].fitted, wanted)
+        rested = np.pad(joined(TIMES * parts, room), (round(SETTLE / room.step), 0), mode="edge")
+        wanted, runs = Path.of(rested[:: round(loops[0].step / room.step)], loops[0].step), dict[Key, Run]()
+        planned, why, narrow = (wanted, command_for(targets.explanations[0].fitted, wanted)), "", set[str]()
         try:
             for key in order:
                 runs[key] = run_loop(plants[key], loops[key[2]], planned, allowed)
@@ -77,44 +79,31 @@ def verified(
             else:
                 return Verified(parts, runs, tuple(lost), tuple(unstable))
             smaller = _smaller(parts, runs[key], room, allowed, last.setdefault(key, {}))
-            runaway = any(now.scale < GENTLE * first.scale for now, first in zip(smaller, wide, strict=True))
-        except UnstableLoopError as failure:
-            name = names[key[0]]
-            if key[1]:  # a likely plant that the loop cannot hold is not the axis that made the logs in such a loop
-                order = [k for k in order if k != key]
-                unstable.append(f"{failure.message} with other likely values of {_called(name)}")
+            if all(now.scale >= GENTLE * first.scale for now, first in zip(smaller, wide, strict=True)):
+                parts, order = smaller, [key, *(k for k in order if k != key)]  # who broke a limit is asked first
                 continue
-            smaller, runaway = parts, True
-            why = f"{failure.message} with {_called(name)} as the plant"
-        if not runaway:  # who broke a limit is asked first
-            parts, order = smaller, [key, *(k for k in order if k != key)]
-            continue
-        if key[1] and targets.unknown:  # it stands beyond a limit before it moves: no matter of the motion
-            parts, order, last = wide, [k for k in order if k != key], {}
-            unstable.append(f"no motion keeps the limits with other likely values of {_called(names[key[0]])}")
+            narrow = runs[key].exceeded(allowed).keys() - runs[key].exceeded(room.reached or allowed).keys()
+        except UnstableLoopError as failure:
+            why = failure.message
+        name = "the model alone" if names[key[0]] == NONE else names[key[0]]
+        if narrow and not (key[0] and key[1] and targets.unknown):
+            break
+        parts, last = wide, {}
+        if key[1] and (why or targets.unknown):  # what the loop cannot hold, or not within the limits, is not that axis
+            order = [k for k in order if k != key]
+            unstable.append(f"{why or 'no motion keeps the limits'} with other likely values of {name}")
             continue
         if key[0] == 0 or any(key[0] in pair for pair in targets.pairs):
             break
-        parts, order, last = wide, [k for k in order if k[0] != key[0]], {}
+        order = [k for k in order if k[0] != key[0]]
         lost.append(names[key[0]])
-        unstable += [why] if why else []
+        unstable += [f"{why} with {name} as the plant"] if why else []
     if why:
-        raise DataError(why, "set [simulate.controller] to gains that hold this axis")
+        raise DataError(f"{why} with {name} as the plant", "set [simulate.controller] to gains that hold this axis")
     broken = ", ".join(f"{name} ({100.0 * by:.0f} % beyond)" for name, by in runs[key].exceeded(allowed).items())
-    raise DataError(
+    raise (TooNarrowError if narrow else DataError)(
         f"no motion keeps the limits with every likely plant: {broken}", "widen that limit, or move --start"
     )
-
-
-def _wanted(position: Array, room: Room, loop: Loop) -> Path:
-    """At the samples of the loop, with the rest before it."""
-    rested = np.pad(position, (round(SETTLE / room.step), 0), mode="edge")
-    return Path.of(rested[:: round(loop.step / room.step)], loop.step)
-
-
-def _called(name: str) -> str:
-    """An explanation in a sentence."""
-    return "the model alone" if name == NONE else name
 
 
 def _smaller(
@@ -143,7 +132,7 @@ def _smaller(
 
 
 def plants_of(
-    targets: Targets, likely: Collection[int], position: Array, room: Room, loops: Sequence[Loop], delay: float
+    targets: Targets, likely: Collection[int], position: Array, room: Room, loops: Sequence[Loop]
 ) -> dict[Key, PlantModel]:
     """Those that are run of each likely explanation, for a motion; delay : of the model, s."""
     stride = max(int(_COARSE / room.step), 1)
@@ -156,4 +145,4 @@ def plants_of(
         for loop, lacking in ((0, needs), (len(loops) - 1, needs - added)):
             for draw in (0, int(np.argmax(np.abs(lacking).max(axis=1)))):
                 found[i, draw, loop] = draws[draw]
-    return found | {_OTHER_DELAY: replace(first, delay=delay)}
+    return found | dict.fromkeys(((0, _BELIEVED, 0), (0, _BELIEVED, len(loops) - 1)), targets.believed)

@@ -26,3 +26,14 @@ def test_noise_of_u_is_what_lies_above_the_band_whatever_moves_the_axis(wave: Ca
         random = np.random.default_rng(4).normal(0.0, 0.1, (200, round(seconds / T)))
         largest = float(np.median(np.abs(random).max(axis=1)))
         assert noise_of_u(moved_log, seconds) == pytest.approx(largest, rel=0.2)
+
+
+def test_noise_of_u_is_the_answer_to_a_count_where_few_pass() -> None:
+    """An axis that stands for most of a log: 20 counts, each of them 0.4 of u that fades in 5 ms."""
+    known = equations_of([recorded(reference=MOVES, duration=8.0)], 10, band_of(20.0, T))
+    (stretch,) = known.stretches
+    t = stretch.log["t"]
+    counts = np.cumsum(np.isin(np.arange(len(t)), np.arange(1, 21) * (len(t) // 50)))
+    pulses = np.convolve(np.diff(counts, prepend=0), 0.4 * np.exp(-np.arange(40) * T / 0.005))[: len(t)]
+    log = with_channels(stretch.log, u=np.sin(t) - pulses, position=1e-3 * counts)
+    assert noise_of_u(replace(known, stretches=(replace(stretch, log=log),)), 10.0) == pytest.approx(0.4, rel=0.05)

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,9 +12,10 @@ from dsd_cli.identify.design.able import able_to_move
 from dsd_cli.identify.design.closed_loop import Loop, Run, UnstableLoopError, run_loop, usual_loops
 from dsd_cli.identify.design.impossible import not_by_motion, told_by_none
 from dsd_cli.identify.design.inverse import Path, command_for
-from dsd_cli.identify.design.limits import Limits, limits_of
+from dsd_cli.identify.design.limits import Limits, TooNarrowError, limits_of
 from dsd_cli.identify.design.measure import Measure
 from dsd_cli.identify.design.motions import Room
+from dsd_cli.identify.design.next_log import expected_of
 from dsd_cli.identify.design.plan import Wanted, plan_next
 from dsd_cli.identify.design.results import Plan
 from dsd_cli.identify.design.targets import targets_of
@@ -22,11 +24,13 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.results import NONE, UNKNOWN, Diagnosis
+from dsd_cli.identify.search.long_logs import searched_with
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.controllers import ControllerSettings, Gains
 from dsd_cli.plant.model import EffectValues, ObserverSettings, PlantModel
 from dsd_cli.plant.references import Planned
+from dsd_cli.plant.simulation import SimulationSettings, simulate
 from dsd_cli.signals.log import Array, Log
 from tests.identify.comparison_rig import BELIEVED, MOVES, recorded
 from tests.oracle.rig_cases import RigCase
@@ -248,6 +252,143 @@ def test_limits_hold_with_what_explains_the_poor_log_as_well(
     assert np.abs(exact.u).max() < plan.limits.u
 
 
+@pytest.mark.parametrize(
+    ("what", "kind", "seed", "sensing", "limits"),
+    [
+        # a crawl whose inertia comes out ten times too small, weakly: the model's own runs, in a loop that is as stiff
+        ("cubic_stiffness", "slow", 117063, "enc4096", (1.6488, 5.9367, 0.0089, (-1.0442, 0.8120))),
+        # one way, an inertia that is not identified; without an integral the axis stands off by what then lacks
+        ("stiffness", "one way", 118042, "enc4096", (5.2245, 71.11, 0.6537, (-0.3764, 0.7068))),
+        # within one wave of a cogging gravity of 295 and a spring of -294 are found: what is left beside these is less
+        # than what the model lacks
+        ("cogging", "small", 118059, "speed40k", (4.1110, 60.2485, 0.0998, (-0.8450, 0.9701))),
+    ],
+)
+@pytest.mark.usefixtures("quick")
+def test_limits_of_half_of_what_a_machine_does_hold(
+    what: str, kind: str, seed: int, sensing: str, limits: tuple[float, float, float, tuple[float, float]]
+) -> None:
+    asked = poor(what, kind, seed, sensing)
+    velocity, acceleration, u, position = limits
+    sizes = {"velocity": (0.0, velocity), "acceleration": (0.0, acceleration), "u": (0.0, u)}
+    plan = asked.plan(limits={**sizes, "position": position})
+    assert plan.motion is not None
+    t = np.arange(len(plan.motion.position)) * plan.motion.step
+    _, exact = follow(asked.case, asked.trial, t, (plan.motion.position, plan.motion.velocity, plan.motion.u), take=4)
+    assert plan.limits.exceeded(exact.q, exact.v, np.zeros(1), exact.u) == {}
+
+
+def test_limits_below_what_breaks_friction_away_are_refused() -> None:
+    """The log reached twice the u of these limits, so that an effect that needs more than they allow is there yet."""
+    asked = poor("stribeck_friction", "short", 117058, "speed40k")
+    assert asked.diagnosis.verdict == "stribeck_friction"
+    with pytest.raises(TooNarrowError, match=r"no motion keeps the limits with every likely plant: .*u \("):
+        asked.plan(limits={name: (0.5 * low, 0.5 * high) for name, (low, high) in asked.limits.items()})
+
+
+@pytest.mark.usefixtures("quick")
+def test_what_needs_no_more_than_the_logs_reached_is_not_dropped(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beyond a limit, and within what the log had, every plant may be the axis, whatever the verdict is."""
+    explained = likely_plants(tied)
+    reached = limits_of([tied.recording], {}, math.nan, 10.0).u
+    limits = {**tied.limits, "u": (0.0, 0.8 * reached)}
+
+    def runs(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits: Limits) -> Run:
+        if plant not in explained:
+            return run_loop(plant, loop, planned, limits)
+        return Run(planned[0], np.full(len(planned[1]), 0.9 * reached))
+
+    monkeypatch.setattr("dsd_cli.identify.design.verified.run_loop", runs)
+    for said in (tied.diagnosis, replace(tied.diagnosis, verdict=UNKNOWN)):
+        with pytest.raises(TooNarrowError):
+            plan_next(tied.search, tied.whole, said, tied.observer, Wanted(limits=limits, seconds=(3.0,)))
+
+
+@pytest.mark.usefixtures("quick")
+def test_other_values_of_what_nobody_believes_make_no_limit_too_narrow(
+    tied: Asked, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With unknown, of a rival the fitted plant counts: its other values may be anything where a log hardly shows."""
+    targets = targets_of(tied.search, tied.whole, tied.diagnosis, doubted=True)
+    counted = [*targets.explanations[0].draws, *(e.fitted for e in targets.explanations)]
+    others = [plant for e in targets.explanations for plant in e.draws if plant not in counted]
+    reached = limits_of([tied.recording], {}, math.nan, 10.0).u
+
+    def runs(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits: Limits) -> Run:
+        run = run_loop(plant, loop, planned, limits)
+        return replace(run, u=np.full(len(run.u), 0.98 * reached)) if plant in others else run
+
+    monkeypatch.setattr("dsd_cli.identify.design.verified.run_loop", runs)
+    wanted = Wanted(limits={**tied.limits, "u": (0.0, 1.2 * reached)}, seconds=(3.0,))  # a tenth and noise are off it
+    nobody = replace(tied.diagnosis, verdict=UNKNOWN)
+    plan = plan_next(tied.search, tied.whole, nobody, tied.observer, wanted)
+    assert plan.motion is not None
+    assert any("with other likely values of" in warning for warning in plan.warnings)
+
+
+def test_a_motion_that_no_sensor_shows_is_refused(tied: Asked) -> None:
+    with pytest.raises(TooNarrowError, match="no sensor shows it"):
+        tied.plan(limits={**tied.limits, "velocity": (0.0, 1e-6)})
+
+
+@pytest.mark.usefixtures("quick")
+def test_the_next_log_is_read_at_the_delay_of_its_plant(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without its cubic spring the model would have 38 ms; from there the search for 20 ended at 26."""
+    asked, found = poor("cubic_stiffness", "one way", 117013, "speed40k"), []
+
+    def searched(*given: Any) -> tuple[Search, Fit]:
+        search, fit = searched_with(*given)
+        found.append((given[1].delay, search.problem.values(fit).estimates["delay"].value))
+        return search, fit
+
+    monkeypatch.setattr("dsd_cli.identify.design.next_log.searched_with", searched)
+    limits = {name: (0.4 * low, 0.4 * high) for name, (low, high) in asked.limits.items()}
+    asked.plan(names=("inertia",), seconds=(4.0,), limits=limits)
+    assert found
+    for true, read in found:
+        assert read == pytest.approx(true, abs=1e-4)
+
+
+def test_one_log_more_tells_no_less(tied: Asked) -> None:
+    """Of few blocks the standard error scatters."""
+    targets = targets_of(tied.search, tied.whole, tied.diagnosis, ("inertia",))
+    (value,) = targets.values
+    known = replace(targets, values=(replace(value, error=1e-3 * value.error),))
+    t = np.arange(0.0, 3.0, 0.004)
+    path = Path.of(0.3 * np.sin(2.0 * np.pi * t) ** 2, 0.004)
+    for one in (targets, known):
+        expected = expected_of(Measure(tied.search, one, 1), {0: path}, 1e3, 1)
+        assert expected.errors["inertia"] <= one.values[0].error
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "kept"),
+    [
+        ("flexible_coupling", {"frequency": 50.0, "load_share": 0.2, "damping": 0.02}, False),
+        ("flexible_coupling", {"frequency": 5.0, "load_share": 0.2, "damping": 0.02}, True),
+        ("backlash", {"gap": 0.01, "load_share": 0.2, "stiffness": 200.0}, True),
+    ],
+)
+def test_the_plant_of_a_loop_is_late_by_whole_samples_and_swings_as_fast_as_the_loop_can_tell(
+    tied: Asked, monkeypatch: pytest.MonkeyPatch, effect: str, values: dict[str, float], kept: bool
+) -> None:
+    """Two stretches of constant u in each sample are twice the work, a load at 50 Hz thirty times: beside a loop of 10
+    rad/s it moves with its motor."""
+    plant = PlantModel(0.01, 0.0209, {"viscous_friction": {"coefficient": 0.1}, effect: values})
+    settled, _ = usual_loops(plant, tied.observer, 0.004)
+    run: list[SimulationSettings] = []
+
+    def simulated(settings: SimulationSettings) -> Log:
+        run.append(settings)
+        return simulate(settings)
+
+    monkeypatch.setattr("dsd_cli.identify.design.closed_loop.simulate", simulated)
+    limits = limits_of([tied.recording], {}, math.nan, 10.0)
+    run_loop(plant, settled, (Path.of(np.full(1000, limits.start), settled.step), np.zeros(1000)), limits)
+    assert run[0].model.delay == pytest.approx(0.02)
+    assert (effect in run[0].model.effects) == kept
+
+
 @pytest.mark.usefixtures("quick")
 def test_with_unknown_the_limits_hold_under_each_effect_that_unseen_blocks_speak_for(
     tied: Asked, monkeypatch: pytest.MonkeyPatch
@@ -370,15 +511,16 @@ def likely_plants(asked: Asked) -> list[PlantModel]:
     return [plant for one in targets for e in one.explanations if e.name != NONE for plant in e.draws]
 
 
+@pytest.mark.parametrize("times", [4.0, 1.05], ids=["beyond the limit", "in what is left to other gains"])
 @pytest.mark.usefixtures("quick")
-def test_what_no_motion_can_be_planned_for_is_said(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_no_motion_can_be_planned_for_is_said(tied: Asked, monkeypatch: pytest.MonkeyPatch, times: float) -> None:
     """All that the model has not runs away on any motion: neither the verdict nor an explanation stands."""
     explained = likely_plants(tied)
 
     def runs(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits: Limits) -> Run:
         if plant not in explained:
             return run_loop(plant, loop, planned, limits)
-        return Run(planned[0], np.full(len(planned[1]), 4.0 * limits.u))
+        return Run(planned[0], np.full(len(planned[1]), times * limits.u))
 
     monkeypatch.setattr("dsd_cli.identify.design.verified.run_loop", runs)
     plan = tied.plan(seconds=(3.0,))
