@@ -26,6 +26,8 @@ _BY_CHANCE = 1.0 / (2.0 * math.sqrt(math.pi) * _MOVED)
 _CLEAR = 5.0
 #: A channel with fewer values than this share of those of another is left out beside it.
 _AS_OFTEN = 0.5
+#: Values of which more than this share come in the rows of another channel come with it.
+_TOGETHER = 0.5
 _SENSORS = ("position", "velocity", "d_hat")
 
 _Rows = NDArray[np.int64]
@@ -53,13 +55,14 @@ def updated(log: Log, restarts: Sequence[int] = ()) -> Updated:
     begins = np.array([0, *(at for at in restarts if 0 < at < len(log))], dtype=np.int64)
     rows = {name: _new_rows(log[name], begins) for name in _SENSORS if name in log}
     held = {name: found for name, found in rows.items() if found is not None}
+    clock = max(held.values(), key=len, default=begins)
+    held |= {name: clock for name in rows if name not in held and _come_with(log[name], clock)}
     live = len(held) < len(rows)
     if not held or (live and "d_hat" in rows):  # a drive's own d_hat is of its own clock
         return Updated(log, tuple(restarts))
     if live:  # by its clock the others are few
         left = {name: x for name, x in log.channels.items() if name not in held}
         return Updated(replace(log, channels=left), tuple(restarts), _said(held, len(log), list(held)))
-    clock = max(held.values(), key=len)
     slow = [name for name, found in held.items() if len(found) < _AS_OFTEN * len(clock)]
     t = log["t"] if "t" in log else np.asarray(log.sample_time * np.arange(len(log)), dtype=np.float64)
     channels = {name: x[clock] for name, x in log.channels.items() if name not in slow}
@@ -68,6 +71,13 @@ def updated(log: Log, restarts: Sequence[int] = ()) -> Updated:
     step = float(np.median(np.diff(t[clock])))
     thinned = replace(log, channels=channels, sample_time=step, u_hold="held")
     return Updated(thinned, tuple(np.searchsorted(clock, begins[1:]).tolist()), _said(held, len(log), slow, step))
+
+
+def _come_with(x: Array, rows: _Rows) -> bool:
+    """Whether the values of a channel change in these rows for the most part; in steady motion its steps are alike, as
+    those of an encoder that stands between two counts."""
+    changes = np.flatnonzero(np.diff(x)) + 1
+    return bool(changes.size) and float(np.mean(np.isin(changes, rows))) > _TOGETHER
 
 
 def _said(held: dict[str, _Rows], rows: int, out: Sequence[str], step: float = 0.0) -> str:

@@ -82,6 +82,17 @@ def test_a_slow_speed_is_left_out_beside_a_position_that_is_read_in_every_row():
     assert len(found.log) == ROWS
 
 
+def test_a_steady_position_comes_with_the_speed_that_a_bus_brings():
+    """All its steps are alike, as of an encoder that stands for 14 rows between two counts."""
+    t = STEP * np.arange(ROWS)
+    at = np.arange(0, ROWS, 14)
+    speed = 5.0 + np.random.default_rng(2).normal(scale=0.2, size=ROWS)
+    found = updated(log_of(t=t, u=t, position=written_again(5.0 * t, at), velocity=written_again(speed, at)))
+    np.testing.assert_allclose(found.log["t"], t[at], atol=1e-12)
+    np.testing.assert_allclose(found.log["position"], 5.0 * t[at], atol=1e-9)
+    np.testing.assert_allclose(found.log["velocity"], speed[at], atol=1e-12)
+
+
 def test_pieces_begin_where_they_began():
     t, q, v = motion()
     at = np.concatenate([np.arange(0, 1502, 4), np.arange(1502, ROWS, 4)])
