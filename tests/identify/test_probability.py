@@ -6,6 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.testability import Settings
@@ -179,3 +181,18 @@ def test_a_shape_that_was_searched_is_a_choice_like_another_effect(monkeypatch: 
     assert most("presliding_friction", "stribeck_friction") == pytest.approx(55.0 / (55.0 + 3.0 * 4**2))
     assert most("presliding_friction", "coulomb_friction") == pytest.approx(55.0 / (55.0 + 3.0 * 3**2))
     assert most("coulomb_friction", rows=10_000) == POLICY.surest
+
+
+@given(
+    st.lists(st.floats(0.0, 1.0), min_size=4, max_size=4).filter(lambda x: sum(x) > 0.0),
+    st.sets(st.sampled_from(["b", "c"])),
+)
+def test_belief_in_a_place_is_shared_by_what_ties_there(shares: list[float], rivals: set[str]) -> None:
+    """The simpler effect is found where a rival explains more, but by nothing of use: as likely as in a draw."""
+    names = ["a", "b", "c", "d"]
+    likely = {name: x / sum(shares) for name, x in zip(names, shares, strict=True)}
+    member = Membership("a", likely, tuple(sorted(rivals)))
+    beliefs = {name: member.belief(name) for name in names}
+    assert beliefs["a"] >= max(likely["a"], member.place / (1 + len(rivals)) - 1e-12)
+    assert all(beliefs["a"] + beliefs[rival] <= member.place + 1e-12 for rival in rivals)
+    assert beliefs["d"] == likely["d"]

@@ -294,4 +294,5 @@ class Verdict:
         if not self.members:
             likely = probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)
             return likely if self.named != UNKNOWN or self._lowers(effect) else 0.0
-        return max(m.probabilities.get(effect, 0.0) for m in self.members.values())
+        places = self.members.values()  # what is in a member's place stands in for something as well
+        return max(probability_of(self.search, self.whole, m, m.belief(effect), self.surest) for m in places)

@@ -55,6 +55,13 @@ class Membership:
         """Belief that it, or one of its rivals, is there."""
         return sum(self.probabilities.get(name, 0.0) for name in (self.effect, *self.rivals))
 
+    def belief(self, name: str) -> float:
+        """In the effect at least what it has in a draw among its rivals; in one of these no more than that leaves."""
+        likely = self.probabilities.get(name, 0.0)
+        even = self.place / (1 + len(self.rivals))
+        own = max(self.probabilities.get(self.effect, 0.0), even)
+        return own if name == self.effect else min(likely, self.place - own) if name in self.rivals else likely
+
 
 def memberships(search: Search, whole: Fit, unknown: bool) -> dict[str, Membership]:
     """Of each effect that was found; `unknown` : something remains that nothing explains."""
@@ -190,7 +197,7 @@ def missing_of(
 ) -> tuple[Missing, ...]:
     """The effects of the set that was found, the surest first. surest : no probability is higher, for this log.
     said : effect -> probability of the verdict."""
-    beliefs = [(m, m.probabilities.get(name, 0.0)) for name, m in members.items()]
+    beliefs = [(m, m.belief(name)) for name, m in members.items()]
     found = [Missing(m.effect, said.get(m.effect, probability_of(search, whole, m, b, surest))) for m, b in beliefs]
     return tuple(sorted(found, key=lambda one: -one.probability))
 
