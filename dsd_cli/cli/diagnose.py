@@ -30,6 +30,7 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
     from dataclasses import replace
 
     from dsd_cli.cli.identification import check_logs, load_open, print_json, warn
+    from dsd_cli.cli.other_hold import said_of_hold
     from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.plan import widening
     from dsd_cli.cli.progress import Progress
@@ -42,6 +43,7 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
     with Progress(not quiet) as progress, widening(settings.signals):
         given, asked = load_open(settings, log, apart, progress)
         found, recordings = _found(given, asked, progress, quiet)
+        found = replace(found, advice=(*said_of_hold(given, log, found), *found.advice))
     report = DiagnosisReport(
         replace(found, warnings=(*given.warnings, *found.warnings)), given.model, apart, given.dropped
     )

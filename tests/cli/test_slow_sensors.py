@@ -99,3 +99,14 @@ def test_init_proposes_for_the_rows_with_new_values(tmp_path):
     said = done("init", "log.csv", cwd=tmp_path).stderr
     assert "position repeats each value for 5 rows" in " ".join(said.split())
     assert "time_constant = 0.025" in (tmp_path / "dsd.toml").read_text()  # five samples of 5 ms
+
+
+def test_what_a_sampled_u_leaves_unexplained_is_said_to_be_that(tmp_path):
+    """Every tenth row of a weak loop; load friction is found, and 5 % of u is left over velocity and u."""
+    question = {tier.name: tier for tier in tiers_rig.tiers()}["weak loop"].draw(230003)
+    rows = {name: x[::10] for name, x in question.channels.items()}
+    said, _ = asked(tmp_path, replace(question, channels=rows))
+    assert said["unexplained"]["probability"] > 0.5
+    assert 'signals.u_hold = "sampled"? with all that was found' in said["advice"][0]
+    ran = done("diagnose", "log.parquet", "-c", "dsd.toml", "--set", "signals.u_hold=held", cwd=tmp_path)
+    assert "signals.u_hold" not in ran.stdout  # who says it is not asked
