@@ -206,7 +206,9 @@ def _closing_lines(report: DiagnosisReport) -> list[str]:
         lines.append(f"floor: {error(result.floor)} (what the noise of the sensor alone would leave in the band)")
     sources = [f"{name} {how}" for name, how in result.provenance.items() if how != "logged"]
     lines += [f"channels: {'; '.join(sources)}"] if sources else []
-    lines += [f"not testable: {c.effect}: {c.untestable}" for c in result.ranking if c.untestable]
+    why = dict.fromkeys(c.untestable for c in result.ranking if c.untestable)
+    by_reason = ((", ".join(c.effect for c in result.ranking if c.untestable == reason), reason) for reason in why)
+    lines += [f"not testable: {effects}: {reason}" for effects, reason in by_reason]
     if report.dropped:
         counts = ", ".join(f"{reason} {count:,}" for reason, count in report.dropped.items())
         lines.append(f"rows not taken as they are: {counts}")

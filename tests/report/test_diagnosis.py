@@ -252,3 +252,9 @@ def test_a_picture_of_an_axis_at_rest_is_drawn() -> None:
     one = Candidate("coulomb_friction", 0.1, NAN, 0.1, NAN, {})
     report = DiagnosisReport(replace(DIAGNOSIS, ranking=(one,)))
     assert rendered(lambda: draw(report, [view]), ".png").startswith(b"\x89PNG")
+
+
+def test_effects_that_are_not_testable_for_one_reason_are_one_line() -> None:
+    last = DIAGNOSIS.ranking[-1]
+    twice = replace(DIAGNOSIS, ranking=(*DIAGNOSIS.ranking, replace(last, effect="cogging")))
+    assert "not testable: gravity, cogging: the log has no position [yet]" in shown(DiagnosisReport(twice))
