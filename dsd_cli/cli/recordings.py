@@ -105,14 +105,19 @@ def _checked(loaded: LoadedLog, config: Config, model: PlantModel | None) -> Che
 
 
 def _without_late(loaded: LoadedLog, checked: CheckResult) -> tuple[LoadedLog, list[str]]:
-    """(the log without the one of velocity and position that is later than the other, a sentence about it): both at
-    once would be a lag of the axis."""
+    """(the log without a velocity that is later than the position, or with a position that is put where the velocity
+    has it by now, a sentence about it): both as they are would be a lag of the axis."""
     late = next((one for one in checked.findings if one.late_channel), None)
     if late is None or checked.errors:
         return loaded, []
-    channels = {name: x for name, x in loaded.log.channels.items() if name != late.late_channel}
-    used = "position" if late.late_channel == "velocity" else "velocity"
-    return replace(loaded, log=replace(loaded.log, channels=channels)), [f"{late.what}; the {used} alone is used"]
+    channels = dict(loaded.log.channels)
+    if late.late_channel == "velocity":
+        del channels["velocity"]
+        done = "the position alone is used"
+    else:
+        channels["position"] = channels["position"] + late.late_by * channels["velocity"]
+        done = "it is taken as so much earlier"
+    return replace(loaded, log=replace(loaded.log, channels=channels)), [f"{late.what}; {done}"]
 
 
 def on_its_clock(loaded: LoadedLog) -> tuple[LoadedLog, list[str]]:

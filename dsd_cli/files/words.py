@@ -28,7 +28,7 @@ WORDS: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 #: Words of what was asked for, not measured.
 ASKED = {
-    "ref", "reference", "set", "setpoint", "sp", "target", "desired", "des", "soll", "cmd", "command", "demand", "goal",
+    "ref", "reference", "set", "setpoint", "target", "desired", "des", "soll", "cmd", "command", "demand", "goal",
     "指令",
 }  # fmt: skip
 #: Words of u that with a motion in the name say whose input it is: input_pos is asked for.

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,8 @@ _CLEAR = 5.0
 _AS_OFTEN = 0.5
 #: Values of which more than this share come in the rows of another channel come with it.
 _TOGETHER = 0.5
+#: Rows that a value stays in the mean, below which only some values stay at all.
+_MOST_TWICE = 1.5
 _SENSORS = ("position", "velocity", "d_hat")
 
 _Rows = NDArray[np.int64]
@@ -50,6 +53,9 @@ class Updated:
 def updated(log: Log, restarts: Sequence[int] = ()) -> Updated:
     """The log by its sensors' own clock: that of the sensor which says something new most often.
 
+    A speed that comes half as often as the position, or less, is left out beside it; such a position is carried from
+    one of its values to the next by the speed, for its zero is its own.
+
     restarts : samples that do not continue the one before.
     """
     begins = np.array([0, *(at for at in restarts if 0 < at < len(log))], dtype=np.int64)
@@ -60,17 +66,31 @@ def updated(log: Log, restarts: Sequence[int] = ()) -> Updated:
     live = len(held) < len(rows)
     if not held or (live and "d_hat" in rows):  # a drive's own d_hat is of its own clock
         return Updated(log, tuple(restarts))
-    if live:  # by its clock the others are few
-        left = {name: x for name, x in log.channels.items() if name not in held}
-        return Updated(replace(log, channels=left), tuple(restarts), _said(held, len(log), list(held)))
+    clock = np.arange(len(log), dtype=np.int64) if live else clock
     slow = [name for name, found in held.items() if len(found) < _AS_OFTEN * len(clock)]
     t = log["t"] if "t" in log else np.asarray(log.sample_time * np.arange(len(log)), dtype=np.float64)
-    channels = {name: x[clock] for name, x in log.channels.items() if name not in slow}
-    channels |= {name: np.interp(t[clock], t[held[name]], log[name][held[name]]) for name in held if name in channels}
-    channels |= {"t": t[clock]} | ({"u": _mean_u(log, t, clock)} if "u" in log else {})
+    whole = dict(log.channels) | {n: _between(log[n], found, t, begins) for n, found in held.items() if n not in slow}
+    if carried := [name for name in slow if name == "position" and "velocity" in whole and "velocity" not in slow]:
+        way = np.cumsum(whole["velocity"] * np.diff(t, prepend=t[:1]))
+        whole["position"] = way + _between(log["position"] - way, held["position"], t, begins)
+    out = [name for name in slow if name not in carried]
+    channels = {name: x[clock] for name, x in whole.items() if name not in out}
+    if live:
+        return Updated(replace(log, channels=channels), tuple(restarts), _said(held, len(log), out, carried))
+    channels |= {"t": t[clock]} | ({"u": _mean_u(log, t, clock, begins)} if "u" in log else {})
     step = float(np.median(np.diff(t[clock])))
     thinned = replace(log, channels=channels, sample_time=step, u_hold="held")
-    return Updated(thinned, tuple(np.searchsorted(clock, begins[1:]).tolist()), _said(held, len(log), slow, step))
+    found = tuple(np.searchsorted(clock, begins[1:]).tolist())
+    return Updated(thinned, found, _said(held, len(log), out, carried, step))
+
+
+def _between(x: Array, rows: _Rows, t: Array, begins: _Rows) -> Array:
+    """A channel at every row from its values in some, piece by piece: stamps of the next may begin again."""
+    found = np.empty(x.size)
+    for a, b in pairwise([*begins.tolist(), x.size]):
+        inside = rows[(rows >= a) & (rows < b)]
+        found[a:b] = np.interp(t[a:b], t[inside], x[inside])
+    return found
 
 
 def _come_with(x: Array, rows: _Rows) -> bool:
@@ -80,14 +100,14 @@ def _come_with(x: Array, rows: _Rows) -> bool:
     return bool(changes.size) and float(np.mean(np.isin(changes, rows))) > _TOGETHER
 
 
-def _said(held: dict[str, _Rows], rows: int, out: Sequence[str], step: float = 0.0) -> str:
-    names = " and ".join(held)
-    each = rows / max(len(found) for found in held.values())
-    what = f"{names} {'repeat' if len(held) > 1 else 'repeats'} each value for {each:.3g} rows while the axis moves"
-    if not step:
-        return f"{what}: {'they are' if len(out) > 1 else 'it is'} left out"
-    beside = f"; {' and '.join(out)}, of which there are fewer, is left out" if out else ""
-    return f"{what}: only rows with new ones are taken, {step * 1e3:.3g} ms apart{beside}"
+def _said(held: dict[str, _Rows], rows: int, out: Sequence[str], carried: Sequence[str], step: float = 0.0) -> str:
+    each, some = rows / max(len(found) for found in held.values()), len(held) > 1
+    what = f"each value for {each:.3g} rows" if each >= _MOST_TWICE else "some of the values"
+    said = [f"{' and '.join(held)} {'repeat' if some else 'repeats'} {what} while the axis moves"]
+    said += [f"only rows with new ones are taken, {step * 1e3:.3g} ms apart"] if step else []
+    said += [f"{name} goes as the speed between its values" for name in carried]
+    said += [f"{name} is left out" for name in out]
+    return f"{said[0]}: {', '.join(said[1:])}"
 
 
 def _new_rows(x: Array, begins: _Rows) -> _Rows | None:
@@ -110,9 +130,10 @@ def _new_rows(x: Array, begins: _Rows) -> _Rows | None:
     return np.union1d(first, np.concatenate([np.zeros(0, dtype=np.int64), *beside]).astype(np.int64))
 
 
-def _mean_u(log: Log, t: Array, rows: _Rows) -> Array:
+def _mean_u(log: Log, t: Array, rows: _Rows, begins: _Rows) -> Array:
     """u from each of these rows to the next, mean by time, shape (rows,)."""
     steps = np.diff(t, append=t[-1] + log.sample_time)
+    steps[begins[1:] - 1] = log.sample_time  # from the last row of a piece none leads to the next
     after = np.append(log["u"][1:], log["u"][-1])
     level = log["u"] if log.u_hold == "held" else 0.5 * (log["u"] + after)
     return np.asarray(np.add.reduceat(level * steps, rows) / np.add.reduceat(steps, rows))
@@ -120,8 +141,22 @@ def _mean_u(log: Log, t: Array, rows: _Rows) -> Array:
 
 #: Noise of a speed is read from this share of half the sample rate on, and is that of a difference by so many nats.
 _NOISE_FROM, _NATS = 0.25, 10.0
+#: A speed of counts changes by whole steps, to so much in so many of its changes below so many steps; its stamps are
+#: even to this share of a sample.
+_APART, _WHOLE, _MOST_STEPS, _UNEVEN = 0.02, 0.98, 50.0, 0.1
 #: Metadata of a log whose position is the sum of its speed.
 SUMMED = "position_summed"
+
+
+def _in_counts(v: Array) -> bool:
+    """Whether a speed goes in whole steps, but for the rounding of printed numbers, which spoils large multiples."""
+    changes = np.abs(np.diff(v))
+    changes = changes[changes > ROUNDING * float(np.ptp(v))] if v.size else changes
+    if not changes.size:
+        return False
+    steps = changes / float(np.min(changes))
+    steps = steps[steps < _MOST_STEPS]
+    return bool(np.mean(np.abs(steps - np.rint(steps)) < _APART) > _WHOLE)
 
 
 def summed(log: Log, restarts: tuple[int, ...] = ()) -> Updated:
@@ -130,6 +165,8 @@ def summed(log: Log, restarts: tuple[int, ...] = ()) -> Updated:
     if "velocity" not in log or "position" in log or "d_hat" in log:
         return Updated(log, restarts)
     v = log["velocity"]
+    if not _in_counts(v) or ("t" in log and np.ptp(np.diff(log["t"])) > _UNEVEN * log.sample_time):
+        return Updated(log, restarts)
     angle = np.pi * np.arange(1, v.size // 2) / (v.size // 2)
     power = np.abs(np.fft.rfft(np.diff(v, prepend=v[:1]) * np.hanning(v.size)))[1 : angle.size + 1] ** 2
     above = (angle > _NOISE_FROM * np.pi) & (power > 0.0)

@@ -58,12 +58,30 @@ def test_a_speed_that_is_late_is_not_used_beside_the_position(tmp_path, delayed)
     assert said["estimates"]["delay"]["value"] == pytest.approx(delayed.truth["delay"], abs=2e-4)  # with it 9.5 ms more
 
 
-def test_a_position_that_is_late_is_not_used_beside_the_speed(tmp_path, delayed):
+def test_a_position_that_is_late_is_put_where_the_speed_has_it_by_then(tmp_path, delayed):
     q = delayed.channels["position"]
     late = {"position": np.concatenate([np.full(25, q[0]), q[:-25]]), "velocity": np.gradient(q, delayed.channels["t"])}
     said, warnings = asked(tmp_path, replace(delayed, channels={**delayed.channels, **late}))
-    assert "later than the velocity; the velocity alone is used" in " ".join(warnings.split())
+    assert "later than the velocity; it is taken as so much earlier" in " ".join(warnings.split())
     assert said["estimates"]["delay"]["value"] == pytest.approx(delayed.truth["delay"], abs=1e-3)  # with it 25 ms more
+
+
+@pytest.mark.parametrize("way", ["late", "held"])
+def test_the_zero_of_a_late_or_slow_position_stays(tmp_path, way):
+    """A pendulum that starts far from its rest, its weight in the model: the phase is the position's."""
+    t = np.arange(0.0, 20.0, 0.001)
+    q = 2.0 + np.sin(2.0 * t) + 0.5 * np.sin(5.3 * t)
+    v, a = np.gradient(q, t), np.gradient(np.gradient(q, t), t)
+    rng = np.random.default_rng(5)
+    u = 0.02 * a + 0.3 * np.sin(q)
+    rows = np.arange(t.size)
+    seen = np.concatenate([np.full(12, q[0]), q[:-12]]) if way == "late" else q[rows - rows % 5]
+    channels = {"t": t, "u": u, "position": seen, "velocity": v + 1e-3 * rng.standard_normal(t.size)}
+    gravity = {"gravity": {"amplitude": 0.3, "phase": 0.0}}
+    model = {"inertia": 0.02, "delay": 0.0, "effects": gravity}
+    observer = {"nominal_inertia": 0.02, "time_constant": 0.005}
+    said, _ = asked(tmp_path, Question((), channels, model, observer, model))
+    assert said["verdict"] != "gravity"
 
 
 @pytest.mark.parametrize("seed", [230002, 230003, 230005])

@@ -102,6 +102,36 @@ def test_pieces_begin_where_they_began():
     assert found.log["t"][begins] == pytest.approx(t[1502])
 
 
+def test_stamps_that_begin_again_do_not_mix_the_pieces():
+    t, q, _ = motion()
+    half, at = ROWS // 2, np.arange(0, ROWS, 5)
+    again = np.concatenate([t[:half], t[: ROWS - half]])
+    u = np.random.default_rng(1).normal(size=ROWS)
+    place = np.concatenate([q[:half], q[half:] + 3.0])
+    found = updated(log_of(t=again, u=u, position=written_again(place, at)), [half])
+    np.testing.assert_allclose(found.log["position"], place[at], atol=1e-12)
+    np.testing.assert_allclose(found.log["u"], u.reshape(-1, 5).mean(axis=1), atol=1e-9)
+    assert found.restarts == (half // 5,)
+
+
+def test_a_slow_position_beside_a_live_speed_keeps_its_zero():
+    t, q, v = motion()
+    noisy = v + np.random.default_rng(2).normal(scale=1e-4, size=ROWS)
+    position = written_again(q + 2.0, np.arange(0, ROWS, 20))
+    found = updated(log_of(t=t, u=v, velocity=noisy, position=position))
+    assert "position goes as the speed between its values" in found.said
+    np.testing.assert_allclose(found.log["position"], q + 2.0, atol=2e-3)  # held it lags by up to 0.06
+    assert len(found.log) == ROWS
+
+
+def test_of_a_few_values_that_stay_no_number_of_rows_is_said():
+    t, _, v = motion()
+    noisy = v + np.random.default_rng(2).normal(scale=0.01, size=ROWS)
+    comes = np.flatnonzero(np.random.default_rng(3).random(ROWS) > 0.25)
+    found = updated(log_of(t=t, u=v, velocity=written_again(noisy, np.union1d([0], comes))))
+    assert found.said.startswith("velocity repeats some of the values while the axis moves")
+
+
 def test_a_drives_own_d_hat_in_every_row_stays_beside_a_slow_position():
     t, q, v = motion()
     d_hat = np.random.default_rng(4).normal(size=ROWS)
@@ -132,6 +162,21 @@ def test_a_speed_of_its_own_sensor_stays(seed, noise):
     t, _, v = motion(seed)
     white = noise * np.random.default_rng(seed).normal(size=ROWS)
     log = log_of(t=t, u=v, velocity=v + white)
+    assert summed(log).log is log
+
+
+@pytest.mark.parametrize("hz", [300.0, 437.0])
+def test_ripple_and_resonances_of_a_speed_are_no_difference_of_counts(hz):
+    t, _, v = motion()
+    ripple = 0.02 * np.sin(2.0 * np.pi * hz * t) * (1.0 + np.abs(v))
+    log = log_of(t=t, u=v, velocity=v + ripple + np.random.default_rng(6).normal(scale=1e-4, size=ROWS))
+    assert summed(log).log is log
+
+
+def test_over_uneven_stamps_nothing_is_summed():
+    _, q, v = motion()
+    t = np.cumsum(STEP * (1.0 + 0.2 * np.random.default_rng(4).standard_normal(ROWS)))
+    log = log_of(t=t, u=v, velocity=np.diff(counted(q, 4096), prepend=0.0) / STEP)
     assert summed(log).log is log
 
 

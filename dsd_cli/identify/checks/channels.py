@@ -112,7 +112,7 @@ def _late(slope: Slope, T: float) -> list[Finding]:
     than = "slope of position: it is filtered, or late" if slope.late > 0.0 else "velocity"
     what = f"{late} is {abs(slope.late) * 1e3:.3g} ms later than the {than}"
     remedy = f'signals.{late} = "" (the {used} alone is used)'
-    return [Finding(what, late, "warning", 0.95, remedy, late_channel=late)]
+    return [Finding(what, late, "warning", 0.95, remedy, late_channel=late, late_by=abs(slope.late))]
 
 
 def check_jumps(log: Log, restarts: Sequence[int]) -> list[Finding]:

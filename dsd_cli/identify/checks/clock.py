@@ -20,6 +20,8 @@ from dsd_cli.signals.log import Array, Log, with_channels
 JITTERY = 0.02
 #: Two clocks are distinguished from so many standard errors on, over blocks of the log.
 CLEAR = 5.0
+#: And one is taken for the other from so many on.
+RATHER = 3.0
 #: Stamps that are off an even clock by more than so many times what their steps are off add up: white noise is 0.7 of
 #: that, a line that hands over 16 samples at once 1.2.
 ADDED_UP = 3.0
@@ -58,7 +60,7 @@ def evened(log: Log, restarts: Sequence[int]) -> Log:
         return log
     logged, even, holed = _roughnesses(log, restarts)
     holes, pieces = _smoother(holed, even) > CLEAR, _pieces(stamps_of(log), restarts)
-    if not _smoother(holed if holes else even, logged) > 0.0:
+    if not _smoother(holed if holes else even, logged) > RATHER:
         return log
     t = np.concatenate([t if t.size < 2 else _with_holes(t)[0] if holes else _even(t) for t in pieces])
     if np.std(stamps_of(log) - t) > ADDED_UP * share * usual:

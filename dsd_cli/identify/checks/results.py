@@ -26,7 +26,7 @@ class Finding:
     late : s by which u is late, and the same.
     ratio : of velocity and slope of position, where that is what is wrong; else 0.
     first : it must be said before anything that the log answers, though it is no error.
-    late_channel : velocity or position, where one is later than the other says.
+    late_channel, late_by : velocity or position, where one is later than the other says, and by how many s.
     """
 
     what: str
@@ -39,6 +39,7 @@ class Finding:
     ratio: float = 0.0
     first: bool = False
     late_channel: str = ""
+    late_by: float = 0.0
 
     def worded(self, applied: Mapping[str, float], u_shift: float = 0.0) -> Finding:
         """With a remedy that says what the keys of [signals] must be, where these are in them already."""
