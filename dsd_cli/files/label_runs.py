@@ -38,5 +38,15 @@ def split_note(path: str, columns: Mapping[str, Any], delimiter: str = "") -> st
     name, (first, *_) = next(iter(words.items()))
     one = f'NR == 1 || ${list(columns).index(name) + 1} == "{first}"'
     command = f"awk -F {shlex.quote(delimiter)} {shlex.quote(one)} {shlex.quote(source_name(path))} > one.csv"
-    how = f"; of one axis alone: {command}" if delimiter in (",", ";") else ""
+    how = f"; of one axis alone: {command}" if _is_plain(path, columns, delimiter) else ""
     return printable(f"{' and '.join(listed)} split its rows into {back.size + 1} recordings, read as of one axis{how}")
+
+
+def _is_plain(path: str, columns: Mapping[str, Any], delimiter: str) -> bool:
+    """Whether the names are the first line of a text file, and nothing is in quotes: a filter by lines says so."""
+    try:
+        with open(path, encoding="utf-8") as file:
+            names, row = file.readline(), file.readline()
+    except (OSError, UnicodeDecodeError):
+        return False
+    return delimiter in (",", ";") and names.rstrip("\r\n") == delimiter.join(columns) and '"' not in row

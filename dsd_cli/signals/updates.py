@@ -78,7 +78,8 @@ def updated(log: Log, restarts: Sequence[int] = ()) -> Updated:
     if live:
         return Updated(replace(log, channels=channels), tuple(restarts), _said(held, len(log), out, carried))
     channels |= {"t": t[clock]} | ({"u": _mean_u(log, t, clock, begins)} if "u" in log else {})
-    step = float(np.median(np.diff(t[clock])))
+    apart = np.diff(t[clock])
+    step = float(np.median(apart[apart > 0.0])) if np.any(apart > 0.0) else log.sample_time  # stamps may begin again
     thinned = replace(log, channels=channels, sample_time=step, u_hold="held")
     found = tuple(np.searchsorted(clock, begins[1:]).tolist())
     return Updated(thinned, found, _said(held, len(log), out, carried, step))

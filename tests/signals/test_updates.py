@@ -114,6 +114,17 @@ def test_stamps_that_begin_again_do_not_mix_the_pieces():
     assert found.restarts == (half // 5,)
 
 
+def test_of_many_short_pieces_the_sample_time_is_that_within_them():
+    """Pairs of rows, each of a time that begins again."""
+    t, q, v = motion()
+    again = np.where(np.arange(ROWS) % 10 < 5, 0.0, 0.005) + (t % 0.005)
+    noisy = v + np.random.default_rng(2).normal(scale=0.01, size=ROWS)
+    channels = {"position": written_again(q, np.arange(0, ROWS, 5)), "velocity": noisy}
+    channels["velocity"] = written_again(noisy, np.arange(0, ROWS, 5))
+    found = updated(log_of(t=again, u=v, **channels), list(range(10, ROWS, 10)))
+    assert found.log.sample_time == pytest.approx(0.005)
+
+
 def test_a_slow_position_beside_a_live_speed_keeps_its_zero():
     t, q, v = motion()
     noisy = v + np.random.default_rng(2).normal(scale=1e-4, size=ROWS)

@@ -65,7 +65,8 @@ def evened(log: Log, restarts: Sequence[int]) -> Log:
     t = np.concatenate([t if t.size < 2 else _with_holes(t)[0] if holes else _even(t) for t in pieces])
     if np.std(stamps_of(log) - t) > ADDED_UP * share * usual:
         return log
-    return replace(with_channels(log, t=t), sample_time=float(np.median(np.diff(t))))
+    apart = np.diff(t)
+    return replace(with_channels(log, t=t), sample_time=float(np.median(apart[apart > 0.0])))
 
 
 def _even(t: Array) -> Array:
