@@ -105,7 +105,9 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
         except DsdError as error:
             unread = error
         else:
-            _propose_numbers(loaded, factors, out)
+            said_in_log = chosen.found["time"].time_unit if "time" in chosen.found else None
+            doubted = said_in_log is not None and ("signals", "time_unit") not in asked.values
+            _propose_numbers(loaded, factors, out, doubted)
     for (section, key), value in asked.values.items():
         out.put(section, key, value)
     said = [*out.said, *questions(out)]
@@ -167,8 +169,12 @@ def _read(
     if not unit:
         first = load_log(path, names, most_rows=1, layout=layout).log
         step = first.sample_time
-        unit = time_unit_of(step, float(first["t"][0]))
-        out.said.append(f"time_unit: not said; steps of {step:g} are taken as {unit}")
+        looked_at = chosen.table.channels if chosen.table is not None else ()
+        stamps = next((one.values for one in looked_at if one.name == names["t"]), None)
+        lasts = math.inf if stamps is None else float(np.nanmax(stamps) - np.nanmin(stamps))
+        unit = time_unit_of(step, float(first["t"][0]), lasts)
+        other = "; if it is another: --set signals.time_unit=UNIT"
+        out.said.append(f"time_unit: not said; steps of {step:g} are taken as {unit}{other}")
     out.put("signals", "time_unit", unit)
     apart = load_log(path, names, most_rows=ROWS, layout=layout).log.sample_time if chosen.clock else sample_time
     settle_units(units_of(chosen.table, found, TIME_SCALE[unit], apart), out)
@@ -184,13 +190,15 @@ def _read(
     return loaded, factors
 
 
-def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal) -> None:
+def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal, doubted: bool) -> None:
+    """What is identified from the log; `doubted`: its unit of time is, too, if it makes no servo log."""
     rows, warned = len(loaded.log), len(loaded.warnings)
     loaded, noisy = on_its_clock(by_updates(loaded))
     out.said += [*loaded.warnings[warned:], *noisy]
     log = loaded.log
     step = log.sample_time
-    _doubt_time_unit(step, out)
+    if doubted:
+        _doubt_time_unit(step, out)
     clock = "regular" if loaded.regular else "irregular stamps"
     out.said.append(f"sample time {step:g} s ({clock}), from the first {rows:,} rows, {len(log) * step:.3g} s")
     out.put("observer", "time_constant", float(f"{5 * step:.3g}"), "5 samples; take your observer's if d_hat is logged")

@@ -9,10 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.cli.init_roles import GIVEN, Chosen, Coarse, step_in
+from dsd_cli.cli.init_roles import GIVEN, Chosen, Coarse, unit_of_stamps
 from dsd_cli.cli.init_units import step_of
 from dsd_cli.errors import printable
-from dsd_cli.files.first_look import time_unit_of
 from dsd_cli.files.template import with_value
 from dsd_cli.signals.clock import TIME_SCALE
 
@@ -40,7 +39,7 @@ def without_coarse_stamps(chosen: Chosen) -> Chosen:
     steps = np.diff(stamps)
     if time is None or not steps.any() or steps.min() < 0.0 or np.mean(steps == 0.0) < COARSE:
         return chosen
-    unit = time.time_unit or time_unit_of(step_in(stamps), float(stamps[0]))
+    unit = time.time_unit or unit_of_stamps(stamps)
     apart = float(f"{TIME_SCALE[unit] * (stamps[-1] - stamps[0]) / steps.size:.3g}")
     what = f'"{time.column}" stands still in {100 * np.mean(steps == 0.0):.0f} % of them; {apart:g} if they are even'
     found = {role: one for role, one in chosen.found.items() if role != "time"}

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from dsd_cli.cli.init_stamps import with_even_stamps
-from dsd_cli.cli.init_union import by_units, clock_of, forces_in, is_clock, is_part, union_of, usable
+from dsd_cli.cli.init_union import by_units, clock_of, forces_in, is_clock, is_part, of_other_joints, union_of, usable
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.first_look import FirstLook, time_unit_of
-from dsd_cli.files.joints import joint_that_moves
+from dsd_cli.files.joints import apart
 from dsd_cli.files.recognise import (
     Recognised,
     is_asked,
@@ -73,37 +73,45 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
         told = "a row is numbers with a delimiter between them; `dsd columns` shows what was read"
         raise DataError(f"{path}: no column holds numbers", told)
     given = {role: _named(path, sample, name) for role, name in given.items()}
-    tables = [usable(table, given.values()) for table in sample.tables]
+    parts = [one for one in sample.tables if not given and any(is_part(one, other) for other in sample.tables)]
+    tables = [one for one in sample.tables if one not in parts]
+    away, said = of_other_joints(path, tables, given)
+    tables = [replace(one, channels=tuple(c for c in one.channels if c.name not in away)) for one in tables]
+    tables = [usable(table, given.values()) for table in tables]
     if given:
         tables = [one for one in tables if set(given.values()) <= {c.name for c in one.channels}] or tables
-    else:
-        tables = [one for one in tables if not any(is_part(one, other) for other in tables)]
+    chosen = _chosen_of(tables, given)
+    return _of_one_axis(replace(chosen, said=(*said, *chosen.said)), tables, given)
+
+
+def _chosen_of(tables: Sequence[Table], given: Mapping[str, str]) -> Chosen:
     looks = [(by_names(table, given), table) for table in tables]
     best, table = max(looks, key=lambda item: _worth(*item))
-    if not _whole(best.found):
-        union = by_units(by_names(union_of(tables), given))
-        if _whole(union.found):
-            union, said = _joint(path, sample, union)
-            found = union.found if union.clock else {**union.found, **clock_of(tables, union.found)}
-            return Chosen(found, {}, union.clock, None, tuple(said))
-        deeds = _by_deeds(sorted(looks, key=lambda item: -_worth(*item))[:TABLES], given)
-        listed = not deeds.missing or deeds.candidates
-        return deeds if listed else replace(deeds, candidates=forces_in(tables, deeds.found))
-    best, said = _joint(path, sample, best) if not given else (best, [])
-    table = replace(table, channels=tuple(one for one in table.channels if one.name in best.columns))
-    return _completed(best, table, given, tuple(said))
+    if _whole(best.found):
+        return _completed(best, table, given)
+    union = by_units(by_names(union_of(tables), given))
+    if _whole(union.found):
+        found = union.found if union.clock else {**union.found, **clock_of(tables, union.found)}
+        return Chosen(found, {}, union.clock, None, ())
+    deeds = _by_deeds(sorted(looks, key=lambda item: -_worth(*item))[:TABLES], given)
+    listed = not deeds.missing or deeds.candidates
+    return deeds if listed else replace(deeds, candidates=forces_in(tables, deeds.found))
 
 
-def _joint(path: str, sample: Sample, look: FirstLook) -> tuple[FirstLook, list[str]]:
-    """The look with the channels of the joint that moves most; joints that rest are joints, too."""
-    units = {c.name: c.unit for one in sample.tables for c in one.channels if c.values is not None and not is_clock(c)}
-    everything = FirstLook(tuple(units), units, recognise(list(units), units), look.clock)
-    found, said = joint_that_moves(path, everything)
-    clocks = {c.name for one in sample.tables for c in one.channels if is_clock(c)}
-    kept = {role: one for role, one in found.found.items() if role in look.found and one.column in look.columns}
-    kept |= {"time": look.found["time"]} if "time" in look.found else {}
-    mine = tuple(name for name in look.columns if name in found.columns or name in clocks)
-    return (replace(look, found=kept, columns=mine), said) if said and _whole(kept) else (look, [])
+def _of_one_axis(chosen: Chosen, tables: Sequence[Table], given: Mapping[str, str]) -> Chosen:
+    """With u, or the motion beside a u that the user named, to be asked for where names make them of two joints."""
+    asked = "position" if "u" in given else "u"
+    columns = {c.name for one in tables for c in one.channels}
+    for role in MOTION:
+        if not {"u", role} <= chosen.found.keys() or {"u", role} <= given.keys():
+            continue
+        doubted, sure = (chosen.found[one] for one in ((role, "u") if "u" in given else ("u", role)))
+        if other := apart(columns, doubted.column, sure.column):
+            left = ("u",) if asked == "u" else MOTION
+            found = {role: one for role, one in chosen.found.items() if role not in left}
+            likely = tuple(dict.fromkeys([other, doubted.column, *doubted.others]))
+            return replace(chosen, found=found, missing=asked, candidates=likely)
+    return chosen
 
 
 def _named(path: str, sample: Sample, name: str) -> str:
@@ -161,8 +169,9 @@ def _rows(table: Table) -> int:
     return max((one.values.size for one in table.channels if one.values is not None), default=0)
 
 
-def _completed(look: FirstLook, table: Table, given: Mapping[str, str], said: tuple[str, ...]) -> Chosen:
+def _completed(look: FirstLook, table: Table, given: Mapping[str, str]) -> Chosen:
     """With the time, the position or the velocity that the names do not say."""
+    said: tuple[str, ...] = ()
     if "u" in look.found and "u" not in given and (other := _with_direction(look, table)) is not None:
         size, look = look.found["u"].column, replace(look, found={**look.found, "u": other})
         said = (*said, f'"{size}" has no direction though the axis turns: "{other.column}", which it follows, is u')
@@ -170,6 +179,9 @@ def _completed(look: FirstLook, table: Table, given: Mapping[str, str], said: tu
         look, told = with_even_stamps(look, table)
         said = (*said, *told)
     roles = roles_of(look, table, given)
+    if "u" in look.found and "u" not in roles.found:
+        shares = (f"{100 * share:.0f} % of {name}" for name, share in roles.causes.items() if share > 0.0)
+        said = (*said, f"several are called as u is; the motion explains {', '.join([*shares][:4])}: none clearly best")
     return replace(_chosen(look, table, roles), said=said)
 
 
@@ -217,18 +229,11 @@ def roles_of(look: FirstLook, table: Table, given: Mapping[str, str]) -> Roles:
     motions = {one.name for one in table.channels if is_motion(one.name, one.unit)}
     moved = neither | motions - set(given.values()) - beside_a_clock(table)
     others = () if u is None or "u" in given else u.others
-    rivals = frozenset(one for one in others if u is not None and _kind(look, one) == _kind(look, u.column))
     sure = (frozenset(forces), frozenset(moved))
     asked = frozenset({one.name for one in table.channels if is_asked(one.name)} - set(given.values()))
     return guess_roles(
-        table.channels, named, *sure, told=given, rivals=rivals, asked=asked, scale=_seconds(look, table)
+        table.channels, named, *sure, told=given, rivals=frozenset(others), asked=asked, scale=_seconds(look, table)
     )
-
-
-def _kind(look: FirstLook, name: str) -> tuple[bool, bool]:
-    """Whether a force is a current, or a voltage."""
-    unit = look.units.get(name, "")
-    return is_current(name, unit), is_voltage(name, unit)
 
 
 def _seconds(look: FirstLook, table: Table) -> float:
@@ -237,9 +242,13 @@ def _seconds(look: FirstLook, table: Table) -> float:
     if time is None:
         return 1.0
     stamps = next(one.values for one in table.channels if one.name == time.column)
-    there = np.zeros(1) if stamps is None else stamps[np.isfinite(stamps)]
-    unit = time.time_unit or time_unit_of(step_in(there), float(there[0]) if there.size else 0.0)
-    return TIME_SCALE[unit]
+    there = np.zeros(1) if stamps is None or not np.isfinite(stamps).any() else stamps[np.isfinite(stamps)]
+    return TIME_SCALE[time.time_unit or unit_of_stamps(there)]
+
+
+def unit_of_stamps(stamps: Array) -> str:
+    """The unit that finite stamps are in, of which nothing is said."""
+    return time_unit_of(step_in(stamps), float(stamps[0]), float(np.ptp(stamps)))
 
 
 def step_in(stamps: Array) -> float:
@@ -264,6 +273,9 @@ def _chosen(look: FirstLook, table: Table, roles: Roles) -> Chosen:
     found = {}
     for role, guess in roles.found.items():
         mine = look.found.get(role)
+        positions = look.found["position"].others if "position" in look.found else ()
+        if role == "velocity" and mine is None and guess.column in positions:
+            continue
         unit = look.units.get(guess.column) or unit_in(guess.column, role)
         found[role] = mine if mine is not None and mine.column == guess.column else Recognised(role, guess.column, unit)
     if look.clock:

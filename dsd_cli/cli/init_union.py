@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from dsd_cli.files.first_look import FirstLook
+from dsd_cli.files.joints import numbered_as, other_joints
 from dsd_cli.files.recognise import Recognised, is_motion, is_neither, is_voltage, recognise, role_of_unit
 from dsd_cli.files.sample import Table
 from dsd_cli.files.words import quaternions
@@ -50,6 +51,16 @@ def constants(tables: Sequence[Table], missing: str) -> list[str]:
     still = [c for one in tables for c in one.channels if facts_of(c).kind == "constant"]
     called = [c for c in still if not {*roles}.isdisjoint(recognise([c.name], {c.name: c.unit}))]
     return [f'"{c.name}" is {facts_of(c).low:g} in all rows: a log in which it changes is needed' for c in called[:3]]
+
+
+def of_other_joints(path: str, tables: Sequence[Table], given: Mapping[str, str]) -> tuple[set[str], list[str]]:
+    """Columns of all joints but one, which are not looked at, and what to say; joints that rest are joints, too."""
+    units = {c.name: c.unit for one in tables for c in one.channels if c.values is not None and not is_clock(c)}
+    found = recognise(list(units), units)
+    for role, column in given.items():
+        if role not in found or column not in (found[role].column, *found[role].equals):
+            found[role] = Recognised(role, column, equals=numbered_as(column, units))  # m2 is called as m1
+    return other_joints(path, FirstLook(tuple(units), units, found), given.values())
 
 
 def union_of(tables: Sequence[Table]) -> Table:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -21,14 +22,21 @@ class FirstLook:
     clock: bool = False
 
 
-def time_unit_of(step: float, first: float = 0.0) -> str:
-    """The unit in which a sample time of that number is one of a servo log, and `first`, a stamp, is of our days."""
+#: s; a log of stamps that are finer than their unit, as of 0.25 ms, is no shorter.
+SHORTEST = 1.0
+
+
+def time_unit_of(step: float, first: float = 0.0, lasts: float = math.inf) -> str:
+    """The unit in which a sample time of that number is one of a servo log, and `first`, a stamp, is of our days.
+
+    lasts : from the first stamp to the last one.
+    """
     from dsd_cli.signals.clock import EPOCHS, FASTEST, SLOWEST, UNITS, YEAR, YEARS
 
     for unit, begins in EPOCHS.items():
         scale = UNITS.get(unit, 1.0)
         if YEARS[0] <= begins + first * scale / YEAR <= YEARS[1] and FASTEST <= step * scale <= SLOWEST:
             return unit
-    if FASTEST <= step <= SLOWEST:
+    if FASTEST <= step <= SLOWEST or (step < 1.0 and lasts * UNITS["ms"] < SHORTEST):
         return "s"
     return next((unit for unit, scale in UNITS.items() if FASTEST <= step * scale <= SLOWEST), "s")

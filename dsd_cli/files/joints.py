@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import product
+from shlex import quote
 
 import numpy as np
 
@@ -12,40 +13,43 @@ from dsd_cli.errors import DataError
 from dsd_cli.files.first_look import FirstLook
 from dsd_cli.files.recognise import Recognised, recognise
 from dsd_cli.files.tables_in import open_table
+from dsd_cli.files.words import ASKED, MEASURED
 
 #: What shows that a joint moves, best first.
 MOTION = ("velocity", "position", "d_hat")
 #: Rows that are looked at.
 ROWS = 200_000
-_TOKEN = re.compile(r"[^\W\d_]+|\d+|[\W_]+")
+#: LeftHip is two words.
+_TOKEN = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_]|[\W_]+")
 
 
-def joint_that_moves(path: str, look: FirstLook) -> tuple[FirstLook, list[str]]:
-    """The look with the channels of the joint that moves most, and what was chosen; as it is where there is one joint.
+def other_joints(path: str, look: FirstLook, told: Collection[str] = ()) -> tuple[set[str], list[str]]:
+    """The columns of all joints but one, and which: that of the columns that were `told`, else what moves most.
 
     Raises
     ------
     DataError : the rows cannot be read.
     """
     joints = joints_of(look.columns, look.found)
-    if len(joints) < 2:
-        return look, []
-    columns = {}
-    for label in joints:
-        others = {column for other, theirs in joints.items() if other != label for column in theirs}
-        columns[label] = tuple(column for column in look.columns if column not in others)
-    looks = {label: recognise(mine, look.units) for label, mine in columns.items()}
-    complete = [one for one in MOTION if all(one in found for found in looks.values())]
-    looks = {label: found for label, found in looks.items() if "u" in found}
-    if not complete or len(looks) < 2:
-        return look, []
-    channel = complete[0]
-    moves = _moves(path, {label: found[channel].column for label, found in looks.items()})
-    best = max(looks, key=lambda label: moves[label])
-    listed = ", ".join(f"{label} {moves[label]:.3g}" for label in looks)
-    why = f"it moves most (standard deviation of {channel}: {listed}); another is yours to name"
-    found = {name: one for name, one in looks[best].items() if name in look.found}
-    return replace(look, found=found, columns=columns[best]), [f"joint {best} of {len(looks)}: {why}"]
+    named = [label for label, columns in joints.items() if columns & set(told)]
+    away = {label: set().union(*(joints[other] for other in joints if other != label)) for label in joints}
+    looks = {label: recognise([one for one in look.columns if one not in away[label]], look.units) for label in joints}
+    if named:
+        best, why = named[0], "as you say"
+    else:
+        shared = max(MOTION, key=lambda one: sum(one in found for found in looks.values()))
+        moving = {label: found[shared].column for label, found in looks.items() if shared in found}
+        if len(moving) < 2:
+            return set(), []
+        moves = _moves(path, moving)
+        best = max(moves, key=lambda label: moves[label])
+        listed = ", ".join(f"{label} {spread:.3g}" for label, spread in moves.items())
+        why = f"it moves most (standard deviation of {shared}: {listed})"
+    others = [found["u"].column for label, found in looks.items() if label != best and "u" in found]
+    another = f"; for another one: --force --u {quote(others[0])}" if others else ""
+    mine = set().union(*(joints[label] for label in named or [best]))
+    columns = set().union(*joints.values()) - mine - set(told)
+    return columns, [f"joint {' and '.join(named or [best])} of {len(joints)}: {why}{another}"]
 
 
 def joints_of(columns: Sequence[str], found: Mapping[str, Recognised]) -> dict[str, set[str]]:
@@ -53,45 +57,82 @@ def joints_of(columns: Sequence[str], found: Mapping[str, Recognised]) -> dict[s
 
     >>> joints_of(["effort/a", "effort/b", "speed/a", "speed/b"], ...)  # {"a": {"effort/a", "speed/a"}, "b": ...}
     """
-    if "u" not in found:
-        return {}
-    labels = _middles([found["u"].column, *found["u"].equals])
+    best: dict[str, set[str]] = {}
     motion = [found[channel].column for channel in MOTION if channel in found]
+    for labels in _families([found["u"].column, *found["u"].equals]) if "u" in found else ():
+        joints = _joints(columns, labels, motion)
+        best = joints if len(joints) > len(best) else best
+    return best
+
+
+def _joints(columns: Sequence[str], labels: Sequence[str], motion: Sequence[str]) -> dict[str, set[str]]:
+    """The same of joints with these labels, and of those with other numbers that move; {}: less than two do."""
+    if not any(_put(one, label, label) for one in motion for label in labels):
+        return {}
+    if all(map(str.isdigit, labels)):
+        labels = [*dict.fromkeys([*labels, *(x for one in motion for x in _numbers(one, labels, columns))])]
     known = set(columns)
     joints: dict[str, set[str]] = {label: set() for label in labels}
-    for column in columns:
-        for label in labels:
-            if any(_swapped(column, label, other) & known for other in labels if other != label):
-                joints[label].add(column)
-    shown = {
-        label: mine for label, mine in joints.items() if any(_in_family(one, labels, label, mine) for one in motion)
-    }
-    return shown if len(shown) > 1 else {}
+    for column, label in product(columns, labels):
+        if any(_put(column, label, other) & known for other in labels if other != label):
+            joints[label].add(column)
+    moving = {label for label in labels if any(_in_family(one, labels, label, joints[label]) for one in motion)}
+    if len(moving) < 2:
+        return {}
+    return joints if all(map(str.isdigit, labels)) else {label: joints[label] for label in labels if label in moving}
+
+
+def _numbers(column: str, labels: Sequence[str], columns: Sequence[str]) -> list[str]:
+    """The numbers of columns that are called as this one is but for a number that is one of the labels."""
+    tokens = _TOKEN.findall(column)
+    parts = [("".join(tokens[:at]), "".join(tokens[at + 1 :])) for at, one in enumerate(tokens) if one in labels]
+    found = (re.fullmatch(f"{re.escape(a)}(\\d+){re.escape(b)}", one) for a, b in parts for one in columns)
+    return [one[1] for one in found if one]
+
+
+def apart(columns: Collection[str], one: str, other: str) -> str:
+    """The counterpart of `one` that is of the joint of `other`, where their names make them of two; "": they do not."""
+    words = [[x for x in _TOKEN.findall(name) if x.lower() not in ASKED | MEASURED] for name in (one, other)]
+    for a, b in product(*words):
+        mine = _put(one, a, b) & set(columns) - {one, other}
+        if mine and _put(other, b, a) & set(columns) - {one, other}:
+            return min(mine)
+    return ""
+
+
+def numbered_as(column: str, columns: Collection[str]) -> tuple[str, ...]:
+    """Columns that are called as this one is but for numbers."""
+    called = re.sub(r"\d+", "0", column)
+    return tuple(one for one in columns if one != column and re.sub(r"\d+", "0", one) == called)
 
 
 def _in_family(column: str, labels: Sequence[str], label: str, mine: set[str]) -> bool:
     """Whether that column, or its counterpart of another joint, is among those of the joint `label`."""
-    return column in mine or any(_swapped(column, other, label) & mine for other in labels if other != label)
+    return column in mine or any(_put(column, other, label) & mine for other in labels if other != label)
 
 
-def _middles(names: Sequence[str]) -> list[str]:
-    """What differs between names that begin and end alike, in whole words; nothing where one has no such word."""
+def _families(names: Sequence[str]) -> Iterator[list[str]]:
+    """What differs, in whole words, between the first name and others that begin and end as it does, longest first.
+
+    A number differs by numbers only: of Torque1 in Torque2, and not in TorqueSm1.
+    """
     split = [_TOKEN.findall(name) for name in names]
-    if len(split) < 2:
-        return []
-    shortest = min(len(tokens) for tokens in split)
-    begin = 0
-    while begin < shortest and len({tokens[begin] for tokens in split}) == 1:
-        begin += 1
-    end = 0
-    while end < shortest - begin and len({tokens[-1 - end] for tokens in split}) == 1:
-        end += 1
-    found = ["".join(tokens[begin : len(tokens) - end]) for tokens in split]
-    return found if all(found) else []
+    size = len(split[0])
+    for same in range(size - 1, -1, -1):
+        for begin in range(same + 1):
+            end = same - begin
+            of_first = split[0][:begin] + split[0][size - end :]
+            alike = [one for one in split if len(one) > same and one[:begin] + one[len(one) - end :] == of_first]
+            labels = ["".join(one[begin : len(one) - end]) for one in alike]
+            labels = [one for one in labels if one.isdigit() or not labels[0].isdigit()]
+            if len(labels) > 1:
+                yield labels
 
 
-def _swapped(column: str, label: str, other: str) -> set[str]:
-    """The name with `label` replaced by `other`, at each place where it stands as whole words."""
+def _put(column: str, label: str, other: str) -> set[str]:
+    """The name with `other` in the place of `label`, at each place where that stands as whole words."""
+    if label not in column:
+        return set()
     tokens, words = _TOKEN.findall(column), _TOKEN.findall(label)
     return {
         "".join([*tokens[:at], other, *tokens[at + len(words) :]])

@@ -9,6 +9,7 @@ from itertools import dropwhile
 
 from dsd_cli.files.names_in import HEX, IN_BRACKETS, OVER, bracketed, is_named, plain_name, unit_in, words_in
 from dsd_cli.files.words import (
+    ACCELERATION,
     ASKED,
     COMMANDS,
     COUNTERS,
@@ -19,6 +20,7 @@ from dsd_cli.files.words import (
     IDLE,
     MEASURED,
     NAMED,
+    OF_ACCELERATION,
     OF_HEAT,
     OF_U,
     QUATERNIONS,
@@ -170,9 +172,12 @@ def is_error(name: str) -> bool:
 
 
 def is_neither(name: str, unit: str) -> bool:
-    """Whether name or unit say that it neither moves the axis nor is its motion: a temperature, what is left to go."""
-    heat = _has(name.rpartition("/")[2], HEAT) or whole_unit(unit or unit_in(name, "")) in OF_HEAT
-    return heat or is_error(name) or is_supply(name)
+    """Whether name or unit say that it neither moves the axis nor is its motion: a temperature, what is left to go,
+    an acceleration."""
+    own, said = name.rpartition("/")[2], whole_unit(unit or unit_in(name, ""))
+    if said in OF_ACCELERATION or (_has(own, ACCELERATION) and not _score("u", name)):
+        return True
+    return _has(own, HEAT) or said in OF_HEAT or is_error(name) or is_supply(name)
 
 
 def is_supply(name: str) -> bool:

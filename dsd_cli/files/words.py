@@ -57,6 +57,11 @@ ELSE = {"limit", "max", "min", "status", "id", "index", "count", "mode", "true"}
 ERRORS = {"error", "err", "deviation", "droop", "regelabweichung", "schleppabstand", "schleppfehler", "偏差"}
 #: Words and units of what neither moves an axis nor is its motion.
 HEAT, OF_HEAT = {"temp", "temperature", "temperatur", "temperatura"}, {"c", "°c", "degc", "°f", "degf", "k"}
+#: Words and units of what a force makes of a motion.
+ACCELERATION = {"acc", "accel", "acceleration", "beschleunigung", "qdd", "ddq", "accelerazione", "加速度"}
+OF_ACCELERATION = {f"{unit}/s{square}" for unit in ("m", "mm", "rad", "deg", "°") for square in ("²", "^2", "2")} | {
+    "g"
+}
 #: Words of what feeds a drive, which no motion follows.
 SUPPLY = {"battery", "batt", "bms", "bus", "vbus", "supply", "psu", "vcc", "vdc", "zwischenkreis"}
 ELSE |= ERRORS | SUPPLY | HEAT

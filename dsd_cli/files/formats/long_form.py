@@ -148,7 +148,25 @@ def form_by_texts(numbers: Mapping[str, Array], texts: Mapping[str, list[str]]) 
     if not names:
         return None
     told = {one.column for role, one in recognise(list(numbers)).items() if role in SIGNALS}
-    return _form(names, np.unique(_joined([texts[name] for name in names]), return_inverse=True)[1], numbers, told)
+    form = _form(names, _codes(texts, names), numbers, told)
+    if form is None or not (kept := _without_stretches(texts, names, numbers[form.time])):
+        return form
+    return _form(kept, _codes(texts, kept), numbers, told)
+
+
+def _codes(texts: Mapping[str, list[str]], names: Sequence[str]) -> NDArray[np.int64]:
+    return np.unique(_joined([texts[name] for name in names]), return_inverse=True)[1]
+
+
+def _without_stretches(texts: Mapping[str, list[str]], names: Sequence[str], t: Array) -> tuple[str, ...]:
+    """Those that name channels beside others that say when: all rows of a stamp have the same, and few stamps a new."""
+    order = np.argsort(t, kind="stable")
+    again, new = np.diff(t[order]) == 0.0, {}
+    for name in names:
+        new[name] = np.diff(np.unique(texts[name], return_inverse=True)[1][order]) != 0
+    when = {name for name, step in new.items() if not step[again].any() and AGAIN * step.sum() < np.sum(~again)}
+    at_once = any(step[again].any() for step in new.values())
+    return tuple(name for name in names if name not in when) if at_once else ()
 
 
 def are_names(cells: list[Any]) -> bool:

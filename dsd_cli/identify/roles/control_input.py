@@ -253,25 +253,27 @@ def _raw(look: Look, share: float, motion: Motion, name: str, candidates: Sequen
 
 
 def _doubt_cause(look: Look, motions: Sequence[Motion]) -> None:
-    """Of forces of one kind that only names make u, one gives way that the motion does not explain as it does others.
+    """Of forces that only names make u, one gives way to another that the motion explains clearly better.
 
-    Torques of the motor, from outside and asked for are all called so.
+    Torques of the motor and from outside are called so, a voltage beside a current, too. None is u where it does
+    better by less; the motion in another unit, and what was asked for, make no doubt.
     """
     mine = look.found["u"].column
     others = [name for name in look.free() if name in look.rivals]
     if mine not in look.values or not others:
         return
-
-    def share(name: str) -> float:
-        return max(cause_of(look.dt, look.values[one.column], one.kind, look.values[name]).share for one in motions)
-
-    if (own := share(mine)) >= IS_CAUSE:
-        return
-    shares = {name: share(name) for name in others}
-    best = max(shares, key=lambda name: shares[name])
-    if shares[best] - own > IS_CAUSE:
-        why = f"the motion explains {100 * shares[best]:.0f} % of it, and {100 * own:.0f} % of {mine}"
+    moved = [look.values[one.column] for one in motions]
+    for name in (mine, *others):
+        causes = [cause_of(look.dt, x, one.kind, look.values[name]) for x, one in zip(moved, motions, strict=True)]
+        same = name != mine and any(np.corrcoef(x, look.values[name])[0, 1] ** 2 > 1.0 - SAME for x in moved)
+        look.causes[name] = Cause(0.0, 1.0, 0) if same else max(causes, key=lambda one: one.share)
+    best = max(others, key=lambda name: look.causes[name].share)
+    share, own = look.causes[best].share, look.causes[mine].share
+    if share - own > IS_CAUSE:
+        why = f"the motion explains {100 * share:.0f} % of it, and {100 * own:.0f} % of {mine}"
         look.found["u"] = Guess(best, why)
+    elif own < CLEARLY and share - own > AS_WELL and best not in look.asked:
+        del look.found["u"]
 
 
 def _as_well(look: Look, share: float, motion: Motion, name: str) -> list[str]:
