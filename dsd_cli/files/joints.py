@@ -22,6 +22,8 @@ ROWS = 200_000
 #: LeftHip is two words.
 _TOKEN = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_]|[\W_]+")
 
+_NO_JOINTS = ASKED | MEASURED
+
 
 def other_joints(path: str, look: FirstLook, told: Collection[str] = ()) -> tuple[set[str], list[str]]:
     """The columns of all joints but one, and which: that of the columns that were `told`, else what moves most.
@@ -34,6 +36,7 @@ def other_joints(path: str, look: FirstLook, told: Collection[str] = ()) -> tupl
     named = [label for label, columns in joints.items() if columns & set(told)]
     away = {label: set().union(*(joints[other] for other in joints if other != label)) for label in joints}
     looks = {label: recognise([one for one in look.columns if one not in away[label]], look.units) for label in joints}
+    moves: dict[str, float] = {}
     if named:
         best, why = named[0], "as you say"
     else:
@@ -45,7 +48,8 @@ def other_joints(path: str, look: FirstLook, told: Collection[str] = ()) -> tupl
         best = max(moves, key=lambda label: moves[label])
         listed = ", ".join(f"{label} {spread:.3g}" for label, spread in moves.items())
         why = f"it moves most (standard deviation of {shared}: {listed})"
-    others = [found["u"].column for label, found in looks.items() if label != best and "u" in found]
+    nearest = sorted(looks, key=lambda label: -moves.get(label, 0.0))
+    others = [looks[label]["u"].column for label in nearest if label != best and "u" in looks[label]]
     another = f"; for another one: --force --u {quote(others[0])}" if others else ""
     mine = set().union(*(joints[label] for label in named or [best]))
     columns = set().union(*joints.values()) - mine - set(told)
@@ -92,10 +96,13 @@ def _numbers(column: str, labels: Sequence[str], columns: Sequence[str]) -> list
 
 def apart(columns: Collection[str], one: str, other: str) -> str:
     """The counterpart of `one` that is of the joint of `other`, where their names make them of two; "": they do not."""
-    words = [[x for x in _TOKEN.findall(name) if x.lower() not in ASKED | MEASURED] for name in (one, other)]
-    for a, b in product(*words):
+    of_one, of_other = (_TOKEN.findall(name) for name in (one, other))
+    for a, b in product(of_one, of_other):
         mine = _put(one, a, b) & set(columns) - {one, other}
-        if mine and _put(other, b, a) & set(columns) - {one, other}:
+        if not mine or a.lower() in _NO_JOINTS or not _put(other, b, a) & set(columns) - {one, other}:
+            continue
+        left = set(_TOKEN.findall(min(mine))) ^ set(of_other)  # the quantities: m2 and enc4 differ in 2 and 4
+        if not all(word.isdigit() or word.lower() in _NO_JOINTS for word in left):
             return min(mine)
     return ""
 
