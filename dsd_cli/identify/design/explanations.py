@@ -104,10 +104,13 @@ def draws_of(search: Search, fit: Fit, doubtful: bool, own: Collection[str]) -> 
         yield scale.model(_changed(middle, change)).with_values(given)
 
 
-def held(search: Search, one: Explanation, found: Fit, unexplained: float) -> Explanation:
+def held(
+    search: Search, one: Explanation, found: Fit, unexplained: float, start: float
+) -> tuple[Explanation, PlantModel]:
     """An explanation that lacks something nobody can name, with the constant force that this is in the mean of the
     logs: so the axis was held where they were. Elsewhere half of that may come or go, or what is left beside it is for
-    long what it was for a moment, as in one valley of a cogging that has no mean: so are the draws.
+    long what it was for a moment, as in one valley of a cogging that has no mean: so are the draws. And a plant in
+    which it comes and goes with the place, for a force that stays is held before the axis moves and makes it no faster.
 
     unexplained : share of u that what was found leaves beyond the noise. This one lacks that, and what was found; a
     sine goes as far as the root of 2 times its rms.
@@ -118,7 +121,8 @@ def held(search: Search, one: Explanation, found: Fit, unexplained: float) -> Ex
     lacks = -float(np.mean(left))
     most = max(_WIDEST * abs(lacks), math.sqrt(2.0 * beside))
     forces = [lacks, *np.linspace(lacks - most, lacks + most, len(one.draws) - 1).tolist()]
-    return replace(one, draws=tuple(_pushed(plant, x) for plant, x in zip(one.draws, forces, strict=True)))
+    first = replace(one, draws=tuple(_pushed(plant, x) for plant, x in zip(one.draws, forces, strict=True)))
+    return first, _waved(first.fitted, most, search.ranges.travel, start)
 
 
 def _pushed(plant: PlantModel, force: float) -> PlantModel:
@@ -128,6 +132,18 @@ def _pushed(plant: PlantModel, force: float) -> PlantModel:
     (size,) = (p.name for p in effect.parameters)
     known = plant.effects.get(effect.id, {size: 0.0})
     return replace(plant, effects={**plant.effects, effect.id: {size: known[size] + force}})
+
+
+def _waved(plant: PlantModel, size: float, way: float, start: float) -> PlantModel:
+    """With a sine of the position, that pushes the axis on whichever way it leaves the start. Half a wave is as long as
+    the way of the logs: of a longer one they would show a constant, and a shorter one gives less speed."""
+    wave = next(e for e in catalogue().values() if e.join and e.needs and e.periods)
+    if not way > 0.0 or wave.join is None:
+        return plant
+    (shape,) = (p.name for p in wave.parameters if not p.linear)
+    pace = math.pi / way
+    parts = size * math.cos(pace * start), -size * math.sin(pace * start)
+    return replace(plant, effects={wave.id: wave.join(parts, {shape: pace}, plant.inertia), **plant.effects})
 
 
 @dataclass(frozen=True)

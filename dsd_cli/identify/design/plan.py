@@ -75,7 +75,7 @@ def plan_next(
     limits = limits_of(search.problem.recordings, wanted.limits, wanted.start, search.equations.band.hz)
     room = Room.within(limits, search.equations, search.problem.recordings, max(wanted.seconds))
     asked = _Asked(search, observer, wanted, room, limits, diagnosis)
-    targets = targets_of(search, whole, diagnosis, wanted.names)
+    targets = targets_of(search, whole, diagnosis, wanted.names, start=limits.start)
     further = unvisited(limits, search.problem.recordings) if targets.nothing and not wanted.names else ()
     if further:
         note = f"nothing is left open where the logs have been: the motion is for the {' and '.join(further)} beyond"
@@ -89,7 +89,7 @@ def plan_next(
                 raise
         # effects that no motion can be planned for are none, as forces a hundred times u that cancel out in a slow log
         note = f"no motion keeps the limits if {targets.explanations[0].name} is right: planned as with unknown"
-    plan = asked.planned(targets_of(search, whole, diagnosis, doubted=True), report)
+    plan = asked.planned(targets_of(search, whole, diagnosis, doubted=True, start=limits.start), report)
     return replace(plan, warnings=(*plan.warnings, note))
 
 

@@ -30,10 +30,10 @@ _AS_GOOD = 3
 @dataclass(frozen=True)
 class Targets:
     """explanations : each once; believed : the first with what the logs say little of, and the delay, as the model has
-    it. pairs : of their places, to be distinguished. values : of the first explanation.
-    asked : names that the user gave. unknown : the motion is for the whole catalogue. doubtful : what is missing may be
-    none of the explanations, so that more of them are there to keep the limits. doubt : probability that what the logs
-    leave beyond the noise is a force."""
+    it; with unknown, what that lacks as a wave over the place. pairs : of their places, to be distinguished. values :
+    of the first explanation. asked : names that the user gave. unknown : the motion is for the whole catalogue.
+    doubtful : what is missing may be none of the explanations, so that more of them are there to keep the limits.
+    doubt : probability that what the logs leave beyond the noise is a force."""
 
     explanations: tuple[Explanation, ...]
     believed: PlantModel
@@ -51,11 +51,17 @@ class Targets:
 
 
 def targets_of(
-    search: Search, whole: Fit, diagnosis: Diagnosis | None, wanted: Sequence[str] = (), *, doubted: bool = False
+    search: Search,
+    whole: Fit,
+    diagnosis: Diagnosis | None,
+    wanted: Sequence[str] = (),
+    *,
+    doubted: bool = False,
+    start: float = 0.0,
 ) -> Targets:
     """What a diagnosis leaves open, or what the user asks for.
 
-    doubted : what was found cannot be: as if the verdict were unknown.
+    doubted : what was found cannot be: as if the verdict were unknown. start : position of rest.
 
     Raises
     ------
@@ -77,8 +83,8 @@ def targets_of(
     own, left = {name: _own(name, apart_from) for name in names}, diagnosis.unexplained if diagnosis else Unexplained()
     explanations = tuple(explanation_of(search, name, made.fits[name], doubtful, own[name]) for name in names)
     if unknown:  # none of them stands: the limits are kept under each, and the motion is for the whole catalogue
-        first = held(search, explanations[0], whole, float(np.nan_to_num(left.share_of_u)))
-        return Targets((first, *explanations[1:]), first.fitted, (), (), unknown=True, doubtful=True)
+        first, wave = held(search, explanations[0], whole, float(np.nan_to_num(left.share_of_u)), start)
+        return Targets((first, *explanations[1:]), wave, (), (), unknown=True, doubtful=True)
     places = tuple((names.index(a), names.index(b)) for a, b in pairs)
     values = [n for n in wanted if n in flat(explanations[0].fitted)] if wanted else None
     doubt, found = float(np.fmin(left.probability, 1.0)), values_of(search, explanations[0], values)

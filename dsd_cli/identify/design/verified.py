@@ -29,7 +29,7 @@ _COARSE = 0.02
 #: Place of an explanation, of one of its draws, and of a loop. The first loop runs the fitted plant (0) and the draw
 #: that needs most u; the last one that and the draw for which the feedforward lacks most.
 Key = tuple[int, int, int]
-#: The draw that is the first explanation as its owner believes it, where the logs say little (`Targets.believed`).
+#: The draw that is `Targets.believed`.
 _BELIEVED = -1
 
 
@@ -67,7 +67,7 @@ def verified(
     order = [k for i, k in enumerate(plants) if not any(k[2] == o[2] and plants[k] == plants[o] for o in [*plants][:i])]
     wide, lost, unstable, names = parts, list[str](), list[str](), [e.name for e in targets.explanations]
     last = dict[Key, dict[int, tuple[float, float]]]()
-    for _ in range(_SHRINKS * len(targets.explanations)):
+    for _ in range(_SHRINKS * len(order)):
         rested = np.pad(joined(TIMES * parts, room), (round(SETTLE / room.step), 0), mode="edge")
         wanted, runs = Path.of(rested[:: round(loops[0].step / room.step)], loops[0].step), dict[Key, Run]()
         planned, why, narrow = (wanted, command_for(targets.explanations[0].fitted, wanted)), "", set[str]()
