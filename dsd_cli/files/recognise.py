@@ -25,6 +25,7 @@ from dsd_cli.files.words import (
     OF_U,
     QUATERNIONS,
     SHARES,
+    SHORT_SETPOINT,
     SUPPLY,
     TIME_UNITS,
     WORDS,
@@ -158,7 +159,12 @@ def is_motion(name: str, unit: str) -> bool:
 
 def is_asked(name: str) -> bool:
     """Whether a name says that it was asked for, and so is no motion that was measured."""
-    return _has(name.rpartition("/")[2], ASKED)
+    return bool(_asked_of(words_in(name.rpartition("/")[2])))
+
+
+def _asked_of(words: Sequence[str]) -> set[str]:
+    """Those of the words that say so; sp beside another one, for by itself it may be a speed."""
+    return {word for word in words if word in ASKED or (word == SHORT_SETPOINT and len(words) > 1)}
 
 
 def _unit_of(name: str, unit: str) -> str:
@@ -199,11 +205,11 @@ def _score(channel: str, column: str) -> float:
     moves = any(_word_score(one, words, joined) > 0.0 for one in ("velocity", "position"))
     if moves and set(words) & GENERAL:
         words = [word for word in words if word not in GENERAL] if channel == "u" else [*words, "setpoint"]
-    asked = bool((set(words) | around) & ASKED)
+    asked = bool(_asked_of(words) or around & ASKED)
     if set(words) & ELSE or not words or (around & QUATERNIONS and len(joined) == 1):
         return 0.0
     if channel == "reference":
-        bare = [word for word in words if word in ASKED]
+        bare = [word for word in words if word in _asked_of(words)]
         return 2.0 if asked and (_word_score("position", words, joined) > 0.0 or len(bare) == len(words)) else 0.0
     score = _word_score(channel, words, joined)
     if score == 0.0 and joined not in WORDS["time"]:  # drive/velocity/elbow, axis/position/1, but not speed/Time

@@ -31,6 +31,8 @@ ASKED = {
     "ref", "reference", "set", "setpoint", "target", "desired", "des", "soll", "cmd", "command", "demand", "goal",
     "指令",
 }  # fmt: skip
+#: And one of them in short, of a name with more words.
+SHORT_SETPOINT = "sp"
 #: Words of u that with a motion in the name say whose input it is: input_pos is asked for.
 GENERAL = {"u", "control", "input"}
 #: Those of them that by themselves may be u as well.

@@ -259,3 +259,16 @@ def test_a_constant_speed_is_not_the_slope_of_whatever_drifts() -> None:
     u = 0.3 * np.gradient(w) + 0.1 * w
     channels = [Channel("u", u), Channel("stamp", np.cumsum(rng.uniform(0.2, 1.8, w.size))), Channel("w", w)]
     assert "position" not in guess_roles(channels, {"u": "u"}).found
+
+
+def test_a_column_called_sp_alone_may_be_the_speed(tmp_path):
+    """speed_sp was asked for; beside a current, sp is what moves."""
+    t = 0.002 * np.arange(3000)
+    cur = 2.0 * np.sin(3.0 * t) + np.sign(np.sin(7.0 * t))
+    speed = np.zeros_like(t)
+    for k in range(len(t) - 1):  # with friction that is not small
+        speed[k + 1] = speed[k] + 0.002 * (cur[k] - 0.4 * speed[k] - 0.3 * np.sign(speed[k])) / 0.05
+    rows = [f"{a:.4f},{b:.6g},{c:.6g}" for a, b, c in zip(t, speed, cur, strict=True)]
+    strangers.text(tmp_path, "log.csv", ["t,sp,cur", *rows])
+    done("init", "log.csv", "--u", "cur", cwd=tmp_path)
+    assert load_config(str(tmp_path / "dsd.toml"), ()).signals.velocity == "sp"
