@@ -10,6 +10,7 @@ import pytest
 
 from dsd_cli.files.config import load_config
 from dsd_cli.files.first_look import time_unit_of
+from dsd_cli.files.formats.long_form import form_by_texts
 from dsd_cli.files.joints import apart, joints_of
 from dsd_cli.files.recognise import is_neither, recognise
 from tests.cli.rig import done, dsd
@@ -165,6 +166,21 @@ def test_of_rows_of_legs_one_leg_is_taken_over_all_phases(tmp_path: Path) -> Non
     assert "joint RR of 4: " in said
     done("init", "walk.csv", "--force", "--u", "FL/current_A_mA", cwd=tmp_path)
     assert load_config(tmp_path / "dsd.toml").signals.position == "FL/theta1_actual_deg"
+
+
+def test_a_name_of_a_device_that_alternates_names_channels() -> None:
+    """Two devices have stamps of their own: all rows of a stamp have the same device, and each stamp has a new one."""
+    t = np.repeat(0.01 * np.arange(200), 2)
+    texts = {"device": ["a", "a", "b", "b"] * 100, "signal": ["i", "n"] * 200}
+    numbers = {"time": t, "value": np.sin(t)}
+    assert form_by_texts(numbers, texts).names == ("device", "signal")
+    texts["device"] = ["a"] * 200 + ["b"] * 200
+    assert form_by_texts(numbers, texts).names == ("signal",)
+
+
+def test_what_is_called_a_position_is_no_velocity_of_another(tmp_path: Path) -> None:
+    table = {"t": AXIS["t"], "torque": AXIS["u"], "theta1": AXIS["q"], "theta2": AXIS["v"]}
+    assert "velocity =" not in written(tmp_path, table)[0]
 
 
 def test_rows_of_a_fifth_of_a_second_are_none_of_a_fifth_of_a_millisecond(tmp_path: Path) -> None:

@@ -255,8 +255,7 @@ def _raw(look: Look, share: float, motion: Motion, name: str, candidates: Sequen
 def _doubt_cause(look: Look, motions: Sequence[Motion]) -> None:
     """Of forces that only names make u, one gives way to another that the motion explains clearly better.
 
-    Torques of the motor and from outside are called so, a voltage beside a current, too. None is u where it does
-    better by less; the motion in another unit, and what was asked for, make no doubt.
+    None is u where that does so by less. The motion in another unit, and what was asked for, make no doubt.
     """
     mine = look.found["u"].column
     others = [name for name in look.free() if name in look.rivals]
@@ -270,8 +269,7 @@ def _doubt_cause(look: Look, motions: Sequence[Motion]) -> None:
     best = max(others, key=lambda name: look.causes[name].share)
     share, own = look.causes[best].share, look.causes[mine].share
     if share - own > IS_CAUSE:
-        why = f"the motion explains {100 * share:.0f} % of it, and {100 * own:.0f} % of {mine}"
-        look.found["u"] = Guess(best, why)
+        look.found["u"] = Guess(best, f"the motion explains {100 * share:.0f} % of it, and {100 * own:.0f} % of {mine}")
     elif own < CLEARLY and share - own > AS_WELL and best not in look.asked:
         del look.found["u"]
 
