@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from dsd_cli.identify.checks import clock
+from dsd_cli.identify.checks import clock, values
 from dsd_cli.identify.checks.channels import check_channels, check_jumps, settled, times_too_large
 from dsd_cli.identify.checks.d_hat_maker import check_maker
 from dsd_cli.identify.checks.disturbance import check_alone, check_disturbance, observed
@@ -19,7 +19,6 @@ from dsd_cli.identify.checks.hold import check_hold
 from dsd_cli.identify.checks.parameters import check_parameters, unknown_parameters
 from dsd_cli.identify.checks.results import CheckResult, Excitation, Finding, Identified, Parameter, Severity
 from dsd_cli.identify.checks.stretches import SHORTEST
-from dsd_cli.identify.checks.values import believable, check_sensor, check_signs, check_values, delay_of, floor_of
 from dsd_cli.identify.checks.view import View, look
 from dsd_cli.plant.maker import Maker
 from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -68,6 +67,7 @@ def check_log(
     found = [*clock.check_clock(log, restarts), *clock.check_rows(dropped or {}, len(log))]
     found += [*check_jumps(log, restarts), *_unusable(view)]
     found += check_excitation(did, view.stretches, 0 if model is None else len(model.effects))
+    found += [] if _fails(found) else values.check_magnitude(view, did)
     if not _fails(found):
         found += _judged(view, model, observer, factors or {}, maker or Maker())
     if _fails(found):
@@ -75,14 +75,15 @@ def check_log(
     else:
         parameters = check_parameters(view, model, observer)
         found += _leaning(parameters)
-        found += [*_bent(parameters), *_not_told(parameters)] if model is not None else []
+        if model is not None:
+            found += _below_zero(view, parameters[0]) or [*_bent(parameters), *_not_told(parameters)]
     worded = [one.worded(factors or {}, u_shift) for one in found]
     return CheckResult(
         log.source,
         tuple(sorted(worded, key=lambda one: (_ORDER[one.severity], -one.sure))),
         parameters,
         None if view.band is None else view.band.cutoff,
-        floor_of(view, model),
+        values.floor_of(view, model),
         did,
         clock.seconds_of(log, restarts),
         len(log),
@@ -115,6 +116,15 @@ def _leaning(parameters: Sequence[Parameter]) -> list[Finding]:
     priors = [f"--prior {p.name}={max(p.value, 0.0):.4g}+-{p.std_error:.2g}" for p in leaning if p.identified != "not"]
     remedy = f"give what the reference says, with its error: {' '.join(priors)}" if priors else "a finer encoder"
     return [Finding(what, "log", "warning", 0.9, remedy)] if leaning else []
+
+
+def _below_zero(view: View, inertia: Parameter) -> list[Finding]:
+    """Where a log is too short for the vote on signs."""
+    if not inertia.below_zero or (view.rows is not None and view.rows.speed.size >= values.FEW):
+        return []
+    what = f"inertia is {inertia.value:.3g} with this model, and below 0 with friction, weight and springs beside it"
+    remedy = "or this log is too short, and a force that holds the axis or a delay is missing in [model]"
+    return [Finding(f"{what}: no axis has that", "u", "warning", 0.8, remedy, (("u", -1.0),), first=True)]
 
 
 def _bent(parameters: Sequence[Parameter]) -> list[Finding]:
@@ -154,8 +164,8 @@ def _judged(
     found, opposite = check_channels(view.stretches, view.cutoff)
     d_hat = None if observer is None else observed(view, observer)
     found, contradict = settled(found, applied, view, times_too_large(view, model, d_hat, observer))
-    signs = check_signs(view, opposite, d_hat, 1 if observer is None else observer.sign)
-    found += [*check_sensor(view), *signs]
+    signs = values.check_signs(view, opposite, d_hat, 1 if observer is None else observer.sign)
+    found += [*values.check_sensor(view), *signs]
     if contradict and applied:
         return found  # which of two motions the inertia and d_hat belong to is not known
     if observer is not None and d_hat is not None and not signs:
@@ -164,15 +174,15 @@ def _judged(
     elif observer is not None and view.band is None and not signs:
         found += check_alone(view.stretches, observer)
     if not signs:
-        found += [*check_values(view, model), *_hold(view)]
+        found += [*values.check_values(view, model), *_hold(view)]
     return found
 
 
 def _hold(view: View) -> list[Finding]:
-    fit = believable(view)
+    fit = values.believable(view)
     if fit is None or view.band is None:
         return []
-    return check_hold(view.stretches, view.band, delay_of(fit, view), view.log.u_hold)
+    return check_hold(view.stretches, view.band, values.delay_of(fit, view), view.log.u_hold)
 
 
 def to_mend_first(result: CheckResult) -> tuple[Finding, ...]:

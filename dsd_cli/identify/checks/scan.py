@@ -16,8 +16,8 @@ EARLIEST, LATEST = -0.05, 0.6
 BLOCKS = 16
 #: Coarse delays per period of the highest frequency, fine ones about the best.
 _COARSE, _FINE = 6.0, 25
-#: But no more than this share of the longest stretch.
-_SHARE = 0.2
+#: But no more than this share of the longest stretch; than the second where the first leaves too few rows.
+SHARES = 0.2, 0.05
 #: Of a cycle of the motion the share by which u may be later than what it does.
 _AHEAD = 0.25
 
@@ -52,13 +52,19 @@ class Scanned:
         return abs(self.inertia) / max(self.inertia_error, 1e-300)
 
 
-def reach(longest: float, cycle: float) -> tuple[float, float]:
+def reach(longest: float, cycle: float, share: float) -> tuple[float, float]:
     """(s before, s after a row) within which u is needed, for a longest stretch of so many s.
 
     cycle : s after which the motion repeats itself, and a delay beyond that suits as well: in all less is tried.
     """
-    before = min(LATEST, _SHARE * longest, (1.0 - _AHEAD) * cycle)
-    return before, min(-EARLIEST, _SHARE * longest, _AHEAD * cycle)
+    before = min(LATEST, share * longest, (1.0 - _AHEAD) * cycle)
+    return before, min(-EARLIEST, share * longest, _AHEAD * cycle)
+
+
+def coarse_shifts(rows: Balance, cutoff: float) -> Array:
+    """The delays that are tried first, s."""
+    before, after = ((n - 1) * rows.T for n in rows.reach)
+    return np.linspace(-after, before, max(int(np.ceil((after + before) * _COARSE * cutoff)), 8))
 
 
 def scan(rows: Balance, cutoff: float) -> tuple[Scanned | None, Scanned | None]:
@@ -66,9 +72,8 @@ def scan(rows: Balance, cutoff: float) -> tuple[Scanned | None, Scanned | None]:
 
     Coarse delays first, then fine ones about the best of each sign.
     """
-    before, after = ((n - 1) * rows.T for n in rows.reach)
-    a = without(rows.motion, rows.acceleration)
-    coarse = np.linspace(-after, before, max(int(np.ceil((after + before) * _COARSE * cutoff)), 8))
+    coarse = coarse_shifts(rows, cutoff)
+    a, after, before = without(rows.motion, rows.acceleration), -coarse[0], coarse[-1]
     step, sums = float(coarse[1] - coarse[0]), _sums(rows, a, coarse)
 
     def about(at: int) -> _Sums:

@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
+from dsd_cli.identify.checks.balance import orthonormal, without
 from dsd_cli.identify.checks.channels import degrees, power_of_two
 from dsd_cli.identify.checks.disturbance import Observed, culprit
-from dsd_cli.identify.checks.results import Finding
-from dsd_cli.identify.checks.scan import Scanned
+from dsd_cli.identify.checks.results import Excitation, Finding
+from dsd_cli.identify.checks.scan import Scanned, block_starts, coarse_shifts, jackknife
 from dsd_cli.identify.checks.view import View
 from dsd_cli.plant.model import PlantModel
 
@@ -98,7 +99,8 @@ EXPLAINED = 0.3
 #: where the motion is periodic).
 WORSE = 1.25
 #: In a log of fewer rows (each is half a period of the highest frequency) friction that turns and a u that is taken for
-#: late explain as much as an inertia below 0 does: it must explain this share of u, and one above 0 leave so much more.
+#: late explain as much as an inertia below 0 does: it must explain this share of u, and one above 0 leave so much more,
+#: and standard errors are the less sure the fewer rows there are.
 FEW, WEIGHT_OF_FEW, WORSE_OF_FEW = 200, 0.02, 2.5
 #: Share of what friction and weight leave of u that an inertia explains which is not hidden by them.
 PLAIN = 0.8
@@ -134,13 +136,41 @@ def _by_inertia(view: View) -> float:
     right, turned = view.forward, view.backward
     if turned is None or not turned.inside:
         return 0.0
-    few = view.rows is not None and view.rows.acceleration.size < FEW
-    weight, worse = (WEIGHT_OF_FEW, WORSE_OF_FEW) if few else (WEIGHT, WORSE)
-    if turned.clearness < CLEAR or turned.explained < EXPLAINED or turned.weight < weight:
+    few = 1.0 if view.rows is None else max(math.sqrt(FEW / view.rows.acceleration.size), 1.0)
+    weight, worse = (WEIGHT_OF_FEW, WORSE_OF_FEW) if few > 1.0 else (WEIGHT, WORSE)
+    if turned.clearness < CLEAR * few or turned.explained < EXPLAINED or turned.weight < weight:
         return 0.0
     if right is not None and right.rest < worse * turned.rest:
         return 0.0
     return 0.99
+
+
+#: Sizes explain a u that is a magnitude so much better, by so many standard errors, found in so many rounds.
+FOLDED, CLEARLY_FOLDED, _ROUNDS = 1.5, 2.5, 10
+
+
+def check_magnitude(view: View, did: Excitation) -> list[Finding]:
+    """A finding about a u that goes with the size of what the motion asks for; a load that hangs holds u on one side as
+    well, but that goes with the motion as it is. Each is taken at its best delay."""
+    rows, u = view.rows, view.log.channels.get("u", np.zeros(1))
+    if rows is None or not (did.forward and did.backward) or np.nanmin(u) < 0.0 < np.nanmax(u):
+        return []
+    sizes = np.abs(np.column_stack([rows.u_at(shift) for shift in coarse_shifts(rows, view.cutoff)]))
+    basis = orthonormal(np.column_stack([rows.motion, rows.acceleration, np.sign(rows.speed)]))
+    left = [without(basis, sizes)]
+    for asked in (rows.speed[:, None], rows.acceleration[:, None]):
+        for _ in range(_ROUNDS):  # each leaves less than the one before
+            asked = basis @ (basis.T @ np.where(asked < 0.0, -sizes, sizes))
+        left.append(sizes - np.abs(asked))
+    squares = [np.add.reduceat(x**2, block_starts(len(x))) + 1e-300 for x in left]
+    signed, *folded = (x[:, x.sum(axis=0).argmin()] for x in squares)
+    size = min(folded, key=np.sum)
+    errors = jackknife(np.log((signed.sum() - signed) / (size.sum() - size)))
+    if np.log(signed.sum() / size.sum()) < max(np.log(FOLDED), CLEARLY_FOLDED * float(errors)):
+        return []
+    what = "u never changes its sign while the axis moves both ways, and goes with the size of what moves it"
+    remedy = "name the column that has the sign in signals.u, or write it into u"
+    return [Finding(f"{what}: is it a magnitude? where is its direction?", "u", "error", 0.9, remedy)]
 
 
 def check_signs(view: View, opposite: bool, d_hat: Observed | None, observer_sign: int) -> list[Finding]:

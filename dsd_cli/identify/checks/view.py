@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from dsd_cli.identify.checks.balance import Balance, balance, speed_of
 from dsd_cli.identify.checks.band import Band, find_band
-from dsd_cli.identify.checks.scan import Scanned, Work, reach, scan, work
+from dsd_cli.identify.checks.scan import SHARES, Scanned, Work, reach, scan, work
 from dsd_cli.identify.checks.stretches import LowPass, Stretch, cut
 from dsd_cli.identify.recordings.spectrum import repeats_after
 from dsd_cli.signals.log import Log
@@ -55,7 +55,9 @@ def look(log: Log, restarts: Sequence[int]) -> View:
     longest = max((s for s in stretches if getattr(s, band.source) is not None), key=lambda s: s.t.size)
     keep = LowPass(longest.T, cutoff)
     cycle = min(repeats_after(keep(x), longest.T) for x in (speed_of(longest, band), longest.u) if x is not None)
-    rows = balance(stretches, band, cutoff, reach(longest.t.size * longest.T, cycle), cycle)
+    reaches = (reach(longest.t.size * longest.T, cycle, share) for share in SHARES)
+    tried = (balance(stretches, band, cutoff, one, cycle) for one in reaches)
+    rows = next((one for one in tried if one is not None), None)
     forward, backward = scan(rows, cutoff) if rows is not None else (None, None)
     drives = work(rows) if rows is not None else None
     return View(log, tuple(restarts), tuple(stretches), band, cutoff, cycle, rows, forward, backward, drives)
