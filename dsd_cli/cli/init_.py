@@ -77,7 +77,9 @@ def init(
         raise DataError(f"{name}: its rows could not be read: {what}{where}", why.hint)
     if proposed.question:
         where = "" if output == "-" else f"; {output} has the rest, with that line marked"
-        raise DataError(f"{source_name(log)}: {proposed.question}{where}", _say(proposed.command, output, override))
+        hint = "record the torque, force, current or voltage beside the motion"
+        hint = _say(proposed.command, output, override) if proposed.command else hint
+        raise DataError(f"{source_name(log)}: {proposed.question}{where}", hint)
 
 
 def _say(command: str, output: str, override: list[str] | None) -> str:

@@ -23,7 +23,7 @@ from dsd_cli.cli.init_proposal import (
     settle_units,
 )
 from dsd_cli.cli.init_questions import column_question, step_question, without_coarse_stamps
-from dsd_cli.cli.init_roles import Chosen, choose
+from dsd_cli.cli.init_roles import Chosen, choose, unit_of_stamps
 from dsd_cli.cli.init_union import constants
 from dsd_cli.cli.init_units import step_of, units_of
 from dsd_cli.cli.recordings import by_updates, on_its_clock
@@ -84,7 +84,7 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
     name, looked = name or path, sample(path, asked.layout)
     out = Proposal(said=list(looked.notes))
     chosen = choose(source_name(name), looked, asked.given)
-    while chosen.missing and asked.ask is not None:
+    while chosen.missing and asked.ask is not None and not chosen.none_left:
         answer = asked.ask(chosen.missing, chosen.candidates)
         asked = asked._replace(given={**asked.given, chosen.missing: answer})
         chosen = choose(source_name(name), looked, asked.given)
@@ -149,8 +149,8 @@ def _name_columns(chosen: Chosen, out: Proposal) -> None:
         doubt = f"; {guess.doubt}" if guess is not None and guess.doubt else ""
         out.put("signals", channel, one.column, f"{why}{unit}{doubt}{others}")
         name_unit(channel, one, out)
-        if channel == "time" and one.time_unit:
-            out.put("signals", "time_unit", one.time_unit)
+        if channel == "time" and (one.time_unit or chosen.missing):
+            out.put("signals", "time_unit", one.time_unit or unit_of_stamps(one, chosen.table))
 
 
 def _read(
@@ -196,15 +196,15 @@ def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal
     loaded, noisy = on_its_clock(by_updates(loaded))
     out.said += [*loaded.warnings[warned:], *noisy]
     log = loaded.log
-    step = log.sample_time
+    checked = check_log(log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors)
+    step = log.sample_time if loaded.regular else float(f"{checked.seconds / checked.samples:.4g}")
     if doubted:
         _doubt_time_unit(step, out)
     clock = "regular" if loaded.regular else "irregular stamps"
-    out.said.append(f"sample time {step:g} s ({clock}), from the first {rows:,} rows, {len(log) * step:.3g} s")
+    out.said.append(f"sample time {step:g} s ({clock}), from the first {rows:,} rows, {checked.seconds:.3g} s")
     out.put("observer", "time_constant", float(f"{5 * step:.3g}"), "5 samples; take your observer's if d_hat is logged")
     window = int(np.clip(round(WINDOW / step), FEWEST, MOST))
     out.put("detector", "window", window, f"{window * step:.3g} s")
-    checked = check_log(log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors)
     out.said += [f"{one.what}: {one.remedy}" for one in checked.errors]
     inertia, delay = _told(checked, "inertia"), _told(checked, "delay")
     if inertia is None or inertia <= 0.0:

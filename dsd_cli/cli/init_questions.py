@@ -20,7 +20,7 @@ COARSE = 0.5
 
 
 class Question(NamedTuple):
-    """The config with the missing line marked, the question, and the command that answers it."""
+    """The config with the missing line marked, the question, and the command that answers it; "": nothing can."""
 
     text: str
     question: str
@@ -39,8 +39,7 @@ def without_coarse_stamps(chosen: Chosen) -> Chosen:
     steps = np.diff(stamps)
     if time is None or not steps.any() or steps.min() < 0.0 or np.mean(steps == 0.0) < COARSE:
         return chosen
-    unit = time.time_unit or unit_of_stamps(stamps)
-    apart = float(f"{TIME_SCALE[unit] * (stamps[-1] - stamps[0]) / steps.size:.3g}")
+    apart = float(f"{TIME_SCALE[unit_of_stamps(time, chosen.table)] * (stamps[-1] - stamps[0]) / steps.size:.3g}")
     what = f'"{time.column}" stands still in {100 * np.mean(steps == 0.0):.0f} % of them; {apart:g} if they are even'
     found = {role: one for role, one in chosen.found.items() if role != "time"}
     return replace(chosen, found=found, coarse=Coarse(what, apart))
@@ -69,6 +68,8 @@ def column_question(path: str, chosen: Chosen, given: Mapping[str, str], text: s
     text = with_value(
         text, "signals", chosen.missing, '""', printable(f"# <- MISSING: {what}{listed and f'; one of {listed}'}")
     )
+    if chosen.missing == "u" and chosen.none_left:
+        return Question(text, "this log has no control input; dsd needs one", "")
     moves = any(one in chosen.found for one in ("d_hat", "velocity", "position"))
     named = {role: column for role, column in given.items() if role in GIVEN and role != "u"}
     named = {"u": given.get("u", chosen.found["u"].column if "u" in chosen.found else "NAME"), **named}

@@ -61,6 +61,12 @@ class Chosen:
     candidates: tuple[str, ...] = ()
     coarse: Coarse | None = None
 
+    @property
+    def none_left(self) -> bool:
+        """What is missing is in no column: all are something else."""
+        names = None if self.table is None else {one.name for one in self.table.channels}
+        return names is not None and names <= {one.column for one in self.found.values()}
+
 
 def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
     """What every channel is, as far as it can be said.
@@ -239,16 +245,15 @@ def roles_of(look: FirstLook, table: Table, given: Mapping[str, str]) -> Roles:
 def _seconds(look: FirstLook, table: Table) -> float:
     """s per unit of the time column, where one is named; 1 else."""
     time = look.found.get("time")
-    if time is None:
-        return 1.0
-    stamps = next(one.values for one in table.channels if one.name == time.column)
+    return 1.0 if time is None else TIME_SCALE[unit_of_stamps(time, table)]
+
+
+def unit_of_stamps(time: Recognised, table: Table | None) -> str:
+    """As the log says it, or as the steps make it likely."""
+    channels = () if table is None else table.channels
+    stamps = next((one.values for one in channels if one.name == time.column), None)
     there = np.zeros(1) if stamps is None or not np.isfinite(stamps).any() else stamps[np.isfinite(stamps)]
-    return TIME_SCALE[time.time_unit or unit_of_stamps(there)]
-
-
-def unit_of_stamps(stamps: Array) -> str:
-    """The unit that finite stamps are in, of which nothing is said."""
-    return time_unit_of(step_in(stamps), float(stamps[0]), float(np.ptp(stamps)))
+    return time.time_unit or time_unit_of(step_in(there), float(there[0]), float(np.ptp(there)))
 
 
 def step_in(stamps: Array) -> float:

@@ -234,6 +234,11 @@ def seconds(text: str) -> float:
     return day + 3600.0 * hour + 60.0 * int(minutes) + plain_number(rest.replace(";", "."))
 
 
+def is_stamp(text: str) -> bool:
+    """Whether a cell says of itself that it is a time, which is read in s."""
+    return ISO_TIME.match(text) is not None or SPOKEN_TIME.fullmatch(text) is not None
+
+
 def has_zone(text: str) -> bool:
     """Whether a time stamp says its time zone; what looks like one and is no time (23:59:60) does not."""
     try:

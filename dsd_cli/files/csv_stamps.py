@@ -9,13 +9,14 @@ from typing import NamedTuple
 
 from dsd_cli.files.csv_cells import is_number, number
 from dsd_cli.files.csv_dialect import fields_of, is_comment
+from dsd_cli.files.words import TIME_UNITS
 from dsd_cli.signals.log import Array
 
 #: What the second column is called -> s.
 _PARTS = {"nanosec": 1e-9, "nanosecs": 1e-9, "nanoseconds": 1e-9, "nsec": 1e-9, "nsecs": 1e-9, "ns": 1e-9}
 _PARTS |= {"usec": 1e-6, "usecs": 1e-6, "microsec": 1e-6, "microseconds": 1e-6}
 #: Parts beside a date.
-_THOUSANDTHS = {"ms", "msec", "millisec", "milliseconds"}
+_THOUSANDTHS = {word for word, unit in TIME_UNITS.items() if unit == "ms"}
 _SECONDS = {"sec", "secs", "seconds", "s"}
 _LAST = re.compile(r"[^A-Za-z]?([A-Za-z]+)$")
 _WHOLE = re.compile(r"\s*\d{1,10}\s*")

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dsd_cli.errors import DataError, source_name
-from dsd_cli.files.csv_cells import stamps_in
+from dsd_cli.files.csv_cells import is_stamp, stamps_in
 from dsd_cli.files.csv_in import CsvTable
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.formats.base import Container, Group
@@ -110,4 +110,6 @@ def _of_arrow(columns: dict[str, object], units: dict[str, str]) -> Iterator[Cha
         if is_number_type(kind):
             yield Channel(name, as_float64(column), unit, pa.types.is_boolean(kind))
         else:
-            yield Channel(name, stamps_in(texts_of(column) or (), SPOILED), unit)
+            texts = texts_of(column) or ()
+            spoken = any(is_stamp(text) for text in texts[:1] if text is not None)
+            yield Channel(name, stamps_in(texts, SPOILED), "s" if spoken else unit)

@@ -76,10 +76,11 @@ QUATERNIONS, PARTS = {"orientation", "quaternion", "quat", "rotation"}, {"qx", "
 IDLE = {"pose", "translation", "stamp"}
 
 #: Unit of a time -> its name in the config.
-TIME_UNITS = {
-    "s": "s", "sec": "s", "second": "s", "seconds": "s", "milliseconds": "ms",
-    "ms": "ms", "msec": "ms", "millis": "ms", "micros": "us", "us": "us", "ns": "ns", "100ns": "100ns",
-}  # fmt: skip
+TIME_UNITS = {"100ns": "100ns"} | {
+    word: unit
+    for unit, short, long in (("s", "", ""), ("ms", "m", "milli"), ("us", "u", "micro"), ("ns", "n", "nano"))
+    for word in (unit, f"{short}sec", f"{long}s", *(f"{long}{one}" for one in ("sec", "secs", "second", "seconds")))
+}
 #: Channel -> unit in a log -> what the config calls it; of u with what its column is multiplied by.
 NAMED: Mapping[str, Mapping[str, str]] = {
     "position": {
