@@ -77,13 +77,16 @@ def init(
         raise DataError(f"{name}: its rows could not be read: {what}{where}", why.hint)
     if proposed.question:
         where = "" if output == "-" else f"; {output} has the rest, with that line marked"
-        hint = "record the torque, force, current or voltage beside the motion"
-        hint = _say(proposed.command, output, override) if proposed.command else hint
-        raise DataError(f"{source_name(log)}: {proposed.question}{where}", hint)
+        raise DataError(f"{source_name(log)}: {proposed.question}{where}", _say(proposed.command, output, override))
 
 
 def _say(command: str, output: str, override: list[str] | None) -> str:
-    """The command that answers a question with what else was on the command line; columns that are set are in it."""
+    """The command that answers a question with what else was on the command line; columns that are set are in it.
+
+    Without a command no column is left that could be named.
+    """
+    if not command:
+        return "record the torque, force, current or voltage beside the motion"
     texts = [text for text in override or [] if text.partition("=")[0] not in [f"signals.{role}" for role in _NAMED]]
     named = f" -o {quote(output)}" * (output != "dsd.toml")
     return "".join([f"say it: {command}{named}", *(f" --set {quote(text)}" for text in texts)])

@@ -83,8 +83,12 @@ def check_parameters(view: View, model: PlantModel | None, observer: ObserverSet
         return tuple(_between(one, other, T) for one, other in zip(alone, _scanned(scanned, view), strict=True))
     sure = {one.name for one, other in zip(*(x.by_instruments for x in both), strict=True) if _moved(one, other)}
     found = tuple(
-        replace(_bent(*pair, T, pair[0].name in sure), leaning=leaning.get(pair[0].name), below_zero=_below_zero(*pair))
-        for pair in zip(alone, beside, strict=True)
+        replace(
+            _bent(one, other, T, one.name in sure),
+            leaning=leaning.get(one.name),
+            below_zero=one.value < -_BENT * one.std_error and other.value < 0.0,
+        )
+        for one, other in zip(alone, beside, strict=True)
     )
     return found if view.band is not None else tuple(_drifting(one) for one in found)
 
@@ -115,10 +119,6 @@ def _bent(one: Parameter, beside: Parameter, T: float, lacks_force: bool) -> Par
 
 def _moved(one: Parameter, beside: Parameter) -> bool:
     return abs(beside.value - one.value) > _BENT * beside.std_error
-
-
-def _below_zero(one: Parameter, beside: Parameter) -> bool:
-    return one.value < -_BENT * one.std_error and beside.value < 0.0
 
 
 def _drifting(one: Parameter) -> Parameter:

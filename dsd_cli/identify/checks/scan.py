@@ -61,19 +61,14 @@ def reach(longest: float, cycle: float, share: float) -> tuple[float, float]:
     return before, min(-EARLIEST, share * longest, _AHEAD * cycle)
 
 
-def coarse_shifts(rows: Balance, cutoff: float) -> Array:
-    """The delays that are tried first, s."""
-    before, after = ((n - 1) * rows.T for n in rows.reach)
-    return np.linspace(-after, before, max(int(np.ceil((after + before) * _COARSE * cutoff)), 8))
-
-
 def scan(rows: Balance, cutoff: float) -> tuple[Scanned | None, Scanned | None]:
     """(best with J > 0, best with J < 0); None where no delay gives such a J.
 
     Coarse delays first, then fine ones about the best of each sign.
     """
-    coarse = coarse_shifts(rows, cutoff)
-    a, after, before = without(rows.motion, rows.acceleration), -coarse[0], coarse[-1]
+    before, after = ((n - 1) * rows.T for n in rows.reach)
+    a = without(rows.motion, rows.acceleration)
+    coarse = np.linspace(-after, before, max(int(np.ceil((after + before) * _COARSE * cutoff)), 8))
     step, sums = float(coarse[1] - coarse[0]), _sums(rows, a, coarse)
 
     def about(at: int) -> _Sums:

@@ -10,7 +10,7 @@ from dsd_cli.identify.checks.balance import orthonormal, without
 from dsd_cli.identify.checks.channels import degrees, power_of_two
 from dsd_cli.identify.checks.disturbance import Observed, culprit
 from dsd_cli.identify.checks.results import Excitation, Finding
-from dsd_cli.identify.checks.scan import Scanned, block_starts, coarse_shifts, jackknife
+from dsd_cli.identify.checks.scan import Scanned, block_starts, jackknife
 from dsd_cli.identify.checks.view import View
 from dsd_cli.plant.model import PlantModel
 
@@ -132,11 +132,16 @@ def _rightly_driven(view: View) -> bool:
     return turned is None or turned.rest > WORSE * right.rest
 
 
+def _few(view: View) -> float:
+    """What standard errors of few rows are to be multiplied by."""
+    return 1.0 if view.rows is None else max(math.sqrt(FEW / view.rows.acceleration.size), 1.0)
+
+
 def _by_inertia(view: View) -> float:
     right, turned = view.forward, view.backward
     if turned is None or not turned.inside:
         return 0.0
-    few = 1.0 if view.rows is None else max(math.sqrt(FEW / view.rows.acceleration.size), 1.0)
+    few = _few(view)
     weight, worse = (WEIGHT_OF_FEW, WORSE_OF_FEW) if few > 1.0 else (WEIGHT, WORSE)
     if turned.clearness < CLEAR * few or turned.explained < EXPLAINED or turned.weight < weight:
         return 0.0
@@ -145,8 +150,8 @@ def _by_inertia(view: View) -> float:
     return 0.99
 
 
-#: Sizes explain a u that is a magnitude so much better, by so many standard errors, found in so many rounds.
-FOLDED, CLEARLY_FOLDED, _ROUNDS = 1.5, 2.5, 10
+#: Sizes explain a u that is a magnitude so much better, by so many standard errors; delays and rounds that are tried.
+FOLDED, CLEARLY_FOLDED, _DELAYS, _ROUNDS = 1.5, 2.5, 150, 10
 
 
 def check_magnitude(view: View, did: Excitation) -> list[Finding]:
@@ -155,7 +160,8 @@ def check_magnitude(view: View, did: Excitation) -> list[Finding]:
     rows, u = view.rows, view.log.channels.get("u", np.zeros(1))
     if rows is None or not (did.forward and did.backward) or np.nanmin(u) < 0.0 < np.nanmax(u):
         return []
-    sizes = np.abs(np.column_stack([rows.u_at(shift) for shift in coarse_shifts(rows, view.cutoff)]))
+    before, after = ((n - 1) * rows.T for n in rows.reach)
+    sizes = np.abs(np.column_stack([rows.u_at(shift) for shift in np.linspace(-after, before, _DELAYS)]))
     basis = orthonormal(np.column_stack([rows.motion, rows.acceleration, np.sign(rows.speed)]))
     left = [without(basis, sizes)]
     for asked in (rows.speed[:, None], rows.acceleration[:, None]):
@@ -165,8 +171,8 @@ def check_magnitude(view: View, did: Excitation) -> list[Finding]:
     squares = [np.add.reduceat(x**2, block_starts(len(x))) + 1e-300 for x in left]
     signed, *folded = (x[:, x.sum(axis=0).argmin()] for x in squares)
     size = min(folded, key=np.sum)
-    errors = jackknife(np.log((signed.sum() - signed) / (size.sum() - size)))
-    if np.log(signed.sum() / size.sum()) < max(np.log(FOLDED), CLEARLY_FOLDED * float(errors)):
+    errors = _few(view) * float(jackknife(np.log((signed.sum() - signed) / (size.sum() - size))))
+    if np.log(signed.sum() / size.sum()) < max(np.log(FOLDED), CLEARLY_FOLDED * errors):
         return []
     what = "u never changes its sign while the axis moves both ways, and goes with the size of what moves it"
     remedy = "name the column that has the sign in signals.u, or write it into u"

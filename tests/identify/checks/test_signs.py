@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.checks import check_log, to_mend_first
-from dsd_cli.plant.model import ObserverSettings
+from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.identify.checks.rig import checked, log_of, observer_of, only_error, recordings, said, servo
 from tests.oracle import machines
@@ -123,3 +123,64 @@ def test_a_handful_of_rows_of_d_hat_is_no_witness():
     for turned, remedy in (("u", "signals.u_sign = -1"), ("d_hat", "observer.sign = -1")):
         wrong = Log({**part, turned: -part[turned]}, 0.001)
         assert only_error(check_log(wrong, None, observer)).remedy == remedy
+
+
+def test_a_u_without_its_direction_is_said_before_all_else():
+    """The size of a torque, and the 0 to 255 of a bridge whose direction is in another wire."""
+    told = 0
+    for recording in recordings("motion")[:8]:
+        u = recording.channels["u"]
+        for sizes in (np.abs(u), np.round(255.0 * np.abs(u) / np.abs(u).max()), -np.abs(u)):
+            result = check_log(log_of(recording, u=sizes, d_hat=None))
+            if said(result, "is it a magnitude? where is its direction?"):
+                told += 1
+                assert to_mend_first(result) == (only_error(result),)
+    assert told >= 20  # of 24: that of 5 s of pure inertia may be too near to chance
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_weight_that_holds_u_on_one_side_takes_no_direction_from_it(kind):
+    for recording in recordings(kind):
+        u = recording.channels["u"]
+        for sign in (1.0, -1.0):
+            held = log_of(recording, u=u + sign * 1.2 * np.abs(u).max(), d_hat=None)
+            assert check_log(held).errors == (), recording.truth.hidden
+
+
+def test_a_u_of_one_direction_is_no_magnitude():
+    """A spindle that is run up and braked: u is of one sign as its friction is, and so is the speed."""
+    T = 0.001
+    t = T * np.arange(8000)
+    velocity = 20.0 + 8.0 * np.sin(2.0 * np.pi * 0.7 * t) + 3.0 * np.sin(2.0 * np.pi * 2.3 * t)
+    u = 0.01 * np.gradient(velocity, T) + 0.02 * velocity + 0.5
+    for sizes in (u, np.abs(u - u.mean())):
+        assert said(check_log(Log({"t": t, "u": sizes, "velocity": velocity}, T)), "magnitude") == []
+
+
+def test_half_a_second_tells_a_turned_u():
+    """The vote on signs asks for u over all delays, which a log this short has only few of."""
+    told = 0
+    for recording in recordings("motion"):
+        short = {name: x[:500] for name, x in recording.channels.items() if name != "d_hat"}
+        log = Log(short, recording.truth.sample_time)
+        assert said(check_log(log), "sign") == []
+        told += len(said(check_log(replace(log, channels={**short, "u": -short["u"]})), "u has the other sign"))
+    assert told >= 16  # of 32; without a weight, friction and springs that hide it in half a second
+
+
+def test_an_inertia_below_zero_in_a_single_move_asks_for_the_sign_of_u():
+    """The encoder's own ripple hides the inertia from the vote, which has a tenth of a second to look at."""
+    T, n = 0.002, 310
+    s = np.linspace(0.0, 1.0, n)
+    q = 3.0 * (10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5)
+    u = 0.01 * np.gradient(np.gradient(q, T), T) + 0.02 * np.gradient(q, T)
+    t = T * np.arange(n)
+    position = 1e-4 * np.round((q + 3e-4 * np.sin(2.0 * np.pi * 40.0 * t)) / 1e-4)
+    right, turned = (
+        check_log(Log({"t": t, "u": sign * u, "position": position}, T), PlantModel(0.01)) for sign in (1.0, -1.0)
+    )
+    assert [one for one in right.findings if "u_sign" in one.remedy] == []
+    (one,) = to_mend_first(turned)
+    assert one.severity == "warning"
+    assert one.remedy.startswith("signals.u_sign = -1, or ")
+    assert not any("signals.reference" in other.remedy for other in turned.findings)
