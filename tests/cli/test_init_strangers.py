@@ -540,7 +540,7 @@ def test_the_voltage_of_a_supply_is_no_control_input(tmp_path: Path) -> None:
     (tmp_path / "servo.csv").write_text(f"t,input_volts,position\n{rows}\n", encoding="utf-8")
     result = dsd("init", tmp_path / "servo.csv", cwd=tmp_path)
     assert result.returncode == 1
-    assert "which column is the control input" in result.stderr
+    assert "this log has no control input" in result.stderr
 
 
 def test_the_unit_of_the_time_is_in_a_config_that_lacks_something_else(tmp_path: Path) -> None:

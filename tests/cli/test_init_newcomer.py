@@ -1,0 +1,66 @@
+"""`dsd init` on what hobby boards and consoles write: spelt-out units of time, no control input, bursts of rows."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dsd_cli.files.config import load_config
+from tests.cli.rig import done, dsd
+from tests.files import strangers
+
+AXIS = strangers.axis()
+
+
+def write(folder: Path, names: str, *columns: object) -> None:
+    strangers.text(folder, "a.csv", [names, *strangers.rows(AXIS, *columns)])
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale"),
+    [("millisec", 1e-3), ("millisecond", 1e-3), ("milliseconds", 1e-3), ("secs", 1.0), ("microseconds", 1e-6)],
+)
+def test_a_unit_of_time_spelt_out_is_that_unit(unit: str, scale: float, tmp_path: Path) -> None:
+    write(tmp_path, f"time ({unit}),torque,position (deg)", AXIS["t"] / scale, AXIS["u"], AXIS["q"])
+    said = done("init", "a.csv", cwd=tmp_path).stderr
+    assert "time_unit: not said" not in said
+    assert load_config(tmp_path / "dsd.toml").signals.time_unit == {1e-3: "ms", 1.0: "s", 1e-6: "us"}[scale]
+
+
+def test_cells_that_say_sec_are_seconds_however_slow(tmp_path: Path) -> None:
+    """Rows 0.5 s apart: of bare numbers they would be milliseconds."""
+    rows = [f"{0.5 * k:g} sec,{u:.6g},{q:.6g}" for k, (u, q) in enumerate(zip(AXIS["u"], AXIS["q"], strict=True))]
+    strangers.text(tmp_path, "a.csv", ["Time,torque,position (rad)", *rows])
+    said = done("init", "a.csv", cwd=tmp_path).stderr
+    assert 'time = "Time": by its name, in s' in said
+    assert load_config(tmp_path / "dsd.toml").signals.time_unit == "s"
+
+
+def test_a_log_without_a_control_input_is_told_so_and_its_config_has_the_unit_of_time(tmp_path: Path) -> None:
+    write(tmp_path, "time,position (deg)", np.round(1e3 * AXIS["t"]), AXIS["q"])
+    result = dsd("init", "a.csv", cwd=tmp_path)
+    assert result.returncode == 1
+    last = result.stderr.splitlines()[-1]
+    assert "this log has no control input; dsd needs one" in last
+    assert "--u" not in last
+    assert 'time_unit = "ms"' in (tmp_path / "dsd.toml").read_text("utf-8")
+
+
+def test_a_question_leaves_the_unit_of_time_in_the_config(tmp_path: Path) -> None:
+    foo = np.arange(AXIS["t"].size) * 7919 % 101  # nothing that moves the axis
+    write(tmp_path, "time,foo,position (deg)", np.round(1e3 * AXIS["t"]), foo, AXIS["q"])
+    result = dsd("init", "a.csv", cwd=tmp_path)
+    assert "--u NAME" in result.stderr.splitlines()[-1]
+    assert 'time_unit = "ms"' in (tmp_path / "dsd.toml").read_text("utf-8")
+
+
+def test_rows_that_come_in_bursts_are_as_far_apart_for_init_as_for_check(tmp_path: Path) -> None:
+    """Seven rows 2 ms apart, then one of 12 ms: 3.25 ms from row to row."""
+    stamps = np.cumsum(np.where(np.arange(800) % 8 == 7, 12, 2))
+    u, q = (np.interp(1e-3 * stamps, AXIS["t"], AXIS[name]) for name in "uq")
+    write(tmp_path, "time (ms),torque,position (rad)", stamps, u, q)
+    said = done("init", "a.csv", cwd=tmp_path).stderr
+    assert "sample time 0.00325 s (irregular stamps)" in said
+    answer = json.loads(done("check", "a.csv", "--format", "json", cwd=tmp_path).stdout)["by_log"][0]
+    assert answer["seconds"] / answer["samples"] == pytest.approx(0.00325, rel=1e-3)
