@@ -21,13 +21,17 @@ from dsd_cli.plant.motion import Plant
 _PLACES, _NO_MOTOR = 50, 1e-3
 
 
-def able_to_move(targets: Targets, room: Room, believed: PlantModel, sample_time: float) -> Targets:
+def able_to_move(
+    targets: Targets, room: Room, believed: PlantModel, sample_time: float, *, far: bool = False
+) -> Targets:
     """Without explanations by which u could not even begin to move the axis within its limit, or what it reached in the
     logs, or, where their values are weak, could not hold it where the limits let it stand: forces that cancel out
     where a poor log has been. And without those whose motor swings against its load more often than samples of the logs
     show, being next to nothing of the inertia: no log speaks for that, and its simulation takes minutes.
 
     believed : the model of the user, which takes the place of its own fit where nobody knows what that lacks.
+    far : whether the limits let it stand far from where the logs were, and nobody asked for what: one wave of cogging
+    is a weight of ten times u as well, which would be so elsewhere.
 
     Raises
     ------
@@ -38,12 +42,18 @@ def able_to_move(targets: Targets, room: Room, believed: PlantModel, sample_time
     still = Path(1.0, np.linspace(room.limits.low, room.limits.high, _PLACES), np.zeros(_PLACES), np.zeros(_PLACES))
     reached = allowed if room.reached is None else max(allowed, room.reached.u)
 
+    def holds(one: Explanation, most: float) -> bool:
+        return float(np.abs(command_for(one.fitted, still, 3.0 * most)).max()) < most
+
     def moves(one: Explanation, most: float) -> bool:
         bare = one.fitted.motor_inertia < _NO_MOTOR * one.fitted.inertia
         if bare and Plant(one.fitted).resonance * sample_time > math.pi:
             return False
-        needs, holds = (float(np.abs(command_for(one.fitted, x, 3.0 * most)).max()) for x in (path, still))
-        return needs < ROOM * most and (not one.weak or holds < most)
+        needs = float(np.abs(command_for(one.fitted, path, 3.0 * most)).max())
+        return needs < ROOM * most and (not one.weak or holds(one, most))
+
+    if far and not holds(targets.explanations[0], reached):
+        raise DataError("u could not hold this axis where its limits let it stand", "give narrower --limit position")
 
     able = [moves(e, reached) for e in targets.explanations]
     if not able[0] and targets.unknown:

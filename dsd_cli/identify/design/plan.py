@@ -113,7 +113,8 @@ class _Asked:
         """
         search, wanted, room = self.search, self.wanted, self.room
         names, problem = [e.name for e in targets.explanations], search.problem
-        targets = able_to_move(targets, room, problem.model, problem.recordings[0].sample_time)
+        far = not targets.unknown and not wanted.names and "position" in unvisited(self.limits, problem.recordings)
+        targets = able_to_move(targets, room, problem.model, problem.recordings[0].sample_time, far=far)
         report("looking at motions", 0.1)
         impossible = list(not_by_motion(search, targets, self.diagnosis))
         measure = Measure(search, targets, _DRAWS_IN_SEARCH, limits=self.limits)

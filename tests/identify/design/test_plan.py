@@ -272,6 +272,8 @@ def test_limits_hold_with_what_explains_the_poor_log_as_well(
         ("cogging", "small", 118059, "speed40k", (4.1110, 60.2485, 0.0998, (-0.8450, 0.9701))),
         # one wave of a cogging that nobody believes: once out of its valley the axis is a fifth faster
         ("cogging", "small", 120019, "speed40k", (1.5950, 19.567, 0.07294, (-0.58205, 0.86810))),
+        # a sixth of a wave: a weight of ten times u, well identified, that would be no weight at all where it may stand
+        ("cogging", "small", 121019, "speed40k", (4.6702, 89.142, 31.197, (-0.8262, 0.8941))),
     ],
 )
 @pytest.mark.usefixtures("quick")
