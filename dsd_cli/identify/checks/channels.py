@@ -14,8 +14,8 @@ from dsd_cli.identify.checks.results import Finding
 from dsd_cli.identify.checks.slope import Slope, compare_slope
 from dsd_cli.identify.checks.stretches import Stretch
 from dsd_cli.identify.checks.view import View
-from dsd_cli.identify.recordings.regular import continuous
 from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.continuous import continuous
 from dsd_cli.signals.log import Log
 
 #: A factor this near a known one (relative) is that one.

@@ -11,9 +11,9 @@ import numpy as np
 from dsd_cli.identify.checks.results import Finding
 from dsd_cli.identify.checks.scan import block_starts
 from dsd_cli.identify.checks.stretches import stamps_of
-from dsd_cli.identify.recordings.regular import continuous
 from dsd_cli.signals.cleaning import BEYOND
 from dsd_cli.signals.clock import suspicious
+from dsd_cli.signals.continuous import continuous
 from dsd_cli.signals.log import Array, Log, with_channels
 
 #: Jitter of the steps (standard deviation over T) from which it is worth a word: less is no noise beside a sensor's.

@@ -11,8 +11,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.identify.recordings.regular import continuous, in_pieces
 from dsd_cli.plant.filtering import irregular_stamps
+from dsd_cli.signals.continuous import continuous, in_pieces
 from dsd_cli.signals.log import Array, Log
 
 #: The band ends where the filter has fallen to a half; it is flat up to 0.7 and shut from 1.3 times that.

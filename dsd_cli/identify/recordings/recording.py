@@ -18,13 +18,14 @@ import numpy as np
 from dsd_cli.errors import DataError, TooShort
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.reconstruction import drift
-from dsd_cli.identify.recordings.regular import in_pieces, regularised
+from dsd_cli.identify.recordings.regular import regularised
 from dsd_cli.identify.recordings.sensor import Sensor, check_signs, net_force, with_acceleration
 from dsd_cli.identify.recordings.smoothing import Smoothed, channel_noise, noise_of, smooth, widened
 from dsd_cli.identify.recordings.spectrum import cycle_of
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import Frame
+from dsd_cli.signals.continuous import in_pieces
 from dsd_cli.signals.log import D_HAT_MAKER, Array, Log, with_channels
 from dsd_cli.signals.updates import SUMMED
 

@@ -9,100 +9,12 @@ synthetic noise goes the same way, as "white" of the log: what is lost of it is 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from dsd_cli.plant.filtering import irregular_stamps
-from dsd_cli.signals.log import Array, Log, with_channels
-
-#: A jump of the position by more than this share of its whole range, and by this many usual steps, is a wrap.
-WRAP_SHARE, WRAP_STEPS = 0.4, 20.0
-#: More of its samples than this share are no wraps, and wraps are of one size but for the usual steps beside them.
-WRAPS_MOST, STEPS_BESIDE = 0.02, 2.0
-#: A step by more than so many times the fast ones of the log, and those beside it, is none that the axis made.
-JUMP_STEPS, FAST, BESIDE = 20.0, 99.0, 3
-#: Share by which a turn is off that was printed with seven digits.
-_PRINTED = 1e-6
-
-
-class Continuous(NamedTuple):
-    """A position as the axis moved it, shape (n,).
-
-    wraps, turn : how often it jumped by a turn, and by how much. wrong : samples off by themselves, now between their
-    neighbours. jumps : samples that do not continue the one before.
-    """
-
-    position: Array
-    wraps: int
-    turn: float
-    wrong: tuple[int, ...]
-    jumps: tuple[int, ...]
-
-
-def continuous(q: Array) -> Continuous:
-    """The position without wraps and single wrong samples, and where it jumps all the same."""
-    found = _jumps(q)
-    wrong = tuple(k for k in found if k + 1 in found)
-    if wrong:
-        inside = np.array(wrong)
-        q = q.copy()
-        q[inside] = 0.5 * (q[inside - 1] + q[inside + 1])
-    q, wraps, turn = unwrapped(q)
-    return Continuous(q, wraps, turn, wrong, tuple(_jumps(q)))
-
-
-def in_pieces(log: Log, restarts: Sequence[int]) -> tuple[Log, list[int]]:
-    """(the log with a continuous position, where its pieces begin, 0 and the end of the log along)."""
-    jumps: tuple[int, ...] = ()
-    if "position" in log:
-        found = continuous(log["position"])
-        log, jumps = with_channels(log, position=found.position), found.jumps
-    return log, [0, *sorted({at for at in (*restarts, *jumps) if 0 < at < len(log)}), len(log)]
-
-
-def _jumps(q: Array) -> list[int]:
-    steps = np.abs(np.diff(q))
-    if len(steps) <= 2 * BESIDE or not np.any(steps):
-        return []
-    fast = max(float(np.percentile(steps, FAST)), float(np.min(steps[steps > 0.0])))
-    found = []
-    for k in np.flatnonzero(steps > JUMP_STEPS * fast).tolist():
-        beside = np.concatenate([steps[max(k - BESIDE, 0) : k], steps[k + 1 : k + 1 + BESIDE]])
-        if steps[k] > JUMP_STEPS * float(np.median(beside)):
-            found.append(k + 1)
-    return found
-
-
-def unwrapped(q: Array) -> tuple[Array, int, float]:
-    """(position without its jumps of a turn or several, how many there were, their size)."""
-    steps = np.diff(q)
-    if steps.size == 0:
-        return q, 0, 0.0
-    usual, span = float(np.percentile(np.abs(steps), 95)), float(np.ptp(q))
-    jumps = np.flatnonzero((np.abs(steps) > WRAP_SHARE * span) & (np.abs(steps) > WRAP_STEPS * usual))
-    if jumps.size == 0 or jumps.size > WRAPS_MOST * q.size:
-        return q, 0, 0.0
-    others, at = np.delete(steps, jumps), jumps - np.arange(jumps.size)  # a jump is a turn less what the axis moved
-    moved = 0.5 * (others[np.maximum(at - 1, 0)] + others[np.minimum(at, others.size - 1)])
-    sizes = np.abs(steps[jumps] - moved)
-    turn = _whole_turn(float(np.median(sizes)), usual)
-    if np.max(np.abs(sizes - turn)) > STEPS_BESIDE * usual + _PRINTED * turn:
-        return q, 0, 0.0
-    offsets = np.zeros(q.size)
-    offsets[jumps + 1] = -np.sign(steps[jumps]) * turn
-    return q + np.cumsum(offsets), int(jumps.size), turn
-
-
-def _whole_turn(size: float, usual: float) -> float:
-    """The turn that a jump stands for: a known one if there is one within the usual step, else the jump itself."""
-    counts = 2.0 ** np.arange(8, 33)
-    known = np.array([2.0 * np.pi, np.pi, 360.0, 180.0, 1.0, *counts, 1000.0, 4000.0, 10000.0, 100000.0, 1e6])
-    near = known[np.argmin(np.abs(known - size))]
-    return float(near) if abs(near - size) <= STEPS_BESIDE * usual + _PRINTED * size else size
-
+from dsd_cli.signals.log import Array, Log
 
 #: Mean of a smooth signal over the interval between the inner two of four samples (exact for cubics).
 MEAN_OF_FOUR = np.array([-1.0, 13.0, 13.0, -1.0]) / 24.0

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsd_cli.identify.recordings.recording import prepare
-from dsd_cli.identify.recordings.regular import continuous
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.continuous import continuous
 from dsd_cli.signals.log import Log
 from tests.oracle.rig import RigCase, make
 
