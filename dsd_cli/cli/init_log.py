@@ -23,7 +23,8 @@ from dsd_cli.cli.init_proposal import (
     settle_units,
 )
 from dsd_cli.cli.init_questions import column_question, step_question, without_coarse_stamps
-from dsd_cli.cli.init_roles import Chosen, choose, unit_of_stamps
+from dsd_cli.cli.init_roles import Chosen, choose
+from dsd_cli.cli.init_stamps import unit_of_stamps
 from dsd_cli.cli.init_union import constants
 from dsd_cli.cli.init_units import step_of, units_of
 from dsd_cli.cli.recordings import by_updates, on_its_clock

@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.cli.init_roles import GIVEN, Chosen, Coarse, unit_of_stamps
+from dsd_cli.cli.init_roles import GIVEN, Chosen, Coarse
+from dsd_cli.cli.init_stamps import unit_of_stamps
 from dsd_cli.cli.init_units import step_of
 from dsd_cli.errors import printable
 from dsd_cli.files.template import with_value

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.cli.init_stamps import with_even_stamps
+from dsd_cli.cli.init_stamps import unit_of_stamps, with_even_stamps
 from dsd_cli.cli.init_union import by_units, clock_of, forces_in, is_clock, is_part, of_other_joints, union_of, usable
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.files.first_look import FirstLook, time_unit_of
+from dsd_cli.files.first_look import FirstLook
 from dsd_cli.files.joints import apart
 from dsd_cli.files.recognise import (
     Recognised,
@@ -49,7 +49,8 @@ class Coarse(NamedTuple):
 class Chosen:
     """The columns of the channels, with their units, and why; `table` has them all, None: they are in several.
 
-    `missing`: "u", "position" or "" for nothing; `candidates`: columns that it may be, likeliest first.
+    `missing`: "u", "position" or "" for nothing; `candidates`: columns that it may be, likeliest first. `elsewhere`:
+    there are columns of other joints, too.
     """
 
     found: Mapping[str, Recognised]
@@ -60,12 +61,13 @@ class Chosen:
     missing: str = ""
     candidates: tuple[str, ...] = ()
     coarse: Coarse | None = None
+    elsewhere: bool = False
 
     @property
     def none_left(self) -> bool:
         """What is missing is in no column: all are something else."""
-        names = None if self.table is None else {one.name for one in self.table.channels}
-        return names is not None and names <= {one.column for one in self.found.values()}
+        columns = {one.column for one in self.found.values()}
+        return self.table is not None and not self.elsewhere and {c.name for c in self.table.channels} <= columns
 
 
 def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
@@ -87,7 +89,7 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
     if given:
         tables = [one for one in tables if set(given.values()) <= {c.name for c in one.channels}] or tables
     chosen = _chosen_of(tables, given)
-    return _of_one_axis(replace(chosen, said=(*said, *chosen.said)), tables, given)
+    return _of_one_axis(replace(chosen, said=(*said, *chosen.said), elsewhere=bool(away)), tables, given)
 
 
 def _chosen_of(tables: Sequence[Table], given: Mapping[str, str]) -> Chosen:
@@ -246,21 +248,6 @@ def _seconds(look: FirstLook, table: Table) -> float:
     """s per unit of the time column, where one is named; 1 else."""
     time = look.found.get("time")
     return 1.0 if time is None else TIME_SCALE[unit_of_stamps(time, table)]
-
-
-def unit_of_stamps(time: Recognised, table: Table | None) -> str:
-    """As the log says it, or as the steps make it likely."""
-    channels = () if table is None else table.channels
-    stamps = next((one.values for one in channels if one.name == time.column), None)
-    there = np.zeros(1) if stamps is None or not np.isfinite(stamps).any() else stamps[np.isfinite(stamps)]
-    return time.time_unit or time_unit_of(step_in(there), float(there[0]), float(np.ptp(there)))
-
-
-def step_in(stamps: Array) -> float:
-    """The usual step forward of stamps; 1 where there is none."""
-    steps = np.diff(stamps)
-    steps = steps[steps > 0.0]
-    return float(np.median(steps)) if steps.size else 1.0
 
 
 def _by_deeds(looks: Sequence[tuple[FirstLook, Table]], given: Mapping[str, str]) -> Chosen:

@@ -1,4 +1,4 @@
-"""Which of several stamps of the same rows says when their samples were taken."""
+"""Which of several stamps of the same rows says when their samples were taken, and what unit they are in."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsd_cli.files.first_look import FirstLook
+from dsd_cli.files.first_look import FirstLook, time_unit_of
 from dsd_cli.files.recognise import Recognised
 from dsd_cli.files.sample import Table
 from dsd_cli.signals.log import Array
@@ -39,3 +39,18 @@ def _unevenness(stamps: Array) -> float:
     """Standard deviation of the steps as a share of their mean; infinite where these do not all rise."""
     steps = np.diff(stamps[np.isfinite(stamps)])
     return float(np.std(steps) / np.mean(steps)) if steps.size and np.all(steps > 0.0) else math.inf
+
+
+def unit_of_stamps(time: Recognised, table: Table | None) -> str:
+    """As the log says it, or as the steps make it likely."""
+    channels = () if table is None else table.channels
+    stamps = next((one.values for one in channels if one.name == time.column), None)
+    there = np.zeros(1) if stamps is None or not np.isfinite(stamps).any() else stamps[np.isfinite(stamps)]
+    return time.time_unit or time_unit_of(step_in(there), float(there[0]), float(np.ptp(there)))
+
+
+def step_in(stamps: Array) -> float:
+    """The usual step forward of stamps; 1 where there is none."""
+    steps = np.diff(stamps)
+    steps = steps[steps > 0.0]
+    return float(np.median(steps)) if steps.size else 1.0
