@@ -27,7 +27,7 @@ _BY_CHANCE = 1.0 / (2.0 * math.sqrt(math.pi) * _MOVED)
 _CLEAR = 5.0
 #: A channel with fewer values than this share of those of another is left out beside it.
 _AS_OFTEN = 0.5
-#: Values of which more than this share come in the rows of another channel come with it.
+#: Values come with another channel if more do than by chance, by this share of the way from there to all.
 _TOGETHER = 0.5
 #: Rows that a value stays in the mean, below which only some values stay at all.
 _MOST_TWICE = 1.5
@@ -98,14 +98,17 @@ def _come_with(x: Array, rows: _Rows) -> bool:
     """Whether the values of a channel change in these rows for the most part; in steady motion its steps are alike, as
     those of an encoder that stands between two counts."""
     changes = np.flatnonzero(np.diff(x)) + 1
-    return bool(changes.size) and float(np.mean(np.isin(changes, rows))) > _TOGETHER
+    by_chance = len(rows) / x.size
+    return bool(changes.size) and float(np.mean(np.isin(changes, rows))) > by_chance + _TOGETHER * (1.0 - by_chance)
 
 
 def _said(held: dict[str, _Rows], rows: int, out: Sequence[str], carried: Sequence[str], step: float = 0.0) -> str:
     each, some = rows / max(len(found) for found in held.values()), len(held) > 1
     what = f"each value for {each:.3g} rows" if each >= _MOST_TWICE else "some of the values"
     said = [f"{' and '.join(held)} {'repeat' if some else 'repeats'} {what} while the axis moves"]
+    between = set(held) - {*out, *carried}
     said += [f"only rows with new ones are taken, {step * 1e3:.3g} ms apart"] if step else []
+    said += ["they are put between their neighbours"] if between and not step else []
     said += [f"{name} goes as the speed between its values" for name in carried]
     said += [f"{name} is left out" for name in out]
     return f"{said[0]}: {', '.join(said[1:])}"

@@ -140,7 +140,10 @@ def test_of_a_few_values_that_stay_no_number_of_rows_is_said():
     noisy = v + np.random.default_rng(2).normal(scale=0.01, size=ROWS)
     comes = np.flatnonzero(np.random.default_rng(3).random(ROWS) > 0.25)
     found = updated(log_of(t=t, u=v, velocity=written_again(noisy, np.union1d([0], comes))))
-    assert found.said.startswith("velocity repeats some of the values while the axis moves")
+    assert found.said.startswith("velocity repeats some of the values while the axis moves: only rows with new ones")
+    beside = updated(log_of(t=t, u=v, velocity=written_again(noisy, np.union1d([0], comes)), position=counted(v, 4000)))
+    assert beside.said.endswith("while the axis moves: they are put between their neighbours")
+    assert len(beside.log) == ROWS
 
 
 def test_a_drives_own_d_hat_in_every_row_stays_beside_a_slow_position():
