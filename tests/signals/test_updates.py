@@ -160,8 +160,9 @@ def test_an_axis_that_never_moves_says_nothing():
 
 @pytest.mark.parametrize("counts", [1000, 4096, 40_000])
 def test_a_speed_that_is_the_difference_of_counts_is_summed(counts):
-    t, q, v = motion()
-    position = counted(q, counts)
+    t = STEP * np.arange(ROWS)
+    v = 3.0 * np.sin(2.0 * np.pi * np.random.default_rng(3).uniform(0.6, 0.9) * t)  # as smooth as an axis moves
+    position = counted(np.cumsum(v) * STEP, counts)
     speed = np.diff(position, prepend=position[:1]) / STEP
     found = summed(log_of(t=t, u=v, velocity=speed))
     np.testing.assert_allclose(found.log["position"], position - position[0], atol=1e-9)
@@ -184,6 +185,16 @@ def test_ripple_and_resonances_of_a_speed_are_no_difference_of_counts(hz):
     t, _, v = motion()
     ripple = 0.02 * np.sin(2.0 * np.pi * hz * t) * (1.0 + np.abs(v))
     log = log_of(t=t, u=v, velocity=v + ripple + np.random.default_rng(6).normal(scale=1e-4, size=ROWS))
+    assert summed(log).log is log
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.7])
+def test_a_speed_in_whole_steps_of_its_own_is_no_difference_of_counts(noise):
+    """In whole rpm, exact or with noise of so many: what it is rounded by does not come back in the next row."""
+    t, _, v = motion()
+    rpm = 2.0 * np.pi / 60.0
+    whole = np.round(v / rpm + np.random.default_rng(3).normal(scale=noise, size=ROWS)) * rpm
+    log = log_of(t=t, u=v, velocity=whole)
     assert summed(log).log is log
 
 
