@@ -24,7 +24,7 @@ from dsd_cli.cli.init_proposal import (
 )
 from dsd_cli.cli.init_questions import column_question, step_question, without_coarse_stamps
 from dsd_cli.cli.init_roles import Chosen, choose
-from dsd_cli.cli.init_stamps import unit_of_stamps
+from dsd_cli.cli.init_stamps import finite_stamps, unit_of_stamps
 from dsd_cli.cli.init_union import constants
 from dsd_cli.cli.init_units import step_of, units_of
 from dsd_cli.cli.recordings import by_updates, on_its_clock
@@ -170,9 +170,8 @@ def _read(
     if not unit:
         first = load_log(path, names, most_rows=1, layout=layout).log
         step = first.sample_time
-        looked_at = chosen.table.channels if chosen.table is not None else ()
-        stamps = next((one.values for one in looked_at if one.name == names["t"]), None)
-        lasts = math.inf if stamps is None else float(np.nanmax(stamps) - np.nanmin(stamps))
+        stamps = finite_stamps(names["t"], chosen.table)
+        lasts = float(np.ptp(stamps)) if stamps.size else math.inf
         unit = time_unit_of(step, float(first["t"][0]), lasts)
         other = "; if it is another: --set signals.time_unit=UNIT"
         out.said.append(f"time_unit: not said; steps of {step:g} are taken as {unit}{other}")

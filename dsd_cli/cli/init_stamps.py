@@ -43,10 +43,16 @@ def _unevenness(stamps: Array) -> float:
 
 def unit_of_stamps(time: Recognised, table: Table | None) -> str:
     """As the log says it, or as the steps make it likely."""
-    channels = () if table is None else table.channels
-    stamps = next((one.values for one in channels if one.name == time.column), None)
-    there = np.zeros(1) if stamps is None or not np.isfinite(stamps).any() else stamps[np.isfinite(stamps)]
+    there = finite_stamps(time.column, table)
+    there = there if there.size else np.zeros(1)
     return time.time_unit or time_unit_of(step_in(there), float(there[0]), float(np.ptp(there)))
+
+
+def finite_stamps(column: str, table: Table | None) -> Array:
+    """Of a column of the rows that were looked at; none where it is in no one table."""
+    channels = () if table is None else table.channels
+    stamps = next((one.values for one in channels if one.name == column), None)
+    return np.zeros(0) if stamps is None else np.asarray(stamps[np.isfinite(stamps)])
 
 
 def step_in(stamps: Array) -> float:

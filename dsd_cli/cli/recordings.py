@@ -69,9 +69,9 @@ def load_recording(
     check_sizes(loaded.log.source, loaded)
     if progress is not None:
         progress(f"looking at {PurePath(path).name}")
+    loaded, noisy = on_its_clock(loaded)
     checked = _checked(loaded, config, None)
     loaded, late = _without_late(loaded, checked)
-    loaded, noisy = on_its_clock(loaded)
     try:
         recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)
     except TooShort as error:
@@ -125,9 +125,10 @@ def on_its_clock(loaded: LoadedLog) -> tuple[LoadedLog, list[str]]:
     from dsd_cli.identify.checks.clock import evened
 
     log = evened(loaded.log, loaded.restarts)
+    if log is loaded.log:
+        return loaded, []
     said = f"the motion is smoother on an even clock than at its stamps: {log.sample_time * 1e3:.4g} ms are taken"
-    as_logged = log is loaded.log or bool((log["t"] == loaded.log["t"]).all())
-    return replace(loaded, log=log), [] if as_logged else [said]
+    return replace(loaded, log=log), [said]
 
 
 def _wrong(loaded: LoadedLog, config: Config, checked: CheckResult) -> list[str]:

@@ -16,6 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from dsd_cli.signals.encoder import encoder_step
 from dsd_cli.signals.log import Array, Log
 from dsd_cli.signals.rounding import ROUNDING
 
@@ -145,22 +146,10 @@ def _mean_u(log: Log, t: Array, rows: _Rows, begins: _Rows) -> Array:
 
 #: Noise of a speed is read from this share of half the sample rate on, and is that of a difference by so many nats.
 _NOISE_FROM, _NATS = 0.25, 10.0
-#: A speed of counts changes by whole steps, to so much in so many of its changes below so many steps; its stamps are
-#: even to this share of a sample.
-_APART, _WHOLE, _MOST_STEPS, _UNEVEN = 0.02, 0.98, 50.0, 0.1
+#: Stamps are even to this share of a sample.
+_UNEVEN = 0.1
 #: Metadata of a log whose position is the sum of its speed.
 SUMMED = "position_summed"
-
-
-def _in_counts(v: Array) -> bool:
-    """Whether a speed goes in whole steps, but for the rounding of printed numbers, which spoils large multiples."""
-    changes = np.abs(np.diff(v))
-    changes = changes[changes > ROUNDING * float(np.ptp(v))] if v.size else changes
-    if not changes.size:
-        return False
-    steps = changes / float(np.min(changes))
-    steps = steps[steps < _MOST_STEPS]
-    return bool(np.mean(np.abs(steps - np.rint(steps)) < _APART) > _WHOLE)
 
 
 def summed(log: Log, restarts: tuple[int, ...] = ()) -> Updated:
@@ -169,7 +158,7 @@ def summed(log: Log, restarts: tuple[int, ...] = ()) -> Updated:
     if "velocity" not in log or "position" in log or "d_hat" in log:
         return Updated(log, restarts)
     v = log["velocity"]
-    if not _in_counts(v) or ("t" in log and np.ptp(np.diff(log["t"])) > _UNEVEN * log.sample_time):
+    if not encoder_step(v) > 0.0 or ("t" in log and np.ptp(np.diff(log["t"])) > _UNEVEN * log.sample_time):
         return Updated(log, restarts)
     angle = np.pi * np.arange(1, v.size // 2) / (v.size // 2)
     power = np.abs(np.fft.rfft(np.diff(v, prepend=v[:1]) * np.hanning(v.size)))[1 : angle.size + 1] ** 2

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.smoothing import HALF_WIDTHS, encoder_step, noise_of, smooth
+from dsd_cli.identify.recordings.smoothing import HALF_WIDTHS, noise_of, smooth
+from dsd_cli.signals.encoder import encoder_step
 
 T = 0.001
 t = T * np.arange(4000)

@@ -62,9 +62,10 @@ def check_log(
     factors, u_shift : of [signals], that are in the log already, for remedies that name these keys.
     maker : of [observer] filter and u, whose d_hat has been turned into that of this package; None is as here.
     """
-    view = look(clock.evened(log, restarts), restarts)
+    even = clock.evened(log, restarts)
+    view = look(even, restarts)
     did = excitation(view.stretches, view.band, view.cutoff)
-    found = [*clock.check_clock(log, restarts), *clock.check_rows(dropped or {}, len(log))]
+    found = [*clock.check_clock(log, restarts, even is not log), *clock.check_rows(dropped or {}, len(log))]
     found += [*check_jumps(log, restarts), *_unusable(view)]
     found += check_excitation(did, view.stretches, 0 if model is None else len(model.effects))
     found += [] if _fails(found) else values.check_magnitude(view, did)

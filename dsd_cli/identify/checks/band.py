@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 
 from dsd_cli.identify.checks.stretches import Stretch
-from dsd_cli.identify.recordings.smoothing import encoder_step, noise_of
+from dsd_cli.identify.recordings.smoothing import noise_of
+from dsd_cli.signals.encoder import encoder_step
 from dsd_cli.signals.log import Array
 
 Source = Literal["position", "velocity"]

@@ -144,8 +144,8 @@ def _blocks(squares: Array) -> Array:
     return np.maximum(np.add.reduceat(squares, starts), 1e-300)
 
 
-def check_clock(log: Log, restarts: Sequence[int]) -> list[Finding]:
-    """Findings about the stamps."""
+def check_clock(log: Log, restarts: Sequence[int], noisy: bool) -> list[Finding]:
+    """Findings about the stamps; `noisy`: `evened` takes them for noise."""
     found = []
     if doubt := suspicious(log.sample_time):
         what, _, remedy = doubt.partition(": ")
@@ -166,8 +166,7 @@ def check_clock(log: Log, restarts: Sequence[int]) -> list[Finding]:
             found.append(replace(one, what=what, remedy=one.remedy and remedy))
         else:
             true = _smoother(logged, even)
-            true = max(true, 0.0) if evened(log, restarts) is log else true  # no noise: what is late adds up
-            found.append(_jittery(log.sample_time if plain else mean, usual, share, true))
+            found.append(_jittery(log.sample_time if plain else mean, usual, share, true if noisy else max(true, 0.0)))
     return found
 
 

@@ -12,8 +12,8 @@ from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.identify.recordings.smoothing import encoder_step
 from dsd_cli.signals.answers import largest_answer
+from dsd_cli.signals.encoder import encoder_step
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.spread import robust_deviation
 

@@ -12,8 +12,8 @@ from dsd_cli.identify.design.inverse import Path, as_recording
 from dsd_cli.identify.fit.band import Band
 from dsd_cli.identify.fit.noise import passed_variance
 from dsd_cli.identify.recordings.recording import Recording, prepare
-from dsd_cli.identify.recordings.smoothing import encoder_step
 from dsd_cli.plant.model import ObserverSettings
+from dsd_cli.signals.encoder import encoder_step
 from dsd_cli.signals.log import Array, Log, with_channels
 
 #: Seed of the sensor's noise.

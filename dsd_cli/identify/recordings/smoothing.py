@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.signals.encoder import encoder_step
 from dsd_cli.signals.log import Array
-from dsd_cli.signals.rounding import ROUNDING
 from dsd_cli.signals.spread import robust_deviation
 
 #: Half widths that are tried, samples; 0 leaves the channel as it is.
@@ -26,11 +26,8 @@ _REGULAR = 0.02
 #: Share of the noise up to which a change between samples is none: a spline ripples around an encoder at rest.
 _RESTING = 1e-3
 _ORDER = 3
-#: Changes out of which the step of an encoder is read, and rows that move, at least.
+#: Rows that move, at least.
 _FEWEST = 10
-#: One step is what a change has within this factor of the least; beyond so many steps the rounding of printed numbers
-#: spoils the multiples; shares of the changes that must be below that, and of those whole within so much.
-_ONE_STEP, _MOST_STEPS, _BELOW, _WHOLE, _APART = 1.5, 50.0, 0.3, 0.98, 0.02
 #: The widest window is this part of the channel.
 _WIDEST_PART = 4
 #: Differences of these orders remove what is smooth and leave white noise, amplified by a known factor; what is not
@@ -160,20 +157,6 @@ def noise_of(x: Array) -> float:
     if len(x) <= max(_DIFFERENCES):
         return 0.0
     return min(robust_deviation(np.diff(x, m)) / math.sqrt(math.comb(2 * m, m)) for m in _DIFFERENCES)
-
-
-def encoder_step(x: Array) -> float:
-    """The step of a quantised channel; 0 if it is not quantised."""
-    changes = np.abs(np.diff(x))
-    changes = changes[changes > ROUNDING * max(float(np.abs(x).max(initial=0.0)), 1e-300)]
-    if changes.size < _FEWEST:
-        return 0.0
-    step = float(np.percentile(changes, 1))
-    step = float(np.median(changes[changes < _ONE_STEP * step]))
-    multiples = changes / step
-    small = multiples[multiples < _MOST_STEPS]
-    whole = np.abs(small - np.round(small)) < _APART
-    return step if small.size > _BELOW * changes.size and np.mean(whole) > _WHOLE else 0.0
 
 
 def _moving(x: Array, noise: float) -> Array:
