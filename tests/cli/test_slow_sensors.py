@@ -99,6 +99,7 @@ def test_a_speed_by_differences_of_counts_is_as_good_as_their_position(tmp_path,
     question = TIERS["speed by differences of counts"].draw(seed)
     said, warnings = asked(tmp_path, question)
     assert "velocity has the noise of a difference of positions" in " ".join(warnings.split())
+    assert said["provenance"]["position"] == "integrated from velocity"  # no sensor knows its zero
     assert (said["verdict"], said["probability"] > 0.9) == ((*question.hidden, "none")[0], True)
 
 

@@ -60,6 +60,9 @@ def test_of_samples_that_are_missing_beside_noisy_stamps_no_even_clock_is_made(l
     first, apart = map(float, re.findall(r"([-0-9.e]+) s\b", found.remedy))
     number = np.rint((log["t"] - first) / apart)
     assert np.array_equal(number - number[0], np.flatnonzero(kept) - np.flatnonzero(kept)[0])
+    holed = evened(log, ())  # each hole where it was
+    np.testing.assert_allclose(holed["t"], c["t"][kept], atol=0.2 * T)
+    assert np.abs(np.diff(holed["t"]) / T - np.diff(np.flatnonzero(kept))).max() < 0.01
 
 
 @pytest.mark.parametrize(("lost", "share"), [(4, 0.002), (4, 0.03), (60, 0.002)])
