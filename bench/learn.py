@@ -23,11 +23,11 @@ from bench.marked import put
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.testability import Settings
-from dsd_cli.identify.learn.forgetting import UNKNOWN, forgetting
-from dsd_cli.identify.learn.learning import learn
-from dsd_cli.identify.learn.results import LEARNT, Learnt
 from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.learn.forgetting import UNKNOWN, forgetting
+from dsd_cli.learn.learning import learn
+from dsd_cli.learn.results import LEARNT, Learnt
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.oracle.rig_strange import LAWS, SENSORS, StrangeLog, make, on_motion

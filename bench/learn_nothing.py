@@ -21,9 +21,9 @@ import numpy as np
 
 from bench.paired import all_tiers, read
 from dsd_cli.effects import Role, get_effect
-from dsd_cli.identify.learn.learning import learn
-from dsd_cli.identify.learn.results import LEARNT
 from dsd_cli.identify.recordings.recording import Recording, prepare
+from dsd_cli.learn.learning import learn
+from dsd_cli.learn.results import LEARNT
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.oracle.questions import Question

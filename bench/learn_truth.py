@@ -15,11 +15,11 @@ from dsd_cli.effects.general import CURVE
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.testability import Settings
-from dsd_cli.identify.learn.choose import left_of
-from dsd_cli.identify.learn.families import Columns, Family
-from dsd_cli.identify.learn.judge import Judge
-from dsd_cli.identify.learn.rows import Balance, balance_of
 from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.learn.choose import left_of
+from dsd_cli.learn.families import Columns, Family
+from dsd_cli.learn.judge import Judge
+from dsd_cli.learn.rows import Balance, balance_of
 from dsd_cli.plant.forces import Mask
 from dsd_cli.plant.model import PlantModel
 from tests.oracle.rig_strange import StrangeLog, on_motion

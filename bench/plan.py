@@ -22,10 +22,10 @@ import numpy as np
 from bench.marked import put
 from bench.plan_page import PAGE, figures
 from dsd_cli.cli.plan_loop import left_open, misled
+from dsd_cli.design.plan import Wanted, plan_next
+from dsd_cli.design.results import Motion, Plan
+from dsd_cli.design.targets import apart, targets_of
 from dsd_cli.errors import DsdError
-from dsd_cli.identify.design.plan import Wanted, plan_next
-from dsd_cli.identify.design.results import Motion, Plan
-from dsd_cli.identify.design.targets import apart, targets_of
 from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.sets import Search

@@ -51,8 +51,8 @@ def _described(table: Table) -> list[Column]:
     """The channels of a table, with what each may be."""
     from dsd_cli.cli.init_roles import by_names, roles_of
     from dsd_cli.cli.init_union import usable
-    from dsd_cli.identify.roles import Guess, facts_of
     from dsd_cli.report.columns import Column
+    from dsd_cli.roles import Guess, facts_of
 
     moving = usable(table)
     look = by_names(moving, {})

@@ -27,7 +27,7 @@ from dsd_cli.files.recognise import (
 )
 from dsd_cli.files.sample import Sample, Table
 from dsd_cli.files.words import TIME_UNITS
-from dsd_cli.identify.roles import Guess, Roles, facts_of, guess_roles
+from dsd_cli.roles import Guess, Roles, facts_of, guess_roles
 from dsd_cli.signals.clock import TIME_SCALE
 from dsd_cli.signals.log import Array
 

@@ -16,8 +16,8 @@ from dsd_cli.cli.sharing import spread
 if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
     from dsd_cli.files.config.edit import Origin
-    from dsd_cli.identify.learn.results import Learnt
     from dsd_cli.identify.results import Ladder
+    from dsd_cli.learn.results import Learnt
     from dsd_cli.report.learning import LearnReport
 
 OutputOption = Annotated[
@@ -116,8 +116,8 @@ def learnt_from(given: Given, progress: object, stand_ins: tuple[str, ...] = ())
     """What these logs teach, in the user's units; stand_ins: effects that are taken back if needless."""
     from dataclasses import replace
 
-    from dsd_cli.identify.learn.learning import learn as run
     from dsd_cli.identify.results import in_units
+    from dsd_cli.learn.learning import learn as run
 
     units = given.settings.signals.units
     found = run(given.recordings, given.model, given.engine_settings, given.holdout, progress, stand_ins)  # type: ignore[arg-type]
@@ -186,7 +186,7 @@ def put_files(found: Learnt, given: Given, files: Files, origin: Origin, logs: t
     """Write what there is, each whole or not at all; what was written stands in the report."""
     from dsd_cli.cli.improve_loop import put_config, with_steps
     from dsd_cli.files.whole import write_whole
-    from dsd_cli.identify.learn.results import LEARNT
+    from dsd_cli.learn.results import LEARNT
     from dsd_cli.report.learning import LearnReport, curve_csv
 
     law = files.law if found.formula is not None and found.formula.source and not found.formula.known else None

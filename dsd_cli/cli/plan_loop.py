@@ -15,8 +15,8 @@ from dsd_cli.cli.plan_request import Answer, Request, planned
 from dsd_cli.errors import DataError, UsageError
 
 if TYPE_CHECKING:
+    from dsd_cli.design.results import Experiment, Plan
     from dsd_cli.files.config import Config
-    from dsd_cli.identify.design.results import Experiment, Plan
     from dsd_cli.identify.results import Diagnosis
 
 #: Share of a limit (of the range, for the position) that a log may go beyond it: noise of its sensor.
@@ -79,7 +79,7 @@ def misled(together: Diagnosis, alone: Diagnosis) -> bool:
 
 
 def _experiment(reference: Path, log: Path, found: Diagnosis, open_now: tuple[str, ...]) -> Experiment:
-    from dsd_cli.identify.design.results import Experiment
+    from dsd_cli.design.results import Experiment
 
     return Experiment(str(reference), str(log), found.verdict, found.probability, open_now)
 

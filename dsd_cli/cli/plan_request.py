@@ -13,9 +13,9 @@ from dsd_cli.errors import UsageError, source_name
 if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
     from dsd_cli.cli.progress import Progress
+    from dsd_cli.design.plan import Wanted
+    from dsd_cli.design.results import Experiment, Plan
     from dsd_cli.files.config import Config
-    from dsd_cli.identify.design.plan import Wanted
-    from dsd_cli.identify.design.results import Experiment, Plan
     from dsd_cli.identify.fit.solve import Fit
     from dsd_cli.identify.results import Diagnosis
     from dsd_cli.identify.search.sets import Search
@@ -117,7 +117,7 @@ def request(settings: Config, names: tuple[str, ...], numbers: Numbers, told: To
     ------
     UsageError : an option that cannot be read.
     """
-    from dsd_cli.identify.design.plan import Wanted
+    from dsd_cli.design.plan import Wanted
 
     seconds, limits, start, rate = numbers
     section = settings.plan
@@ -152,7 +152,7 @@ def _controller(settings: Config) -> ControllerSettings | None:
 
 
 def _limit(text: str) -> tuple[str, tuple[float, float]]:
-    from dsd_cli.identify.design.limits import NAMES
+    from dsd_cli.design.limits import NAMES
 
     name, _, value = text.partition("=")
     form = "write position=-1:1, velocity=3, acceleration=20, jerk=400 or u=2"
@@ -219,7 +219,7 @@ def plan_for(
     ------
     DataError, UsageError : as `planned`.
     """
-    from dsd_cli.identify.design.plan import plan_next
+    from dsd_cli.design.plan import plan_next
     from dsd_cli.identify.fit.testability import constant_u
     from dsd_cli.identify.verdict.diagnose import diagnose
 
@@ -245,7 +245,7 @@ def plan_for(
 
 def _possible(told: Told, search: Search) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """(names that these logs can test, a line for each of the others)."""
-    from dsd_cli.identify.design.targets import why_not
+    from dsd_cli.design.targets import why_not
 
     why = {name: why_not(name, search) for name in told.names}
     lines = tuple(f"{told.path}: {name} is skipped: {no[0]}; {no[1]}" for name, no in why.items() if no is not None)

@@ -30,6 +30,7 @@ from dsd_cli.cli.plan_request import plan_for, request
 from dsd_cli.cli.progress import Progress
 from dsd_cli.cli.recordings import beyond_known, known_values
 from dsd_cli.cli.refresh import Refreshed, refreshed
+from dsd_cli.design.results import Plan
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.rows import Rows
 from dsd_cli.errors import DsdError, printable
@@ -38,11 +39,10 @@ from dsd_cli.files.config.config import parse_tables, read_config
 from dsd_cli.files.config.edit import Origin, now
 from dsd_cli.files.config.values_edit import merged, with_keys
 from dsd_cli.identify.compare.comparison import compare
-from dsd_cli.identify.design.results import Plan
 from dsd_cli.identify.improve import improve
-from dsd_cli.identify.learn.results import Learnt
 from dsd_cli.identify.results import Diagnosis, Ladder, Step, in_units
 from dsd_cli.identify.verdict.stability import with_stability
+from dsd_cli.learn.results import Learnt
 from dsd_cli.report.comparison import Report
 from dsd_cli.report.diagnosis import DiagnosisReport
 from dsd_cli.report.ladder import LadderReport, step_line

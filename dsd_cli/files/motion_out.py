@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from dsd_cli.design.results import Motion
 from dsd_cli.errors import UsageError
-from dsd_cli.identify.design.results import Motion
 from dsd_cli.signals.log import Array
 
 #: Columns of the CSV file, in the order of the contract.

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from dsd_cli.identify.compare.versus import Moved
-from dsd_cli.identify.learn.results import LEARNT
 from dsd_cli.identify.results import (
     NONE,
     UNKNOWN,
@@ -21,6 +20,7 @@ from dsd_cli.identify.results import (
 )
 from dsd_cli.identify.validation import Validation
 from dsd_cli.identify.verdict.contradictions import kept_values
+from dsd_cli.learn.results import LEARNT
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import named, plain_table, score_json, stability_line
 from dsd_cli.report.head import head

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.effects import Role, get_effect
-from dsd_cli.identify.learn.results import LEARNT, Curve, Formula, Learnt, Tie, View
+from dsd_cli.learn.results import LEARNT, Curve, Formula, Learnt, Tie, View
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import plain_table, score_json
 from dsd_cli.report.head import head

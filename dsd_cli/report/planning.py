@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsd_cli.identify.design.results import Experiment, Plan, PlannedPair, PlannedValue, Stage
+from dsd_cli.design.results import Experiment, Plan, PlannedPair, PlannedValue, Stage
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import plain_table
 from dsd_cli.report.head import head

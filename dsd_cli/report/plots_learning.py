@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.identify.learn.results import Curve, Learnt, View
+from dsd_cli.learn.results import Curve, Learnt, View
 from dsd_cli.report.figure import BACKWARD, FORWARD, MEASURED, PREDICTED, SHARE
 from dsd_cli.report.learning import as_forces, learn_line
 from dsd_cli.report.timeline import zero

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.identify.design.measure import ENOUGH
-from dsd_cli.identify.design.results import Motion, Plan
+from dsd_cli.design.measure import ENOUGH
+from dsd_cli.design.results import Motion, Plan
 from dsd_cli.report.figure import LIMIT, MEASURED, OTHER, PREDICTED, SHARE, headline, legend_above, line, sheet
 from dsd_cli.report.planning import TOLD, channels
 from dsd_cli.report.planning import headline as said

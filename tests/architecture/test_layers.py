@@ -21,14 +21,20 @@ ALLOWED = {
     "plant": {"effects", "signals", "errors"},
     "detect": {"plant", "effects", "signals", "errors"},
     "identify": {"plant", "effects", "signals", "errors"},
-    "files": {"detect", "identify", "plant", "effects", "signals", "errors"},
+    "design": {"identify", "plant", "effects", "signals", "errors"},
+    "learn": {"identify", "plant", "effects", "signals", "errors"},
+    "roles": {"identify", "plant", "effects", "signals", "errors"},
+    "files": {"detect", "design", "identify", "plant", "effects", "signals", "errors"},
     "export": {"identify", "plant", "effects", "signals", "errors"},
-    "report": {"export", "detect", "identify", "plant", "effects", "signals", "errors"},
-    "cli": {"report", "export", "files", "detect", "identify", "plant", "effects", "signals", "errors"},
+    "report": {"export", "detect", "design", "learn", "identify", "plant", "effects", "signals", "errors"},
+    "cli": {
+        *("report", "export", "files", "detect", "design", "learn", "roles", "identify"),
+        *("plant", "effects", "signals", "errors"),
+    },
     "__main__": {"cli"},
     "__init__": set(),
 }
-COMPUTING = {"errors", "signals", "effects", "plant", "detect", "identify"}
+COMPUTING = {"errors", "signals", "effects", "plant", "detect", "identify", "design", "learn", "roles"}
 HEAVY = {"typer", "click", "rich", "pyarrow", "pydantic", "tomlkit", "matplotlib"}
 
 

@@ -6,11 +6,11 @@ from bench.learn import judged
 from bench.learn_nothing import COMPLETE, known_of, of_tier
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.testability import Settings
-from dsd_cli.identify.learn.choose import OF_SENSOR, choose
-from dsd_cli.identify.learn.learning import learn
-from dsd_cli.identify.learn.results import LEARNT
-from dsd_cli.identify.learn.rows import balance_of
 from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.learn.choose import OF_SENSOR, choose
+from dsd_cli.learn.learning import learn
+from dsd_cli.learn.results import LEARNT
+from dsd_cli.learn.rows import balance_of
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.oracle.rig_strange import make

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.files.config import load_config
-from dsd_cli.identify.roles import Channel, guess_roles
+from dsd_cli.roles import Channel, guess_roles
 from tests.cli.rig import done, dsd, refused
 from tests.files import strangers
 

@@ -20,7 +20,7 @@ from dsd_cli.cli.init_units import units_of
 from dsd_cli.files.config import load_config
 from dsd_cli.files.recognise import Recognised, is_force, is_neither, recognise, role_of_unit, unit_in
 from dsd_cli.files.sample import Sample, Table, sample
-from dsd_cli.identify.roles import Channel, guess_roles, slope_of
+from dsd_cli.roles import Channel, guess_roles, slope_of
 from tests.cli.rig import DSD, done, dsd, refused
 from tests.files import strangers
 from tests.recordings import recording

@@ -16,13 +16,13 @@ import pytest
 from dsd_cli.cli.plan_loop import closed, command_words, misled
 from dsd_cli.cli.plan_request import Answer, Request, Told, _limit, _possible, told_by
 from dsd_cli.cli.plan_request import planned as planned_by
+from dsd_cli.design.limits import Limits
+from dsd_cli.design.plan import Wanted
+from dsd_cli.design.results import Impossible, Motion, Plan, PlannedPair, PlannedValue, Stage
+from dsd_cli.design.targets import Targets, apart, targets_of
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.config import load_config
 from dsd_cli.files.motion_out import COLUMNS, motion_text
-from dsd_cli.identify.design.limits import Limits
-from dsd_cli.identify.design.plan import Wanted
-from dsd_cli.identify.design.results import Impossible, Motion, Plan, PlannedPair, PlannedValue, Stage
-from dsd_cli.identify.design.targets import Targets, apart, targets_of
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.sets import Search
@@ -151,7 +151,7 @@ def test_of_another_diagnosis_what_is_no_effect_is_skipped(
         asked.append((wanted, targets_of(search, whole, found, wanted.names)))
         return Plan(("small.csv",), found.verdict, motion, (), (), (), LIMITS)
 
-    monkeypatch.setattr("dsd_cli.identify.design.plan.plan_next", plan_next)
+    monkeypatch.setattr("dsd_cli.design.plan.plan_next", plan_next)
     request = Request(Wanted(), told_by(folder / "other.json"))
     answer = planned_by(load_config(BARE), [str(folder / "small.csv")], request, quiet=True)
     ((wanted, targets),) = asked

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from dsd_cli.identify.roles.control_input import cause_of
+from dsd_cli.roles.control_input import cause_of
 from tests.cli.rig import CONFIG, DSD, done, dsd, make_log, refused, write
 
 MODEL = "\n[model]\ninertia = 1.0\ndelay = 0.005\n"

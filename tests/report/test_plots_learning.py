@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dsd_cli.identify.learn.results import Curve, View
+from dsd_cli.learn.results import Curve, View
 from dsd_cli.report.learning import as_forces
 
 SPEED = (-2.0, -1.0, 0.0, 1.0, 2.0)

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from dsd_cli.identify.design.limits import Limits
-from dsd_cli.identify.design.results import Motion, Plan, PlannedPair, Stage
+from dsd_cli.design.limits import Limits
+from dsd_cli.design.results import Motion, Plan, PlannedPair, Stage
 from dsd_cli.report.figure import rendered
 from dsd_cli.report.page.plan_part import plan_charts, plan_part
 from dsd_cli.report.page.story import Part, Story

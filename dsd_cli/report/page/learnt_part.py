@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.identify.learn.results import LEARNT, Curve, Formula, View
+from dsd_cli.learn.results import LEARNT, Curve, Formula, View
 from dsd_cli.report.learning import as_forces, learn_line, tie_line
 from dsd_cli.report.names import estimate_text
 from dsd_cli.report.page.html import Html, joined, listing, name, table, tag, typeset

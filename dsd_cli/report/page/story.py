@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
+from dsd_cli.design.results import Plan
 from dsd_cli.identify.checks import CheckResult
-from dsd_cli.identify.design.results import Plan
-from dsd_cli.identify.learn.results import Learnt
+from dsd_cli.learn.results import Learnt
 from dsd_cli.report.comparison import Report
 from dsd_cli.report.detection import Detection
 from dsd_cli.report.diagnosis import DiagnosisReport

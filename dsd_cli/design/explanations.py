@@ -1,0 +1,250 @@
+"""A fitted set of effects as an explanation: plants that the logs leave as likely, and weakly identifiable values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dsd_cli.design.rows import Model, shapes_of
+from dsd_cli.effects import Role, catalogue, get_effect
+from dsd_cli.identify.fit.bank import FIXED, SHARE
+from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
+from dsd_cli.identify.fit.covariance import root_of
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.values import flat
+from dsd_cli.identify.grades import Grade
+from dsd_cli.identify.results import DELAY
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.log import Array
+
+#: Draws of the values of an explanation: one more goes beyond all of them less often than once in a hundred. Their
+#: seed; standard errors to what may be; share by which a value changes at most.
+DRAWS, _SEED, _FARTHEST, _WIDEST = 100, 20261123, 2.0, 0.5
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """One way to explain the logs: a set of effects, fitted.
+
+    name : of what distinguishes it: an effect, several with "+", "none".
+    fitted : model and its values as they stand. draws : plants out of what the logs leave open, the fitted one first.
+    weak : whether a value of its forces is hardly identified.
+    """
+
+    name: str
+    fit: Fit
+    model: Model
+    draws: tuple[PlantModel, ...]
+    weak: bool = False
+
+    @property
+    def fitted(self) -> PlantModel:
+        """The plant with the values of the fit."""
+        return self.draws[0]
+
+
+@dataclass(frozen=True)
+class Value:
+    """A value to identify better: `slope` of it over coefficients and shapes of an explanation, shape (m,).
+
+    error : its standard error now, by the logs; `size` : what it is to be small against.
+    """
+
+    name: str
+    size: float
+    error: float
+    slope: Array
+
+
+def explanation_of(search: Search, name: str, fit: Fit, doubtful: bool, own: Collection[str]) -> Explanation:
+    """Of a fitted set. doubtful : whether none of the sets may hold. own : effects that others do not have."""
+    bank = search.solver.bank
+    model = Model(fit.terms, fit.tap * bank.tap_time, bank.tap_time, fit.total, fit.widths)
+    told = search.problem.values(fit).estimates.items()
+    weak = any(e.grade in ("weak", "not") and not e.held for n, e in told if "." in n)
+    return Explanation(name, fit, model, tuple(draws_of(search, fit, doubtful, own)), weak)
+
+
+def draws_of(search: Search, fit: Fit, doubtful: bool, own: Collection[str]) -> Iterator[PlantModel]:
+    """The plant of a fit, and others that the logs leave as likely: normal, but within what the values allow.
+
+    What the logs do not identify stays what the model says; in doubt also what they hardly do, and the delay: beside
+    effects that are not there it is any. The other values are those that then go with it: of friction and a load that
+    only add up in the logs the sum is known, and each plant has it. So a force that the model does not have, and of
+    which nothing says that it is there beside the others, is in no plant (u would be planned for it), but for its own.
+    """
+    values, scale = search.problem.values(fit), search.problem.scale
+    told, fit, covariance = values.estimates, values.fit, values.covariance
+    random = np.random.default_rng(_SEED)
+    left_open: tuple[Grade, ...] = ("weak", "not") if doubtful else ("not",)
+    stays = {n for n, e in told.items() if e.grade in left_open or (doubtful and n == DELAY)}
+    given = {n: v for n, v in flat(search.problem.model).items() if n in stays}
+    left = _Left(covariance, np.zeros(len(covariance)))
+    at, here = _flat_of(search, fit), flat(scale.model(fit))
+    for name, value in given.items():
+        if name != DELAY and name in here:
+            row = _slope(lambda x, name=name: at(x)[name], fit.total, len(covariance))  # type: ignore[misc]
+            left = left.where(row, value - here[name])
+    beside = {n for n in told if n not in given and n.partition(".")[0] not in own}
+    forces = [n for n in told if n in beside and told[n].grade in left_open and _is_force(n)]
+    for name in sorted(forces, key=lambda n: abs(told[n].value) / max(told[n].std_error, 1e-300)):
+        row = _slope(lambda x, name=name: at(x)[name], fit.total, len(covariance))  # type: ignore[misc]
+        if left.may_be(row, -here[name]):
+            left = left.where(row, -here[name])
+    mean, linear = left.mean.copy(), len(fit.total)
+    mean[linear:] = np.clip(mean[linear:], -_WIDEST, _WIDEST)
+    middle, spread = _changed(fit, mean), root_of(left.covariance)
+    yield scale.model(middle).with_values(given)
+    for _ in range(DRAWS - 1):
+        change = left.within(spread @ random.standard_normal(len(spread)), middle)
+        yield scale.model(_changed(middle, change)).with_values(given)
+
+
+def held(
+    search: Search, one: Explanation, found: Fit, unexplained: float, start: float
+) -> tuple[Explanation, PlantModel]:
+    """An explanation that lacks something nobody can name, with the constant force that this is in the mean of the
+    logs: so the axis was held where they were. Elsewhere half of that may come or go, or what is left beside it is for
+    long what it was for a moment, as in one valley of a cogging that has no mean: so are the draws. And a plant in
+    which it comes and goes with the place, for a force that stays is held before the axis moves and makes it no faster.
+
+    unexplained : share of u that what was found leaves beyond the noise. This one lacks that, and what was found; a
+    sine goes as far as the root of 2 times its rms.
+    """
+    errors = search.problem.errors
+    left = errors.rows_of_model(one.fitted)
+    beside = max(float(np.var(left)) - errors.rmse(found) ** 2 + (unexplained * errors.force) ** 2, 0.0)
+    lacks = -float(np.mean(left))
+    most = max(_WIDEST * abs(lacks), math.sqrt(2.0 * beside))
+    forces = [lacks, *np.linspace(lacks - most, lacks + most, len(one.draws) - 1).tolist()]
+    first = replace(one, draws=tuple(_pushed(plant, x) for plant, x in zip(one.draws, forces, strict=True)))
+    return first, _waved(first.fitted, most, search.ranges.travel, start)
+
+
+def _pushed(plant: PlantModel, force: float) -> PlantModel:
+    """With so much more of the force that is always there."""
+    always = (e for e in catalogue().values() if e.role is Role.APPLIED and not (e.needs or e.listed or e.repeats))
+    effect = next(e for e in always if e.periods is None)
+    (size,) = (p.name for p in effect.parameters)
+    known = plant.effects.get(effect.id, {size: 0.0})
+    return replace(plant, effects={**plant.effects, effect.id: {size: known[size] + force}})
+
+
+def _waved(plant: PlantModel, size: float, way: float, start: float) -> PlantModel:
+    """With a sine of the position, that pushes the axis on whichever way it leaves the start. Half a wave is as long as
+    the way of the logs: of a longer one they would show a constant, and a shorter one gives less speed."""
+    wave = next(e for e in catalogue().values() if e.join and e.needs and e.periods)
+    if not way > 0.0 or wave.join is None:
+        return plant
+    (shape,) = (p.name for p in wave.parameters if not p.linear)
+    pace = math.pi / way
+    parts = size * math.cos(pace * start), -size * math.sin(pace * start)
+    return replace(plant, effects={wave.id: wave.join(parts, {shape: pace}, plant.inertia), **plant.effects})
+
+
+@dataclass(frozen=True)
+class _Left:
+    """What logs leave open of coefficients and logarithms of shapes: normal around a change, shape (m,), of the fit."""
+
+    covariance: Array
+    mean: Array
+
+    def where(self, row: Array, value: float) -> _Left:
+        """Given that row @ change is this; as it is where that is no matter of these unknowns."""
+        along = self.covariance @ row
+        variance, off = float(row @ along), value - float(row @ self.mean)
+        if not variance > 0.0:
+            return self
+        return _Left(self.covariance - np.outer(along, along) / variance, self.mean + along * (off / variance))
+
+    def may_be(self, row: Array, value: float) -> bool:
+        """Whether row @ change may be this, by what the logs leave open."""
+        off = value - float(row @ self.mean)
+        return off**2 <= _FARTHEST**2 * float(row @ self.covariance @ row)
+
+    def within(self, change: Array, fit: Fit) -> Array:
+        """The likeliest change beside one of which each part is no more than a share of the value."""
+        most = _most(fit, len(change))
+        covariance = self.covariance
+        for _ in range(len(change)):
+            beyond = np.abs(change) - most
+            i = int(np.argmax(beyond / np.maximum(most, 1e-300)))
+            along = covariance[:, i]
+            if not (beyond[i] > 0.0 and along[i] > 0.0):
+                break
+            change = change + along * ((math.copysign(most[i], change[i]) - change[i]) / along[i])
+            covariance = covariance - np.outer(along, along) / along[i]
+        return np.clip(change, -most, most)
+
+
+def _is_force(name: str) -> bool:
+    """Whether a value is the size of a force."""
+    effect, _, value = name.partition(".")
+    found = get_effect(effect) if value else None
+    if found is None or found.role not in (Role.APPLIED, Role.FRICTION):
+        return False
+    size = found.parameter(value)
+    return size.linear and not size.listed and not size.whole_turn
+
+
+def _most(fit: Fit, size: int) -> Array:
+    """By how much coefficients (all of an effect by a share of its size) and logarithms of shapes may change."""
+    parts = np.split(fit.total[FIXED:], np.cumsum(fit.widths)[:-1]) if fit.widths else []
+    sizes = [np.abs(fit.total[:FIXED]), *(np.full(len(c), np.linalg.norm(c)) for c in parts)]
+    most = _WIDEST * np.concatenate([*sizes, np.ones(size - len(fit.total))])
+    most[SHARE] = 1.0
+    return np.asarray(most)
+
+
+def _changed(fit: Fit, change: Array) -> Fit:
+    """A fit with other coefficients, and logarithms of shapes."""
+    linear = len(fit.total)
+    terms = list(fit.terms)
+    for (i, name, value), step in zip(shapes_of(fit.terms), change[linear:], strict=True):
+        terms[i] = type(terms[i]).of(terms[i].id, {**terms[i].shape, name: value * math.exp(step)})
+    return replace(fit, total=fit.total + change[:linear], terms=tuple(terms))
+
+
+def values_of(search: Search, first: Explanation, wanted: Sequence[str] | None) -> tuple[Value, ...]:
+    """Weak ones, or those that were asked for, with their slopes."""
+    estimates = search.problem.values(first.fit).estimates
+    if wanted is None:
+        weak = [n for n, e in estimates.items() if e.grade in ("weak", "not") and not e.held]
+        wanted = [n for n in weak if not _of_angle(n)]
+    found, at = [], _flat_of(search, first.fit)
+    for name in wanted:
+        value, error = estimates[name].value, estimates[name].std_error
+        slope = _slope(lambda x, name=name: at(x)[name], first.model.total, first.model.size - 1)  # type: ignore[misc]
+        size = search.problem.recordings[0].sample_time if name == DELAY else abs(value)
+        found.append(Value(name, size, error, slope))
+    return tuple(found)
+
+
+def _of_angle(name: str) -> bool:
+    """A phase is no size."""
+    effect, _, value = name.partition(".")
+    return bool(value) and get_effect(effect).parameter(value).whole_turn
+
+
+def _flat_of(search: Search, fit: Fit) -> Callable[[Array], dict[str, float]]:
+    scale = search.problem.scale
+    return lambda change: flat(scale.model(_changed(fit, change)))
+
+
+def _slope(value: Callable[[Array], float], total: Array, size: int) -> Array:
+    """Numerical, over coefficients and logarithms of shapes, shape (m,)."""
+    steps = np.concatenate([1e-4 * np.maximum(np.abs(total), 1e-3 * abs(total[AT_INERTIA])), np.full(size, 1e-4)])
+    steps = steps[:size]
+    steps[SHARE] = 1e-3
+    found = np.zeros(size)
+    for i, step in enumerate(steps):
+        if not step > 0.0:  # a coefficient of 0 beside an inertia of 0
+            continue
+        change = np.zeros(size)
+        change[i] = step
+        found[i] = (value(change) - value(-change)) / (2.0 * step)
+    return found

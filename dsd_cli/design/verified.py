@@ -1,0 +1,148 @@
+"""A motion so small that every likely plant keeps the limits under the loop."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dsd_cli.design.closed_loop import SETTLE, Loop, Run, UnstableLoopError, run_loop
+from dsd_cli.design.inverse import Path, command_for
+from dsd_cli.design.limits import Limits, TooNarrowError
+from dsd_cli.design.motions import FADES, Part, Room
+from dsd_cli.design.optimise import TIMES, joined
+from dsd_cli.design.targets import Targets
+from dsd_cli.errors import DataError
+from dsd_cli.identify.results import NONE
+from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.log import Array
+
+#: By how much a part shrinks at least and at most that broke a limit under the loop, how often, and the share of its
+#: size in which any explanation must be able to move the axis.
+_SHRINK, _SHRINK_MOST, _SHRINKS, GENTLE = 0.9, 0.5, 12, 0.05
+#: Share of a limit that a smaller part aims at.
+_KEPT = 0.97
+#: s between samples by which draws are compared.
+_COARSE = 0.02
+
+#: Place of an explanation, of one of its draws, and of a loop. The first loop runs the fitted plant (0) and the draw
+#: that needs most u; the last one that and the draw for which the feedforward lacks most.
+Key = tuple[int, int, int]
+#: The draw that is `Targets.believed`.
+_BELIEVED = -1
+
+
+@dataclass(frozen=True)
+class Verified:
+    """parts : of the motion, each once. runs : what each plant did. lost : names of explanations
+    that broke a limit on every motion. unstable : a line for each plant whose loop was not stable."""
+
+    parts: tuple[Part, ...]
+    runs: Mapping[Key, Run]
+    lost: tuple[str, ...]
+    unstable: tuple[str, ...]
+
+
+def verified(
+    targets: Targets,
+    plants: Mapping[Key, PlantModel],
+    parts: tuple[Part, ...],
+    room: Room,
+    loops: Sequence[Loop],
+    allowed: Limits,
+) -> Verified:
+    """Parts shrink until no plant (`plants_of`) breaks a limit in any of the loops, the motion made as often as it will
+    be: an axis that cogging has caught in another valley begins again from there.
+
+    Where the explanations are doubtful, one that goes on any motion beyond what the logs reached, too, is not the
+    axis that made them, and is not counted. Nor is a draw whose loop is not stable or, where nobody knows what is
+    missing, that does so even at rest; that is said.
+
+    Raises
+    ------
+    DataError : however small the motion, a plant breaks a limit; the loop is not stable with a plant that counts.
+    TooNarrowError : it does what the logs did.
+    """
+    order = [k for i, k in enumerate(plants) if not any(k[2] == o[2] and plants[k] == plants[o] for o in [*plants][:i])]
+    wide, lost, unstable, names = parts, list[str](), list[str](), [e.name for e in targets.explanations]
+    last = dict[Key, dict[int, tuple[float, float]]]()
+    for _ in range(_SHRINKS * len(order)):
+        rested = np.pad(joined(TIMES * parts, room), (round(SETTLE / room.step), 0), mode="edge")
+        wanted, runs = Path.of(rested[:: round(loops[0].step / room.step)], loops[0].step), dict[Key, Run]()
+        planned, why, narrow = (wanted, command_for(targets.explanations[0].fitted, wanted)), "", set[str]()
+        try:
+            for key in order:
+                runs[key] = run_loop(plants[key], loops[key[2]], planned, allowed)
+                if runs[key].exceeded(allowed):
+                    break
+            else:
+                return Verified(parts, runs, tuple(lost), tuple(unstable))
+            smaller = _smaller(parts, runs[key], room, allowed, last.setdefault(key, {}))
+            if all(now.scale >= GENTLE * first.scale for now, first in zip(smaller, wide, strict=True)):
+                parts, order = smaller, [key, *(k for k in order if k != key)]  # who broke a limit is asked first
+                continue
+            narrow = runs[key].exceeded(allowed).keys() - runs[key].exceeded(room.reached or allowed).keys()
+        except UnstableLoopError as failure:
+            why = failure.message
+        name = "the model alone" if names[key[0]] == NONE else names[key[0]]
+        if narrow and not (key[0] and key[1] and targets.unknown):
+            break
+        parts, last = wide, {}
+        if key[1] and (why or targets.unknown):  # what the loop cannot hold, or not within the limits, is not that axis
+            order = [k for k in order if k != key]
+            unstable.append(f"{why or 'no motion keeps the limits'} with other likely values of {name}")
+            continue
+        if key[0] == 0 or any(key[0] in pair for pair in targets.pairs):
+            break
+        order = [k for k in order if k[0] != key[0]]
+        lost.append(names[key[0]])
+        unstable += [f"{why} with {name} as the plant"] if why else []
+    if why:
+        raise DataError(f"{why} with {name} as the plant", "set [simulate.controller] to gains that hold this axis")
+    broken = ", ".join(f"{name} ({100.0 * by:.0f} % beyond)" for name, by in runs[key].exceeded(allowed).items())
+    raise (TooNarrowError if narrow else DataError)(
+        f"no motion keeps the limits with every likely plant: {broken}", "widen that limit, or move --start"
+    )
+
+
+def _smaller(
+    parts: Sequence[Part], run: Run, room: Room, allowed: Limits, last: dict[int, tuple[float, float]]
+) -> tuple[Part, ...]:
+    """The parts in which a plant broke a limit, smaller; what breaks while a part begins may be the one before.
+
+    last : place of a part -> its scale when this plant last broke a limit in it, and the share that it reached there: a
+    line through both says which scale keeps it. It begins at nothing reached by no motion.
+    """
+    lengths = [round(part.samples(room.step) * room.step / run.path.step) for part in parts]
+    smaller, start = [], 0
+    for i, (part, length) in enumerate(zip(parts, lengths, strict=True)):
+        begins = [start + turn * sum(lengths) for turn in range(TIMES)]
+        broken = [run.exceeded(allowed, slice(at, at + length + int(FADES[0] * length))) for at in begins]
+        start += length
+        if any(broken):
+            reached = 1.0 + max(by for one in broken for by in one.values())
+            scale, before = last.get(i, (0.0, 0.0))
+            last[i] = part.scale, reached
+            slope = (before - reached) / (scale - part.scale)
+            wanted = part.scale + (_KEPT - reached) / slope if slope > 0.0 else 0.0
+            part = replace(part, scale=float(np.clip(wanted, _SHRINK_MOST * part.scale, _SHRINK * part.scale)))
+        smaller.append(part)
+    return tuple(smaller)
+
+
+def plants_of(
+    targets: Targets, likely: Collection[int], position: Array, room: Room, loops: Sequence[Loop]
+) -> dict[Key, PlantModel]:
+    """Those that are run of each likely explanation, for a motion; delay : of the model, s."""
+    stride = max(int(_COARSE / room.step), 1)
+    path, found = Path.of(position[::stride], stride * room.step), dict[Key, PlantModel]()
+    first = targets.explanations[0].fitted
+    added = command_for(first, path)
+    for i in {0, *likely}:
+        draws = targets.explanations[i].draws
+        needs = np.array([command_for(m, path, 3.0 * room.limits.u) for m in draws])
+        for loop, lacking in ((0, needs), (len(loops) - 1, needs - added)):
+            for draw in (0, int(np.argmax(np.abs(lacking).max(axis=1)))):
+                found[i, draw, loop] = draws[draw]
+    return found | dict.fromkeys(((0, _BELIEVED, 0), (0, _BELIEVED, len(loops) - 1)), targets.believed)

@@ -1,0 +1,235 @@
+"""From what channels do, alone and to each other, to what they are; names that say it already come first."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dsd_cli.roles.control_input import AS_TOLD, ONLY_CAUSE, Guess, Look, find_cause, lead_of
+from dsd_cli.signals.facts import BETTER_SLOPE, Channel, Facts, Slope, facts_of, slope_of
+from dsd_cli.signals.log import Array
+from dsd_cli.signals.rounding import ROUNDING
+
+#: A channel is the slope of another from this share of its square on.
+IS_SLOPE = 0.98
+#: Beside a u that is known it is from this one on: it is not the force that an acceleration asks for.
+IS_SLOPE_BESIDE_U = 0.9
+#: And wholly that from this share on.
+WHOLLY = 0.995
+#: Rows and channels that are looked at.
+ROWS, CHANNELS = 60_000, 14
+#: Fewest rows out of which behaviour says a role.
+FEWEST = 50
+#: A position that has a name is believed where the velocity is its slope nearly as well as of another: what is left of
+#: one that was asked for, the tracking error, is more than this many times what is left of the measured one.
+DOUBTED = 3.0
+#: A velocity that has a name is none of that position where it explains less than this share of it.
+UNRELATED = 0.5
+
+
+@dataclass(frozen=True)
+class Roles:
+    """Role -> guess, for those of time, u, velocity, position and reference that were found.
+
+    `causes`: share of each channel that the motion explains, best first: who could be u.
+    """
+
+    found: Mapping[str, Guess]
+    facts: Mapping[str, Facts]
+    causes: Mapping[str, float]
+
+
+def guess_roles(
+    channels: Sequence[Channel],
+    named: Mapping[str, str],
+    forces: frozenset[str] = frozenset(),
+    motions: frozenset[str] = frozenset(),
+    *,
+    told: Collection[str] = (),
+    rivals: frozenset[str] = frozenset(),
+    asked: frozenset[str] = frozenset(),
+    scale: float = 1.0,
+) -> Roles:
+    """What the channels of one table are.
+
+    Parameters
+    ----------
+    channels : in the order of the file, shape (n,) each.
+    named : role -> column, what names and units say; kept as it is.
+    forces : columns whose name or unit says that they are no motion. motions : that they are one, and so not u.
+    told : roles of `named` that the user named: these are beyond doubt.
+    rivals : columns whose names make them u as well.
+    asked : columns whose names say that they were asked for: none is a motion that was measured.
+    scale : s per unit of the time column.
+    """
+    facts = {one.name: facts_of(one) for one in channels}
+    found = {role: Guess(column, AS_TOLD if role in told else "by its name") for role, column in named.items()}
+    by_name = {one.name: one.values for one in channels if one.values is not None}
+    if "time" not in found and (clock := _clock(facts)) is not None:
+        found["time"] = clock
+    look = _looked(by_name, facts, found, scale)
+    steps = frozenset(n for n, one in facts.items() if one.kind == "boolean" and (one.low, one.high) != (0.0, 1.0))
+    look = Look(look.values, look.t, look.dt, found, forces, motions, rivals, steps, asked)
+    if look.t.size >= FEWEST:
+        _find_motion(look)
+        _doubt_reference(look)
+        _find_reference(look)
+        placed = "position" in look.found
+        find_cause(look)
+        if not placed:
+            _find_reference(look)
+    causes = {name: one.share for name, one in sorted(look.causes.items(), key=lambda item: -item[1].share)}
+    return Roles(found, facts, causes)
+
+
+def _clock(facts: Mapping[str, Facts]) -> Guess | None:
+    """What rises most evenly; a count of the samples is a clock only where there is no other."""
+    clocks = [
+        (round(one.even, 2), one.kind, at, name)
+        for at, (name, one) in enumerate(facts.items())
+        if one.kind in ("clock", "counter")
+    ]
+    if not clocks:
+        return None
+    _, kind, _, name = min(clocks)
+    more = [other for *_, other in clocks if other != name]
+    doubt = f"{', '.join(more[:3])} rises evenly, too" if more else ""
+    how = "it counts the samples" if kind == "counter" else f"it rises evenly, in steps of {facts[name].step:.4g}"
+    return Guess(name, how, doubt)
+
+
+def _looked(by_name: Mapping[str, Array], facts: Mapping[str, Facts], found: Mapping[str, Guess], scale: float) -> Look:
+    """The rows where all that moves has values, the first of them; what rises exactly as the clock is another clock."""
+    clock = found["time"].column if "time" in found else ""
+    moving = [name for name in by_name if name != clock and facts[name].moves]
+    wanted = [guess.column for role, guess in found.items() if role != "time" and guess.column in by_name]
+    moving = [*dict.fromkeys([*wanted, *moving])][:CHANNELS]
+    most = ROWS if by_name else 0
+    table = {name: by_name[name][:most] for name in moving}
+    rows = min((x.size for x in table.values()), default=0)
+    t = by_name[clock][:rows] * scale if clock in by_name else np.arange(rows, dtype=np.float64)
+    table = {name: _filled(t, x[:rows]) for name, x in table.items()}
+    good = np.isfinite(t)
+    for x in table.values():
+        good &= np.isfinite(x[:rows])
+    good[1:] &= np.diff(t, prepend=t[:1])[1:] > 0.0 if rows else True
+    values = {name: x[:rows][good] for name, x in table.items()}
+    t = t[good]
+    if t.size > 2:
+        clocks = [n for n in values if facts[n].kind == "clock" and n not in wanted]
+        straight = {n for n in clocks if 1.0 - abs(np.corrcoef(t, values[n])[0, 1]) < ROUNDING}
+        values = {n: x for n, x in values.items() if n not in straight}
+    steps = np.diff(t)
+    return Look(values, t, float(np.median(steps)) if steps.size else 1.0, dict(found))
+
+
+def _filled(t: Array, x: Array) -> Array:
+    """A channel that is blank in most rows, as one with its own clock is, on straight lines between its values."""
+    there = np.isfinite(x) & np.isfinite(t)
+    if not 0 < 2 * there.sum() <= x.size or np.any(np.diff(t[there]) < 0.0):
+        return x
+    return np.interp(t, t[there], x[there], left=np.nan, right=np.nan)
+
+
+def _find_motion(look: Look) -> None:
+    """Velocity and position: what is the slope of what."""
+    found = look.found
+    free = look.movable()
+    p, w = (found[role].column if role in found else "" for role in ("position", "velocity"))
+    if any(c and c not in look.values for c in (p, w)):
+        return
+    if p and w:
+        _doubt_motion(look, p, w, free)
+        return
+    best: tuple[float, str, str, int, int] | None = None
+    for one in [p] if p else free:
+        for other in [w] if w else free:
+            if one == other:
+                continue
+            slope = slope_of(look.t, look.values[one], look.values[other])
+            if slope.share <= IS_SLOPE and not ("u" in found and _swings(look, one, other, slope)):
+                continue
+            if best is None or slope.share > best[0] + BETTER_SLOPE:
+                best = slope.share, one, other, slope.lag, slope.span
+    if best is None:
+        return
+    share, one, other, _, span = best
+    averaged = f", averaged over {span} samples" if span > 1 else ""
+    doubt = "" if share > WHOLLY else f"{100 * (1 - share):.1f} % of it is something else"
+    if not p:
+        found["position"] = Guess(one, f"{other} is its slope{averaged}")
+    if not w:
+        found["velocity"] = Guess(other, f"it is the slope of {one}{averaged}", doubt)
+
+
+def _swings(look: Look, p: str, w: str, slope: Slope) -> bool:
+    """Whether w is the slope of p beside a u that is known, without what any constant is to any drift."""
+    if slope.share <= IS_SLOPE_BESIDE_U:
+        return False
+    mean = float(look.values[w].mean())
+    swing = slope_of(look.t, look.values[p] - mean / slope.scale * look.t, look.values[w] - mean)
+    return swing.share > IS_SLOPE_BESIDE_U
+
+
+def _doubt_motion(look: Look, p: str, w: str, free: Sequence[str]) -> None:
+    """A position, else a velocity, that only its name makes one gives way to a channel that fits the other.
+
+    That may be each of them the other's.
+    """
+    mine = slope_of(look.t, look.values[p], look.values[w]).share
+    swapped = slope_of(look.t, look.values[w], look.values[p])  # of a sine each is the other's, with a sign
+    told = AS_TOLD in (look.found["position"].reason, look.found["velocity"].reason)
+    if mine < UNRELATED and swapped.scale > 0.0 and _fits_better(swapped.share, mine) and not told:
+        look.found["position"] = Guess(w, f"{p} is its slope, whatever the names say")
+        look.found["velocity"] = Guess(p, f"it is the slope of {w}, whatever the names say")
+        return
+    of_w = [(slope_of(look.t, look.values[other], look.values[w]).share, other) for other in free]
+    share, best = max(of_w, default=(0.0, p))
+    if _fits_better(share, mine) and look.found["position"].reason != AS_TOLD:
+        look.found["position"] = Guess(best, f"{w} is its slope, and not that of {p}")
+        return
+    of_p = [(slope_of(look.t, look.values[p], look.values[other]).share, other) for other in free]
+    share, best = max(of_p, default=(0.0, w))
+    if mine < UNRELATED and _fits_better(share, mine) and look.found["velocity"].reason != AS_TOLD:
+        look.found["velocity"] = Guess(best, f"it is the slope of {p}, and {w} is not")
+
+
+def _fits_better(share: float, mine: float) -> bool:
+    return share > IS_SLOPE and 1.0 - mine > DOUBTED * (1.0 - share) + BETTER_SLOPE
+
+
+def _doubt_reference(look: Look) -> None:
+    """A reference by its name that is the velocity asked for is none of the position: the setpoint of a speed loop."""
+    named = {role: look.found[role].column for role in ("reference", "velocity", "position") if role in look.found}
+    r, w, p = (look.values.get(named.get(role, "")) for role in ("reference", "velocity", "position"))
+    if r is None or w is None or lead_of(r, w) is None or look.found["reference"].reason == AS_TOLD:
+        return
+    if p is None or lead_of(r, p) is None:
+        del look.found["reference"]
+
+
+def _find_reference(look: Look) -> None:
+    """The position that was asked for: the same as the measured one, but earlier.
+
+    One that is not earlier is no reference, however smooth it is: two sensors of one axis differ in their noise, too.
+    """
+    found = look.found
+    if "position" not in found or "reference" in found or found["position"].column not in look.values:
+        return
+    mine = found["position"].column
+    for other in look.free():
+        lead = None if other in look.never_motion else lead_of(look.values[other], look.values[mine])
+        if not lead:
+            continue
+        if lead > 0:
+            found["reference"] = Guess(other, f"as {mine}, {lead} samples earlier")
+            return
+        if found["position"].doubt == ONLY_CAUSE:
+            found["reference"] = Guess(mine, f"as {other}, {-lead} samples earlier")
+            found["position"] = Guess(other, f"as {mine}, {-lead} samples later: measured")
+            return
+        if found["position"].reason != AS_TOLD:
+            doubt = f"{other} is as it, {-lead} samples later: is that what was measured?"
+            found["position"] = replace(found["position"], doubt=doubt)

@@ -1,0 +1,45 @@
+"""Plants that the logs leave as likely."""
+
+import numpy as np
+import pytest
+
+from dsd_cli.design.cases import other_shapes, ranges_within
+from dsd_cli.design.explanations import _Left
+from dsd_cli.design.limits import Limits
+from dsd_cli.effects import Ranges
+from dsd_cli.identify.fit.bank import Term
+
+#: Moved one way, of friction and a load only the sum is known; a third value is another matter.
+_SUM = np.array([1.0, 1.0, 0.0])
+
+
+def known_sum() -> _Left:
+    """Covariance of two values of 1.0 each whose sum is known to 0.01, by the inverse of what is known of them."""
+    return _Left(np.linalg.inv(np.diag([1.0, 1.0, 4.0]) + np.outer(_SUM, _SUM) / 0.01**2), np.zeros(3))
+
+
+def test_a_value_that_is_given_takes_those_along_that_only_add_up_with_it() -> None:
+    first = np.array([1.0, 0.0, 0.0])
+    given = known_sum().where(first, 0.4)
+    assert given.mean == pytest.approx([0.4, -0.4, 0.0], abs=1e-3)
+    assert np.sqrt(np.diag(given.covariance)) == pytest.approx([0.0, 0.01, 0.5], abs=1e-3)
+
+
+def test_what_the_logs_say_is_there_may_not_be_away() -> None:
+    first, both = np.array([1.0, 0.0, 0.0]), _SUM
+    assert known_sum().may_be(first, 1.0)
+    assert not known_sum().may_be(first, 2.0)
+    assert not known_sum().may_be(both, 0.1)
+    assert not known_sum().where(first, 0.4).may_be(np.array([0.0, 1.0, 0.0]), 0.0)
+
+
+def test_shapes_of_a_rival_reach_as_far_as_the_motion_may() -> None:
+    """A poor log of 0.1 rad/s knows no Stribeck speed of 1 rad/s, and the next motion shows it."""
+    found = Ranges(0.05, 0.1, 0.2, 0.1, 0.3, 0.001, 8.0)
+    limits = Limits(-1.0, 1.0, 6.0, 50.0, 800.0, 1.0, 0.0)
+    term = Term.of("stribeck_friction", {"velocity": 0.02})
+    near, far = ([t.shape["velocity"] for t in other_shapes(term, r)] for r in (found, ranges_within(found, limits)))
+    assert max(near) < 0.1
+    assert max(far) > 1.0
+    assert max(far) / min(far) > 10.0
+    assert other_shapes(Term.of("viscous_friction", {}), found) == []
