@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from dsd_cli.cli import main as frame
-from dsd_cli.identify import d_hat_makers
 from dsd_cli.identify.results import Diagnosis
 from tests.cli.rig import make_log, write
 from tests.report.examples import ADDITION, DIAGNOSIS, LADDER
@@ -20,6 +19,8 @@ CONFIG = """\
 [observer]
 nominal_inertia = 1.0
 time_constant = 0.002
+filter = "exact"  # told, so that no command asks who made d_hat (of that tests/cli/test_d_hat_makers.py)
+u = "previous"
 
 [model]  # believed
 inertia = 1.0
@@ -54,8 +55,7 @@ class Engine:
 
     def diagnose(self, *arguments: Any, **keywords: Any) -> Diagnosis:
         self.asked.append((arguments, keywords))
-        if "progress" in keywords:  # not where the maker of d_hat is asked for first
-            keywords["progress"]("fitting", 0.5)
+        keywords["progress"]("fitting", 0.5)
         return _answer(self.diagnosis)
 
     def add_effect(self, *arguments: Any, **keywords: Any) -> Any:
@@ -84,7 +84,6 @@ def _answer(answer: Any) -> Any:
 def engine(monkeypatch: pytest.MonkeyPatch) -> Engine:
     """In place of `identify.diagnose`, `identify.final_fit` and `identify.improve`."""
     stub = Engine()
-    assert d_hat_makers.diagnose is not None  # imported before, so that what made d_hat is asked of the true one
     monkeypatch.setattr("dsd_cli.identify.verdict.diagnose.diagnose", stub.diagnose)
     for place, name in (("final_fit", "add_effect"), ("improve", "improve")):
         module = ModuleType(f"dsd_cli.identify.{place}")
