@@ -29,6 +29,8 @@ from typing import Any, NoReturn
 
 DSD = [sys.executable, "-m", "dsd_cli"]
 ROOT = Path(__file__).parents[1]
+#: Effects enough where a test does not ask which of the whole catalogue is found.
+FEW = ("viscous_friction", "coulomb_friction", "constant_load", "quadratic_drag")
 #: What commands load when they need it.
 LATE = (
     *("pyarrow.csv", "pyarrow.parquet", "rich.console", "rich.table", "rich.progress", "matplotlib.figure"),
@@ -45,14 +47,18 @@ def run(
     env: Mapping[str, str] | None = None,
     stdin: str | bytes | None = None,
     timeout: float = 600.0,
+    effects: Sequence[str] = (),
 ) -> subprocess.CompletedProcess:
     """The command; text in and out unless the standard input is bytes.
 
-    env : of the command; None is that of the tests. stdin : None is the null device.
+    env : of the command; None is that of the tests. stdin : None is the null device. effects : all that it looks for,
+    of what the model lacks, where the question is not which of the whole catalogue it is: a fit of each is most of
+    what a diagnosis costs.
     """
     words, env = [str(argument) for argument in arguments], dict(os.environ if env is None else env)
     if _SERVER.serves(env):
-        return _SERVER.run(words, cwd, env, stdin, timeout)
+        return _SERVER.run(words, cwd, env, stdin, timeout, effects)
+    assert not effects, "a process that starts afresh looks for the whole catalogue"
     return subprocess.run(
         [*DSD, *words],
         input=stdin,
@@ -66,12 +72,13 @@ def run(
     )
 
 
-def on_terminal(*arguments: object, cwd: Path, columns: int, lines: int) -> bytes:
-    """What the command, which must succeed, writes where it is on a terminal of that size."""
+def on_terminal(*arguments: object, cwd: Path, columns: int, lines: int, effects: Sequence[str] = ()) -> bytes:
+    """What the command, which must succeed, writes where it is on a terminal of that size; `effects` as in `run`."""
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
     plain = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES", "NO_COLOR")}
-    return _SERVER.on_terminal([*map(str, arguments)], cwd, {**plain, "TERM": "xterm-256color"}, slave, master)
+    request = _request([*map(str, arguments)], cwd, {**plain, "TERM": "xterm-256color"}, effects)
+    return _SERVER.on_terminal(request, slave, master)
 
 
 def _lasting(env: Mapping[str, str]) -> dict[str, str]:
@@ -101,14 +108,20 @@ class _Server:
         return self._mine
 
     def run(
-        self, words: Sequence[str], cwd: Path, env: Mapping[str, str], stdin: str | bytes | None, timeout: float
+        self,
+        words: Sequence[str],
+        cwd: Path,
+        env: Mapping[str, str],
+        stdin: str | bytes | None,
+        timeout: float,
+        effects: Sequence[str],
     ) -> subprocess.CompletedProcess:
         """One command after the other."""
         with self._lock:
             server, said = self._started(), [b"", b""]
             pipes = [os.pipe(), os.pipe()]
             its_in, mine_in = os.pipe() if stdin is not None else (os.open(os.devnull, os.O_RDONLY), -1)
-            request = json.dumps({"words": words, "cwd": os.path.abspath(cwd), "env": dict(env)}).encode()
+            request = _request(words, cwd, env, effects)
             socket.send_fds(server, [request], [its_in, *(its for _, its in pipes)])
             for its in (its_in, *(its for _, its in pipes)):
                 os.close(its)
@@ -133,12 +146,11 @@ class _Server:
         out, err = (io.TextIOWrapper(io.BytesIO(x)).read() if text else x for x in said)
         return subprocess.CompletedProcess([*DSD, *words], code, out, err)
 
-    def on_terminal(self, words: Sequence[str], cwd: Path, env: Mapping[str, str], slave: int, master: int) -> bytes:
+    def on_terminal(self, request: bytes, slave: int, master: int) -> bytes:
         """All that a command that succeeds writes to a terminal, which is closed then."""
         written = list[bytes]()
         with self._lock:
             server = self._started()
-            request = json.dumps({"words": words, "cwd": os.path.abspath(cwd), "env": dict(env)}).encode()
             socket.send_fds(server, [request], [slave] * 3)
             os.close(slave)
             with suppress(OSError):  # what Linux says when nobody holds the other side any more
@@ -149,6 +161,11 @@ class _Server:
             code = int(server.recv(64))
         assert code == 0, b"".join(written).decode()
         return b"".join(written)
+
+
+def _request(words: Sequence[str], cwd: Path, env: Mapping[str, str], effects: Sequence[str]) -> bytes:
+    asked = {"words": words, "cwd": os.path.abspath(cwd), "env": dict(env), "effects": effects}
+    return json.dumps(asked).encode()
 
 
 def _read(said: list[bytes], i: int, pipe: int) -> None:
@@ -192,7 +209,11 @@ def serve(number: int) -> None:
 def _become(request: dict[str, Any], streams: Sequence[int]) -> NoReturn:
     """The command, as if it had just begun."""
     from dsd_cli.__main__ import main
+    from dsd_cli.identify.fit import testability
 
+    if request["effects"]:
+        whole = testability.catalogue()
+        testability.catalogue = lambda: {name: whole[name] for name in request["effects"]}
     for number, stream in enumerate(streams):
         os.dup2(stream, number)
     os.closerange(3, 1 + max(streams, default=3) + 1)

@@ -18,6 +18,7 @@ from dsd_cli.plant.prediction import predict_d_hat
 from dsd_cli.signals.log import Log
 from tests import warm
 from tests.warm import DSD as DSD
+from tests.warm import FEW as FEW
 
 LABELS = ["t", "state", "delay", "inertia", "log_likelihood", "probability", "confident"]
 CONFIG = """
@@ -55,10 +56,10 @@ RIGHT = 4
 
 
 def dsd(*arguments: object, cwd: Path, **keywords: object) -> subprocess.CompletedProcess:
-    """The command; text in and out unless the standard input is bytes."""
-    stdin, timeout = keywords.pop("stdin", None), keywords.pop("timeout", 600)
+    """The command; text in and out unless the standard input is bytes. `effects` : see `warm.run`."""
+    told = {name: keywords.pop(name) for name in ("stdin", "timeout", "effects") if name in keywords}
     env = {**os.environ, "NO_COLOR": "1", "COLUMNS": "120", **keywords}
-    return warm.run(*arguments, cwd=cwd, env=env, stdin=stdin, timeout=timeout)
+    return warm.run(*arguments, cwd=cwd, env=env, **told)
 
 
 def done(*arguments: object, cwd: Path, **keywords: object) -> subprocess.CompletedProcess:

@@ -9,7 +9,7 @@ import pytest
 from dsd_cli.identify.d_hat_makers import Beliefs, _OverMakers
 from dsd_cli.identify.results import Estimate
 from dsd_cli.plant.maker import FILTERS, PAIRINGS, Maker
-from tests.cli.rig import dsd
+from tests.cli.rig import FEW, dsd
 from tests.oracle.d_hat_makers import made
 from tests.oracle.rig_sensors import observe
 
@@ -215,7 +215,7 @@ def test_auto_of_u_and_d_hat_alone_is_the_maker_that_explains_the_log(tmp_path):
     t, u, d_hat, _ = noisy(Maker("euler", "newest"))
     write(tmp_path / "log.csv", t, u, d_hat)
     (tmp_path / "dsd.toml").write_text(AUTO)
-    done = dsd("diagnose", "log.csv", "-c", "dsd.toml", "--format", "json", cwd=tmp_path)
+    done = dsd("diagnose", "log.csv", "-c", "dsd.toml", "--format", "json", cwd=tmp_path, effects=FEW)
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
     assert result["provenance"]["d_hat"] == "logged, made with filter euler, newest u"
@@ -225,7 +225,7 @@ def test_auto_of_u_and_d_hat_alone_is_the_maker_that_explains_the_log(tmp_path):
 def diagnosed(folder, config, log):
     write(folder / "log.csv", *log)
     (folder / "dsd.toml").write_text(config)
-    done = dsd("diagnose", "log.csv", "-c", "dsd.toml", "--format", "json", cwd=folder)
+    done = dsd("diagnose", "log.csv", "-c", "dsd.toml", "--format", "json", cwd=folder, effects=FEW)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
@@ -245,7 +245,7 @@ def test_who_made_d_hat_is_asked_of_several_logs_as_of_one(more, tmp_path):
         t, u, d_hat, _ = noisy(Maker("exact", "newest"), seed, n=2000)
         write(tmp_path / name, t, u, d_hat)
     (tmp_path / "dsd.toml").write_text(CONFIG)
-    done = dsd("diagnose", "log.csv", *more, "-c", "dsd.toml", "--format", "json", cwd=tmp_path)
+    done = dsd("diagnose", "log.csv", *more, "-c", "dsd.toml", "--format", "json", cwd=tmp_path, effects=FEW)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert "made with exact" in found["advice"][0].replace("filter ", "")
@@ -254,7 +254,7 @@ def test_who_made_d_hat_is_asked_of_several_logs_as_of_one(more, tmp_path):
 
 
 def answered(folder, command, *words, stdin=None):
-    done = dsd(command, *words, "-c", "dsd.toml", "--format", "json", cwd=folder, stdin=stdin)
+    done = dsd(command, *words, "-c", "dsd.toml", "--format", "json", cwd=folder, stdin=stdin, effects=FEW)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout), done.stderr
 
@@ -283,7 +283,8 @@ def test_add_fits_the_log_of_the_maker_that_diagnose_finds_and_says_so(log, unsa
 def test_a_fleet_says_what_diagnose_says_which_names_the_maker_first(unsaid):
     alone = answered(unsaid, "diagnose", "log.csv")[0]
     assert SAID in alone["advice"][0]
-    done = dsd("fleet", "diagnose", "log.csv", "-c", "dsd.toml", "-o", "fleet.csv", "--workers", "1", cwd=unsaid)
+    words = ("log.csv", "-c", "dsd.toml", "-o", "fleet.csv", "--workers", "1")
+    done = dsd("fleet", "diagnose", *words, cwd=unsaid, effects=FEW)
     assert done.returncode == 0, done.stderr
     (row,) = csv.DictReader((unsaid / "fleet.csv").open())
     assert row["verdict"] == alone["verdict"]

@@ -10,7 +10,7 @@ import pytest
 
 from dsd_cli.errors import DataError
 from tests.cli.engine import START, Engine, engine, files, rig, run
-from tests.cli.rig import DSD, done, dsd, refused
+from tests.cli.rig import DSD, FEW, done, dsd, refused
 from tests.report.examples import DIAGNOSIS
 
 __all__ = ["engine", "rig"]
@@ -40,8 +40,8 @@ def test_the_table_goes_to_stdout_and_warnings_to_stderr(rig: Path, engine: Engi
 def test_a_turned_command_is_said_with_the_key_that_mends_it(tmp_path: Path) -> None:
     encoder_only = ("--set", 'signals.d_hat=""', "--set", 'signals.velocity=""')
     given = ("diagnose", SAMPLES / "servo-friction.csv", "-c", SAMPLES / "servo-bare.toml", "--to", 1, *encoder_only)
-    assert "signals.u_sign = 1" in dsd(*given, "--set", "signals.u_sign=-1", cwd=tmp_path).stderr
-    assert "warning" not in dsd(*given, cwd=tmp_path).stderr
+    assert "signals.u_sign = 1" in dsd(*given, "--set", "signals.u_sign=-1", cwd=tmp_path, effects=FEW).stderr
+    assert "warning" not in dsd(*given, cwd=tmp_path, effects=FEW).stderr
 
 
 def test_json_and_quiet(rig: Path, engine: Engine, capsys) -> None:
@@ -139,7 +139,8 @@ def test_the_observer_plays_no_role_where_d_hat_is_computed(servo: Path) -> None
     words, numbers = [], []
     for tau, nominal in ((0.001, 0.01), (0.2, 1e-4)):
         own = (f"observer.time_constant={tau}", f"observer.nominal_inertia={nominal}", 'signals.d_hat=""')
-        said = done("diagnose", "log.csv", "--format", "json", *(x for one in own for x in ("--set", one)), cwd=servo)
+        given = (x for one in own for x in ("--set", one))
+        said = done("diagnose", "log.csv", "--format", "json", *given, cwd=servo, effects=FEW)
         result = json.loads(said.stdout)
         first = result["ranking"][0]
         level = first["parameters"]["level"]

@@ -65,10 +65,11 @@ def test_eighty_columns_cut_no_word(rig, command):
     (rig / "other.toml").write_text(
         (rig / "dsd.toml").read_text() + "\n[model.effects.viscous_friction]\ncoefficient = 0.01\n"
     )
-    shown = []
+    shown, effects = [], warm.FEW if command.startswith("improve") else ()
     for columns in (80, 300):
         screen = pyte.Screen(columns, 200)
-        written = warm.on_terminal(*command.split(), cwd=rig / "runs/today", columns=columns, lines=200)
+        size = {"columns": columns, "lines": 200}
+        written = warm.on_terminal(*command.split(), cwd=rig / "runs/today", **size, effects=effects)
         pyte.Stream(screen).feed(written.decode())
         shown.append(re.sub(r"\d+\.\d+ s\b", "", "\n".join(map(str.rstrip, screen.display))))
     assert not UNNAMED.search(shown[1])

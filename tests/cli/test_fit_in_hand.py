@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.rig import done
+from tests.cli.rig import FEW, done
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
 LOG, KNOWN, BARE = "servo-friction.csv", "servo-friction.toml", "servo-bare.toml"
@@ -17,7 +17,7 @@ TRUTH = {"inertia": 0.01, "delay": 0.002, "viscous_friction.coefficient": 0.01, 
 def test_a_held_model_is_not_fitted_and_is_judged_on_what_no_fit_saw(tmp_path):
     units = ["--set", 'signals.u_unit="N m"', "--set", 'signals.position_unit="rad"']
     held = ["--hold", "--auto", "--to", "2", "--holdout", LOG, *units]
-    out = done("improve", LOG, "-c", KNOWN, *held, "-o", tmp_path / "held.toml", cwd=SAMPLES).stdout
+    out = done("improve", LOG, "-c", KNOWN, *held, "-o", tmp_path / "held.toml", cwd=SAMPLES, effects=FEW).stdout
     for name, value in TRUTH.items():
         (line,) = [row for row in out.splitlines() if row.strip().startswith(name)]
         assert line.split()[1] == f"{value:g}"
@@ -60,7 +60,7 @@ def test_a_horizon_in_seconds_begins_anew(tmp_path):
 
 def test_what_stops_on_a_bound_or_pulls_against_its_prior_is_said(tmp_path):
     told = ["--bounds", "viscous_friction.coefficient=0:0.005", "--prior", "inertia=0.012+-0.833333%"]
-    made = done("diagnose", LOG, "-c", KNOWN, *told, cwd=SAMPLES)
+    made = done("diagnose", LOG, "-c", KNOWN, *told, cwd=SAMPLES, effects=FEW)
     words, verdict = made.stderr, made.stdout.splitlines()[0]
     assert "contradicts the given values of inertia and viscous_friction.coefficient: look at that first" in verdict
     # drag stands in for the friction that the bound keeps out: it is named, and not sure
@@ -71,7 +71,8 @@ def test_what_stops_on_a_bound_or_pulls_against_its_prior_is_said(tmp_path):
 
 def test_what_stands_in_for_an_effect_that_was_told_wrongly_is_not_sure():
     """Coulomb friction is missing, 0.15; with a wrong size told of it something else takes its place."""
-    made = done("diagnose", LOG, "-c", BARE, "--to", "2", "--fix", "coulomb_friction.level=0.4", cwd=SAMPLES)
+    held = ("--to", "2", "--fix", "coulomb_friction.level=0.4")
+    made = done("diagnose", LOG, "-c", BARE, *held, cwd=SAMPLES, effects=FEW)
     verdict = made.stdout.splitlines()[0]
     assert "this log contradicts the given values of coulomb_friction.level: look at that first" in verdict
     assert int(re.search(r"probability (\d+) %", verdict)[1]) <= 50
@@ -81,7 +82,7 @@ def test_what_stands_in_for_an_effect_that_was_told_wrongly_is_not_sure():
 
 def test_an_inertia_in_another_unit_is_said():
     """kg cm^2 held as kg m^2: no delay near the one that such an axis would have is that of this one."""
-    said = done("diagnose", LOG, "-c", KNOWN, "--to", "2", "--fix", "inertia=100", cwd=SAMPLES)
+    said = done("diagnose", LOG, "-c", KNOWN, "--to", "2", "--fix", "inertia=100", cwd=SAMPLES, effects=FEW)
     (line,) = [row for row in said.stderr.splitlines() if "inertia is held at 100; this log alone says" in row]
     assert float(line.split("says ")[1].split()[0]) == pytest.approx(TRUTH["inertia"], rel=0.05)
     assert "this log contradicts the given values of inertia" in said.stdout.splitlines()[0]

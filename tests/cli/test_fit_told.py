@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.rig import DSD, done
+from tests.cli.rig import DSD, FEW, done
 from tests.cli.terminal import terminal
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
@@ -49,7 +49,7 @@ def learnt(tmp_path_factory):
     folder = tmp_path_factory.mktemp("told")
     disguised(SAMPLES / "servo-friction.csv", folder / "a.csv", 1.0)
     (folder / "bare.toml").write_text(SIGNALS + (SAMPLES / "servo-bare.toml").read_text())
-    made = done("improve", "a.csv", "-c", "bare.toml", "--auto", "-o", "a.toml", cwd=folder)
+    made = done("improve", "a.csv", "-c", "bare.toml", "--auto", "-o", "a.toml", cwd=folder, effects=FEW)
     return folder, made.stdout
 
 
@@ -109,7 +109,8 @@ def test_a_sister_machine_says_which_values_moved_and_by_how_many_sigma(learnt):
     (folder / "sister.toml").write_text(other.replace("duration = 4.0", "duration = 1.0"))
     done("simulate", "-c", "sister.toml", "-o", "plain.csv", cwd=folder)
     disguised(folder / "plain.csv", folder / "b.csv", 1.0)
-    made = done("improve", "b.csv", "-c", "a.toml", "--from-prior", "--auto", "--format", "json", cwd=folder)
+    again = ("--from-prior", "--auto", "--format", "json")
+    made = done("improve", "b.csv", "-c", "a.toml", *again, cwd=folder, effects=FEW)
     told = json.loads(made.stdout)
     moved = {one["name"]: one for one in told["moved"]}
     assert {name: one["unit"] for name, one in moved.items()} == UNITS

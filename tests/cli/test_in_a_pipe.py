@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.rig import DSD, done
+from tests.cli.rig import DSD, FEW, done
 from tests.cli.terminal import terminal
 
 ROOT = Path(__file__).parents[2]
@@ -32,7 +32,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ],
 )
 def test_nothing_is_folded(rig: Path, arguments: tuple[str, ...], line: str) -> None:
-    out = done(*arguments, cwd=rig).stdout
+    out = done(*arguments, cwd=rig, effects=FEW).stdout
     assert re.search(line, out, flags=re.MULTILINE), out
     assert NAME in out or arguments[0] == "diagnose"
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from dsd_cli.cli.learn import in_short
-from tests.cli.rig import done, dsd
+from tests.cli.rig import FEW, done, dsd
 from tests.oracle.rig_strange import make
 
 CONFIG = """
@@ -73,7 +73,7 @@ def learnt(spot):
 @pytest.fixture(scope="module")
 def improved(spot):
     command = ("improve", "log.csv", "-c", "model.toml", "--auto", "--learn", "-o", "rung.toml", "--format", "json")
-    return json.loads(done(*command, cwd=spot[0]).stdout)
+    return json.loads(done(*command, cwd=spot[0], effects=FEW).stdout)
 
 
 def test_the_law_goes_into_a_config_that_works_by_itself(spot, learnt):
@@ -186,7 +186,7 @@ def test_what_cannot_be_written_is_said_before_anything_is_computed(spot, argume
 def test_the_report_shows_the_law_and_its_rung(spot, improved):
     """The page has the same law and rung as `improve --learn`, and the curve's picture."""
     folder, _ = spot
-    done("report", "log.csv", "-c", "model.toml", "--learn", "-o", "page.html", cwd=folder)
+    done("report", "log.csv", "-c", "model.toml", "--learn", "-o", "page.html", cwd=folder, effects=FEW)
     page = (folder / "page.html").read_text("utf-8")
     results, drawn = (
         json.loads(page.split(f'type="application/json" id="{name}">')[1].split("</script>")[0])

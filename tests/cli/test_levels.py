@@ -39,6 +39,8 @@ kd = 0.4
 derivative = "error"
 """
 )
+#: The weight, what may stand in for it, and for a level.
+RIVALS = ("viscous_friction", "stribeck_friction", "load_friction", "gravity", "constant_load", "stiffness")
 LEVELS = {"cold.csv": 0.13, "warm.csv": 0.07}
 WEIGHT = "gravity:amplitude=0.1,phase=0.2"
 
@@ -57,7 +59,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def improved(rig: Path) -> dict:
-    got = done("improve", *LEVELS, "--auto", "-o", "better.toml", "--format", "json", cwd=rig)
+    got = done("improve", *LEVELS, "--auto", "-o", "better.toml", "--format", "json", cwd=rig, effects=RIVALS)
     holds("improve", got.stdout)
     return json.loads(got.stdout)
 
@@ -112,7 +114,7 @@ def test_a_wrong_inertia_is_not_paid_for_by_effects_where_levels_differ_too(rig)
 def test_a_level_that_is_held_is_held_in_every_log(rig, level):
     """What each of them says instead is said, and no other value is said to differ in its place."""
     told = ("--fix", f"coulomb_friction.level={level}", "--fix", "delay=0.004")
-    got = done("diagnose", *LEVELS, *told, "--format", "json", cwd=rig)
+    got = done("diagnose", *LEVELS, *told, "--format", "json", cwd=rig, effects=RIVALS)
     found = json.loads(got.stdout)
     (against,) = found["against_told"]
     assert (against["value"], against["told_by"], against["gave_way"]) == ("coulomb_friction.level", "held", False)
@@ -129,19 +131,19 @@ def test_a_wrong_value_of_an_effect_that_the_model_has_is_no_effect_that_is_miss
     """Its value, and what it is in the model, are said; the way on is one that the tool goes."""
     weight = "\n[model.effects.gravity]\namplitude = 0.1\nphase = 0.2\n"
     (rig / "known.toml").write_text(HEAD.replace("level = 0.1", "level = 0.2") + weight)
-    shown = done("diagnose", "cold.csv", "-c", "known.toml", cwd=rig).stdout
+    shown = done("diagnose", "cold.csv", "-c", "known.toml", cwd=rig, effects=RIVALS).stdout
     assert shown.startswith("coulomb_friction.level 0.2 of [model] is wrong: level 0.1")
     assert "is missing" not in shown.splitlines()[0]
     assert "-> dsd improve LOG -o FILE fits all values of the model again" in shown
     assert "all values fitted again, from" in shown
-    got = done("improve", "cold.csv", "-c", "known.toml", "--auto", "--format", "json", cwd=rig)
+    got = done("improve", "cold.csv", "-c", "known.toml", "--auto", "--format", "json", cwd=rig, effects=RIVALS)
     values = json.loads(got.stdout)["values"]
     assert values["coulomb_friction.level"]["value"] == pytest.approx(LEVELS["cold.csv"], rel=0.03)
 
 
 def test_a_held_out_log_with_another_level_is_no_noise(rig):
     """The model is right for the log that it was fitted to; of the other one its own level is said, in one band."""
-    got = done("improve", "cold.csv", "--auto", "--holdout", "warm.csv", "-o", "aside.toml", cwd=rig)
+    got = done("improve", "cold.csv", "--auto", "--holdout", "warm.csv", "-o", "aside.toml", cwd=rig, effects=RIVALS)
     last, *_ = [line for line in got.stdout.splitlines() if "nothing is missing" in line]
     assert "in cold.csv: the force error below" in last
     assert "in warm.csv, which no fit saw, it is" in last

@@ -13,7 +13,7 @@ import pytest
 
 from tests import warm
 from tests.cli.rig import CONFIG, DSD, csv_text, done, dsd, make_log, refused, write
-from tests.report.page.conftest import ARGUMENTS, folder  # noqa: F401 (a fixture)
+from tests.report.page.conftest import ARGUMENTS, EFFECTS, folder  # noqa: F401 (a fixture)
 
 MODEL = "\n[model]\ninertia = 1.0\ndelay = 0.005\n"
 
@@ -32,7 +32,7 @@ def drawn(page: str) -> dict:
 
 def command(*arguments: str, cwd: Path) -> dict:
     """What a command prints as JSON."""
-    made = warm.run(*arguments, "--format", "json", cwd=cwd)
+    made = warm.run(*arguments, "--format", "json", cwd=cwd, effects=EFFECTS)
     assert made.returncode == 0, made.stderr
     return json.loads(made.stdout)
 
@@ -98,7 +98,7 @@ def test_what_cannot_work_is_one_line_and_leaves_nothing(rig, arguments, code, t
 
 def missing(rig: Path, *arguments: str) -> tuple[dict, str, str]:
     """What the page has not, the page, and what was said."""
-    made = warm.run("report", *arguments, "-o", "part.html", cwd=rig)
+    made = warm.run("report", *arguments, "-o", "part.html", cwd=rig, effects=warm.FEW)
     assert (made.returncode, made.stdout) == (0, ""), made.stderr
     page = (rig / "part.html").read_text("utf-8")
     return results(page), page, made.stderr

@@ -64,7 +64,8 @@ def near(name: str, value: float, error: float) -> bool:
 
 
 def test_both_are_found_each_with_its_values(rig: Path) -> None:
-    ran = done("diagnose", "log.csv", "--format", "json", "-q", cwd=rig)
+    rivals = ("cogging", "periodic_disturbance", "gravity", "viscous_friction")
+    ran = done("diagnose", "log.csv", "--format", "json", "-q", cwd=rig, effects=rivals)
     holds("diagnose", ran.stdout)
     found = json.loads(ran.stdout)
     assert (found["verdict"], found["found"]) == ("cogging", ["cogging", "cogging_2"])

@@ -1,5 +1,6 @@
 """A command forked from a process that has loaded the libraries does what one does that starts afresh."""
 
+import json
 import os
 import subprocess
 from pathlib import Path
@@ -47,6 +48,12 @@ def test_another_environment_starts_afresh():
     here = dict(os.environ)
     assert warm._SERVER.serves({**here, "COLUMNS": "40"})
     assert not warm._SERVER.serves({**here, "DSD_DEBUG": "1"})
+
+
+def test_a_command_looks_for_the_effects_that_it_is_told():
+    words = ("diagnose", "servo-friction.csv", "-c", "servo-bare.toml", "--to", "1", "--format", "json")
+    found = json.loads(warm.run(*words, cwd=warm.ROOT / "sample_logs", effects=warm.FEW).stdout)
+    assert {one["effect"] for one in found["ranking"]} - {"inertia", "delay"} == set(warm.FEW)
 
 
 def test_what_takes_too_long_is_ended(tmp_path):

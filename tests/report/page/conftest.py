@@ -17,6 +17,8 @@ LOG = "a<script>hacked=1<\\script>[x]$$\x1b]52;\u202e\u2028.csv"
 U, POSITION = "[/x]$$<img src=x onerror=hacked=1>", "</script><script>hacked=1</script><!--"
 UNIT = "</script><b>$$[/x]"
 CONFIG = "evil.toml"
+#: What the page looks for: one of three values and long names among them.
+EFFECTS = (*warm.FEW, "cogging")
 ARGUMENTS = (LOG, "-c", CONFIG, "--to", "2.2")
 
 
@@ -41,7 +43,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not (here / "page.html").exists():
             evil_log(here)
-            made = warm.run("report", *ARGUMENTS, "-o", "page.html", cwd=here)
+            made = warm.run("report", *ARGUMENTS, "-o", "page.html", cwd=here, effects=EFFECTS)
             assert made.returncode == 0, made.stderr
             (here / "stderr.txt").write_text(made.stderr)
     return here
