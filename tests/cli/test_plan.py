@@ -27,10 +27,12 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.report.planning import headline, print_table, to_json
-from tests.cli.rig import done, dsd, refused
+from tests.cli.rig import FEW, done, dsd, refused
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
 ARM, BARE = SAMPLES / "servo-arm.toml", SAMPLES / "servo-arm-bare.toml"
+#: What the short moves of the arm leave open, and what it has.
+RIVALS = (*FEW, "gravity", "stiffness")
 PLAN = ("plan", "small.csv", "-c", BARE, "--seconds", "6")
 
 
@@ -43,7 +45,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def planned(folder: Path) -> dict:
-    return json.loads(done(*PLAN, "-o", "next.csv", "--format", "json", cwd=folder).stdout)
+    return json.loads(done(*PLAN, "-o", "next.csv", "--format", "json", cwd=folder, effects=RIVALS).stdout)
 
 
 def columns(path: Path) -> dict[str, np.ndarray]:
@@ -115,14 +117,15 @@ def test_dsd_simulate_follows_it(folder: Path, planned: dict) -> None:
 
 @pytest.fixture(scope="module")
 def told(folder: Path) -> dict:
-    return json.loads(done("diagnose", "small.csv", "-c", BARE, "--format", "json", cwd=folder).stdout)
+    words = ("diagnose", "small.csv", "-c", BARE, "--format", "json")
+    return json.loads(done(*words, cwd=folder, effects=RIVALS).stdout)
 
 
 def test_a_diagnosis_in_a_file_asks_for_what_one_anew_does(folder: Path, planned: dict, told: dict) -> None:
     """And on stdout it is the motion alone."""
     assert planned["pairs"]
     (folder / "told.json").write_text(json.dumps(told))
-    ran = done(*PLAN, "--diagnosis", "told.json", "-o", "-", cwd=folder)
+    ran = done(*PLAN, "--diagnosis", "told.json", "-o", "-", cwd=folder, effects=RIVALS)
     assert ran.stdout.startswith("t,position,velocity,acceleration,u_feedforward\n")
     assert ran.stdout.encode() == (folder / "next.csv").read_bytes()
 
@@ -212,7 +215,7 @@ def test_where_the_logs_may_have_misled_both_ways_are_said() -> None:
     ],
 )
 def test_what_is_refused(folder: Path, arguments: tuple[str, ...], text: str) -> None:
-    refused(dsd("plan", "small.csv", "-c", BARE, *arguments, cwd=folder), 2, text)
+    refused(dsd("plan", "small.csv", "-c", BARE, *arguments, cwd=folder, effects=RIVALS), 2, text)
 
 
 @pytest.mark.parametrize(
@@ -230,7 +233,8 @@ def test_what_cannot_be_read_is_refused(read: Callable[[], object], text: str) -
 
 
 def test_the_gain_of_the_drive_takes_a_known_mass(folder: Path) -> None:
-    told = json.loads(done(*PLAN, "--for", "gain", "-o", "gain.csv", "--format", "json", cwd=folder).stdout)
+    words = (*PLAN, "--for", "gain", "-o", "gain.csv", "--format", "json")
+    told = json.loads(done(*words, cwd=folder, effects=RIVALS).stdout)
     assert [one["what"] for one in told["impossible"]] == ["the gain of the drive (the unit of u) or the inertia"]
     assert told["output"] is None
     assert not (folder / "gain.csv").exists()
@@ -248,7 +252,8 @@ sys.exit(subprocess.call([sys.executable, "-m", "dsd_cli", "simulate", "-q", "-c
 def test_the_loop_ends_when_nothing_is_left_open(folder: Path) -> None:
     (folder / "rig.py").write_text(RIG)
     command = f"{sys.executable} rig.py {{reference}} {{log}}"
-    told = json.loads(done(*PLAN, "-o", "auto.csv", "--format", "json", "--run-with", command, cwd=folder).stdout)
+    words = (*PLAN, "-o", "auto.csv", "--format", "json", "--run-with", command)
+    told = json.loads(done(*words, cwd=folder, effects=RIVALS).stdout)
     last = told["experiments"][-1]
     assert (last["verdict"], last["left_open"]) == ("gravity", [])
     assert (folder / "auto-1.csv").is_file()
@@ -345,6 +350,7 @@ def test_a_u_that_was_constant_is_what_a_motion_mends(folder: Path) -> None:
     lines = ["t,u,velocity,position", *(",".join(f"{x:.6g}" for x in row) for row in rows)]
     (folder / "pushed.csv").write_text("\n".join(lines) + "\n")
     model = ("-c", BARE, "--set", "signals.d_hat=", "--limit", "u=2")
-    ran = dsd("plan", "pushed.csv", *model, "--seconds", "4", "-o", "pushed-next.csv", cwd=folder)
+    words = ("plan", "pushed.csv", *model, "--seconds", "4", "-o", "pushed-next.csv")
+    ran = dsd(*words, cwd=folder, effects=RIVALS)
     assert "no motion mends this" not in ran.stderr
     assert ran.stdout.startswith("pushed.csv: ")
