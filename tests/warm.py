@@ -36,8 +36,16 @@ LATE = (
     *("pyarrow.csv", "pyarrow.parquet", "rich.console", "rich.table", "rich.progress", "matplotlib.figure"),
     *("matplotlib.backends.backend_agg", "scipy.linalg", "scipy.signal", "scipy.special", "scipy.optimize"),
 )
-#: Variables that are looked at when a command runs, and those of the tests themselves.
-AT_RUN = {"NO_COLOR", "COLUMNS", "PYTEST_CURRENT_TEST", "MIMALLOC_PURGE_DELAY", "KMP_DUPLICATE_LIB_OK"}
+#: Variables that are looked at when a command runs, those of the tests themselves, and those that a library sets in
+#: the process of the tests which no command loads (hmmlearn, by scikit-learn).
+AT_RUN = {
+    "NO_COLOR",
+    "COLUMNS",
+    "PYTEST_CURRENT_TEST",
+    "MIMALLOC_PURGE_DELAY",
+    "KMP_DUPLICATE_LIB_OK",
+    "KMP_INIT_AT_FORK",
+}
 _LONGEST = 1 << 17  # bytes of a request
 
 

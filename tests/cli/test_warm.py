@@ -50,6 +50,11 @@ def test_another_environment_starts_afresh():
     assert not warm._SERVER.serves({**here, "DSD_DEBUG": "1"})
 
 
+def test_what_a_library_of_the_tests_sets_starts_no_command_afresh():
+    pytest.importorskip("hmmlearn.hmm", reason="hmmlearn is not installed")
+    assert warm._SERVER.serves(dict(os.environ))
+
+
 def test_a_command_looks_for_the_effects_that_it_is_told():
     words = ("diagnose", "servo-friction.csv", "-c", "servo-bare.toml", "--to", "1", "--format", "json")
     found = json.loads(warm.run(*words, cwd=warm.ROOT / "sample_logs", effects=warm.FEW).stdout)
