@@ -5,23 +5,30 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup demo test lint check wheels figures bench bench-hidden beyond clean
+.PHONY: setup compiled demo test lint check wheels figures bench bench-hidden beyond clean
 
 setup: $(STAMP)
 
 $(STAMP): pyproject.toml setup.py $(wildcard dsd_cli/detect/_kernel.c dsd_cli/detect/_goodness.c dsd_cli/effects/_memory.c dsd_cli/files/_csv_text.c)
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[dev]"
+	$(BIN)/python -m pip install -q --disable-pip-version-check --no-compile -e ".[dev]"
 	touch $(STAMP)
 
-demo: setup
+# all packages, on all cores: pip would do it on one; some hold files that are for another Python
+$(VENV)/.compiled: $(STAMP)
+	$(BIN)/python -m compileall -qq -j 0 $(VENV)/lib || true
+	touch $(VENV)/.compiled
+
+# a test of a command starts a process, which would compile what it imports where none may keep it
+compiled: $(VENV)/.compiled
+	$(BIN)/python -m compileall -q dsd_cli bench
+
+demo: compiled
 	@mkdir -p out
 	@PATH="$(CURDIR)/$(BIN):$$PATH" sh sample_logs/demo.sh
 
 # property tests draw the same examples in every run, so that red means a change; `make bench` draws new ones
-# compiled first: a test of a command starts a process, which would compile what it imports where none may keep it
-test: setup
-	$(BIN)/python -m compileall -q dsd_cli bench
+test: compiled
 	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: setup
