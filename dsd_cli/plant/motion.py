@@ -32,8 +32,12 @@ class Acting(NamedTuple):
     shape: Shape
 
     def force(self, channels: Channels, state: Any) -> float:
-        columns, _ = self.effect.run(channels, self.shape, state)
-        return sum([factor * float(column) for factor, column in zip(self.factors, columns, strict=True)])
+        """In the innermost loop of a simulation, and so without what `Effect.run` packs for arrays."""
+        effect, shape, force = self.effect, self.shape, 0.0
+        columns = effect.columns(channels, shape, state)[0] if effect.memory else effect.columns(channels, shape)
+        for factor, column in zip(self.factors, columns, strict=True):
+            force += factor * float(column)
+        return force
 
 
 class Plant:
