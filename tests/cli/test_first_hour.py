@@ -90,7 +90,7 @@ def test_eighty_columns_cut_no_word(rig, command):
 )
 def test_the_unit_of_u_is_named_where_the_config_names_it(rig, command):
     """Of the other commands the test above asks it."""
-    ran = dsd(*command.split(), cwd=rig)
+    ran = dsd(*command.split(), cwd=rig, effects=warm.FEW)
     assert ran.returncode == 0, ran.stderr
     assert not UNNAMED.search(ran.stdout + ran.stderr)
 

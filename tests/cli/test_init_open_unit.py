@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.files.config import load_config
-from tests.cli.rig import done
+from tests.cli.rig import FEW, done
 
 STEP, INERTIA, GRAVITY = 0.002, 0.002, 0.4
 
@@ -34,7 +34,8 @@ def checked(folder: Path, *more: str) -> dict:
 
 
 def diagnosed(folder: Path) -> dict:
-    return json.loads(done("diagnose", "log.csv", "--format", "json", cwd=folder).stdout)
+    rivals = (*FEW, "gravity", "stiffness", "cogging")
+    return json.loads(done("diagnose", "log.csv", "--format", "json", cwd=folder, effects=rivals).stdout)
 
 
 def test_a_verdict_that_depends_on_the_unit_says_so_until_it_is_given(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.rig import DSD, done, read_labels, same
+from tests.cli.rig import DSD, FEW, done, read_labels, same
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
 CONFIG = SAMPLES / "servo-friction.toml"
@@ -57,7 +57,8 @@ def test_a_diagnosis_is_right_with_it_and_every_fit_says_it_without(rig):
     assert "later than the motion it causes" in said
     assert "signals.u_shift = -0.00" in said
     given = ("--set", "model.delay=0.004", "--format", "json", *shifted(-LATE * 1e-3))
-    found = json.loads(done("diagnose", "late.csv", "-c", CONFIG, *given, cwd=rig).stdout)
+    rivals = (*FEW, "actuator_lag")
+    found = json.loads(done("diagnose", "late.csv", "-c", CONFIG, *given, cwd=rig, effects=rivals).stdout)
     assert found["verdict"] == "delay"
     delay = next(one for one in found["ranking"] if one["effect"] == "delay")["parameters"]["delay"]
     assert delay["value"] == pytest.approx(TRUE_DELAY, abs=1e-4)  # a tenth of a sample

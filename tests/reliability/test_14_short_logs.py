@@ -8,7 +8,7 @@ import pytest
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.csv_in import CsvTable
-from tests.cli.rig import CONFIG, done, dsd, read_labels
+from tests.cli.rig import CONFIG, FEW, done, dsd, read_labels
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
 
@@ -52,6 +52,7 @@ def test_trials_at_rest_joined_in_one_file_have_an_answer(tmp_path):
         parts.append(np.column_stack([clock, still * log["u"][rows], still * log["position"][rows]]))
     np.savetxt(tmp_path / "trials.csv", np.concatenate(parts), delimiter=",", header="t,u,position", comments="")
     for command in ("check", "diagnose"):
-        found = done(command, "trials.csv", "-c", SAMPLES / "servo-bare.toml", "--format", "json", cwd=tmp_path)
+        words = (command, "trials.csv", "-c", SAMPLES / "servo-bare.toml", "--format", "json")
+        found = done(*words, cwd=tmp_path, effects=FEW)
         assert json.loads(found.stdout)["logs"] == ["trials.csv"]
     assert json.loads(found.stdout)["verdict"] == "coulomb_friction"
